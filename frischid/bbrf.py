@@ -1,0 +1,376 @@
+"""The bounding-box recursion (BBRF): every stretch of the log bounds the parameters; the bounds intersect.
+
+A window of w rows of the stacked matrix E = [Y τ] has its own moments Σ_k = EᵀE / w and, by the Frisch
+scheme (`frischid.frisch`), its own p + 1 vertices. The true parameters do not change from window to window,
+so they lie in all of the boxes around those vertices (Massaroli et al., *Frisch Scheme Identification of
+Robots Dynamic Parameters*, Algorithm 1):
+
+    l ← max(l, min_j θ_ij(Σ_k)),     u ← min(u, max_j θ_ij(Σ_k)),     k = 0, 1, …
+
+That holds for exact moments. A window is a finite sample, its vertices are off by O(1/√w), and the maximum
+over thousands of windows collects the worst of those errors: on long logs the bounds cross, or worse, close
+in on a wrong value. Hence three variants.
+
+``strict``
+    Algorithm 1 as published. It stops at the first window that empties the box.
+``undo``
+    A window that would empty the box is left out altogether and the recursion goes on, as in the authors'
+    code.
+``calibrated``
+    Each vertex is first widened by its sampling error, so that *all* windows' boxes contain their
+    population's box at once with the stated confidence. With K = Σ⁻¹ and y = K x, row x moves vertex j by
+    its influence function
+
+        IF_ij(x) = y_j (y_i + θ_ij y_L) / K_Lj,      var θ_ij ≈ E[IF_ij²] / w_effective.
+
+    Neighbouring rows are alike, so w rows are worth fewer than w: the variance is taken from the sums of IF
+    over blocks of `correlation` rows (batch means), which are ``K G_b K`` of the blocks' moments G_b. The
+    bounds move by t_{B−1}(1 − α / (2 p n)) standard errors, Bonferroni over n windows, p parameters and two
+    sides, for B blocks a window. The p + 1 vertices cost nothing: the bound can fail only where the
+    population's extreme vertex does. A vertex whose denominator K_Lj cannot be told from zero may lie
+    anywhere, and its window says nothing.
+
+What no variant can repair: the boxes bound the truth when the vertices share an orthant (Theorem 1).
+`Recursion` counts the windows in which they do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import next_fast_len
+from scipy.stats import t as student
+
+from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
+from frischid.frisch import CONDITION_LIMIT, Box, extent, vertices_of
+from frischid.gram import Array, Sign
+
+Variant = Literal["strict", "undo", "calibrated"]
+Flags = NDArray[np.bool_]
+
+HISTORY = 2000
+"""Most rows kept of the bounds' history; longer recursions keep every second, third, … window."""
+
+BATCH = 256
+"""Windows whose moments are updated from one anchor: enough to amortise it, too few to drift."""
+
+
+class Emptied(NamedTuple):
+    """The window whose bounds contradicted the earlier ones, and the first parameter in which they did."""
+
+    parameter: str
+    lower: float
+    upper: float
+    window: int
+
+
+class Extents(NamedTuple):
+    """Boxes of a batch of windows, ``(n, p)`` each, and which of them had usable moments, ``(n,)``."""
+
+    lower: Array
+    upper: Array
+    usable: Flags
+
+
+@dataclass(frozen=True, eq=False)
+class Recursion:
+    """What the recursion found.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The p parameters.
+    variant : {"strict", "undo", "calibrated"}
+        Which recursion.
+    box : Box or None
+        The last box; None when a window emptied it.
+    steps : ndarray of int, shape (n_steps,)
+        Windows of the histories' rows: all, or evenly spaced ones (and the last) of more than `HISTORY`.
+    lower, upper : ndarray, shape (n_steps, p)
+        Histories of the bounds; they never widen, and end before the window that emptied the box.
+    windows : int
+        Windows looked at.
+    skipped : int
+        Windows with singular moments: no motion, or no noise at all. They leave the bounds as they are.
+    undone : int
+        Windows left out because they would have emptied the box (``"undo"`` only).
+    same_orthant : int
+        Windows whose vertices (widened ones if calibrated) share an orthant, so that Theorem 1 backs them.
+    emptied : Emptied or None
+        Where and when the bounds crossed, if they did.
+    correlation : int
+        Rows taken as correlated; 1 unless calibrated.
+    """
+
+    names: tuple[str, ...]
+    variant: Variant
+    box: Box | None
+    steps: NDArray[np.int64]
+    lower: Array
+    upper: Array
+    windows: int
+    skipped: int
+    undone: int
+    same_orthant: int
+    emptied: Emptied | None
+    correlation: int
+
+    def require_box(self) -> Box:
+        """Return the last box, or raise the EmptyBoxError that says which window emptied it."""
+        if self.emptied is not None:
+            raise EmptyBoxError(*self.emptied)
+        return self.box if self.box is not None else Box.unbounded(self.names)
+
+
+def bbrf(
+    rows: Array,
+    names: Sequence[str],
+    *,
+    window: int,
+    stride: int | None = None,
+    signs: Sequence[Sign] | None = None,
+    variant: Variant = "strict",
+    confidence: float = 0.95,
+    correlation: int | None = None,
+) -> Recursion:
+    """Intersect the Frisch boxes of a window that slides over the rows.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (M, p + 1)
+        E = [Y τ], torque last, rows in the order of time.
+    names : sequence of str
+        The p parameters.
+    window : int
+        Rows in a window, from p + 2 to M.
+    stride : int, optional
+        Rows from one window to the next. By default 1, and half a window when calibrated: windows that
+        overlap more say little new, and each one counted widens all bounds.
+    signs : sequence of {-1, 0, 1}, optional
+        Known signs; the bounds start at zero on the known side.
+    variant : {"strict", "undo", "calibrated"}
+        See the module's docstring.
+    confidence : float
+        Joint confidence of all the bounds, calibrated variant only.
+    correlation : int, optional
+        Length in rows of the blocks taken as independent of one another, calibrated variant only. By default
+        twice the lag at which the autocorrelation of the slowest regression residual dies out, but between
+        1/64 and 1/8 of a window, so that 8 to 64 blocks show how much they scatter.
+
+    Returns
+    -------
+    Recursion
+        An emptied box is an answer, not an exception: see `Recursion.emptied` and `Recursion.require_box`.
+
+    Raises
+    ------
+    InputError
+        An option or the shape of `rows` is not usable.
+    IdentifiabilityError
+        A column of `rows`, or the torque, is zero throughout.
+    """
+    p = len(names)
+    if variant not in get_args(Variant):
+        raise UnknownNameError("variant", variant, get_args(Variant))
+    calibrated = variant == "calibrated"
+    stride = stride if stride is not None else max(1, window // 2 if calibrated else 1)
+    _check(rows, p, window, stride, confidence)
+    rms = np.sqrt(np.einsum("ki,ki->i", rows, rows) / len(rows))
+    if not (rms > 0).all():
+        what = [*names, "torque"][int((rms == 0).argmax())]
+        raise IdentifiabilityError(
+            f"{what} is zero in all {len(rows)} rows; leave it out or record a richer motion"
+        )
+    scaled = np.ascontiguousarray(rows / rms)
+    count = (len(rows) - window) // stride + 1
+    if calibrated:
+        block = correlation_length(scaled, window) if correlation is None else correlation
+        if not 1 <= block <= window // 4:
+            raise InputError(
+                f"correlation is {block} rows; a window of {window} needs 1 to {window // 4} (four blocks)"
+            )
+        quantile = float(student.isf((1 - confidence) / (2 * p * count), -(-window // block) - 1))
+        extents = calibrated_extents(scaled, window, stride, block, quantile)
+    else:
+        block = 1
+        extents = sample_extents(scaled, window, stride)
+    start = Box.unbounded(names).with_signs(signs if signs is not None else [0] * p)
+    return _intersect(start, extents, rms[p] / rms[:p], variant, count, block)
+
+
+def window_moments(rows: Array, window: int, stride: int) -> Iterator[Array]:
+    """Mean moments of the sliding windows, in batches of shape (n, p + 1, p + 1).
+
+    The first of a batch is summed from its rows, the others by adding the rows that come in and subtracting
+    those that go out; a fresh anchor every `BATCH` windows keeps rounding from piling up, and memory
+    bounded.
+    """
+    starts = range(0, len(rows) - window + 1, stride)
+    width = rows.shape[1]
+    for first in range(0, len(starts), BATCH):
+        batch = starts[first : first + BATCH]
+        old, new = batch[0], batch[0] + window
+        moved = (len(batch) - 1) * stride
+        leaving = rows[old : old + moved].reshape(-1, stride, width)
+        entering = rows[new : new + moved].reshape(-1, stride, width)
+        moments = np.empty((len(batch), width, width))
+        moments[0] = rows[old:new].T @ rows[old:new]
+        moments[1:] = entering.mT @ entering - leaving.mT @ leaving
+        yield np.cumsum(moments, axis=0, out=moments) / window
+
+
+def sample_extents(rows: Array, window: int, stride: int) -> Iterator[Extents]:
+    """Boxes around the vertices of each window, in batches."""
+    for moments in window_moments(rows, window, stride):
+        K, rms, usable = inverses(moments)
+        lower, upper = extent(vertices_of(K))
+        unit = rms[:, -1:] / rms[:, :-1]
+        yield Extents(lower * unit, upper * unit, usable)
+
+
+def calibrated_extents(
+    rows: Array, window: int, stride: int, block: int, quantile: float
+) -> Iterator[Extents]:
+    """Boxes around the vertices widened by `quantile` standard errors, a window at a time."""
+    blocks = -(-window // block)
+    padding = np.zeros((blocks * block - window, rows.shape[1]))  # the last block may be a shorter one
+    sizes = np.full(blocks, block) - np.append(np.zeros(blocks - 1, dtype=int), len(padding))
+    for start in range(0, len(rows) - window + 1, stride):
+        x = np.vstack([rows[start : start + window], padding]).reshape(blocks, block, -1)
+        sums = x.mT @ x
+        K, rms, usable = inverses(sums.sum(axis=0)[None] / window)
+        inverse, scale = K[0], rms[0]
+        theta = vertices_of(inverse)
+        yy = inverse @ (sums / np.outer(scale, scale)) @ inverse  # Σ y yᵀ over each block, y = K x
+        denominator = yy[:, -1, :] - sizes[:, None] * inverse[-1]
+        with np.errstate(divide="ignore", invalid="ignore"):  # K_Lj = 0: the vertex is at infinity already
+            influence = (yy[:, :-1, :] + theta * yy[:, -1:, :]) / inverse[-1]
+        spread = quantile * _standard_error(influence, window)
+        spread[:, np.abs(inverse[-1]) <= quantile * _standard_error(denominator, window)] = np.inf
+        lower, upper = extent(theta - spread)[0], extent(theta + spread)[1]
+        unit = scale[-1] / scale[:-1]
+        yield Extents((lower * unit)[None], (upper * unit)[None], usable)
+
+
+def _standard_error(block_sums: Array, window: int) -> Array:
+    """Return the standard error of a window's mean from its blocks' sums of terms that add up to zero."""
+    blocks = len(block_sums)
+    return np.asarray(np.sqrt((block_sums**2).sum(axis=0) * blocks / (blocks - 1)) / window)
+
+
+def inverses(moments: Array) -> tuple[Array, Array, Flags]:
+    """Inverses K of a stack of moments, each scaled to unit diagonal.
+
+    Parameters
+    ----------
+    moments : ndarray, shape (n, p + 1, p + 1)
+        Moments of variables whose mean square over the complete log is one.
+
+    Returns
+    -------
+    K : ndarray, shape (n, p + 1, p + 1)
+        Inverses of the scaled moments, meaningless where not usable.
+    rms : ndarray, shape (n, p + 1)
+        The scales.
+    usable : ndarray of bool, shape (n,)
+        Whether K has correct digits. A variable that hardly moves in a window keeps the rounding of the
+        samples it was summed with, so its weakness counts against the condition number.
+    """
+    power = np.diagonal(moments, axis1=-2, axis2=-1)
+    rms = np.sqrt(np.where(power > 0, power, 1.0))
+    scaled = moments / (rms[:, :, None] * rms[:, None, :])
+    try:
+        K = np.linalg.inv(scaled)
+    except np.linalg.LinAlgError:  # some window is exactly singular; it must not take its batch with it
+        singular = ~(np.linalg.cond(scaled, 1) < CONDITION_LIMIT)
+        K = np.linalg.inv(np.where(singular[:, None, None], np.eye(scaled.shape[-1]), scaled))
+        K[singular] = np.inf
+    condition = np.linalg.norm(scaled, 1, axis=(-2, -1)) * np.linalg.norm(K, 1, axis=(-2, -1))
+    positive = (np.diagonal(K, axis1=-2, axis2=-1) > 0).all(axis=-1)
+    usable = positive & (condition < CONDITION_LIMIT * np.clip(power.min(axis=-1), 0.0, 1.0))
+    K[~usable] = np.eye(scaled.shape[-1])
+    return K, rms, usable
+
+
+def correlation_length(rows: Array, window: int) -> int:
+    """Rows to take as one block: twice the lag at which the slowest regression residual forgets itself.
+
+    The residuals are those of all p + 1 regressions, K x up to scale: the influence functions are their
+    products, and the ones that blame a column are often slower than the torque's.
+    """
+    K, _, usable = inverses((rows.T @ rows / len(rows))[None])
+    residuals = rows @ K[0] if usable[0] else rows
+    length = next_fast_len(2 * len(rows))
+    spectra = np.fft.rfft(residuals, length, axis=0)
+    covariance = np.fft.irfft(np.abs(spectra) ** 2, length, axis=0)[: max(1, window // 8)]
+    noticeable = np.abs(covariance) > max(0.1, 3 / np.sqrt(len(rows))) * covariance[0]
+    last = int(np.flatnonzero(noticeable.any(axis=1)).max(initial=0))
+    return int(np.clip(2 * last + 1, -(-window // 64), max(1, window // 8)))
+
+
+def _intersect(
+    start: Box, extents: Iterator[Extents], unit: Array, variant: Variant, count: int, block: int
+) -> Recursion:
+    """Run the recursion itself over the windows' boxes, which come in units of `unit`."""
+    lower, upper = start.lower, start.upper
+    every = -(-count // HISTORY)
+    history: list[tuple[int, Array, Array]] = []
+    window, skipped, undone, same_orthant = -1, 0, 0, 0
+    emptied: Emptied | None = None
+    for batch in extents:
+        same_orthant += int((((batch.lower > 0) | (batch.upper < 0)).all(axis=1) & batch.usable).sum())
+        for low, high, usable in zip(batch.lower * unit, batch.upper * unit, batch.usable, strict=True):
+            window += 1
+            if usable:
+                new_lower, new_upper = np.maximum(lower, low), np.minimum(upper, high)
+                crossed = new_lower > new_upper
+                if not crossed.any():
+                    lower, upper = new_lower, new_upper
+                elif variant == "undo":
+                    undone += 1
+                else:
+                    i = int(crossed.argmax())
+                    emptied = Emptied(start.names[i], float(new_lower[i]), float(new_upper[i]), window)
+                    break
+            else:
+                skipped += 1
+            if window % every == 0 or window == count - 1:
+                history.append((window, lower, upper))
+        if emptied is not None:
+            break
+    return Recursion(
+        names=start.names,
+        variant=variant,
+        box=None if emptied is not None else Box(start.names, lower, upper),
+        steps=np.array([step for step, _, _ in history], dtype=np.int64),
+        lower=np.array([low for _, low, _ in history]).reshape(-1, len(start.names)),
+        upper=np.array([high for _, _, high in history]).reshape(-1, len(start.names)),
+        windows=window + 1,
+        skipped=skipped,
+        undone=undone,
+        same_orthant=same_orthant,
+        emptied=emptied,
+        correlation=block,
+    )
+
+
+def _check(rows: Array, p: int, window: int, stride: int, confidence: float) -> None:
+    """Raise the InputError that says which option does not fit the rows."""
+    if rows.ndim != 2 or rows.shape[1] != p + 1 or p == 0:
+        raise InputError(f"{p} parameters need rows [Y τ] of shape (M, {p + 1}) and p ≥ 1, not {rows.shape}")
+    if not np.isfinite(rows).all():
+        k = int((~np.isfinite(rows)).any(axis=1).argmax())
+        raise InputError(f"row {k} of [Y τ] holds NaN or infinity; drop the rows with missing samples")
+    if not p + 2 <= window <= len(rows):
+        raise InputError(
+            f"a window of {window} rows cannot be used: {p} parameters need at least {p + 2}, "
+            f"and there are {len(rows)} rows"
+        )
+    if stride < 1:
+        raise InputError(f"the stride must be at least 1 row, not {stride}")
+    if not 0 < confidence < 1:
+        raise InputError(f"the confidence must lie strictly between 0 and 1, not {confidence}")

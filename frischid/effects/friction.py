@@ -1,0 +1,94 @@
+"""Friction and constant torque at a joint, the terms every robot needs.
+
+    τ_f,j = fv_j q̇_j + fc_j tanh(q̇_j / w) + off_j
+
+The sign of the speed is smoothed over ±w, because at standstill the measured speed is noise and its sign a coin toss.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from frischid.effects.base import Effect, State, Term, torque_unit
+from frischid.errors import InputError
+
+
+@dataclass(frozen=True)
+class Viscous(Effect):
+    """Friction proportional to speed, ``fv q̇``."""
+
+    id: ClassVar[str] = "viscous"
+    title: ClassVar[str] = "viscous friction"
+    equation: ClassVar[str] = "fv·v"
+    sentence: ClassVar[str] = "{joint} needs torque in proportion to its speed: viscous friction"
+    looks_like: ClassVar[str] = "a straight line through zero when the residual is drawn against speed"
+    confused_with: ClassVar[tuple[str, ...]] = ("coulomb",)
+    confirmed_by: ClassVar[str] = "move the joint at several constant speeds, in both directions"
+    reference: ClassVar[str] = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
+
+    def terms(self, state: State) -> list[Term]:
+        """One column a joint: its speed."""
+        return [
+            Term(self.column("fv", torque_unit(state.robot, i, "rate"), name, n, sign=1), {i: state.v[:, i]})
+            for i, name, n in self.acts_on(state.robot)
+        ]
+
+
+@dataclass(frozen=True)
+class Coulomb(Effect):
+    """Dry friction of constant size against the motion, ``fc tanh(q̇ / width)``.
+
+    Attributes
+    ----------
+    width : float
+        Speed over which the sign is smoothed, rad/s (m/s).
+    """
+
+    id: ClassVar[str] = "coulomb"
+    title: ClassVar[str] = "Coulomb (dry) friction"
+    equation: ClassVar[str] = "fc·tanh(v/width)"
+    sentence: ClassVar[str] = "{joint} needs a constant torque against its motion, whatever the speed: Coulomb friction"
+    looks_like: ClassVar[str] = "a step at zero when the residual is drawn against speed"
+    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "offset")
+    confirmed_by: ClassVar[str] = "move the joint slowly in both directions: the torque jumps by 2·fc at each reversal"
+    reference: ClassVar[str] = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
+
+    width: float = 0.02
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.width) and self.width > 0):
+            raise InputError(f"coulomb: width must be a positive speed in rad/s (m/s), got {self.width}")
+
+    def terms(self, state: State) -> list[Term]:
+        """One column a joint: the smoothed sign of its speed."""
+        return [
+            Term(
+                self.column("fc", torque_unit(state.robot, i), name, n, sign=1),
+                {i: np.tanh(state.v[:, i] / self.width)},
+            )
+            for i, name, n in self.acts_on(state.robot)
+        ]
+
+
+@dataclass(frozen=True)
+class Offset(Effect):
+    """Constant torque: a sensor's or current loop's zero, or friction that differs between the two directions."""
+
+    id: ClassVar[str] = "offset"
+    title: ClassVar[str] = "torque offset"
+    equation: ClassVar[str] = "off"
+    sentence: ClassVar[str] = "{joint}'s torque is off by a constant: sensor or amplifier offset, or uneven dry friction"
+    looks_like: ClassVar[str] = "the whole residual lies above or below zero"
+    confused_with: ClassVar[tuple[str, ...]] = ("coulomb",)
+    confirmed_by: ClassVar[str] = "hold the robot still in several poses: the offset is the same in all"
+    reference: ClassVar[str] = "Swevers, Verdonck and De Schutter 2007, IEEE Control Systems 27(5)"
+
+    def terms(self, state: State) -> list[Term]:
+        """One column a joint: one."""
+        return [
+            Term(self.column("off", torque_unit(state.robot, i), name, n), {i: np.ones(len(state.t))})
+            for i, name, n in self.acts_on(state.robot)
+        ]

@@ -1,0 +1,79 @@
+"""What can go wrong, in kinds a caller can tell apart.
+
+Every message says what was found, where it was found, and what to do about it. Nothing else in the package
+raises bare exceptions for bad input, and nothing asserts on it.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class FrischidError(Exception):
+    """Base of every error frischid raises on purpose."""
+
+
+class InputError(FrischidError):
+    """A file, a column, a value or an option is not usable; the message names it and says what to do."""
+
+
+class UnknownNameError(InputError):
+    """A name (joint, effect, robot, parameter, column) that does not exist.
+
+    Parameters
+    ----------
+    kind : str
+        What the name was meant to be, for example ``"joint"``.
+    name : str
+        The name that was asked for.
+    valid : iterable of str
+        The names that exist.
+    where : str
+        Where the valid names come from, for example a file name.
+    """
+
+    def __init__(self, kind: str, name: str, valid: Iterable[str], where: str = "") -> None:
+        options = sorted(set(valid))
+        close = close_names(name, options)
+        listing = ", ".join(close or options[:40]) or "(none)"
+        more = f" (+{len(options) - 40} more)" if not close and len(options) > 40 else ""
+        lead = "did you mean" if close else f"known {kind}s"
+        others = f"; all: {', '.join(options)}" if close and len(options) <= 40 else ""
+        place = f" in {where}" if where else ""
+        super().__init__(f"unknown {kind} '{name}'{place}; {lead}: {listing}{more}{others}")
+
+
+class IdentifiabilityError(FrischidError):
+    """The data cannot determine what was asked (too few samples, no motion, a singular moment matrix)."""
+
+
+class EmptyBoxError(FrischidError):
+    """Bounds that contradict one another: some lower bound lies above its upper bound.
+
+    Parameters
+    ----------
+    parameter : str
+        Name of the parameter whose interval became empty.
+    lower, upper : float
+        The two bounds, in the parameter's unit.
+    window : int or None
+        BBRF window at which it happened, ``None`` when the box was empty from the start.
+    """
+
+    def __init__(self, parameter: str, lower: float, upper: float, window: int | None = None) -> None:
+        self.parameter, self.lower, self.upper, self.window = parameter, lower, upper, window
+        when = "" if window is None else f" at window {window}"
+        super().__init__(
+            f"the box is empty{when}: parameter {parameter} has lower bound {lower:.6g} above upper bound "
+            f"{upper:.6g}; use a longer window, the calibrated BBRF, or the one-shot Frisch box"
+        )
+
+
+def close_names(name: str, options: Iterable[str], most: int = 5) -> list[str]:
+    """Names in `options` that resemble `name`, best first (difflib ratio at least 0.5, or containing it)."""
+    options = list(options)
+    lowered = {o.lower(): o for o in options}
+    by_ratio = [lowered[o] for o in difflib.get_close_matches(name.lower(), list(lowered), n=most, cutoff=0.5)]
+    by_part = [o for o in options if name and name.lower() in o.lower() and o not in by_ratio]
+    return (by_ratio + by_part)[:most]

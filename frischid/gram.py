@@ -1,0 +1,186 @@
+"""Second moments of the stacked regression, the one thing the numerical half needs to know about a log.
+
+For every joint j the sums ``G_j = Σ_k z_jk z_jkᵀ`` with ``z_jk = [y_jk ; τ_jk]`` are kept, where ``y_jk`` is the
+regressor row of joint j at sample k. Sums add: a log in chunks, several logs, and a fleet of machines are the same
+``+``, and a cross-validation fold is a ``-``. Every least-squares quantity follows from them,
+
+    YᵀWY = Σ_j w_j G_j[:C, :C],   YᵀWτ = Σ_j w_j G_j[:C, C],   τᵀWτ = Σ_j w_j G_j[C, C].
+
+Trying another set of effects is choosing columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.errors import InputError, UnknownNameError
+
+Array = NDArray[np.float64]
+Sign = Literal[-1, 0, 1]
+
+
+@dataclass(frozen=True)
+class Column:
+    """What one column of the regressor stands for.
+
+    Attributes
+    ----------
+    name : str
+        Parameter name, unique within a regressor (``mx3``, ``fv1``).
+    unit : str
+        Unit of the parameter (``kg·m``).
+    joint : str
+        Joint (and so link) it belongs to.
+    effect : str
+        ``"rigid"`` or the identifier of the effect that made it.
+    sign : {-1, 0, 1}
+        Known sign of the parameter; 0 when either sign is possible.
+    """
+
+    name: str
+    unit: str
+    joint: str
+    effect: str
+    sign: Sign = 0
+
+
+@dataclass(frozen=True)
+class Gram:
+    """Moments of [Y τ] per joint.
+
+    Attributes
+    ----------
+    columns : tuple of Column
+        The C columns of Y.
+    joints : tuple of str
+        The J joints whose torque rows were summed.
+    moments : ndarray, shape (J, C + 1, C + 1)
+        ``Σ_k z_k z_kᵀ`` of each joint, torque last.
+    sums : ndarray, shape (J, C + 1)
+        ``Σ_k z_k`` of each joint, for means and variances.
+    counts : ndarray, shape (J,)
+        Samples summed for each joint.
+    """
+
+    columns: tuple[Column, ...]
+    joints: tuple[str, ...]
+    moments: Array
+    sums: Array
+    counts: Array
+
+    @classmethod
+    def zeros(cls, columns: Sequence[Column], joints: Sequence[str]) -> Gram:
+        """Return the empty sum."""
+        J, C = len(joints), len(columns)
+        return cls(
+            tuple(columns), tuple(joints), np.zeros((J, C + 1, C + 1)), np.zeros((J, C + 1)), np.zeros(J)
+        )
+
+    def __add__(self, other: Gram) -> Gram:
+        self._check_same(other)
+        return replace(
+            self,
+            moments=self.moments + other.moments,
+            sums=self.sums + other.sums,
+            counts=self.counts + other.counts,
+        )
+
+    def __sub__(self, other: Gram) -> Gram:
+        self._check_same(other)
+        return replace(
+            self,
+            moments=self.moments - other.moments,
+            sums=self.sums - other.sums,
+            counts=self.counts - other.counts,
+        )
+
+    def _check_same(self, other: Gram) -> None:
+        if self.columns != other.columns or self.joints != other.joints:
+            raise InputError("two Grams of different columns or joints cannot be added or subtracted")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Parameter names of the columns."""
+        return tuple(c.name for c in self.columns)
+
+    @property
+    def rows(self) -> int:
+        """Torque rows summed over all joints."""
+        return int(self.counts.sum())
+
+    def index(self, names: Iterable[str]) -> list[int]:
+        """Column indices of parameter names.
+
+        Raises
+        ------
+        UnknownNameError
+            A name is not a column of this Gram.
+        """
+        where = {name: i for i, name in enumerate(self.names)}
+        wanted = list(names)
+        for name in wanted:
+            if name not in where:
+                raise UnknownNameError("parameter", name, where)
+        return [where[name] for name in wanted]
+
+    def select(self, indices: Sequence[int]) -> Gram:
+        """Keep the columns at `indices` (and the torque)."""
+        keep = np.append(np.asarray(indices, dtype=int), len(self.columns))
+        return replace(
+            self,
+            columns=tuple(self.columns[i] for i in indices),
+            moments=self.moments[:, keep[:, None], keep[None, :]],
+            sums=self.sums[:, keep],
+        )
+
+    def weighted(self, weights: Array | None = None) -> Array:
+        """Sum the joints' moments with `weights`.
+
+        Parameters
+        ----------
+        weights : ndarray, shape (J,), optional
+            Weight of each joint's squared residual, ones by default.
+
+        Returns
+        -------
+        ndarray, shape (C + 1, C + 1)
+            ``Σ_j w_j G_j``.
+        """
+        if weights is None:
+            return np.asarray(self.moments.sum(axis=0))
+        return np.einsum("j,jab->ab", weights, self.moments)
+
+    def residual_ss(self, theta: Array) -> Array:
+        """Sum of squared residuals ``Σ_k (τ_k − y_k θ)²`` of each joint.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (C,)
+
+        Returns
+        -------
+        ndarray, shape (J,)
+        """
+        direction = np.append(theta, -1.0)
+        return np.maximum(np.einsum("a,jab,b->j", direction, self.moments, direction), 0.0)
+
+    def torque_ss(self) -> Array:
+        """Return the sum of squares of each joint's torque about its mean, shape (J,)."""
+        mean = self.sums[:, -1] / np.maximum(self.counts, 1.0)
+        return np.maximum(self.moments[:, -1, -1] - self.counts * mean**2, 0.0)
+
+
+def total(grams: Iterable[Gram]) -> Gram:
+    """Sum of at least one Gram."""
+    parts = list(grams)
+    if not parts:
+        raise InputError("no Gram to sum: no log gave any sample")
+    result = parts[0]
+    for part in parts[1:]:
+        result = result + part
+    return result

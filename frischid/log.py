@@ -1,0 +1,349 @@
+"""What every joint did, sample by sample, exactly as it was measured.
+
+A log is the sequence ``(t_k, q_k, q̇_k, q̈_k, τ_k, i_k)`` of J joints at N instants. It is frozen, and it is
+either whole or refused: an unusable value (NaN, infinity, uninitialised memory, time running backwards) is an
+error that says where it lies, never something repaired behind the user's back. What is merely suspicious
+(degrees taken for radians, a joint that never moves, a constant torque) `warnings_of` says in words.
+
+In a table every column has a name: ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<joint>``, ``tau_<joint>``,
+``current_<joint>``, and any other name for whatever else was measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from frischid.errors import InputError, UnknownNameError
+
+Array = NDArray[np.float64]
+Place = Callable[[int], str]
+
+CHANNELS = ("q", "v", "a", "tau", "current")
+FEWEST_SAMPLES = 10
+GARBAGE = 1e12
+"""No SI quantity of a robot is larger: such a value is uninitialised memory."""
+STILL = 1e-3
+"""A joint whose position spans less than this [rad or m] has not moved."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Log:
+    """Measurements of N samples of J joints, read-only.
+
+    Attributes
+    ----------
+    t : ndarray, shape (N,)
+        Time stamps [s], strictly increasing.
+    joints : tuple of str
+        The J joint names, the order of all columns below.
+    q : ndarray, shape (N, J)
+        Positions [rad or m].
+    v, a : ndarray, shape (N, J), or None
+        Velocities and accelerations, where measured.
+    tau : ndarray, shape (N, J), or None
+        Joint-side torques [N·m] or forces [N].
+    current : ndarray, shape (N, J), or None
+        Motor currents [A], in the joint's positive direction.
+    extra : mapping of str to ndarray, shape (N,)
+        Other numeric columns by name, for example ``temperature_<joint>``.
+    source : str
+        File path or description, the name of this log in messages.
+    sha256 : str or None
+        Hash of the file it was read from.
+    notes : tuple of str
+        What was converted or left out on the way here.
+
+    Notes
+    -----
+    A joint without a channel has a column of NaN in it (see `has`); a channel no joint has is None.
+    """
+
+    t: Array
+    joints: tuple[str, ...]
+    q: Array
+    v: Array | None = None
+    a: Array | None = None
+    tau: Array | None = None
+    current: Array | None = None
+    extra: Mapping[str, Array] = field(default_factory=dict)
+    source: str = "log"
+    sha256: str | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._put(joints=tuple(self.joints), notes=tuple(self.notes), t=_read_only(self.t))
+        self._put(**{channel: _read_only(x) for channel, x in self._channels().items()})
+        self._put(extra=MappingProxyType({name: _read_only(x) for name, x in self.extra.items()}))
+        self._check_shapes()
+        check_times(self.t, self.source)
+        self._put(**{channel: None for channel in self._channels() if not self.has(channel).any()})
+        for name, values in self.to_table().items():
+            check_values(name, values, self.source)
+
+    def _put(self, **values: Any) -> None:
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def _channels(self) -> dict[str, Array]:
+        return {c: x for c in CHANNELS if (x := getattr(self, c)) is not None}
+
+    def _check_shapes(self) -> None:
+        """Shapes agree, names are unique, and no extra column takes a name that means something else."""
+        N, J = self.t.size, len(self.joints)
+        columns = {"t": self.t} | {f"extra '{name}'": x for name, x in self.extra.items()}
+        for name, values in (columns | self._channels()).items():
+            shape = (N,) if name in columns else (N, J)
+            if values.shape != shape:
+                raise InputError(
+                    f"{self.source}: {name} has shape {values.shape}, expected {shape} "
+                    f"({N} samples, {J} joints: {', '.join(self.joints)})"
+                )
+        if J == 0 or len(set(self.joints)) < J:
+            raise InputError(f"{self.source}: joint names must be at least one and unique: {self.joints}")
+        taken = {"t"} | {f"{c}_{joint}" for c in CHANNELS for joint in self.joints}
+        if clash := sorted(taken & set(self.extra)):
+            raise InputError(
+                f"{self.source}: extra columns may not be called {', '.join(clash)}; rename them"
+            )
+
+    def __len__(self) -> int:
+        return self.t.size
+
+    def __repr__(self) -> str:
+        return (
+            f"Log({self.source!r}: {len(self)} samples, {self.duration:.4g} s at {self.rate:.4g} Hz, "
+            f"{', '.join(self._channels())} of {', '.join(self.joints)})"
+        )
+
+    def __reduce__(self) -> tuple[type[Log], tuple[Any, ...]]:
+        """Pickle by construction, so that a worker's copy is checked and read-only too."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)} | {"extra": dict(self.extra)}
+        return Log, tuple(values.values())
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.t[-1] - self.t[0])
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate [Hz] of the median time step."""
+        return float(1.0 / np.median(np.diff(self.t)))
+
+    def has(self, channel: str) -> NDArray[np.bool_]:
+        """Which joints carry `channel`.
+
+        Parameters
+        ----------
+        channel : {"q", "v", "a", "tau", "current"}
+
+        Returns
+        -------
+        ndarray of bool, shape (J,)
+        """
+        if channel not in CHANNELS:
+            raise UnknownNameError("channel", channel, CHANNELS)
+        if channel == "q":
+            return np.ones(len(self.joints), dtype=bool)
+        values: Array | None = getattr(self, channel)
+        if values is None:
+            return np.zeros(len(self.joints), dtype=bool)
+        return np.asarray(~np.isnan(values).all(axis=0))
+
+    def index(self, joints: Iterable[str]) -> list[int]:
+        """Column indices of joint names; an unknown name is an `UnknownNameError`."""
+        where = {name: j for j, name in enumerate(self.joints)}
+        wanted = list(joints)
+        for name in wanted:
+            if name not in where:
+                raise UnknownNameError("joint", name, where, self.source)
+        return [where[name] for name in wanted]
+
+    def select(self, joints: Iterable[str]) -> Log:
+        """Keep these joints, in this order; extra columns stay."""
+        columns = self.index(joints)
+        kept: dict[str, Any] = {channel: x[:, columns] for channel, x in self._channels().items()}
+        return replace(self, joints=tuple(self.joints[j] for j in columns), **kept)
+
+    def slice(self, start: int | None = None, stop: int | None = None) -> Log:
+        """Keep the samples with index ``start <= k < stop``, as Python slices do."""
+        rows = slice(start, stop)
+        kept: dict[str, Any] = {channel: x[rows] for channel, x in self._channels().items()}
+        return replace(self, t=self.t[rows], extra={n: x[rows] for n, x in self.extra.items()}, **kept)
+
+    def to_table(self) -> dict[str, Array]:
+        """All columns by name, ``t`` first; a channel that a joint lacks has no column."""
+        table = {"t": self.t}
+        for channel, values in self._channels().items():
+            present = self.has(channel)
+            table |= {f"{channel}_{n}": values[:, j] for j, n in enumerate(self.joints) if present[j]}
+        return table | dict(self.extra)
+
+
+def _read_only(values: ArrayLike) -> Array:
+    """Own a contiguous copy that nobody can write to; what is read-only already is shared."""
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.flags.writeable:
+        array = array.copy() if np.shares_memory(array, values) else array
+        array.flags.writeable = False
+    return array
+
+
+def row_place(row: int) -> str:
+    """Where a sample lies, for people: rows count from 1."""
+    return f"row {row + 1}"
+
+
+def is_usable(values: Array) -> NDArray[np.bool_]:
+    """Which values are finite and of a plausible size."""
+    # NaN compares false and infinity is large: one comparison answers both.
+    return np.asarray(np.abs(values) <= GARBAGE)
+
+
+def check_values(name: str, values: Array, source: str, place: Place = row_place) -> None:
+    """Refuse a column that holds NaN, infinity or garbage: the `InputError` names the first such row."""
+    usable = is_usable(values)
+    if usable.all():
+        return
+    row = int(np.argmin(usable))
+    value, count = values[row], int((~usable).sum())
+    what = "nan or an empty cell" if np.isnan(value) else f"{value:g}"
+    why = f", above {GARBAGE:g} and so not a measurement" if np.isfinite(value) else ""
+    raise InputError(
+        f"{source}: {place(row)}, column '{name}' holds {what}{why} "
+        f"({count} of {values.size} values of the column are unusable); remove those rows or record it again"
+    )
+
+
+def check_times(t: Array, source: str, place: Place = row_place, name: str = "t") -> None:
+    """Refuse time stamps that are too few, unusable or not strictly increasing; name the row and both."""
+    if t.size < FEWEST_SAMPLES:
+        raise InputError(f"{source}: {t.size} samples; a log needs at least {FEWEST_SAMPLES}")
+    check_values(name, t, source, place)
+    step = np.diff(t)
+    wrong = step <= 0
+    if not wrong.any():
+        return
+    row = int(np.argmax(wrong)) + 1
+    repeats, backwards = int((step == 0).sum()), int((step < 0).sum())
+    raise InputError(
+        f"{source}: time does not increase at {place(row)}: '{name}' is {t[row]!s} after {t[row - 1]!s} "
+        f"({repeats} repeated stamps, {backwards} steps backwards in all); remove the repeated rows, "
+        "or split the log where the clock was set back"
+    )
+
+
+def check_motion(log: Log) -> None:
+    """Refuse a log in which every joint's position spans less than `STILL`."""
+    span = np.ptp(log.q, axis=0)
+    if (span < STILL).all():
+        raise InputError(
+            f"{log.source}: no joint moves (largest range {span.max():.3g} rad); dynamics need motion: "
+            "check the position columns and their unit, or record an exciting trajectory"
+        )
+
+
+def check_torque(log: Log, joints: Sequence[str] | None = None) -> None:
+    """Refuse a log without any torque to fit.
+
+    Parameters
+    ----------
+    log : Log
+    joints : sequence of str, optional
+        The joints whose torque is wanted, all by default.
+    """
+    wanted = log.joints if joints is None else tuple(joints)
+    present = [j for j in log.index(wanted) if log.has("tau")[j]]
+    if log.tau is None or not present:
+        hint = "" if log.current is None else "; currents become torques by [current_gain] in a mapping file"
+        raise InputError(
+            f"{log.source}: no torque column (tau_<joint>) for {', '.join(wanted)}; "
+            f"the log has {', '.join(log.to_table())}{hint}"
+        )
+    if not log.tau[:, present].any():
+        names = ", ".join(f"tau_{log.joints[j]}" for j in present)
+        raise InputError(f"{log.source}: the torque is zero throughout in {names}; was it recorded at all?")
+
+
+def warnings_of(
+    log: Log, velocity_limit: Array | None = None, position_range: Array | None = None
+) -> list[str]:
+    """Say what is suspicious in a log that is usable as it stands.
+
+    Parameters
+    ----------
+    log : Log
+    velocity_limit : ndarray, shape (J,), optional
+        The robot's speed limits [rad/s or m/s]; zero or infinite means none.
+    position_range : ndarray, shape (J, 2), optional
+        The robot's lower and upper position limits [rad or m].
+
+    Returns
+    -------
+    list of str
+        One sentence each, most serious first; empty when nothing is suspicious.
+    """
+    findings = []
+    if degrees := _names(log, _looks_like_degrees(log, velocity_limit, position_range)):
+        findings.append(
+            f"{degrees}: motion implausible in radians, it looks like degrees; "
+            'if so, set angle_unit = "deg" under [file] in a mapping file'
+        )
+    if still := _names(log, np.ptp(log.q, axis=0) < STILL):
+        findings.append(f"{still}: no motion (range below {STILL:g} rad), nothing can be learnt about it")
+    return findings + _torque_warnings(log) + _time_warnings(log)
+
+
+def _names(log: Log, chosen: NDArray[np.bool_]) -> str:
+    return ", ".join(name for name, yes in zip(log.joints, chosen, strict=True) if yes)
+
+
+def _looks_like_degrees(log: Log, speed: Array | None, span: Array | None) -> NDArray[np.bool_]:
+    """Joints much faster or much further out than the robot can be; a degree is 57 times too large."""
+    J = len(log.joints)
+    limit = np.full(J, np.inf) if speed is None else np.where(np.asarray(speed) > 0, speed, np.inf)
+    lower, upper = np.tile([[-np.inf], [np.inf]], J) if span is None else np.asarray(span, dtype=float).T
+    limited = np.isfinite(lower) & np.isfinite(upper) & (upper > lower)
+    room = np.where(limited, upper - lower, np.inf)
+    typical = np.percentile(np.abs(np.diff(log.q, axis=0)) / np.diff(log.t)[:, None], 95, axis=0)
+    far = limited & ((log.q > upper + room) | (log.q < lower - room)).any(axis=0)
+    # Without any limit to compare with, two full turns is where a joint of an arm becomes suspicious.
+    turns = ~limited & ~np.isfinite(limit) & (np.ptp(log.q, axis=0) > 4 * np.pi)
+    return np.asarray((typical > 3 * limit) | far | turns)
+
+
+def _torque_warnings(log: Log) -> list[str]:
+    if log.tau is None:
+        return []
+    present = log.has("tau")
+    constant = present & (np.ptp(log.tau, axis=0) == 0)
+    zeros = np.where(present & ~constant, (log.tau == 0).mean(axis=0), 0.0)
+    findings = []
+    if names := _names(log, constant):
+        findings.append(f"{names}: the torque never changes, it was probably not measured")
+    if names := _names(log, zeros > 0.5):
+        findings.append(
+            f"{names}: the torque is exactly zero in {zeros.max():.0%} of the samples (dead band?)"
+        )
+    if names := _names(log, ~present):
+        findings.append(f"{names}: no torque column, while other joints have one")
+    return findings
+
+
+def _time_warnings(log: Log) -> list[str]:
+    findings = []
+    same = np.all([np.diff(np.nan_to_num(x), axis=0) == 0 for x in log._channels().values()], axis=(0, 2))
+    if (repeats := same.mean()) > 0.01:
+        findings.append(f"{repeats:.1%} of the rows repeat the row before under a new time stamp")
+    step = 1e3 * np.diff(log.t)
+    low, middle, high = step.min(), np.median(step), step.max()
+    if high - low > 0.3 * middle:
+        gaps = f"; {n} gaps longer than five steps" if (n := int((step > 5 * middle).sum())) else ""
+        findings.append(f"time steps vary from {low:.3g} to {high:.3g} ms (median {middle:.3g} ms){gaps}")
+    return findings

@@ -1,0 +1,332 @@
+"""Base parameters: the few combinations of parameters that a log can tell apart.
+
+A regression ``τ = W θ`` rarely sees every entry of θ. Some columns of W vanish, others are linear
+combinations of one another whatever the motion, so only p = rank(W) combinations of θ leave a trace in the
+torque. Two singular value decompositions find them, from nothing but numbers:
+
+1. ``W = U diag(σ) [V1 V2]ᵀ`` with the columns of W at unit norm. θ_n, the parameters with a zero row in V1,
+   are not identifiable; θ_a, with a zero row in V2, are identifiable alone; θ_l, the rest, only together.
+2. On the columns of θ_l alone, ``W_l V2 = 0``. Split the rows of V2 into V22, d rows that make a regular
+   matrix, and V21, the others. The parameters θ_l2 of V22 are then redundant: the torque depends on
+
+       θ_d = θ_l1 − V21 V22⁻¹ θ_l2
+
+   alone. Any regular V22 will do; the one taken minimises ``α1 cond(V22) + α2 / |det V22|``.
+
+V2 is brought back to the parameters' own units before that choice. It then depends on the robot's structure
+and not on the motion, and so does the choice: different logs of one robot give the same base parameters.
+
+References: M. Gautier, "Numerical calculation of the base inertial parameters of robots", J. Robotic Systems
+8(4), 1991; S. Massaroli et al., "Frisch Scheme Identification of Robots Dynamic Parameters", eqs. 11-17.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.errors import IdentifiabilityError, InputError
+from frischid.gram import Array, Column, Sign
+
+Indices = NDArray[np.intp]
+
+_EXHAUSTIVE = 20_000  # subsets of rows that are all tried before turning to exchanges
+_TIE = 1e-6  # relative difference below which two costs, or two coefficients, are the same number
+_MISALIGNED = 100.0  # × tol: what a URDF's angle written 1.5708 leaves of an exact relation (3.7e-6 rad)
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """Which parameters are identifiable, alone or together, and the base parameters that result.
+
+    Attributes
+    ----------
+    columns : tuple of Column
+        The C columns of W.
+    rank : int
+        p, the number of base parameters.
+    singular_values : ndarray
+        Descending, of the columns at unit norm, without the null columns.
+    gap : float
+        ``σ_p / σ_{p+1}``, with σ_{p+1} no less than ``tol / 10 σ_1``, where rounding reigns. Below 1e2 the
+        rank is not clear: the motion excites some combination too weakly to tell it from rounding.
+    absolute, none, linear : tuple of int
+        Columns of θ_a (identifiable alone), θ_n (not identifiable) and θ_l (only in combination).
+    independent, dependent : tuple of int
+        Columns of θ_l1, which stay, and of θ_l2, which are regrouped into them.
+    mapping : ndarray, shape (p, C)
+        K in ``θ_base = K θ``, so that ``W θ = W[:, base] K θ``.
+    """
+
+    columns: tuple[Column, ...]
+    rank: int
+    singular_values: Array
+    gap: float
+    absolute: tuple[int, ...]
+    none: tuple[int, ...]
+    linear: tuple[int, ...]
+    independent: tuple[int, ...]
+    dependent: tuple[int, ...]
+    mapping: Array
+
+    @property
+    def base(self) -> tuple[int, ...]:
+        """Columns of W that remain: the leading parameter of every base parameter."""
+        return tuple(sorted(self.absolute + self.independent))
+
+    def base_columns(self) -> tuple[Column, ...]:
+        """Describe the base parameters as columns.
+
+        Returns
+        -------
+        tuple of Column, length p
+            The leading columns. One that carries regrouped terms is renamed (``mx1`` becomes ``mx1R``), and
+            its sign is known only where all its terms push the same way.
+        """
+        return tuple(self._regrouped(row, lead) for row, lead in zip(self.mapping, self.base, strict=True))
+
+    def _regrouped(self, row: Array, lead: int) -> Column:
+        column, terms = self.columns[lead], np.flatnonzero(row)
+        if len(terms) == 1:
+            return column
+        signs = {self.columns[i].sign * np.sign(row[i]) for i in terms}
+        sign: Sign = column.sign if signs == {column.sign} else 0
+        return replace(column, name=f"{column.name}R", sign=sign)
+
+    def expressions(self) -> list[str]:
+        """Write each base parameter the way a roboticist does: ``Izz1 + Ia1 + 0.25 m2``."""
+        return [self._expression(row, lead) for row, lead in zip(self.mapping, self.base, strict=True)]
+
+    def _expression(self, row: Array, lead: int) -> str:
+        # Plain sums first: Izz1 + Ia1 belong together more than Izz1 + 0.25 m2 do.
+        others = sorted((abs(row[i]) != 1.0, i) for i in np.flatnonzero(row) if i != lead)
+        text = self.columns[lead].name
+        for scaled, i in others:
+            # Twice rounded: the last bit of 0.012345 must not decide between 0.01234 and 0.01235.
+            factor = f"{float(f'{abs(row[i]):.9g}'):.4g} " if scaled else ""
+            text += f" {'-' if row[i] < 0 else '+'} {factor}{self.columns[i].name}"
+        return text
+
+
+def reduce(
+    root: Array, columns: Sequence[Column], *, tol: float = 1e-7, alpha: tuple[float, float] = (1.0, 1.0)
+) -> Reduction:
+    """Find the base parameters of a regression.
+
+    Parameters
+    ----------
+    root : ndarray, shape (r, C)
+        Any R with ``RᵀR = WᵀW``: W itself, or `root_of` its moments.
+    columns : sequence of Column, length C
+    tol : float
+        Singular values below ``tol σ_1`` are zero, unless the spectrum has a wider gap within a factor 10
+        below or 100 above. The default suits a root of moments, whose singular values are true to about
+        1e-8 σ_1; a W in full precision allows 1e-9. A column of norm below ``100 tol`` times the largest is
+        null.
+    alpha : (float, float)
+        α1 and α2, the weights of conditioning and volume in the choice of the dependent parameters.
+
+    Returns
+    -------
+    Reduction
+
+    Raises
+    ------
+    InputError
+        The shapes disagree, or `root` holds NaN or infinity.
+    IdentifiabilityError
+        Every column is null.
+    """
+    root, columns = _compact(root, len(columns), tol), tuple(columns)
+    norms = np.linalg.norm(root, axis=0)
+    # A column of unit norm has no zero row in V1, so θ_n is exactly the null columns.
+    seen = norms > _MISALIGNED * tol * norms.max(initial=0.0)
+    if not seen.any():
+        raise IdentifiabilityError(
+            f"none of the {len(columns)} parameters can be identified: the regression has no column that "
+            "is not zero; use a log in which the robot moves"
+        )
+    kept = np.flatnonzero(seen)
+    sigma, V = _right_svd(root[:, kept] / norms[kept])
+    p, gap, blur = _rank(sigma, tol)
+    coupled = np.linalg.norm(V[:, p:], axis=1) > blur
+    absolute, linear = kept[~coupled], kept[coupled]
+    rows, B = _regrouping(root[:, linear], norms[linear], len(kept) - p, alpha, blur)
+    dependent, independent = linear[rows], np.delete(linear, rows)
+    base = np.union1d(absolute, independent)
+    mapping = np.zeros((p, len(columns)))
+    mapping[np.arange(p), base] = 1.0
+    mapping[np.ix_(np.searchsorted(base, independent), dependent)] = B
+    return Reduction(
+        columns=columns,
+        rank=p,
+        singular_values=sigma,
+        gap=gap,
+        absolute=tuple(absolute.tolist()),
+        none=tuple(np.flatnonzero(~seen).tolist()),
+        linear=tuple(linear.tolist()),
+        independent=tuple(independent.tolist()),
+        dependent=tuple(dependent.tolist()),
+        mapping=mapping,
+    )
+
+
+def root_of(moments: Array) -> Array:
+    """Square root of moments, a small stand-in for the regression matrix that made them.
+
+    Parameters
+    ----------
+    moments : ndarray, shape (C, C)
+        ``WᵀW``, symmetric and positive semidefinite.
+
+    Returns
+    -------
+    ndarray, shape (C, C)
+        R with ``RᵀR = moments``.
+
+    Raises
+    ------
+    InputError
+        The matrix is not square, not finite, or has a clearly negative eigenvalue.
+    """
+    moments = _finite(moments, "the moment matrix")
+    if moments.shape[0] != moments.shape[1]:
+        raise InputError(f"a moment matrix is square, this one is {moments.shape[0]} x {moments.shape[1]}")
+    # A unit diagonal keeps the rounding of the large columns out of the small ones.
+    norms = np.sqrt(np.maximum(moments.diagonal(), 0.0))
+    scale = np.where(norms > 0.0, norms, 1.0)
+    values, vectors = np.linalg.eigh((moments + moments.T) / (2.0 * np.outer(scale, scale)))
+    if values.min(initial=0.0) < -1e-9 * values.max(initial=0.0):
+        raise InputError(
+            f"the moment matrix has the negative eigenvalue {values[0]:.3g} (columns at unit norm), so it is "
+            "no sum of squares; check that only logs that had been added were subtracted"
+        )
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * norms)
+
+
+def _finite(matrix: Array, what: str) -> Array:
+    matrix = np.asarray(matrix, dtype=float)
+    if matrix.ndim != 2:
+        raise InputError(f"{what} has {matrix.ndim} dimensions; it must have 2")
+    bad = np.flatnonzero(~np.isfinite(matrix).all(axis=0))
+    if len(bad):
+        raise InputError(f"{what} has NaN or infinite values in column {bad[0]}; clean the log first")
+    return matrix
+
+
+def _compact(root: Array, count: int, tol: float) -> Array:
+    """Check what `reduce` was given, and shrink a tall root to a square one: the SVDs then cost nothing."""
+    root = _finite(root, "the regression matrix")
+    if root.shape[1] != count:
+        raise InputError(f"the regression matrix has {root.shape[1]} columns but {count} are named")
+    if not 0.0 < tol <= 1e-4:
+        raise InputError(f"the rank tolerance is {tol:g}; it must lie above 0 and not above 1e-4")
+    return root if len(root) <= count else np.asarray(np.linalg.qr(root, mode="r"))
+
+
+def _right_svd(matrix: Array) -> tuple[Array, Array]:
+    """Singular values, one per column, and all right singular vectors as columns."""
+    _, values, Vt = np.linalg.svd(matrix)
+    return np.pad(values, (0, matrix.shape[1] - len(values))), Vt.T
+
+
+def _rank(sigma: Array, tol: float) -> tuple[int, float, float]:
+    """Put the rank at the widest gap near `tol`; return it, the gap, and the relative error left in V2."""
+    relative = sigma / sigma[0]
+    dust = tol / 10.0
+    ahead = np.maximum(np.append(relative[1:], 0.0), dust)
+    gaps = np.where((relative > dust) & (ahead <= _MISALIGNED * tol), relative / ahead, 0.0)
+    p = int(np.argmax(gaps)) + 1
+    # Rounding perturbs the moments, and V2 to second order; a misaligned axis perturbs W, and V2 to first.
+    error = ahead[p - 1] / relative[p - 1] if ahead[p - 1] > tol else (tol / relative[p - 1]) ** 2
+    return p, float(gaps[p - 1]), float(np.clip(10.0 * error, 1e-8, 1e-3))
+
+
+def _regrouping(
+    root: Array, norms: Array, d: int, alpha: tuple[float, float], blur: float
+) -> tuple[Indices, Array]:
+    """Rows of θ_l2 in θ_l, and ``B = −V21 V22⁻¹``, from the columns of θ_l alone."""
+    V2 = _right_svd(root / norms)[1][:, len(norms) - d :]
+    null = np.linalg.qr(V2 / norms[:, None])[0]  # found at unit norms, wanted in the parameters' units
+    rows = _dependent_rows(null, alpha)
+    B = -np.delete(null, rows, axis=0) @ np.linalg.inv(null[rows])
+    # What a coefficient adds to the torque, relative to the parameter it belongs to, says whether it is dust.
+    B[np.abs(B) * np.delete(norms, rows)[:, None] < blur * norms[rows]] = 0.0
+    return rows, _tidy(B)
+
+
+def _dependent_rows(null: Array, alpha: tuple[float, float]) -> Indices:
+    """Choose the d rows of `null` that form V22; of equally good choices, the one that comes last.
+
+    Later parameters are then regrouped into earlier ones: m2 into mx1, Ia1 into Izz1.
+    """
+    n, d = null.shape
+    if comb(n, d) > _EXHAUSTIVE:
+        return _exchanged(null, _pivots(null), alpha)
+    if d == 0:
+        return np.empty(0, dtype=np.intp)
+    subsets = np.array(list(combinations(range(n), d)), dtype=np.intp)
+    return np.asarray(subsets[_cheapest(null, subsets, np.abs(np.linalg.det(null[subsets])), alpha)])
+
+
+def _cheapest(null: Array, subsets: Indices, volumes: Array, alpha: tuple[float, float]) -> int:
+    """Last of the subsets of rows with the least ``α1 cond + α2 / |det|``; `volumes` are their |det|."""
+    # cond ≥ 1 bounds the cost from below, and the largest volume sets a mark: few cond need computing.
+    floor = alpha[0] + alpha[1] / np.maximum(volumes, 1e-300)
+    mark = volumes.argmax()
+    limit = floor[mark] + alpha[0] * (np.linalg.cond(null[subsets[mark]]) - 1.0)
+    rivals = np.flatnonzero((floor <= limit * (1.0 + _TIE)) & (volumes > 1e-12 * volumes[mark]))
+    costs = floor[rivals] + alpha[0] * (np.linalg.cond(null[subsets[rivals]]) - 1.0)
+    return int(rivals[np.flatnonzero(costs <= costs.min() * (1.0 + _TIE))[-1]])
+
+
+def _pivots(null: Array) -> Indices:
+    """Rows that span the most volume one after another, as pivoted QR picks them, with ties to the last."""
+    # The projector does not depend on the basis that the decomposition happened to return.
+    projector, rows = null @ null.T, np.empty(null.shape[1], dtype=np.intp)
+    for k in range(len(rows)):
+        left = projector.diagonal()
+        rows[k] = pivot = np.flatnonzero(left >= left.max() * (1.0 - _TIE))[-1]
+        projector = projector - np.outer(projector[:, pivot], projector[pivot]) / projector[pivot, pivot]
+    return np.sort(rows)
+
+
+def _exchanged(null: Array, rows: Indices, alpha: tuple[float, float]) -> Indices:
+    """Exchange one row at a time while that lowers the cost."""
+    n, d = null.shape
+    for _ in range(10 * n):
+        # |B[i, k]| is the factor on |det V22| when row i takes the place of the k-th chosen one.
+        V22 = null[rows]
+        factors = np.abs(null @ np.linalg.inv(V22))
+        outside = np.setdiff1d(np.arange(n), rows)
+        arrive, leave = (index.ravel() for index in np.meshgrid(outside, np.arange(d), indexing="ij"))
+        # Staying comes as shift 0: among equals, only a move towards later rows is preferred to it.
+        arrive, leave = np.append(arrive, rows[0]), np.append(leave, 0)
+        order = np.argsort(arrive - rows[leave], kind="stable")
+        arrive, leave = arrive[order], leave[order]
+        subsets = np.repeat(rows[None], len(order), axis=0)
+        subsets[np.arange(len(order)), leave] = arrive
+        best = subsets[_cheapest(null, subsets, abs(np.linalg.det(V22)) * factors[arrive, leave], alpha)]
+        if (best == rows).all():
+            break
+        rows = np.sort(best)
+    return rows
+
+
+def _tidy(B: Array) -> Array:
+    """Snap near-integers, and give repeated magnitudes one value, so that structure survives rounding."""
+    size, sign = np.abs(B), np.sign(B)
+    whole = np.round(size)
+    snapped = (whole > 0.0) & (np.abs(size - whole) < _TIE * whole)
+    size = np.where(snapped, whole, size)
+    distinct, inverse = np.unique(size, return_inverse=True)
+    if len(distinct):
+        # Runs of neighbours closer than the tie share their smallest member.
+        starts = np.append(True, np.diff(distinct) > _TIE * distinct[1:])
+        size = distinct[starts][np.cumsum(starts) - 1][inverse.reshape(B.shape)]
+    return np.asarray(sign * size)

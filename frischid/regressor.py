@@ -1,0 +1,235 @@
+"""The regressor of a motion, chunk by chunk, and its moments.
+
+    τ = Y θ,   Y = [Γ(q, q̇, q̈) | C_effect1 | C_effect2 | ...]
+
+Pinocchio writes Γ sample by sample, effects add their columns over a whole chunk, the parallel low-pass goes over τ and
+Y together and keeps every D-th sample. Only one chunk is ever in memory; a filter's reach is carried from one chunk
+to the next, so chunks change nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.effects import Effect, State, columns_of
+from frischid.errors import InputError
+from frischid.gram import Array, Column, Gram
+from frischid.robot import Robot
+from frischid.signals import LowPass, Motion, decimating_filter
+
+CHUNK = 1024
+MAX_BLOCKS = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Filtered and decimated samples of one stretch of motion.
+
+    Attributes
+    ----------
+    t : ndarray, shape (M,)
+    Y : ndarray, shape (M, C, J)
+        ``τ[k] = Y[k].T @ θ``.
+    tau : ndarray, shape (M, J)
+        Measured torque less that of parameters known outright, N·m (N); NaN where not measured.
+    known : ndarray, shape (M, J)
+        Torque of the parameters known outright.
+    q, v, a : ndarray, shape (M, J)
+        The motion through the same filter.
+    source : str
+    """
+
+    t: Array
+    Y: Array
+    tau: Array
+    known: Array
+    q: Array
+    v: Array
+    a: Array
+    source: str
+
+    def part(self, s: slice) -> Block:
+        """Return the samples in the slice."""
+        arrays = (self.t, self.Y, self.tau, self.known, self.q, self.v, self.a)
+        return Block(*(x[s] for x in arrays), source=self.source)
+
+
+class Regressor:
+    """Builds Y for a robot and its effects.
+
+    Parameters
+    ----------
+    robot : Robot
+    effects : sequence of Effect
+    """
+
+    def __init__(self, robot: Robot, effects: Sequence[Effect]) -> None:
+        self.robot, self.effects = robot, tuple(effects)
+        self.columns: tuple[Column, ...] = columns_of(robot, effects)
+        self.active = self._active()
+
+    def _active(self) -> list[NDArray[np.intp]]:
+        """For each joint, the columns that can be other than zero: links it moves, and effects that act on it."""
+        J, rigid = len(self.robot.joints), len(self.robot.columns)
+        mask = np.zeros((len(self.columns), J), bool)
+        q, v, a = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 8, J))
+        sample = np.empty((8, rigid, J))
+        self.robot.regressor(q, v, a, sample)
+        mask[:rigid] = (np.abs(sample) > 1e-12).any(axis=0)
+        terms = [term for effect in self.effects for term in effect.terms(State.empty(self.robot))]
+        for row, term in enumerate(terms, start=rigid):
+            mask[row, list(term.rows)] = True
+        return [np.flatnonzero(mask[:, j]) for j in range(J)]
+
+    def __call__(self, t: Array, q: Array, v: Array, a: Array, out: Array | None = None) -> Array:
+        """Regressor of N samples.
+
+        Parameters
+        ----------
+        t : ndarray, shape (N,)
+            Time, s.
+        q, v, a : ndarray, shape (N, J)
+        out : ndarray, shape (N, C, J), optional
+            Where to write.
+
+        Returns
+        -------
+        ndarray, shape (N, C, J)
+            ``τ[k] = Y[k].T @ θ``; samples first, so that filters run along axis 0.
+        """
+        Y = np.empty((len(t), len(self.columns), len(self.robot.joints))) if out is None else out
+        rigid = len(self.robot.columns)
+        self.robot.regressor(q, v, a, Y[:, :rigid])
+        Y[:, rigid:] = 0.0
+        state = State(self.robot, t, q, v, a)
+        column = rigid
+        for effect in self.effects:
+            for term in effect.terms(state):
+                for joint, torque in term.rows.items():
+                    Y[:, column, joint] = torque
+                column += 1
+        return Y
+
+    def blocks(self, motion: Motion, lowpass: LowPass, chunk: int = CHUNK) -> Iterator[Block]:
+        """Filtered, decimated pieces of a motion, in order; together they are the same for any `chunk`."""
+        taps, every = lowpass.taps(motion.step), lowpass.decimation(motion.step)
+        reach, stride = len(taps) - 1, max(1, chunk // every) * every
+        J, C = len(self.robot.joints), len(self.columns)
+        tail = np.empty((0, C + 5, J))
+        position = 0
+        while position < len(motion.t):
+            new = min(stride + reach - len(tail), len(motion.t) - position)
+            buffer = np.empty((len(tail) + new, C + 5, J))
+            buffer[: len(tail)] = tail
+            self._fill(motion, slice(position, position + new), buffer[len(tail) :])
+            position += new
+            kept = buffer
+            if reach or every > 1:
+                F = decimating_filter(taps, len(buffer), every)
+                kept = (F @ buffer.reshape(len(buffer), -1)).reshape(-1, C + 5, J)
+            if len(kept) == 0:
+                return
+            done = len(kept) * every
+            times = motion.t[position - len(buffer) + reach // 2 :][:done:every]
+            yield Block(times, kept[:, :C], *np.moveaxis(kept[:, C:], 1, 0), source=motion.source)
+            tail = buffer[done:]
+
+    def _fill(self, motion: Motion, part: slice, out: Array) -> None:
+        """Write Y, then τ, known torque, q, v and a as further columns, so one filter serves them all."""
+        C = len(self.columns)
+        t, q, v, a = motion.t[part], motion.q[part], motion.v[part], motion.a[part]
+        self(t, q, v, a, out[:, :C])
+        known = self.robot.known_torque(q, v, a)
+        out[:, C + 1] = 0.0 if known is None else known
+        out[:, C] = motion.tau[part] - out[:, C + 1]
+        out[:, C + 2], out[:, C + 3], out[:, C + 4] = q, v, a
+
+
+def gram_of(regressor: Regressor, block: Block, joints: Sequence[str]) -> Gram:
+    """Moments of one block over the torque rows of `joints`."""
+    C = len(regressor.columns)
+    result = Gram.zeros(regressor.columns, joints)
+    for row, name in enumerate(joints):
+        j = regressor.robot.joints.index(name)
+        active = regressor.active[j]
+        Z = np.empty((len(block.t), len(active) + 1))
+        Z[:, :-1], Z[:, -1] = block.Y[:, active, j], block.tau[:, j]
+        where = np.append(active, C)
+        result.moments[row][np.ix_(where, where)] = Z.T @ Z
+        result.sums[row, where] = Z.sum(axis=0)
+    result.counts[:] = len(block.t)
+    return result
+
+
+def accumulate(
+    regressor: Regressor, motions: Sequence[Motion], lowpass: LowPass, joints: Sequence[str]
+) -> list[Gram]:
+    """Moments of motions in blocks of consecutive time.
+
+    Blocks serve cross-validation and standard errors that respect correlation: about `MAX_BLOCKS` of equal length,
+    at least one second each, whatever the length of the logs. No block spans two motions.
+
+    Parameters
+    ----------
+    regressor : Regressor
+    motions : sequence of Motion
+    lowpass : LowPass
+    joints : sequence of str
+        Joints whose torque rows are used.
+
+    Returns
+    -------
+    list of Gram
+    """
+    seconds = max(1.0, sum(m.t[-1] - m.t[0] for m in motions) / MAX_BLOCKS)
+    grams: list[Gram] = []
+    for motion in motions:
+        _check_torque_present(motion, regressor.robot, joints)
+        pending: Gram | None = None
+        edge = motion.t[0] + seconds
+        for block in regressor.blocks(motion, lowpass):
+            for piece in _split(block, edge, seconds):
+                if pending is not None and piece.t[0] >= edge:
+                    grams.append(pending)
+                    pending = None
+                while piece.t[0] >= edge:
+                    edge += seconds
+                gram = gram_of(regressor, piece, joints)
+                pending = gram if pending is None else pending + gram
+        if pending is not None:
+            grams.append(pending)
+    return grams
+
+
+def _split(block: Block, edge: float, seconds: float) -> Iterator[Block]:
+    """Cut a block at ``edge``, ``edge + seconds``, ..."""
+    cuts = np.searchsorted(block.t, np.arange(edge, block.t[-1] + seconds, seconds))
+    bounds = np.unique([0, *cuts, len(block.t)])
+    for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
+        yield block.part(slice(int(start), int(stop)))
+
+
+def _check_torque_present(motion: Motion, robot: Robot, joints: Sequence[str]) -> None:
+    missing = [n for n in joints if np.isnan(motion.tau[:, robot.joints.index(n)]).any()]
+    if missing:
+        raise InputError(
+            f"{motion.source}: no torque for {', '.join(missing)}; give tau_<joint> columns, a mapping with current gains, "
+            "or leave these joints' torque rows out"
+        )
+
+
+def stack(blocks: Sequence[Block], robot: Robot, joints: Sequence[str]) -> tuple[Array, Array]:
+    """Rows of several blocks, sample by sample, the joints of a sample in order.
+
+    Returns
+    -------
+    Y : ndarray, shape (M · len(joints), C)
+    tau : ndarray, shape (M · len(joints),)
+    """
+    index: NDArray[np.intp] = np.array([robot.joints.index(n) for n in joints])
+    rows = [b.Y[:, :, index].transpose(0, 2, 1).reshape(-1, b.Y.shape[1]) for b in blocks]
+    return np.concatenate(rows), np.concatenate([b.tau[:, index].ravel() for b in blocks])

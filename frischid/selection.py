@@ -1,0 +1,147 @@
+"""One answer out of a box: the least-squares parameters among those the bounds allow.
+
+The Frisch scheme and its recursion end in a box, and every point of it explains the data. The paper's last
+step (Massaroli et al., *Frisch Scheme Identification of Robots Dynamic Parameters*, eq. 24) picks the point
+that fits the torque best, with a small pull towards zero. Here it is a quadratic program for ProxQP,
+
+    min_θ  ‖W θ − τ‖² + ρ Σ_i (w_i θ_i)²    subject to    lower ≤ θ ≤ upper,     w_i² = (WᵀW)_ii.
+
+The authors minimise ``‖Wθ − τ‖ + ‖θ‖`` with norms unsquared, in which kilograms add to newton-metre-seconds
+and the weight of the data depends on the length of the log. In the squared form above the penalty on a
+parameter is the torque energy it accounts for on its own, so ρ is a pure number (0.01: one percent of that
+energy), the same for moments that are sums or means.
+
+Written in φ_i = θ_i w_i / ‖τ‖ the Hessian has unit diagonal, up to ρ, and ProxQP meets a well-scaled
+problem.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from proxsuite import proxqp
+
+from frischid.errors import FrischidError, IdentifiabilityError, InputError
+from frischid.frisch import CONDITION_LIMIT, Box, unit_diagonal
+from frischid.gram import Array
+
+KKT_TOLERANCE = 1e-8
+"""Largest accepted residual of the optimality conditions, of a problem scaled to order one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """The parameters chosen in a box, and how well they satisfy the optimality conditions.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The p parameters.
+    theta : ndarray, shape (p,)
+        The minimiser, in the parameters' units; inside the box exactly.
+    primal : float
+        Largest amount by which ProxQP's own iterate left the box, in scaled units.
+    dual : float
+        ``max_i |φ − clip(φ − ∇f(φ), l, u)|`` of the scaled problem: zero at the minimiser and nowhere else.
+    at_bound : tuple of str
+        Parameters that ended on a bound: there the data ask for more than the box allows.
+    iterations : int
+        Iterations ProxQP took.
+    """
+
+    names: tuple[str, ...]
+    theta: Array
+    primal: float
+    dual: float
+    at_bound: tuple[str, ...]
+    iterations: int
+
+
+def select(moments: Array, box: Box, ridge: float = 0.0) -> Selection:
+    """Minimise the squared torque residual over a box.
+
+    Parameters
+    ----------
+    moments : ndarray, shape (p + 1, p + 1)
+        Sums or means of z zᵀ, z = [y τ], torque last (`Gram.weighted`).
+    box : Box
+        Bounds of the p parameters; infinite ones are allowed.
+    ridge : float
+        ρ above, a pure number; 0 is plain least squares within the box.
+
+    Returns
+    -------
+    Selection
+
+    Raises
+    ------
+    EmptyBoxError
+        The box allows nothing.
+    IdentifiabilityError
+        The minimiser is not unique: dependent columns and no ridge.
+    FrischidError
+        ProxQP did not converge; the message holds the residuals.
+    """
+    if not (np.isfinite(ridge) and ridge >= 0):
+        raise InputError(f"the ridge must be a nonnegative number, not {ridge}")
+    replace(box)  # checks its bounds again: ProxQP returns nonsense for an empty box
+    p = len(box.names)
+    scaled, rms = unit_diagonal(moments, box.names)
+    H, g = scaled[:p, :p] + ridge * np.eye(p), -scaled[:p, p]
+    condition = float(np.linalg.cond(H))
+    if condition > CONDITION_LIMIT:
+        raise IdentifiabilityError(
+            f"many points of the box fit equally well (condition number {condition:.3g}); reduce to base "
+            "parameters or pass a small ridge such as 1e-6"
+        )
+    unit = rms[p] / rms[:p]
+    lower, upper = box.lower / unit, box.upper / unit
+    raw, iterations = _proxqp(H, g, lower, upper)
+    primal = float(np.maximum(np.maximum(lower - raw, raw - upper), 0.0).max(initial=0.0))
+    phi = _polish(H, g, lower, upper, np.clip(raw, lower, upper))
+    dual = _stationarity(H, g, lower, upper, phi)
+    if not max(primal, dual) <= KKT_TOLERANCE:  # also catches NaN
+        raise FrischidError(
+            f"ProxQP did not converge in {iterations} iterations: primal residual {primal:.3g}, "
+            f"dual {dual:.3g}, at most {KKT_TOLERANCE:g} accepted; condition {condition:.3g}; pass a ridge"
+        )
+    # the bounds are taken from the box itself: scaling there and back would miss them by a rounding error
+    theta = np.where(phi <= lower, box.lower, np.where(phi >= upper, box.upper, phi * unit))
+    theta = np.clip(theta, box.lower, box.upper)
+    held = (theta == box.lower) | (theta == box.upper)
+    at_bound = tuple(name for name, on in zip(box.names, held, strict=True) if on)
+    return Selection(box.names, theta, primal, dual, at_bound, iterations)
+
+
+def _proxqp(H: Array, g: Array, lower: Array, upper: Array) -> tuple[Array, int]:
+    """Solve ``min ½ φᵀHφ + gᵀφ`` in the box with ProxQP; returns its iterate and the iterations taken."""
+    qp = proxqp.dense.QP(len(g), 0, 0, True)  # no equalities, no general inequalities, box constraints
+    qp.settings.eps_abs = 1e-10
+    qp.settings.eps_rel = 0.0
+    qp.settings.max_iter = 10_000
+    qp.init(H=H, g=g, l_box=lower, u_box=upper)
+    qp.solve()
+    return np.array(qp.results.x), int(qp.results.info.iter)
+
+
+def _polish(H: Array, g: Array, lower: Array, upper: Array, phi: Array) -> Array:
+    """Solve for the parameters off their bounds exactly, and keep the result if it is the better optimum.
+
+    ProxQP stops at a small *gradient*, which an ill-conditioned H turns into a thousandfold larger error of
+    φ.
+    """
+    multiplier = H @ phi + g
+    below, above = phi - multiplier <= lower, phi - multiplier >= upper
+    free = ~(below | above)
+    polished = np.where(below, lower, np.where(above, upper, 0.0))
+    polished[free] = np.linalg.solve(H[np.ix_(free, free)], -g[free] - H[free] @ polished)
+    polished = np.clip(polished, lower, upper)
+    better = _stationarity(H, g, lower, upper, polished) <= _stationarity(H, g, lower, upper, phi)
+    return polished if better else phi
+
+
+def _stationarity(H: Array, g: Array, lower: Array, upper: Array, phi: Array) -> float:
+    """Distance φ moves in one projected gradient step."""
+    step = np.clip(phi - (H @ phi + g), lower, upper)
+    return float(np.abs(phi - step).max(initial=0.0))

@@ -1,0 +1,337 @@
+"""From recorded samples to motion: real time stamps, zero-phase derivatives, one low-pass for everything.
+
+Three linear steps, each symmetric in time so that nothing is delayed:
+
+1. cubic splines through the samples at their *true* time stamps put every channel on a uniform grid of step h;
+2. missing q̇ and q̈ are local quartic fits (Savitzky and Golay 1964), ``q̇ = Σ_k d_k q_{i+k}``, wide enough to pass
+   five times the cut-off, so that step 3 alone shapes the spectrum;
+3. the *parallel filter* F, a windowed-sinc low-pass, goes over τ and over every regressor column before decimation,
+   ``F τ = (F Y) θ + F e`` (Gautier 1997): it removes noise without biasing θ, because both sides see the same F.
+
+All filters are finite, so the samples a filter cannot fully see are known exactly. They are dropped and counted;
+no end is padded. A gap in the stamps ends one stretch of motion and begins another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal, sparse
+from scipy.interpolate import make_interp_spline
+
+from frischid.errors import InputError
+from frischid.log import Log
+
+Array = NDArray[np.float64]
+
+DERIVATIVE_BAND = 5.0  # derivatives pass this many times the cut-off; beyond it only noise is left
+QUARTIC = 4
+LATE_VELOCITY = 0.05  # measured q̇ that differs from dq/dt by more than this share is not used
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """The zero-phase filter applied to torque and regressor columns alike.
+
+    Attributes
+    ----------
+    cutoff : float or None
+        Frequency of half amplitude, Hz; None: nothing is filtered.
+    reason : str
+        Why this cut-off.
+    """
+
+    cutoff: float | None
+    reason: str = "given by the user"
+
+    def __post_init__(self) -> None:
+        if self.cutoff is not None and not (np.isfinite(self.cutoff) and self.cutoff > 0):
+            raise InputError(f"the cut-off must be a positive frequency in Hz, got {self.cutoff}")
+
+    def taps(self, step: float) -> Array:
+        """Symmetric impulse response for samples `step` seconds apart, odd length, sum 1."""
+        if self.cutoff is None or self.cutoff >= 0.4 / step:
+            return np.ones(1)
+        length, beta = signal.kaiserord(60.0, min(self.cutoff, 0.5 / step - self.cutoff) * 2 * step)
+        return np.asarray(signal.firwin(length | 1, self.cutoff, window=("kaiser", beta), fs=1 / step))
+
+    def decimation(self, step: float) -> int:
+        """Samples per kept sample: the filter stops at 1.5 times the cut-off, so three samples a period suffice."""
+        return 1 if len(self.taps(step)) == 1 else max(1, int(1 / (3 * step * float(self.cutoff or 1))))
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A gap-free stretch of one log on a uniform grid, derivatives filled in.
+
+    Attributes
+    ----------
+    t : ndarray, shape (N,)
+        Time, s.
+    q, v, a : ndarray, shape (N, J)
+        rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints).
+    tau : ndarray, shape (N, J)
+        Torque, N·m (N); NaN columns for joints without a torque channel.
+    source : str
+        The log it comes from.
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    source: str
+
+    @property
+    def step(self) -> float:
+        """Time between samples, s."""
+        return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Motions of one log and what was done to get them."""
+
+    motions: tuple[Motion, ...]
+    notes: tuple[str, ...]
+
+
+def noise_level(x: Array) -> Array:
+    """Standard deviation of the white noise on uniformly sampled channels.
+
+    Fourth differences cancel what is smooth over five samples and keep ``Σ c² = 70`` times the noise variance; the
+    median absolute value is not fooled by jerks and reversals.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N, ...)
+
+    Returns
+    -------
+    ndarray, shape (...)
+    """
+    fourth = np.diff(x, n=QUARTIC, axis=0) / np.sqrt(70.0)
+    spread = np.median(np.abs(fourth), axis=0) / 0.6745
+    # A quantised channel at rest has mostly zero differences: its noise is then in the few that are not.
+    return np.asarray(np.where(spread > 0, spread, np.std(fourth, axis=0)))
+
+
+def derivative_taps(order: int, step: float, cutoff: float | None) -> Array:
+    """Savitzky-Golay weights of a zero-phase derivative that passes `DERIVATIVE_BAND` times the cut-off.
+
+    The half length follows Schafer 2011 (IEEE Signal Processing Magazine 28(4), eq. 12).
+    """
+    half = 3
+    if cutoff is not None:
+        share_of_nyquist = min(1.0, DERIVATIVE_BAND * cutoff * 2 * step)
+        half = max(half, round(((QUARTIC + 1) / share_of_nyquist + 4.6) / 3.2))
+    return np.asarray(signal.savgol_coeffs(2 * half + 1, QUARTIC, deriv=order, delta=step, use="dot"))
+
+
+def choose_lowpass(logs: Sequence[Log], joints: Sequence[str]) -> LowPass:
+    """Cut-off from the data: above it, the acceleration is noise or the robot hardly moves.
+
+    For every joint the spectrum of q gives a noise floor (its upper third) and, above that floor, the spectrum of the
+    acceleration. The joint's bandwidth holds 99 % of the acceleration's power; the cut-off is twice the median bandwidth over
+    moving joints and logs, so that reversals keep their shape.
+
+    Parameters
+    ----------
+    logs : sequence of Log
+    joints : sequence of str
+        Joints that count.
+
+    Returns
+    -------
+    LowPass
+    """
+    bands: list[float] = []
+    for log in logs:
+        t, q = _uniform(log.t, log.select(joints).q)
+        step = (t[-1] - t[0]) / (len(t) - 1)
+        f, power = signal.welch(q, 1 / step, nperseg=min(len(t), round(8 / step)), detrend="linear", axis=0)
+        floor = np.median(power[2 * len(f) // 3 :], axis=0)
+        clear = np.where(power > 10 * floor, power - floor, 0.0)
+        acceleration = clear * ((2 * np.pi * f) ** 4)[:, None]
+        share = np.cumsum(acceleration, axis=0) / np.maximum(acceleration.sum(axis=0), 1e-300)
+        moving = np.ptp(q, axis=0) > 1e-3
+        bands += [float(f[np.searchsorted(share[:, j], 0.99)]) for j in np.flatnonzero(moving)]
+    if not bands:
+        return LowPass(None, "no joint moves")
+    rate = min(log.rate for log in logs)
+    band = float(np.median(bands))
+    cutoff = float(f"{min(2 * band, 0.2 * rate):.2g}")
+    return LowPass(cutoff, f"twice the {band:.2g} Hz below which 99 % of the acceleration lies")
+
+
+def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
+    """Turn a log into motions: uniform time, q̇ and q̈ present, split at gaps.
+
+    Parameters
+    ----------
+    log : Log
+        Joints in the order of the robot's.
+    lowpass : LowPass
+        Sets the band of the derivatives.
+    velocity : {"auto", "measured", "derived"}
+        Which q̇ (and from it q̈) to use where the log holds one. ``"auto"`` takes per joint the less noisy one, unless the
+        measured one disagrees with the positions.
+
+    Returns
+    -------
+    Prepared
+
+    Raises
+    ------
+    InputError
+        No stretch of the log is longer than the filters.
+    """
+    median = float(np.median(np.diff(log.t)))
+    largest_gap = max(4 * median, 0.1 / lowpass.cutoff if lowpass.cutoff else 0.0)
+    breaks = np.flatnonzero(np.diff(log.t) > largest_gap) + 1
+    bounds = [0, *breaks.tolist(), len(log.t)]
+    notes = []
+    if len(breaks):
+        longest = float(np.diff(log.t).max())
+        notes.append(
+            f"{log.source}: split at {len(breaks)} gap{'s' * (len(breaks) > 1)} in the time stamps, the longest {longest:.3g} s"
+        )
+    jitter = np.abs(np.diff(log.t) - median)
+    if (jitter[jitter < largest_gap] > 1e-3 * median).any():
+        notes.append(
+            f"{log.source}: steps between {np.diff(log.t).min() * 1e3:.3g} and {np.diff(log.t).max() * 1e3:.3g} ms, "
+            f"put on a uniform {median * 1e3:.3g} ms grid by cubic splines through the true time stamps"
+        )
+    reach = (len(derivative_taps(1, median, lowpass.cutoff)) + len(lowpass.taps(median))) // 2
+    motions, too_short = [], 0
+    for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
+        if stop - start < 2 * reach + 10:
+            too_short += stop - start
+            continue
+        motion, said = _motion(log.slice(start, stop), lowpass, velocity)
+        motions.append(motion)
+        notes += [s for s in said if s not in notes]
+    if too_short:
+        notes.append(f"{log.source}: {too_short} samples dropped in stretches shorter than the filters ({2 * reach + 10} samples)")
+    if not motions:
+        raise InputError(
+            f"{log.source}: no stretch without a gap is longer than the filters need ({2 * reach + 10} samples at this "
+            "cut-off); raise the cut-off, or record longer"
+        )
+    trimmed = reach * median * len(motions) * 2
+    notes.append(f"{log.source}: {trimmed:.2g} s trimmed at the ends, where the filters cannot see both sides")
+    return Prepared(tuple(motions), tuple(notes))
+
+
+def _uniform(t: Array, *channels: Array) -> tuple[Array, ...]:
+    """Put channels (N, J) on a uniform grid of the median step by cubic splines; all-NaN columns stay so."""
+    step = float(np.median(np.diff(t)))
+    count = int((t[-1] - t[0]) / step * (1 + 1e-12)) + 1
+    grid = t[0] + step * np.arange(count)
+    if count == len(t) and np.abs(grid - t).max() < 1e-6 * step:
+        return (t, *channels)
+    out = []
+    for x in channels:
+        y = np.full((count, x.shape[1]), np.nan)
+        present = ~np.isnan(x).any(axis=0)
+        if present.any():
+            y[:, present] = make_interp_spline(t, x[:, present], k=3)(np.minimum(grid, t[-1]))
+        out.append(y)
+    return (grid, *out)
+
+
+def _motion(log: Log, lowpass: LowPass, velocity: str) -> tuple[Motion, list[str]]:
+    nothing = np.full_like(log.q, np.nan)
+    channels = [nothing if x is None else x for x in (log.q, log.v, log.a, log.tau)]
+    t, q, v, a, tau = _uniform(log.t, *channels)
+    step = (t[-1] - t[0]) / (len(t) - 1)
+    source = _Derivatives(q, v, step, lowpass)
+    use_v, notes = source.choice(log, velocity)
+    half = source.half
+    inside = slice(half, len(t) - half)
+    keep_v = np.where(use_v, v[inside], source.v)
+    keep_a = np.where(use_v, source.a_from_v, source.a)
+    if velocity != "derived":
+        keep_a = np.where(np.isnan(a[inside]).any(axis=0), keep_a, a[inside])
+    return Motion(t[inside], q[inside], keep_v, keep_a, tau[inside], log.source), notes
+
+
+@dataclass(frozen=True, eq=False)
+class _Derivatives:
+    """The ways to get q̇ and q̈ of one stretch, and which to believe."""
+
+    q: Array
+    v_measured: Array
+    step: float
+    lowpass: LowPass
+
+    @cached_property
+    def taps(self) -> tuple[Array, Array]:
+        cutoff = self.lowpass.cutoff
+        return derivative_taps(1, self.step, cutoff), derivative_taps(2, self.step, cutoff)
+
+    @property
+    def half(self) -> int:
+        return len(self.taps[0]) // 2
+
+    @cached_property
+    def v(self) -> Array:
+        return _correlate(self.taps[0], self.q)
+
+    @cached_property
+    def a(self) -> Array:
+        return _correlate(self.taps[1], self.q)
+
+    @cached_property
+    def a_from_v(self) -> Array:
+        return _correlate(self.taps[0], self.v_measured)
+
+    def choice(self, log: Log, velocity: str) -> tuple[NDArray[np.bool_], list[str]]:
+        """Per joint, whether the measured velocity is used; and what to say about it."""
+        present = log.has("v")
+        if velocity == "derived" or not present.any():
+            return np.zeros(len(present), bool), []
+        if velocity == "measured":
+            return present, []
+        if velocity != "auto":
+            raise InputError(f"velocity must be auto, measured or derived, got '{velocity}'")
+        smooth = self.lowpass.taps(self.step)
+        inside = slice(self.half, len(self.q) - self.half)
+        measured, derived = _correlate(smooth, self.v_measured[inside]), _correlate(smooth, self.v)
+        acceleration = _correlate(smooth, self.a)
+        scale = np.sqrt(np.mean(derived**2, axis=0)) + 1e-12
+        off = np.sqrt(np.mean((measured - derived) ** 2, axis=0)) / scale
+        with np.errstate(invalid="ignore"):
+            lag = -np.sum((measured - derived) * acceleration, axis=0) / (np.sum(acceleration**2, axis=0) + 1e-300)
+        # a comes from the same channel as v: compare the noise each leaves on the filtered acceleration
+        from_v = noise_level(self.v_measured) * np.linalg.norm(np.convolve(smooth, self.taps[0]))
+        from_q = noise_level(self.q) * np.linalg.norm(np.convolve(smooth, self.taps[1]))
+        late = present & (off > LATE_VELOCITY)
+        notes = [
+            f"{log.source}: measured velocity of {log.joints[j]} differs from its positions' slope by {off[j]:.0%}"
+            f" (it lags {lag[j]:.3g} s): derived from the positions instead"
+            for j in np.flatnonzero(late)
+        ]
+        return present & ~late & (from_v < from_q), notes
+
+
+def _correlate(taps: Array, x: Array) -> Array:
+    """``Σ_k taps_k x_{i+k}`` for every i where all of it is inside, along the first axis."""
+    return np.asarray(signal.oaconvolve(x, taps[::-1, None], mode="valid", axes=0))
+
+
+def decimating_filter(taps: Array, samples: int, decimation: int) -> sparse.csr_array:
+    """Filter and keep every `decimation`-th output, as a sparse matrix (outputs, samples) to apply to many columns."""
+    outputs = (samples - len(taps)) // decimation + 1
+    if outputs <= 0:
+        return sparse.csr_array((0, samples))
+    first = decimation * np.arange(outputs)
+    columns = (first[:, None] + np.arange(len(taps))).ravel()
+    return sparse.csr_array(
+        (np.tile(taps, outputs), columns, len(taps) * np.arange(outputs + 1)), shape=(outputs, samples)
+    )
