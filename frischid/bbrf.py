@@ -247,11 +247,11 @@ def calibrated_extents(
         theta = vertices_of(inverse)
         yy = inverse @ (sums / np.outer(scale, scale)) @ inverse  # Σ y yᵀ over each block, y = K x
         denominator = yy[:, -1, :] - sizes[:, None] * inverse[-1]
+        doubtful = np.abs(inverse[-1]) <= quantile * _standard_error(denominator, window)
         with np.errstate(divide="ignore", invalid="ignore"):  # K_Lj = 0: the vertex is at infinity already
             influence = (yy[:, :-1, :] + theta * yy[:, -1:, :]) / inverse[-1]
-        spread = quantile * _standard_error(influence, window)
-        spread[:, np.abs(inverse[-1]) <= quantile * _standard_error(denominator, window)] = np.inf
-        lower, upper = extent(theta - spread)[0], extent(theta + spread)[1]
+            spread = np.where(doubtful, np.inf, quantile * _standard_error(influence, window))
+            lower, upper = extent(theta - spread)[0], extent(theta + spread)[1]
         unit = scale[-1] / scale[:-1]
         yield Extents((lower * unit)[None], (upper * unit)[None], usable)
 
@@ -319,29 +319,25 @@ def _intersect(
     lower, upper = start.lower, start.upper
     every = -(-count // HISTORY)
     history: list[tuple[int, Array, Array]] = []
-    window, skipped, undone, same_orthant = -1, 0, 0, 0
+    skipped, undone, same_orthant = 0, 0, 0
     emptied: Emptied | None = None
-    for batch in extents:
-        same_orthant += int((((batch.lower > 0) | (batch.upper < 0)).all(axis=1) & batch.usable).sum())
-        for low, high, usable in zip(batch.lower * unit, batch.upper * unit, batch.usable, strict=True):
-            window += 1
-            if usable:
-                new_lower, new_upper = np.maximum(lower, low), np.minimum(upper, high)
-                crossed = new_lower > new_upper
-                if not crossed.any():
-                    lower, upper = new_lower, new_upper
-                elif variant == "undo":
-                    undone += 1
-                else:
-                    i = int(crossed.argmax())
-                    emptied = Emptied(start.names[i], float(new_lower[i]), float(new_upper[i]), window)
-                    break
+    for window, (low, high, usable, backed) in enumerate(_each(extents, unit)):
+        same_orthant += backed
+        if not usable:
+            skipped += 1
+        else:
+            new_lower, new_upper = np.maximum(lower, low), np.minimum(upper, high)
+            crossed = new_lower > new_upper
+            if not crossed.any():
+                lower, upper = new_lower, new_upper
+            elif variant == "undo":
+                undone += 1
             else:
-                skipped += 1
-            if window % every == 0 or window == count - 1:
-                history.append((window, lower, upper))
-        if emptied is not None:
-            break
+                i = int(crossed.argmax())
+                emptied = Emptied(start.names[i], float(new_lower[i]), float(new_upper[i]), window)
+                break
+        if window % every == 0 or window == count - 1:
+            history.append((window, lower, upper))
     return Recursion(
         names=start.names,
         variant=variant,
@@ -349,13 +345,20 @@ def _intersect(
         steps=np.array([step for step, _, _ in history], dtype=np.int64),
         lower=np.array([low for _, low, _ in history]).reshape(-1, len(start.names)),
         upper=np.array([high for _, _, high in history]).reshape(-1, len(start.names)),
-        windows=window + 1,
+        windows=count if emptied is None else emptied.window + 1,
         skipped=skipped,
         undone=undone,
         same_orthant=same_orthant,
         emptied=emptied,
         correlation=block,
     )
+
+
+def _each(extents: Iterator[Extents], unit: Array) -> Iterator[tuple[Array, Array, bool, bool]]:
+    """Bounds of each window in the parameters' units, whether usable, and whether in one orthant."""
+    for lower, upper, usable in extents:
+        backed = ((lower > 0) | (upper < 0)).all(axis=1) & usable
+        yield from zip(lower * unit, upper * unit, usable.tolist(), backed.tolist(), strict=True)
 
 
 def _check(rows: Array, p: int, window: int, stride: int, confidence: float) -> None:

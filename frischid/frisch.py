@@ -7,9 +7,9 @@ gives another answer. With the second moments of the p + 1 variables z = [Y τ] 
 
 column j is the least-squares solution in which variable j carries all the noise: one inverse gives all p + 1
 of them, and j = L is ordinary least squares. When the noises are mutually independent, Σ = Σ̂ + diag(σ²)
-with Σ̂ [θ; −1] = 0, and the set of all θ so explained is the simplex of these vertices **if and only
-if** they lie in one orthant (each parameter keeps its sign from vertex to vertex). Otherwise the set is not
-bounded by the vertices, and the parameters that change sign are the ones to distrust.
+with Σ̂ [θ; −1] = 0, and the set of all θ so explained is the simplex of these vertices **if and only if**
+they lie in one orthant (each parameter keeps its sign from vertex to vertex). Otherwise the set is not
+bounded by the vertices: some parameter is too weak for the noise.
 
 References
 ----------
@@ -130,7 +130,10 @@ class Simplex:
 
     @property
     def disagreeing(self) -> tuple[str, ...]:
-        """Parameters whose sign changes from vertex to vertex."""
+        """Parameters whose sign changes from vertex to vertex.
+
+        One parameter lost in the noise can name them all: blaming its column may flip every sign.
+        """
         signs = np.sign(self.vertices)
         agree = (signs == signs[:, -1:]).all(axis=1)
         return tuple(name for name, same in zip(self.names, agree, strict=True) if not same)

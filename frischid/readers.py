@@ -429,7 +429,7 @@ def _extra(table: _Table, used: set[str], taken: set[str], notes: list[str]) -> 
     return extra
 
 
-# --------------------------------------------------------------------------------------------- mapping files
+# ---- mapping files
 
 UNITS = {"rad": 1.0, "m": 1.0, "deg": np.pi / 180}
 SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}

@@ -103,6 +103,10 @@ class Effect(ABC):
         """Names, units and signs of the columns, without any motion."""
         return [term.column for term in self.terms(State.empty(robot))]
 
+    def nominal(self, robot: Robot) -> list[float]:
+        """Values of the parameters that the URDF itself states, one a column; zero where it says nothing."""
+        return [0.0] * len(self.columns(robot))
+
     def acts_on(self, robot: Robot) -> list[tuple[int, str, str]]:
         """Index, name and number of the joints this effect acts on.
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from frischid.effects.base import Effect, State, Term, torque_unit
 from frischid.errors import InputError
+from frischid.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,10 @@ class Viscous(Effect):
             Term(self.column("fv", torque_unit(state.robot, i, "rate"), name, n, sign=1), {i: state.v[:, i]})
             for i, name, n in self.acts_on(state.robot)
         ]
+
+    def nominal(self, robot: Robot) -> list[float]:
+        """``<dynamics damping>`` of the URDF."""
+        return [robot.dynamics[name][0] for _, name, _ in self.acts_on(robot)]
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,10 @@ class Coulomb(Effect):
             )
             for i, name, n in self.acts_on(state.robot)
         ]
+
+    def nominal(self, robot: Robot) -> list[float]:
+        """``<dynamics friction>`` of the URDF."""
+        return [robot.dynamics[name][1] for _, name, _ in self.acts_on(robot)]
 
 
 @dataclass(frozen=True)

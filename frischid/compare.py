@@ -1,0 +1,192 @@
+"""Measured against predicted, joint by joint, on logs that were not fitted.
+
+    RMSE = sqrt(mean (τ − τ̂)²),   NRMSE = RMSE / std(τ),   fit = 100 (1 − NRMSE) %
+
+Both torques have been through the model's filter. Two references stand beside every figure: the URDF's own nominal
+parameters, and a constant (the mean torque of the identification logs). A model that does not beat both is no model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from frischid.errors import InputError
+from frischid.gram import Array
+from frischid.log import Log, check_torque
+from frischid.model import Model, nominal_parameters
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The sample with the largest error of a joint."""
+
+    source: str
+    t: float
+    measured: float
+    predicted: float
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """Errors of one joint; torques in N·m (N), ``nominal`` and ``constant`` are NRMSE of the two references."""
+
+    rmse: float
+    nrmse: float
+    fit: float
+    bias: float
+    std: float
+    nominal: float
+    constant: float
+    worst: Worst
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Errors of a model on some logs.
+
+    Attributes
+    ----------
+    joints : dict of str to JointFit
+    samples : int
+        Filtered samples compared.
+    sources : tuple of str
+        The logs.
+    """
+
+    joints: dict[str, JointFit]
+    samples: int
+    sources: tuple[str, ...]
+
+    @property
+    def nrmse(self) -> float:
+        """Mean NRMSE over the joints."""
+        return float(np.mean([j.nrmse for j in self.joints.values()]))
+
+    @property
+    def nominal(self) -> float:
+        """Mean NRMSE of the URDF's nominal parameters."""
+        return float(np.mean([j.nominal for j in self.joints.values()]))
+
+    @property
+    def constant(self) -> float:
+        """Mean NRMSE of a constant torque."""
+        return float(np.mean([j.constant for j in self.joints.values()]))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {
+            "nrmse": self.nrmse,
+            "nominal_nrmse": self.nominal,
+            "constant_nrmse": self.constant,
+            "samples": self.samples,
+            "logs": list(self.sources),
+            "joints": {
+                name: {
+                    "rmse": j.rmse,
+                    "nrmse": j.nrmse,
+                    "fit": j.fit,
+                    "bias": j.bias,
+                    "std": j.std,
+                    "nominal_nrmse": j.nominal,
+                    "constant_nrmse": j.constant,
+                    "worst": vars(j.worst),
+                }
+                for name, j in self.joints.items()
+            },
+        }
+
+
+@dataclass(eq=False)
+class _Sums:
+    """Running sums over the samples of all joints."""
+
+    joints: int
+    count: int = 0
+    tau: Array = field(init=False)
+    tau2: Array = field(init=False)
+    error: Array = field(init=False)
+    error2: Array = field(init=False)
+    nominal2: Array = field(init=False)
+    worst: list[Worst | None] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.tau, self.tau2, self.error, self.error2, self.nominal2 = np.zeros((5, self.joints))
+        self.worst = [None] * self.joints
+
+    def add(self, t: Array, measured: Array, predicted: Array, nominal: Array, source: str) -> None:
+        residual = measured - predicted
+        self.count += len(t)
+        self.tau += measured.sum(axis=0)
+        self.tau2 += (measured**2).sum(axis=0)
+        self.error += residual.sum(axis=0)
+        self.error2 += (residual**2).sum(axis=0)
+        self.nominal2 += ((measured - nominal) ** 2).sum(axis=0)
+        for j, i in enumerate(np.abs(residual).argmax(axis=0)):
+            before = self.worst[j]
+            if before is None or abs(residual[i, j]) > abs(before.measured - before.predicted):
+                self.worst[j] = Worst(source, float(t[i]), float(measured[i, j]), float(predicted[i, j]))
+
+
+def compare(model: Model, logs: Sequence[Log]) -> Comparison:
+    """Predict logs and measure the error.
+
+    Parameters
+    ----------
+    model : Model
+    logs : sequence of Log
+        At least one; each must hold position and torque of the model's joints.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    InputError
+        A log lacks a joint or its torque.
+    """
+    if not logs:
+        raise InputError("there is no log to compare the model with")
+    index = model.torque_index
+    for log in logs:
+        check_torque(log, model.joints)
+        missing = [n for n, there in zip(model.joints, log.select(model.joints).has("tau"), strict=True) if not there]
+        if missing:
+            raise InputError(f"{log.source}: no torque column (tau_<joint>) for {', '.join(missing)}")
+    nominal = nominal_parameters(model.robot, model.effects)
+    sums = _Sums(len(index))
+    for block, fitted in model.blocks(logs):
+        known = block.known[:, index]
+        guess = np.einsum("ncj,c->nj", block.Y[:, :, index], nominal)
+        sums.add(block.t, block.tau[:, index] + known, fitted[:, index] + known, guess + known, block.source)
+    return _summary(model, sums, tuple(log.source for log in logs))
+
+
+def _summary(model: Model, sums: _Sums, sources: tuple[str, ...]) -> Comparison:
+    n = sums.count
+    mean = sums.tau / n
+    std = np.sqrt(np.maximum(sums.tau2 / n - mean**2, 0.0))
+    if (std == 0).any():
+        flat = [name for name, s in zip(model.joints, std, strict=True) if s == 0]
+        raise InputError(f"{', '.join(sources)}: the torque of {', '.join(flat)} never changes; NRMSE has no meaning")
+    rmse, nominal = np.sqrt(sums.error2 / n), np.sqrt(sums.nominal2 / n)
+    constant = np.sqrt(std**2 + (mean - model.mean_torque) ** 2)
+    joints = {}
+    for j, name in enumerate(model.joints):
+        worst = sums.worst[j]
+        assert worst is not None  # noqa: S101 - there is at least one sample, or prepare() raised
+        joints[name] = JointFit(
+            rmse=float(rmse[j]),
+            nrmse=float(rmse[j] / std[j]),
+            fit=float(100 * (1 - rmse[j] / std[j])),
+            bias=float(sums.error[j] / n),
+            std=float(std[j]),
+            nominal=float(nominal[j] / std[j]),
+            constant=float(constant[j] / std[j]),
+            worst=worst,
+        )
+    return Comparison(joints, n, sources)

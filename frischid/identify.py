@@ -1,0 +1,341 @@
+"""The whole pipeline: logs in, a model with bounds out.
+
+logs → one cut-off → motions → moments of [Y τ] → base parameters → least squares with standard errors → Frisch simplex
+and box → bounding-box recursion → (on request) the best point of the box → model → held-out comparison.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from frischid.bbrf import Recursion, bbrf
+from frischid.compare import Comparison, compare
+from frischid.effects import BASELINE, Effect
+from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
+from frischid.estimate import Estimate, cross_validated, ols, wls
+from frischid.frisch import Box, Simplex, simplex
+from frischid.gram import Array, Gram, total
+from frischid.log import Log, check_motion, check_torque, warnings_of
+from frischid.model import Model
+from frischid.reduction import Reduction, reduce
+from frischid.regressor import Regressor, accumulate, stack
+from frischid.robot import Robot
+from frischid.selection import Selection, select
+from frischid.signals import LowPass, Motion, choose_lowpass, prepare
+
+ESTIMATORS = ("wls", "ols", "frisch")
+Recursing = Literal["strict", "undo", "calibrated", "none"]
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """Everything `identify` found out.
+
+    Attributes
+    ----------
+    model : Model
+    reduction : Reduction
+        Which parameters the torque depends on, and how they combine.
+    simplex : Simplex
+        The p + 1 least-squares solutions.
+    recursion : Recursion or None
+        BBRF; None when not asked for, or when the log is too short for two windows.
+    selection : Selection or None
+        The point chosen in the box, for the estimator ``"frisch"``.
+    cross_validation : dict of str to float
+        NRMSE of each joint on stretches of the identification logs that were left out of the fit.
+    comparison : Comparison or None
+        On the validation logs.
+    samples : int
+        Filtered samples fitted.
+    notes : tuple of str
+        What was done to the data.
+    warnings : tuple of str
+        What should make the reader doubt.
+    """
+
+    model: Model
+    reduction: Reduction
+    simplex: Simplex
+    recursion: Recursion | None
+    selection: Selection | None
+    cross_validation: dict[str, float]
+    comparison: Comparison | None
+    samples: int
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def identify(
+    robot: Robot,
+    logs: Sequence[Log],
+    *,
+    valid: Sequence[Log] = (),
+    effects: Sequence[Effect] = BASELINE,
+    torque_joints: Sequence[str] | None = None,
+    cutoff: float | Literal["auto"] | None = "auto",
+    velocity: str = "auto",
+    estimator: str = "wls",
+    recursion: Recursing = "strict",
+    window: int | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Identification:
+    """Identify a robot's dynamic parameters from logs.
+
+    Parameters
+    ----------
+    robot : Robot
+        Joints that some log does not hold are locked, and a note says so.
+    logs : sequence of Log
+        Logs to fit, each a recording of its own.
+    valid : sequence of Log
+        Logs to measure the error on.
+    effects : sequence of Effect
+        What acts besides the rigid links.
+    torque_joints : sequence of str, optional
+        Joints whose torque is fitted; all with a torque channel by default.
+    cutoff : float, "auto" or None
+        Cut-off of the parallel filter, Hz; None filters nothing.
+    velocity : {"auto", "measured", "derived"}
+    estimator : {"wls", "ols", "frisch"}
+        Whose values become the model's. ``"frisch"`` is the paper's: the best point in the Frisch box.
+    recursion : {"strict", "undo", "calibrated", "none"}
+        Variant of the bounding-box recursion.
+    window : int, optional
+        BBRF window in rows; by default the larger of 1000 and 20 a parameter, at most half the rows.
+    progress : callable
+        Told what is being done.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    InputError
+        A log is not usable.
+    IdentifiabilityError
+        The logs do not determine the parameters.
+    EmptyBoxError
+        The estimator is ``"frisch"`` and BBRF contradicted itself.
+    """
+    if estimator not in ESTIMATORS:
+        raise UnknownNameError("estimator", estimator, ESTIMATORS)
+    robot, notes = _held_by(robot, logs)
+    rows = _torque_joints(robot, logs, torque_joints, notes)
+    warnings = _check(robot, logs, rows)
+    lowpass = choose_lowpass(logs, robot.joints) if cutoff == "auto" else LowPass(cutoff)
+    notes.append(_filtering(lowpass))
+    motions: list[Motion] = []
+    for log in logs:
+        prepared = prepare(log.select(robot.joints), lowpass, velocity=velocity)
+        motions += prepared.motions
+        notes += [*log.notes, *prepared.notes]
+
+    progress("regressor and moments")
+    regressor = Regressor(robot, effects)
+    reduction = structure(regressor, rows)
+    blocks = [g.select(reduction.base) for g in accumulate(regressor, motions, lowpass, rows)]
+    columns = reduction.base_columns()
+    blocks = [replace(g, columns=columns) for g in blocks]
+    if reduction.gap < 100:
+        warnings.append(f"the rank is not clear (gap {reduction.gap:.1f}): some base parameter hardly acts on the torque")
+
+    progress("estimate")
+    estimate = ols(blocks) if estimator == "ols" else wls(blocks)
+    whole = total(blocks)
+    moments = whole.weighted(estimate.weights) / whole.rows
+    triangle = simplex(moments, whole.names)
+    bounds = {"frisch": triangle.box()}
+    progress("bounding-box recursion")
+    recursed = _recursion(regressor, motions, lowpass, rows, reduction, estimate, recursion, window, warnings)
+    if recursed is not None and recursed.box is not None:
+        bounds["bbrf"] = recursed.box
+    selection = None
+    if estimator == "frisch":
+        selection = select(moments, recursed.require_box() if recursed is not None else bounds["frisch"])
+        estimate = replace(estimate, theta=selection.theta, estimator="frisch")
+    warnings += [*estimate.notes, *_doubts(triangle, recursed)]
+
+    model = Model(
+        robot,
+        tuple(effects),
+        lowpass,
+        velocity,
+        reduction.base,
+        tuple(reduction.expressions()),
+        estimate,
+        whole.sums[:, -1] / whole.counts,
+        bounds,
+    )
+    progress("comparison")
+    held_out = dict(zip(rows, _nrmse(whole, cross_validated(blocks, estimate)), strict=True))
+    comparison = compare(model, valid) if valid else None
+    event = {
+        "action": "identify",
+        "effects": [str(e) for e in effects],
+        "logs": [{"source": log.source, "sha256": log.sha256, "samples": len(log)} for log in logs],
+        "cross_validated_nrmse": float(np.mean(list(held_out.values()))),
+        "held_out_nrmse": None if comparison is None else comparison.nrmse,
+        "held_out_logs": [{"source": log.source, "sha256": log.sha256} for log in valid],
+        "notes": list(dict.fromkeys(notes)),
+        "warnings": list(dict.fromkeys(warnings)),
+    }
+    model = replace(model, history=(event,))
+    return Identification(
+        model,
+        reduction,
+        triangle,
+        recursed,
+        selection,
+        held_out,
+        comparison,
+        int(whole.counts.max()),
+        tuple(dict.fromkeys(notes)),
+        tuple(dict.fromkeys(warnings)),
+    )
+
+
+def structure(regressor: Regressor, torque_joints: Sequence[str], seed: int = 0) -> Reduction:
+    """Base parameters of a robot with its effects, whatever the motion: from random states, so no log is needed.
+
+    Parameters
+    ----------
+    regressor : Regressor
+    torque_joints : sequence of str
+        Joints whose torque is seen.
+    seed : int
+
+    Returns
+    -------
+    Reduction
+    """
+    robot = regressor.robot
+    J, C = len(robot.joints), len(regressor.columns)
+    rng = np.random.default_rng(seed)
+    N = max(40, -(-3 * C // len(torque_joints)))
+    lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
+    q = rng.uniform(lower, upper, (N, J))
+    v, a = rng.normal(size=(2, N, J))
+    Y = regressor(np.linspace(0.0, 1.0, N), q, v, a * 3.0)
+    index = [robot.joints.index(n) for n in torque_joints]
+    return reduce(Y[:, :, index].transpose(0, 2, 1).reshape(-1, C), regressor.columns)
+
+
+def _held_by(robot: Robot, logs: Sequence[Log]) -> tuple[Robot, list[str]]:
+    """Lock the joints that some log does not hold."""
+    if not logs:
+        raise InputError("there is no log to identify from")
+    held = [n for n in robot.joints if all(n in log.joints for log in logs)]
+    if not held:
+        raise InputError(
+            f"the logs share no joint with the robot; joints of the robot are {', '.join(robot.joints)}; "
+            f"{logs[0].source} holds {', '.join(logs[0].joints)}"
+        )
+    kept = robot.keep(held)
+    notes = [f"{n} locked at {x:.4g} {'rad' if n not in robot.joints else 'rad or m'}" for n, x in kept.locked.items()]
+    return kept, notes
+
+
+def _torque_joints(robot: Robot, logs: Sequence[Log], wanted: Sequence[str] | None, notes: list[str]) -> list[str]:
+    if wanted is not None:
+        for name in wanted:
+            if name not in robot.joints:
+                raise UnknownNameError("joint", name, robot.joints)
+        left = [n for n in robot.joints if n not in wanted]
+        if left:
+            notes.append(f"torque rows left out: {', '.join(left)} (they move, their torque is not fitted)")
+        return [n for n in robot.joints if n in wanted]
+    have = [n for n in robot.joints if all(log.select([n]).has("tau")[0] for log in logs)]
+    without = [n for n in robot.joints if n not in have]
+    if have and without:
+        notes.append(f"no torque channel for {', '.join(without)}: these joints move, their torque rows are left out")
+    return have or list(robot.joints)
+
+
+def _check(robot: Robot, logs: Sequence[Log], rows: Sequence[str]) -> list[str]:
+    """Raise on logs that cannot be used; say what is suspicious in those that can."""
+    limits = robot.limits
+    warnings = []
+    for log in logs:
+        chosen = log.select(robot.joints)
+        check_motion(chosen)
+        check_torque(chosen, rows)
+        assert chosen.tau is not None  # noqa: S101 - check_torque raised otherwise
+        dead = [n for n in rows if not np.any(chosen.tau[:, chosen.joints.index(n)])]
+        if dead:
+            raise InputError(
+                f"{log.source}: the torque of {', '.join(dead)} is zero throughout; leave its torque row out (torque_joints, "
+                "--torque-joints) or record it"
+            )
+        ranges = np.stack([limits.lower, limits.upper], axis=1)
+        warnings += [f"{log.source}: {w}" for w in warnings_of(chosen, limits.velocity, ranges)]
+    return warnings
+
+
+def _filtering(lowpass: LowPass) -> str:
+    if lowpass.cutoff is None:
+        return f"nothing is low-passed ({lowpass.reason})"
+    return f"torque and every regressor column low-passed at {lowpass.cutoff:g} Hz ({lowpass.reason})"
+
+
+def _recursion(
+    regressor: Regressor,
+    motions: Sequence[Motion],
+    lowpass: LowPass,
+    rows: Sequence[str],
+    reduction: Reduction,
+    estimate: Estimate,
+    variant: Recursing,
+    window: int | None,
+    warnings: list[str],
+) -> Recursion | None:
+    """BBRF over the filtered rows, each joint's in units of its own residual."""
+    if variant == "none":
+        return None
+    blocks = [b for motion in motions for b in regressor.blocks(motion, lowpass)]
+    Y, tau = stack(blocks, regressor.robot, rows)
+    weight = np.tile(np.sqrt(estimate.weights), len(tau) // len(rows))
+    p = len(reduction.base)
+    E = np.column_stack([Y[:, list(reduction.base)], tau]) * weight[:, None]
+    if window is None:
+        window = min(max(1000, 20 * p), len(E) // 2)
+        if window < p + 2:
+            warnings.append(f"BBRF left out: {len(E)} rows are too few for two windows of more than {p + 2} rows")
+            return None
+    try:
+        signs = [c.sign for c in estimate.columns]
+        return bbrf(E, [c.name for c in estimate.columns], window=window, signs=signs, variant=variant)
+    except IdentifiabilityError as error:
+        warnings.append(f"BBRF left out: {error}")
+        return None
+
+
+def _doubts(triangle: Simplex, recursed: Recursion | None) -> list[str]:
+    """What the theory assumes and this data do not give."""
+    doubts = []
+    if not triangle.same_orthant:
+        names = triangle.disagreeing
+        doubts.append(
+            f"Theorem 1 of the Frisch scheme does not apply: the {len(triangle.names) + 1} least-squares solutions lie in "
+            f"different orthants ({len(names)} parameters change sign: {', '.join(names[:6])}{' ...' * (len(names) > 6)}). "
+            "The true parameters need not lie in the simplex or in its box"
+        )
+    if recursed is not None and recursed.emptied is not None:
+        doubts.append(str(EmptyBoxError(*recursed.emptied)))
+    return doubts
+
+
+def _nrmse(whole: Gram, variance: Array) -> list[float]:
+    spread = whole.torque_ss() / whole.counts
+    return [float(np.sqrt(v / s)) for v, s in zip(variance, spread, strict=True)]
+
+
+def box_of(identification: Identification) -> Box:
+    """Return the narrowest box there is: BBRF's, or the one-shot Frisch box."""
+    bounds = identification.model.bounds
+    return bounds.get("bbrf", bounds["frisch"])

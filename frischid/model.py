@@ -1,0 +1,250 @@
+"""An identified model: robot, effects, parameters with their bounds, and how they came about.
+
+    τ(q, q̇, q̈) = Y_base(q, q̇, q̈) θ_base + τ_known
+
+A model is one readable JSON file. It holds the URDF's text, so nothing else is needed to predict with it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frischid.effects import Effect, effect_from_dict
+from frischid.errors import InputError
+from frischid.estimate import Estimate
+from frischid.frisch import Box
+from frischid.gram import Array, Column
+from frischid.log import Log
+from frischid.regressor import Block, Regressor
+from frischid.robot import Robot
+from frischid.signals import LowPass, prepare
+
+SCHEMA = "frischid.model/1"
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """What identification gives.
+
+    Attributes
+    ----------
+    robot : Robot
+    effects : tuple of Effect
+    lowpass : LowPass
+        Filter the parameters were found with, and with which the model is compared.
+    velocity : {"auto", "measured", "derived"}
+        Where velocities come from in logs.
+    base : tuple of int
+        Columns of the full regressor that carry the base parameters.
+    expressions : tuple of str
+        Each base parameter as the combination of parameters it stands for.
+    estimate : Estimate
+        Values, covariance, residual spread of each joint.
+    bounds : dict of str to Box
+        Bounds by method (``"frisch"``, ``"bbrf"``), where there are any.
+    mean_torque : ndarray, shape (J,)
+        Mean of each fitted joint's torque in the identification logs, the constant a model must beat.
+    history : tuple of dict
+        What was done, oldest first, in plain JSON values.
+    """
+
+    robot: Robot
+    effects: tuple[Effect, ...]
+    lowpass: LowPass
+    velocity: str
+    base: tuple[int, ...]
+    expressions: tuple[str, ...]
+    estimate: Estimate
+    mean_torque: Array
+    bounds: Mapping[str, Box] = field(default_factory=dict)
+    history: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joints whose torque the model was fitted to."""
+        return self.estimate.joints
+
+    @property
+    def torque_index(self) -> list[int]:
+        """Positions of `joints` among the robot's joints."""
+        return [self.robot.joints.index(n) for n in self.joints]
+
+    def inverse_dynamics(self, q: Array, v: Array, a: Array, t: Array | None = None) -> Array:
+        """Torque the model predicts.
+
+        Parameters
+        ----------
+        q, v, a : ndarray, shape (N, J)
+            Positions (rad, m), velocities and accelerations of the robot's joints.
+        t : ndarray, shape (N,), optional
+            Time, s, for effects that depend on it; zero by default.
+
+        Returns
+        -------
+        ndarray, shape (N, J)
+            N·m (N); only the columns of `joints` were identified.
+        """
+        q, v, a = (np.atleast_2d(np.asarray(x, dtype=float)) for x in (q, v, a))
+        Y = Regressor(self.robot, self.effects)(np.zeros(len(q)) if t is None else t, q, v, a)
+        known = self.robot.known_torque(q, v, a)
+        torque = np.einsum("ncj,c->nj", Y[:, list(self.base)], self.estimate.theta)
+        return np.asarray(torque if known is None else torque + known)
+
+    def blocks(self, logs: Sequence[Log]) -> Iterator[tuple[Block, Array]]:
+        """Filtered samples of logs with the torque the model predicts for them, shape (M, J)."""
+        regressor = Regressor(self.robot, self.effects)
+        for log in logs:
+            for motion in prepare(log.select(self.robot.joints), self.lowpass, velocity=self.velocity).motions:
+                for block in regressor.blocks(motion, self.lowpass):
+                    fitted = np.einsum("ncj,c->nj", block.Y[:, list(self.base)], self.estimate.theta)
+                    yield block, fitted
+
+    # ------------------------------------------------------------------ files
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain JSON values."""
+        e = self.estimate
+        return {
+            "schema": SCHEMA,
+            "frischid": metadata.version("frischid"),
+            "robot": self.robot.to_dict(),
+            "effects": [effect.to_dict() for effect in self.effects],
+            "filter": {"cutoff_hz": self.lowpass.cutoff, "reason": self.lowpass.reason, "velocity": self.velocity},
+            "estimator": e.estimator,
+            "parameters": [self._parameter(i) for i in range(len(self.base))],
+            "joints": [
+                {"name": n, "sigma": float(s), "weight": float(w), "mean_torque": float(m)}
+                for n, s, w, m in zip(e.joints, e.sigma, e.weights, self.mean_torque, strict=True)
+            ],
+            "condition": e.condition,
+            "notes": list(e.notes),
+            "history": [dict(h) for h in self.history],
+            "covariance": e.covariance.tolist(),
+        }
+
+    def _parameter(self, i: int) -> dict[str, Any]:
+        column = self.estimate.columns[i]
+        return {
+            "name": column.name,
+            "expression": self.expressions[i],
+            "unit": column.unit,
+            "joint": column.joint,
+            "effect": column.effect,
+            "sign": column.sign,
+            "column": self.base[i],
+            "value": float(self.estimate.theta[i]),
+            "stderr": float(self.estimate.stderr[i]),
+            "bounds": {k: [_finite(box.lower[i]), _finite(box.upper[i])] for k, box in self.bounds.items()},
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], source: str = "model") -> Model:
+        """Inverse of `to_dict`.
+
+        Raises
+        ------
+        InputError
+            Not a frischid model, or of a schema this version does not read.
+        """
+        schema = data.get("schema") if isinstance(data, Mapping) else None
+        if schema != SCHEMA:
+            raise InputError(f"{source}: expected a frischid model of schema {SCHEMA}, found {schema!r}")
+        try:
+            return cls._read(data)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{source}: the model file is damaged: {type(error).__name__} {error}") from error
+
+    @classmethod
+    def _read(cls, data: Mapping[str, Any]) -> Model:
+        parameters, joints, filtering = data["parameters"], data["joints"], data["filter"]
+        columns = tuple(Column(p["name"], p["unit"], p["joint"], p["effect"], p["sign"]) for p in parameters)
+        names = tuple(c.name for c in columns)
+        estimate = Estimate(
+            columns,
+            np.array([p["value"] for p in parameters]),
+            np.array(data["covariance"]),
+            tuple(j["name"] for j in joints),
+            np.array([j["sigma"] for j in joints]),
+            np.array([j["weight"] for j in joints]),
+            data["condition"],
+            data["estimator"],
+            tuple(data["notes"]),
+        )
+        methods = parameters[0]["bounds"] if parameters else {}
+        bounds = {
+            k: Box(
+                names,
+                np.array([_number(p["bounds"][k][0], -np.inf) for p in parameters]),
+                np.array([_number(p["bounds"][k][1], np.inf) for p in parameters]),
+            )
+            for k in methods
+        }
+        return cls(
+            Robot.from_dict(data["robot"]),
+            tuple(effect_from_dict(e) for e in data["effects"]),
+            LowPass(filtering["cutoff_hz"], filtering["reason"]),
+            filtering["velocity"],
+            tuple(p["column"] for p in parameters),
+            tuple(p["expression"] for p in parameters),
+            estimate,
+            np.array([j["mean_torque"] for j in joints]),
+            bounds,
+            tuple(data["history"]),
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write one JSON file; it appears under its name only when complete."""
+        write_text(Path(path), json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Model:
+        """Read a model file.
+
+        Raises
+        ------
+        InputError
+            The file is missing, not JSON, or not a model.
+        """
+        try:
+            return cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")), str(path))
+        except OSError as error:
+            raise InputError(f"{path}: the model file cannot be read ({error.strerror})") from None
+        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+            raise InputError(f"{path}: not a JSON model file ({error}); `frischid identify -o` makes one") from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a UTF-8 file through a temporary one in the same folder, so that it is never half there."""
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent}")
+    scratch = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        scratch.write_text(text, encoding="utf-8")
+        scratch.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+    finally:
+        scratch.unlink(missing_ok=True)
+
+
+def nominal_parameters(robot: Robot, effects: Sequence[Effect]) -> Array:
+    """The URDF's own value of every column of the regressor: inertials, damping and friction; zero elsewhere."""
+    values = dict(zip(robot.all_names, robot.nominal, strict=True))
+    rigid = [values[c.name] for c in robot.columns]
+    return np.array(rigid + [x for effect in effects for x in effect.nominal(robot)])
+
+
+def _finite(x: float) -> float | None:
+    return float(x) if np.isfinite(x) else None
+
+
+def _number(x: float | None, absent: float) -> float:
+    return absent if x is None else x
