@@ -53,12 +53,18 @@ class Comparison:
     joints : dict of str to JointFit
     samples : int
         Filtered samples compared.
+    resting : float
+        Share of the torque samples left out because the joint stood still (its dry friction is then undetermined).
+    nrmse_with_rest : float
+        Mean NRMSE when they are counted.
     sources : tuple of str
         The logs.
     """
 
     joints: dict[str, JointFit]
     samples: int
+    resting: float
+    nrmse_with_rest: float
     sources: tuple[str, ...]
 
     @property
@@ -83,6 +89,8 @@ class Comparison:
             "nominal_nrmse": self.nominal,
             "constant_nrmse": self.constant,
             "samples": self.samples,
+            "resting_share": self.resting,
+            "nrmse_with_rest": self.nrmse_with_rest,
             "logs": list(self.sources),
             "joints": {
                 name: {
@@ -105,7 +113,8 @@ class _Sums:
     """Running sums over the samples of all joints."""
 
     joints: int
-    count: int = 0
+    samples: int = 0
+    count: Array = field(init=False)
     tau: Array = field(init=False)
     tau2: Array = field(init=False)
     error: Array = field(init=False)
@@ -114,21 +123,27 @@ class _Sums:
     worst: list[Worst | None] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.tau, self.tau2, self.error, self.error2, self.nominal2 = np.zeros((5, self.joints))
+        self.count, self.tau, self.tau2, self.error, self.error2, self.nominal2 = np.zeros((6, self.joints))
         self.worst = [None] * self.joints
 
-    def add(self, t: Array, measured: Array, predicted: Array, nominal: Array, source: str) -> None:
-        residual = measured - predicted
-        self.count += len(t)
-        self.tau += measured.sum(axis=0)
-        self.tau2 += (measured**2).sum(axis=0)
+    def add(self, t: Array, measured: Array, predicted: Array, nominal: Array, used: Array, source: str) -> None:
+        residual = (measured - predicted) * used
+        self.samples += len(t)
+        self.count += used.sum(axis=0)
+        self.tau += (measured * used).sum(axis=0)
+        self.tau2 += (measured**2 * used).sum(axis=0)
         self.error += residual.sum(axis=0)
         self.error2 += (residual**2).sum(axis=0)
-        self.nominal2 += ((measured - nominal) ** 2).sum(axis=0)
+        self.nominal2 += ((measured - nominal) ** 2 * used).sum(axis=0)
         for j, i in enumerate(np.abs(residual).argmax(axis=0)):
             before = self.worst[j]
             if before is None or abs(residual[i, j]) > abs(before.measured - before.predicted):
                 self.worst[j] = Worst(source, float(t[i]), float(measured[i, j]), float(predicted[i, j]))
+
+    @property
+    def std(self) -> Array:
+        """Standard deviation of each joint's torque, shape (J,)."""
+        return np.asarray(np.sqrt(np.maximum(self.tau2 / self.count - (self.tau / self.count) ** 2, 0.0)))
 
 
 def compare(model: Model, logs: Sequence[Log]) -> Comparison:
@@ -158,23 +173,26 @@ def compare(model: Model, logs: Sequence[Log]) -> Comparison:
         if missing:
             raise InputError(f"{log.source}: no torque column (tau_<joint>) for {', '.join(missing)}")
     nominal = nominal_parameters(model.robot, model.effects)
-    sums = _Sums(len(index))
+    moving, everything = _Sums(len(index)), _Sums(len(index))
     for block, fitted in model.blocks(logs):
         known = block.known[:, index]
         guess = np.einsum("ncj,c->nj", block.Y[:, :, index], nominal)
-        sums.add(block.t, block.tau[:, index] + known, fitted[:, index] + known, guess + known, block.source)
-    return _summary(model, sums, tuple(log.source for log in logs))
+        rows = (block.t, block.tau[:, index] + known, fitted[:, index] + known, guess + known)
+        used = block.used[:, index].astype(float)
+        moving.add(*rows, used, block.source)
+        everything.add(*rows, np.ones_like(used), block.source)
+    return _summary(model, moving, everything, tuple(log.source for log in logs))
 
 
-def _summary(model: Model, sums: _Sums, sources: tuple[str, ...]) -> Comparison:
-    n = sums.count
-    mean = sums.tau / n
-    std = np.sqrt(np.maximum(sums.tau2 / n - mean**2, 0.0))
-    if (std == 0).any():
-        flat = [name for name, s in zip(model.joints, std, strict=True) if s == 0]
-        raise InputError(f"{', '.join(sources)}: the torque of {', '.join(flat)} never changes; NRMSE has no meaning")
+def _summary(model: Model, sums: _Sums, everything: _Sums, sources: tuple[str, ...]) -> Comparison:
+    if (sums.count < 2).any() or (sums.std == 0).any():
+        flat = [name for name, n, s in zip(model.joints, sums.count, sums.std, strict=True) if n < 2 or s == 0]
+        raise InputError(
+            f"{', '.join(sources)}: {', '.join(flat)} never moves, or its torque never changes; there is nothing to compare"
+        )
+    n, std = sums.count, sums.std
     rmse, nominal = np.sqrt(sums.error2 / n), np.sqrt(sums.nominal2 / n)
-    constant = np.sqrt(std**2 + (mean - model.mean_torque) ** 2)
+    constant = np.sqrt(std**2 + (sums.tau / n - model.mean_torque) ** 2)
     joints = {}
     for j, name in enumerate(model.joints):
         worst = sums.worst[j]
@@ -183,10 +201,12 @@ def _summary(model: Model, sums: _Sums, sources: tuple[str, ...]) -> Comparison:
             rmse=float(rmse[j]),
             nrmse=float(rmse[j] / std[j]),
             fit=float(100 * (1 - rmse[j] / std[j])),
-            bias=float(sums.error[j] / n),
+            bias=float(sums.error[j] / n[j]),
             std=float(std[j]),
             nominal=float(nominal[j] / std[j]),
             constant=float(constant[j] / std[j]),
             worst=worst,
         )
-    return Comparison(joints, n, sources)
+    resting = 1.0 - float(n.sum() / everything.count.sum())
+    with_rest = float(np.mean(np.sqrt(everything.error2 / everything.count) / everything.std))
+    return Comparison(joints, sums.samples, resting, with_rest, sources)

@@ -128,7 +128,7 @@ def identify(
     robot, notes = _held_by(robot, logs)
     rows = _torque_joints(robot, logs, torque_joints, notes)
     warnings = _check(robot, logs, rows)
-    lowpass = choose_lowpass(logs, robot.joints) if cutoff == "auto" else LowPass(cutoff)
+    lowpass = choose_lowpass(logs, rows) if cutoff == "auto" else LowPass(cutoff)
     notes.append(_filtering(lowpass))
     motions: list[Motion] = []
     for log in logs:
@@ -298,8 +298,8 @@ def _recursion(
     if variant == "none":
         return None
     blocks = [b for motion in motions for b in regressor.blocks(motion, lowpass)]
-    Y, tau = stack(blocks, regressor.robot, rows)
-    weight = np.tile(np.sqrt(estimate.weights), len(tau) // len(rows))
+    Y, tau, which = stack(blocks, regressor.robot, rows)
+    weight = np.sqrt(estimate.weights)[which]
     p = len(reduction.base)
     E = np.column_stack([Y[:, list(reduction.base)], tau]) * weight[:, None]
     if window is None:

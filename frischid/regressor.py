@@ -22,6 +22,8 @@ from frischid.robot import Robot
 from frischid.signals import LowPass, Motion, decimating_filter
 
 CHUNK = 1024
+EXTRA = 6  # columns filtered beside Y: τ, known torque, q, q̇, q̈, rest
+RESTING = 0.01  # share of a filtered sample's weight that may come from standstill
 MAX_BLOCKS = 64
 
 
@@ -40,6 +42,9 @@ class Block:
         Torque of the parameters known outright.
     q, v, a : ndarray, shape (M, J)
         The motion through the same filter.
+    used : ndarray of bool, shape (M, J)
+        False where the joint rests and its dry friction is anybody's guess: such torque rows are neither fitted nor
+        counted in errors.
     source : str
     """
 
@@ -50,11 +55,12 @@ class Block:
     q: Array
     v: Array
     a: Array
+    used: NDArray[np.bool_]
     source: str
 
     def part(self, s: slice) -> Block:
         """Return the samples in the slice."""
-        arrays = (self.t, self.Y, self.tau, self.known, self.q, self.v, self.a)
+        arrays = (self.t, self.Y, self.tau, self.known, self.q, self.v, self.a, self.used)
         return Block(*(x[s] for x in arrays), source=self.source)
 
 
@@ -71,6 +77,8 @@ class Regressor:
         self.robot, self.effects = robot, tuple(effects)
         self.columns: tuple[Column, ...] = columns_of(robot, effects)
         self.active = self._active()
+        dry = {n for effect in effects if effect.dry for _, n, _ in effect.acts_on(robot)}
+        self.resting = np.array([n in dry for n in robot.joints])
 
     def _active(self) -> list[NDArray[np.intp]]:
         """For each joint, the columns that can be other than zero: links it moves, and effects that act on it."""
@@ -119,34 +127,36 @@ class Regressor:
         taps, every = lowpass.taps(motion.step), lowpass.decimation(motion.step)
         reach, stride = len(taps) - 1, max(1, chunk // every) * every
         J, C = len(self.robot.joints), len(self.columns)
-        tail = np.empty((0, C + 5, J))
+        tail = np.empty((0, C + EXTRA, J))
         position = 0
         while position < len(motion.t):
             new = min(stride + reach - len(tail), len(motion.t) - position)
-            buffer = np.empty((len(tail) + new, C + 5, J))
+            buffer = np.empty((len(tail) + new, C + EXTRA, J))
             buffer[: len(tail)] = tail
             self._fill(motion, slice(position, position + new), buffer[len(tail) :])
             position += new
             kept = buffer
             if reach or every > 1:
                 F = decimating_filter(taps, len(buffer), every)
-                kept = (F @ buffer.reshape(len(buffer), -1)).reshape(-1, C + 5, J)
+                kept = (F @ buffer.reshape(len(buffer), -1)).reshape(-1, C + EXTRA, J)
             if len(kept) == 0:
                 return
             done = len(kept) * every
             times = motion.t[position - len(buffer) + reach // 2 :][:done:every]
-            yield Block(times, kept[:, :C], *np.moveaxis(kept[:, C:], 1, 0), source=motion.source)
+            tau, known, q, v, a, still = np.moveaxis(kept[:, C:], 1, 0)
+            used = (still < RESTING) | ~self.resting
+            yield Block(times, kept[:, :C], tau, known, q, v, a, used, motion.source)
             tail = buffer[done:]
 
     def _fill(self, motion: Motion, part: slice, out: Array) -> None:
-        """Write Y, then τ, known torque, q, v and a as further columns, so one filter serves them all."""
+        """Write Y, then τ, known torque, q, v, a and rest as further columns, so one filter serves them all."""
         C = len(self.columns)
         t, q, v, a = motion.t[part], motion.q[part], motion.v[part], motion.a[part]
         self(t, q, v, a, out[:, :C])
         known = self.robot.known_torque(q, v, a)
         out[:, C + 1] = 0.0 if known is None else known
         out[:, C] = motion.tau[part] - out[:, C + 1]
-        out[:, C + 2], out[:, C + 3], out[:, C + 4] = q, v, a
+        out[:, C + 2], out[:, C + 3], out[:, C + 4], out[:, C + 5] = q, v, a, motion.still[part]
 
 
 def gram_of(regressor: Regressor, block: Block, joints: Sequence[str]) -> Gram:
@@ -155,13 +165,15 @@ def gram_of(regressor: Regressor, block: Block, joints: Sequence[str]) -> Gram:
     result = Gram.zeros(regressor.columns, joints)
     for row, name in enumerate(joints):
         j = regressor.robot.joints.index(name)
-        active = regressor.active[j]
+        active, used = regressor.active[j], block.used[:, j]
         Z = np.empty((len(block.t), len(active) + 1))
         Z[:, :-1], Z[:, -1] = block.Y[:, active, j], block.tau[:, j]
+        if not used.all():
+            Z = Z[used]
         where = np.append(active, C)
         result.moments[row][np.ix_(where, where)] = Z.T @ Z
         result.sums[row, where] = Z.sum(axis=0)
-    result.counts[:] = len(block.t)
+        result.counts[row] = len(Z)
     return result
 
 
@@ -222,14 +234,18 @@ def _check_torque_present(motion: Motion, robot: Robot, joints: Sequence[str]) -
         )
 
 
-def stack(blocks: Sequence[Block], robot: Robot, joints: Sequence[str]) -> tuple[Array, Array]:
-    """Rows of several blocks, sample by sample, the joints of a sample in order.
+def stack(blocks: Sequence[Block], robot: Robot, joints: Sequence[str]) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Rows of several blocks, sample by sample, the joints of a sample in order, resting joints left out.
 
     Returns
     -------
-    Y : ndarray, shape (M · len(joints), C)
-    tau : ndarray, shape (M · len(joints),)
+    Y : ndarray, shape (R, C)
+    tau : ndarray, shape (R,)
+    which : ndarray of int, shape (R,)
+        Position in `joints` of each row's joint.
     """
     index: NDArray[np.intp] = np.array([robot.joints.index(n) for n in joints])
-    rows = [b.Y[:, :, index].transpose(0, 2, 1).reshape(-1, b.Y.shape[1]) for b in blocks]
-    return np.concatenate(rows), np.concatenate([b.tau[:, index].ravel() for b in blocks])
+    used = np.concatenate([b.used[:, index].ravel() for b in blocks])
+    rows = [b.Y[:, :, index].transpose(0, 2, 1).reshape(-1, b.Y.shape[1])[b.used[:, index].ravel()] for b in blocks]
+    tau = np.concatenate([b.tau[:, index].ravel() for b in blocks])
+    return np.concatenate(rows), tau[used], np.resize(np.arange(len(index)), len(used))[used]

@@ -20,11 +20,11 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, sparse
+from scipy import ndimage, signal, sparse
 from scipy.interpolate import make_interp_spline
 
 from frischid.errors import InputError
-from frischid.log import Log
+from frischid.log import STILL, Log
 
 Array = NDArray[np.float64]
 
@@ -76,6 +76,8 @@ class Motion:
         rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints).
     tau : ndarray, shape (N, J)
         Torque, N·m (N); NaN columns for joints without a torque channel.
+    still : ndarray of bool, shape (N, J)
+        Joints at standstill (see `standstill`).
     source : str
         The log it comes from.
     """
@@ -85,6 +87,7 @@ class Motion:
     v: Array
     a: Array
     tau: Array
+    still: NDArray[np.bool_]
     source: str
 
     @property
@@ -121,6 +124,17 @@ def noise_level(x: Array) -> Array:
     return np.asarray(np.where(spread > 0, spread, np.std(fourth, axis=0)))
 
 
+def standstill(q: Array, step: float) -> NDArray[np.bool_]:
+    """Joints that hold their position: less than `STILL` of travel within half a second around the sample.
+
+    Dry friction at rest takes any value up to break-away, whatever the speed's noise says; a model with Coulomb friction
+    makes no prediction there. A joint that reverses does not rest.
+    """
+    window = 2 * round(0.25 / step) + 1
+    travel = ndimage.maximum_filter1d(q, window, axis=0) - ndimage.minimum_filter1d(q, window, axis=0)
+    return np.asarray(travel < STILL)
+
+
 def derivative_taps(order: int, step: float, cutoff: float | None) -> Array:
     """Savitzky-Golay weights of a zero-phase derivative that passes `DERIVATIVE_BAND` times the cut-off.
 
@@ -134,39 +148,52 @@ def derivative_taps(order: int, step: float, cutoff: float | None) -> Array:
 
 
 def choose_lowpass(logs: Sequence[Log], joints: Sequence[str]) -> LowPass:
-    """Cut-off from the data: above it, the acceleration is noise or the robot hardly moves.
+    """Cut-off from the data: high enough to keep the shape of reversals, low enough to leave the torque's noise out.
 
-    For every joint the spectrum of q gives a noise floor (its upper third) and, above that floor, the spectrum of the
-    acceleration. The joint's bandwidth holds 99 % of the acceleration's power; the cut-off is twice the median bandwidth over
-    moving joints and logs, so that reversals keep their shape.
+    Every joint's *bandwidth* holds 99 % of the power of its velocity, as the spectrum of q shows it above ten times its
+    own noise floor (the upper third of the spectrum). The cut-off is ten times the median bandwidth over moving joints
+    and logs: dry friction is a square wave of the velocity's frequency, and its first harmonics carry the information.
+    Where the torque's spectrum sinks to ten times its floor earlier than that, the cut-off is there, but never below
+    four bandwidths.
 
     Parameters
     ----------
     logs : sequence of Log
     joints : sequence of str
-        Joints that count.
+        Joints whose torque is fitted.
 
     Returns
     -------
     LowPass
     """
     bands: list[float] = []
+    clear: list[float] = []
     for log in logs:
-        t, q = _uniform(log.t, log.select(joints).q)
+        chosen = log.select(joints)
+        t, q, tau = _uniform(log.t, chosen.q, np.full_like(chosen.q, np.nan) if chosen.tau is None else chosen.tau)
         step = (t[-1] - t[0]) / (len(t) - 1)
-        f, power = signal.welch(q, 1 / step, nperseg=min(len(t), round(8 / step)), detrend="linear", axis=0)
-        floor = np.median(power[2 * len(f) // 3 :], axis=0)
-        clear = np.where(power > 10 * floor, power - floor, 0.0)
-        acceleration = clear * ((2 * np.pi * f) ** 4)[:, None]
-        share = np.cumsum(acceleration, axis=0) / np.maximum(acceleration.sum(axis=0), 1e-300)
-        moving = np.ptp(q, axis=0) > 1e-3
+        f, power, floor = _spectrum(q, step)
+        velocity = np.where(power > 10 * floor, power - floor, 0.0) * (f**2)[:, None]
+        share = np.cumsum(velocity, axis=0) / np.maximum(velocity.sum(axis=0), 1e-300)
+        moving = np.ptp(q, axis=0) > STILL
         bands += [float(f[np.searchsorted(share[:, j], 0.99)]) for j in np.flatnonzero(moving)]
+        f, power, floor = _spectrum(tau, step)
+        noisy = power < 10 * floor
+        clear += [float(f[noisy[:, j].argmax()]) for j in np.flatnonzero(moving & noisy[1:].any(axis=0))]
     if not bands:
         return LowPass(None, "no joint moves")
-    rate = min(log.rate for log in logs)
     band = float(np.median(bands))
-    cutoff = float(f"{min(2 * band, 0.2 * rate):.2g}")
-    return LowPass(cutoff, f"twice the {band:.2g} Hz below which 99 % of the acceleration lies")
+    sinks = float(np.median(clear)) if clear else np.inf
+    cutoff = float(f"{min(max(4 * band, min(10 * band, sinks)), 0.2 * min(log.rate for log in logs)):.2g}")
+    if cutoff < 9.5 * band:
+        return LowPass(cutoff, f"chosen where the torque nears its noise; the motion's bandwidth is {band:.2g} Hz")
+    return LowPass(cutoff, f"chosen as ten times the motion's bandwidth of {band:.2g} Hz")
+
+
+def _spectrum(x: Array, step: float) -> tuple[Array, Array, Array]:
+    """Frequencies, power spectral density and its floor per column."""
+    f, power = signal.welch(x, 1 / step, nperseg=min(len(x), round(8 / step)), detrend="linear", axis=0)
+    return f, power, np.median(power[2 * len(f) // 3 :], axis=0)
 
 
 def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
@@ -258,7 +285,8 @@ def _motion(log: Log, lowpass: LowPass, velocity: str) -> tuple[Motion, list[str
     keep_a = np.where(use_v, source.a_from_v, source.a)
     if velocity != "derived":
         keep_a = np.where(np.isnan(a[inside]).any(axis=0), keep_a, a[inside])
-    return Motion(t[inside], q[inside], keep_v, keep_a, tau[inside], log.source), notes
+    still = standstill(q, step)[inside]
+    return Motion(t[inside], q[inside], keep_v, keep_a, tau[inside], still, log.source), notes
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,17 +1,28 @@
 """Motions as functions of time: q(t), q̇(t), q̈(t) in closed form, nothing differentiated numerically.
 
-Two families: joint-wise finite Fourier series (Swevers et al. 1997) brought to rest at both ends, and quintic
-polynomials through given points (q, q̇, q̈), the paper's section 3.2.
+Three families: joint-wise finite Fourier series (Swevers et al. 1997) brought to rest at both ends, quintic
+polynomials through given points (q, q̇, q̈) (Massaroli et al., section 3.2), and quintic B-splines. All are linear in their
+coefficients, and all know exactly where they turn: a trigonometric polynomial is an ordinary one on the unit circle,
+
+    Σ_k (s_k sin kφ + c_k cos kφ) = 0   ⇔   Σ_k (c_k + i s_k) z^{K−k} + (c_k − i s_k) z^{K+k} = 0,   z = e^{iφ},
+
+so the extremes of a motion are roots of polynomials, not the largest of some samples.
+
+References: J. Swevers et al., "Optimal robot excitation and identification", IEEE Trans. Robotics and Automation 13(5),
+1997; S. Massaroli et al., "Frisch Scheme Identification of Robots Dynamic Parameters"; C. de Boor, "A Practical Guide to
+Splines", 1978.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BPoly
+from scipy.interpolate import BPoly, PPoly
+from scipy.interpolate import BSpline as ScipySpline
 
 from frischid.errors import InputError
 from frischid.robot import Robot
@@ -71,6 +82,18 @@ class Fourier:
         a = -(s * w) @ self.A + (c * w) @ self.B
         return q, v, a
 
+    def turning(self, order: int, joint: int) -> Array:
+        """Times in the open interval at which derivative `order` (0, 1 or 2) of a joint may be extreme."""
+        w = 2 * np.pi * np.arange(1, len(self.A) + 1) / self.duration
+        # The derivative one order up, as sine and cosine coefficients of each harmonic.
+        A, B = self.A[:, joint], self.B[:, joint]
+        sine, cosine = ((B, A), (-A * w, B * w), (-B * w**2, -A * w**2))[order]
+        half = cosine + 1j * sine
+        roots = np.roots(np.concatenate([half.conj()[::-1], [0.0], half]))
+        # Rounding moves roots off the circle; a time that is no extreme after all does no harm.
+        angle = np.angle(roots[np.abs(np.abs(roots) - 1.0) < 0.05])
+        return np.asarray(np.mod(angle, 2 * np.pi) * self.duration / (2 * np.pi))
+
 
 @dataclass(frozen=True, eq=False)
 class Quintic:
@@ -101,6 +124,71 @@ class Quintic:
         """Position, velocity and acceleration at times t (N,), each of shape (N, J)."""
         spline = BPoly.from_derivatives(self.t - self.t[0], np.stack([self.q, self.v, self.a], axis=1))
         return spline(t), spline.derivative(1)(t), spline.derivative(2)(t)
+
+    @cached_property
+    def _pieces(self) -> list[Any]:
+        stack = np.stack([self.q, self.v, self.a], axis=1)
+        return [
+            PPoly.from_bernstein_basis(BPoly.from_derivatives(self.t - self.t[0], stack[..., j]))
+            for j in range(self.q.shape[1])
+        ]
+
+    def turning(self, order: int, joint: int) -> Array:
+        """Times in the open interval at which derivative `order` (0, 1 or 2) of a joint may be extreme."""
+        return _roots(self._pieces[joint].derivative(order + 1), self.duration)
+
+
+SPLINE_DEGREE = 5
+
+
+@dataclass(frozen=True, eq=False)
+class BSpline:
+    """Uniform quintic B-spline with clamped ends: four times continuously differentiable, local, in its points' hull.
+
+    Attributes
+    ----------
+    points : ndarray, shape (M, J)
+        Control points, rad (m). Three equal ones at an end mean rest there: see `rested`.
+    duration : float
+        Length, s.
+    """
+
+    points: Array
+    duration: float
+
+    def __post_init__(self) -> None:
+        if len(self.points) <= SPLINE_DEGREE:
+            raise InputError(f"a quintic B-spline needs at least {SPLINE_DEGREE + 1} points, got {len(self.points)}")
+
+    @classmethod
+    def rested(cls, points: Array, duration: float) -> BSpline:
+        """Triple the end points, so that the motion starts and ends there with zero velocity and acceleration."""
+        return cls(np.concatenate([points[:1]] * 2 + [points] + [points[-1:]] * 2), duration)
+
+    @cached_property
+    def _spline(self) -> Any:
+        inner = np.linspace(0.0, self.duration, len(self.points) - SPLINE_DEGREE + 1)
+        knots = np.concatenate([[0.0] * SPLINE_DEGREE, inner, [self.duration] * SPLINE_DEGREE])
+        return ScipySpline(knots, self.points, SPLINE_DEGREE)
+
+    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
+        """Position, velocity and acceleration at times t (N,), each of shape (N, J)."""
+        spline = self._spline
+        return spline(t), spline.derivative(1)(t), spline.derivative(2)(t)
+
+    def turning(self, order: int, joint: int) -> Array:
+        """Times in the open interval at which derivative `order` (0, 1 or 2) of a joint may be extreme."""
+        spline = self._spline
+        pieces = PPoly.from_spline((spline.t, spline.c[:, joint], SPLINE_DEGREE))
+        return _roots(pieces.derivative(order + 1), self.duration)
+
+
+def _roots(piecewise: Any, duration: float) -> Array:
+    """Where a piecewise polynomial crosses zero, and its breaks, where it may jump across."""
+    roots = piecewise.roots(extrapolate=False)
+    # A piece that is zero throughout gives NaN: nothing turns there.
+    candidates = np.concatenate([roots[np.isfinite(roots)], piecewise.x])
+    return np.asarray(candidates[(candidates > 0.0) & (candidates < duration)])
 
 
 def random_fourier(robot: Robot, duration: float, *, seed: int, harmonics: int = 5, scale: float = 0.7) -> Fourier:

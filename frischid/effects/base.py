@@ -87,6 +87,8 @@ class Effect(ABC):
     confused_with: ClassVar[tuple[str, ...]]
     confirmed_by: ClassVar[str]
     reference: ClassVar[str]
+    dry: ClassVar[bool] = False
+    """Whether the effect has no definite value at standstill, so that resting joints must be left out."""
 
     joints: tuple[str, ...] | None = None
 

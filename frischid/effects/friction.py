@@ -61,7 +61,9 @@ class Coulomb(Effect):
     confirmed_by: ClassVar[str] = "move the joint slowly in both directions: the torque jumps by 2·fc at each reversal"
     reference: ClassVar[str] = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
 
-    width: float = 0.02
+    dry: ClassVar[bool] = True
+
+    width: float = 0.005
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.width) and self.width > 0):

@@ -1,0 +1,213 @@
+"""What makes a motion exciting, as a number to make small, with its gradient.
+
+Least squares spreads an error of the measured torque over the parameters by the inverse of the moments ``M = Πᵀ Π`` of
+the base regressor Π. A motion is good when M is large in every direction and alike in all:
+
+    condition    √(λ_max/λ_min) of D M D,  D = diag(M)^(−1/2)           (Gautier and Khalil 1992, columns scaled)
+    d_optimal    −(log det M/N)/p          the volume of the confidence ellipsoid (Swevers et al. 1997)
+    paper        λ₁ cond Π + λ₂/σ_min(Π) + ψ                            (Massaroli et al., eq. 19)
+
+with ψ the ∞-norm of the off-diagonal of ``S = Ñᵀ Ñ / (nN)``, ``Ñ = Π(x + noise) − Π(x)``: how strongly noise on q, q̇, q̈
+is correlated between the columns, which is what the Frisch scheme has to assume away. The noise is drawn once.
+
+Extreme eigenvalues have a derivative only where they are simple, and an optimum makes them coalesce. So every criterion
+is written with the soft extremes ``λ_max ≈ (Σ λᵏ)^(1/k)``, ``λ_min ≈ (Σ λ⁻ᵏ)^(−1/k)``, smooth and exact for k → ∞; the
+sharpness k rises as the search comes near. An eigenvalue moves by ``dλ_i = u_iᵀ dM u_i``, so every gradient is one matrix
+G with ``df = tr(G dM)``, and ``∂f/∂Π = 2 Π G``.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.errors import InputError, UnknownNameError
+
+Array = NDArray[np.float64]
+
+EXACT = np.inf
+"""Sharpness at which soft extremes are the true ones."""
+CRITERIA: dict[str, type[Criterion]] = {}
+"""Every criterion by name; defining a subclass adds one."""
+
+
+class Criterion(ABC):
+    """A cost of base regressors.
+
+    A criterion sees the base regressor as W of shape (1 + D, N, p, J): at the motion itself, then at the D copies of the
+    motion displaced by `displacements`.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    positive: ClassVar[bool] = True
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "name" in cls.__dict__:
+            CRITERIA[cls.name] = cls
+
+    def displacements(self, samples: int, joints: int, seed: int) -> Array:
+        """Return what to add to (q, q̇, q̈) for each of the D copies, shape (D, 3, N, J); none by default."""
+        return np.empty((0, 3, samples, joints))
+
+    @abstractmethod
+    def __call__(self, W: Array, sharpness: float = EXACT) -> tuple[float, Array]:
+        """Cost and its derivative by every entry of W.
+
+        Parameters
+        ----------
+        W : ndarray, shape (1 + D, N, p, J)
+        sharpness : float
+            Exponent k of the soft extremes.
+
+        Returns
+        -------
+        cost : float
+        gradient : ndarray, shape (1 + D, N, p, J)
+        """
+
+
+@dataclass(frozen=True)
+class Condition(Criterion):
+    """Condition number of the base regressor with its columns at unit norm."""
+
+    name: ClassVar[str] = "condition"
+    title: ClassVar[str] = "condition number, columns at unit norm"
+
+    def __call__(self, W: Array, sharpness: float = EXACT) -> tuple[float, Array]:
+        """See `Criterion`."""
+        M = _moments(W[0])
+        size = np.maximum(M.diagonal(), 1e-300)
+        root = np.sqrt(size)
+        S = M / np.outer(root, root)
+        (high, low), (G_high, G_low) = _log_extremes(S, sharpness)
+        cost = float(np.exp(0.5 * (high - low)))
+        G = 0.5 * cost * (G_high - G_low)
+        # The unit norms move with M as well.
+        G_M = G / np.outer(root, root) - np.diag((G * S).sum(axis=1) / size)
+        return cost, _through_moments(W, G_M)
+
+
+@dataclass(frozen=True)
+class DOptimal(Criterion):
+    """Mean log variance of the parameters; the units of the parameters only add a constant."""
+
+    name: ClassVar[str] = "d_optimal"
+    title: ClassVar[str] = "−log det of the moments per sample and parameter"
+    positive: ClassVar[bool] = False
+
+    def __call__(self, W: Array, sharpness: float = EXACT) -> tuple[float, Array]:
+        """See `Criterion`."""
+        M = _moments(W[0]) / W.shape[1]
+        values, vectors = _spectrum(M)
+        G = -(vectors / values) @ vectors.T / len(M)
+        return float(-np.log(values).mean()), _through_moments(W, G / W.shape[1])
+
+
+@dataclass(frozen=True)
+class Paper(Criterion):
+    """Cost (19) of Massaroli et al.
+
+    Attributes
+    ----------
+    condition, smallest, correlation : float
+        Weights λ₁ of cond Π, λ₂ of 1/σ_min(Π), and of ψ.
+    noise : float
+        Standard deviation of the synthetic noise on q, q̇ and q̈; the authors' code uses 1.
+    draws : int
+        Noise realisations ψ is averaged over. With the authors' single one, the motion can adapt to that very noise.
+    """
+
+    name: ClassVar[str] = "paper"
+    title: ClassVar[str] = "cost (19): λ₁ cond + λ₂/σ_min + ψ"
+
+    condition: float = 1.0
+    smallest: float = 1.0
+    correlation: float = 1.0
+    noise: float = 1.0
+    draws: int = 1
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.noise) and self.noise >= 0 and self.draws >= 1):
+            raise InputError(f"criterion paper: noise {self.noise} must be 0 or more, draws {self.draws} at least 1")
+
+    def displacements(self, samples: int, joints: int, seed: int) -> Array:
+        """See `Criterion`: standard normal noise, fixed by the seed."""
+        noise = np.random.default_rng(seed).normal(size=(self.draws, 3, samples, joints))
+        return np.asarray(self.noise * noise)
+
+    def __call__(self, W: Array, sharpness: float = EXACT) -> tuple[float, Array]:
+        """See `Criterion`."""
+        (high, low), (G_high, G_low) = _log_extremes(_moments(W[0]), sharpness)
+        cond, inverse = float(np.exp(0.5 * (high - low))), float(np.exp(-0.5 * low))
+        G = 0.5 * self.condition * cond * (G_high - G_low) - 0.5 * self.smallest * inverse * G_low
+        gradient = _through_moments(W, G)
+        psi, slope = self._psi(W, sharpness)
+        cost = self.condition * cond + self.smallest * inverse + self.correlation * psi
+        return cost, gradient + self.correlation * slope
+
+    def _psi(self, W: Array, sharpness: float) -> tuple[float, Array]:
+        """ψ and its derivative by every entry of W."""
+        moved = W[1:] - W[0]
+        scale = 1.0 / (moved.shape[0] * moved.shape[1] * moved.shape[3])
+        S = scale * sum(_moments(each) for each in moved)
+        off = S - np.diag(S.diagonal())
+        rows = np.maximum(np.abs(off).sum(axis=1), 1e-300)
+        value, weights = _soft_max(np.log(rows), sharpness)
+        psi = float(np.exp(value))
+        G = (psi * weights / rows)[:, None] * np.sign(off)
+        slope = np.zeros_like(W)
+        slope[1:] = scale * np.einsum("pq,dnqj->dnpj", G + G.T, moved)
+        slope[0] = -slope[1:].sum(axis=0)
+        return psi, slope
+
+
+def criterion_of(criterion: str | Criterion) -> Criterion:
+    """Look a criterion up by name; an unknown name is an `UnknownNameError` that lists what exists."""
+    if isinstance(criterion, Criterion):
+        return criterion
+    if criterion not in CRITERIA:
+        raise UnknownNameError("criterion", criterion, CRITERIA)
+    return CRITERIA[criterion]()
+
+
+def _moments(W: Array) -> Array:
+    """Π'Π of a regressor of shape (N, p, J)."""
+    flat = W.transpose(1, 0, 2).reshape(W.shape[1], -1)
+    return np.asarray(flat @ flat.T)
+
+
+def _through_moments(W: Array, G: Array) -> Array:
+    """Derivative by W of a cost with derivative G (symmetric) by the moments of W[0]."""
+    gradient = np.zeros_like(W)
+    gradient[0] = 2.0 * np.matmul(G, W[0])
+    return gradient
+
+
+def _spectrum(M: Array) -> tuple[Array, Array]:
+    """Eigenvalues, none below rounding, and eigenvectors."""
+    values, vectors = np.linalg.eigh(M)
+    return np.maximum(values, 1e-15 * max(values[-1], 1e-300)), vectors
+
+
+def _log_extremes(M: Array, sharpness: float) -> tuple[tuple[float, float], tuple[Array, Array]]:
+    """Logarithms of the soft largest and smallest eigenvalue, and their derivatives by M."""
+    values, vectors = _spectrum(M)
+    high, w_high = _soft_max(np.log(values), sharpness)
+    low, w_low = _soft_max(-np.log(values), sharpness)
+    return (high, -low), ((vectors * (w_high / values)) @ vectors.T, (vectors * (w_low / values)) @ vectors.T)
+
+
+def _soft_max(x: Array, sharpness: float) -> tuple[float, Array]:
+    """``log(Σ exp(k x))/k`` and its derivative."""
+    top = x.argmax()
+    if np.isinf(sharpness):
+        return float(x[top]), np.eye(len(x))[top]
+    weights = np.exp(sharpness * (x - x[top]))
+    total = weights.sum()
+    return float(x[top] + np.log(total) / sharpness), weights / total
