@@ -127,7 +127,7 @@ def identify(
         raise UnknownNameError("estimator", estimator, ESTIMATORS)
     robot, notes = _held_by(robot, logs)
     rows = _torque_joints(robot, logs, torque_joints, notes)
-    warnings = _check(robot, logs, rows)
+    warnings = [f"{log.source}: {w}" for log in logs for w in _suspicions(robot, log, rows, strict=True)]
     lowpass = choose_lowpass(logs, rows) if cutoff == "auto" else LowPass(cutoff)
     notes.append(_filtering(lowpass))
     motions: list[Motion] = []
@@ -226,6 +226,40 @@ def structure(regressor: Regressor, torque_joints: Sequence[str], seed: int = 0)
     return reduce(Y[:, :, index].transpose(0, 2, 1).reshape(-1, C), regressor.columns)
 
 
+@dataclass(frozen=True)
+class Examination:
+    """What `examine` says of one log: facts, and what should make the reader doubt."""
+
+    source: str
+    facts: dict[str, float | int | str | list[str]]
+    warnings: tuple[str, ...]
+
+
+def examine(robot: Robot, logs: Sequence[Log]) -> list[Examination]:
+    """Check that logs can be used with a robot, and say what is suspicious in them.
+
+    Raises
+    ------
+    InputError
+        A log cannot be used at all.
+    """
+    robot, locked = _held_by(robot, logs)
+    findings = []
+    for log in logs:
+        chosen = log.select(robot.joints)
+        facts: dict[str, float | int | str | list[str]] = {
+            "samples": len(log),
+            "seconds": log.duration,
+            "rate_hz": log.rate,
+            "joints": list(robot.joints),
+            "channels": [c for c in ("v", "a", "tau", "current") if chosen.has(c).any()],
+            "notes": [*locked, *log.notes],
+        }
+        rows = [n for n in robot.joints if chosen.select([n]).has("tau")[0]] or list(robot.joints)
+        findings.append(Examination(log.source, facts, tuple(_suspicions(robot, log, rows, strict=False))))
+    return findings
+
+
 def _held_by(robot: Robot, logs: Sequence[Log]) -> tuple[Robot, list[str]]:
     """Lock the joints that some log does not hold."""
     if not logs:
@@ -237,8 +271,11 @@ def _held_by(robot: Robot, logs: Sequence[Log]) -> tuple[Robot, list[str]]:
             f"{logs[0].source} holds {', '.join(logs[0].joints)}"
         )
     kept = robot.keep(held)
-    notes = [f"{n} locked at {x:.4g} {'rad' if n not in robot.joints else 'rad or m'}" for n, x in kept.locked.items()]
-    return kept, notes
+    by_angle: dict[str, list[str]] = {}
+    for name, angle in kept.locked.items():
+        why = "" if name in robot.locked else ", which some log does not hold"
+        by_angle.setdefault(f"{angle:.4g} rad (m){why}", []).append(name)
+    return kept, [f"locked at {angle}: {', '.join(names)}" for angle, names in by_angle.items()]
 
 
 def _torque_joints(robot: Robot, logs: Sequence[Log], wanted: Sequence[str] | None, notes: list[str]) -> list[str]:
@@ -257,24 +294,19 @@ def _torque_joints(robot: Robot, logs: Sequence[Log], wanted: Sequence[str] | No
     return have or list(robot.joints)
 
 
-def _check(robot: Robot, logs: Sequence[Log], rows: Sequence[str]) -> list[str]:
-    """Raise on logs that cannot be used; say what is suspicious in those that can."""
+def _suspicions(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool) -> list[str]:
+    """Raise on a log that cannot be used; say what is suspicious in one that can."""
+    chosen = log.select(robot.joints)
+    check_motion(chosen)
+    check_torque(chosen, rows)
+    dead = [] if chosen.tau is None else [n for n in rows if not np.any(chosen.tau[:, chosen.joints.index(n)])]
+    if dead and strict:
+        raise InputError(
+            f"{log.source}: the torque of {', '.join(dead)} is zero throughout; leave its torque row out "
+            "(--torque-joints, torque_joints=) or record it"
+        )
     limits = robot.limits
-    warnings = []
-    for log in logs:
-        chosen = log.select(robot.joints)
-        check_motion(chosen)
-        check_torque(chosen, rows)
-        assert chosen.tau is not None  # noqa: S101 - check_torque raised otherwise
-        dead = [n for n in rows if not np.any(chosen.tau[:, chosen.joints.index(n)])]
-        if dead:
-            raise InputError(
-                f"{log.source}: the torque of {', '.join(dead)} is zero throughout; leave its torque row out (torque_joints, "
-                "--torque-joints) or record it"
-            )
-        ranges = np.stack([limits.lower, limits.upper], axis=1)
-        warnings += [f"{log.source}: {w}" for w in warnings_of(chosen, limits.velocity, ranges)]
-    return warnings
+    return warnings_of(chosen, limits.velocity, np.stack([limits.lower, limits.upper], axis=1))
 
 
 def _filtering(lowpass: LowPass) -> str:

@@ -235,6 +235,15 @@ def write_text(path: Path, text: str) -> None:
         scratch.unlink(missing_ok=True)
 
 
+def check_writable(path: str | Path) -> None:
+    """Refuse an output path before the work is done rather than after."""
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise InputError(f"{target}: there is no folder {target.parent}")
+    if target.is_dir():
+        raise InputError(f"{target} is a folder; give the name of a file")
+
+
 def nominal_parameters(robot: Robot, effects: Sequence[Effect]) -> Array:
     """The URDF's own value of every column of the regressor: inertials, damping and friction; zero elsewhere."""
     values = dict(zip(robot.all_names, robot.nominal, strict=True))

@@ -1,0 +1,206 @@
+"""How far a robot's bodies are from one another and from the floor.
+
+The URDF's ``<collision>`` shapes are taken as they are if primitive, and by their convex hull if meshes (never smaller than
+the mesh, and quick to measure). Distances are Coal's (Gilbert, Johnson and Keerthi 1988; negative for overlap). Left out
+are pairs on one body, pairs joined by a joint, and pairs that overlap in nearly every pose, because they were drawn so.
+A mesh that is not found is not checked, and `Clearance.notes` says so.
+"""
+
+from __future__ import annotations
+
+import os
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from frischid.robot import Robot, robot_names
+
+Array = NDArray[np.float64]
+
+FLOOR = "floor"
+_POSES = 64
+_NEARLY_EVERY = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Clearance:
+    """Pairs of bodies to keep apart.
+
+    Attributes
+    ----------
+    robot : Robot
+    geometry : pinocchio.GeometryModel
+    names : tuple of str
+        The pairs, as ``"link2 and link5"``.
+    margin : float
+        Least distance, m.
+    notes : tuple of str
+        What is not checked, and why.
+    """
+
+    robot: Robot
+    geometry: Any
+    names: tuple[str, ...]
+    margin: float
+    notes: tuple[str, ...]
+
+    @classmethod
+    def of(cls, robot: Robot, *, floor: float | None = 0.0, margin: float = 0.01) -> Clearance:
+        """Read a robot's collision shapes.
+
+        Parameters
+        ----------
+        robot : Robot
+        floor : float, optional
+            Height of the floor above the base, against gravity, m; None for no floor.
+        margin : float
+            Least distance, m.
+        """
+        urdf, missing = _with_meshes(robot)
+        notes = [f"no mesh file for {', '.join(missing)}: not checked for collision"] if missing else []
+        geometry = _geometry(robot, urdf)
+        if geometry.ngeoms == 0:
+            notes.append("the URDF has no usable collision shape: neither self-collision nor floor was checked")
+            return cls(robot, geometry, (), margin, tuple(notes))
+        weight = np.linalg.norm(robot.gravity)
+        if floor is not None and weight > 0:
+            half_space = coal.Halfspace(-np.array(robot.gravity) / weight, floor)
+            geometry.addGeometryObject(pin.GeometryObject(FLOOR, 0, pin.SE3.Identity(), half_space))
+        overlapping = _add_pairs(robot, geometry)
+        if overlapping:
+            notes.append(f"overlapping in nearly every pose, so not checked: {', '.join(overlapping)}")
+        names = tuple(_pair_name(geometry, pair) for pair in geometry.collisionPairs)
+        return cls(robot, geometry, names, margin, tuple(notes))
+
+    def nearest(self, q: Array) -> tuple[Array, NDArray[np.intp]]:
+        """Distance and index of the closest pair in each of N poses.
+
+        Parameters
+        ----------
+        q : ndarray, shape (N, J)
+
+        Returns
+        -------
+        distance : ndarray, shape (N,)
+            Metres; infinite where no pair is closer than the margin, because only those are measured.
+        pair : ndarray of int, shape (N,)
+        """
+        distance, pair = np.full(len(q), np.inf), np.zeros(len(q), dtype=np.intp)
+        if not self.names:
+            return distance, pair
+        model, data, geometry = self.robot.model, self.robot.model.createData(), self.geometry
+        space = geometry.createData()
+        for request in space.collisionRequests:
+            request.security_margin = self.margin
+        for k, x in enumerate(self.robot.configuration(q)):
+            if not pin.computeCollisions(model, data, geometry, space, x, False):
+                continue
+            close = [i for i, result in enumerate(space.collisionResults) if result.isCollision()]
+            measured = [pin.computeDistance(geometry, space, i).min_distance for i in close]
+            best = int(np.argmin(measured))
+            distance[k], pair[k] = min(measured[best], self.margin), close[best]
+        return distance, pair
+
+    def distance(self, q: Array, pair: NDArray[np.intp]) -> Array:
+        """Distance of one pair in each pose, m: (N, J) and (N,) -> (N,)."""
+        model, data, geometry = self.robot.model, self.robot.model.createData(), self.geometry
+        space = geometry.createData()
+        out = np.empty(len(q))
+        for k, x in enumerate(self.robot.configuration(q)):
+            pin.updateGeometryPlacements(model, data, geometry, space, x)
+            out[k] = pin.computeDistance(geometry, space, int(pair[k])).min_distance
+        return out
+
+
+def _with_meshes(robot: Robot) -> tuple[str, list[str]]:
+    """The URDF with the full path of every collision mesh, without those that do not exist, and those."""
+    root, missing = ET.fromstring(robot.urdf), []
+    folder = _folder(robot)
+    for link in root.findall("link"):
+        for shape in link.findall("collision"):
+            mesh = shape.find("geometry/mesh")
+            if mesh is None:
+                continue
+            path = _mesh_path(str(mesh.get("filename")), folder)
+            if path is None:
+                missing.append(str(link.get("name")))
+                link.remove(shape)
+            else:
+                mesh.set("filename", str(path))
+    return ET.tostring(root, encoding="unicode"), missing
+
+
+def _folder(robot: Robot) -> Path | None:
+    path = Path(robot.source).expanduser()
+    path = path if path.is_file() else robot_names().get(robot.source, path)
+    return path.resolve().parent if path.is_file() else None
+
+
+def _mesh_path(filename: str, folder: Path | None) -> Path | None:
+    """Find a mesh: ``package://name/rest`` in ROS_PACKAGE_PATH and in every folder above the URDF."""
+    rest = filename.removeprefix("file://")
+    above = [folder, *folder.parents] if folder else []
+    roots = above[:1]
+    if filename.startswith("package://"):
+        rest = filename.removeprefix("package://")
+        roots = above + [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
+    return next((p for p in (root / rest for root in [*roots, Path("/")]) if p.is_file()), None)
+
+
+def _geometry(robot: Robot, urdf: str) -> Any:
+    """Collision shapes on the bodies of `robot.model`, in which some joints may be locked."""
+    whole = pin.buildModelFromXML(robot.urdf)
+    shapes = pin.buildGeomFromUrdfString(whole, urdf, pin.GeometryType.COLLISION)
+    geometry, model = pin.GeometryModel(), robot.model
+    for shape in shapes.geometryObjects:
+        frame = whole.frames[shape.parentFrame]
+        here = model.frames[model.getFrameId(frame.name, frame.type)]
+        placement = here.placement * frame.placement.inverse() * shape.placement
+        geometry.addGeometryObject(
+            pin.GeometryObject(frame.name, here.parentJoint, placement, _convex(shape.geometry))
+        )
+    return geometry
+
+
+def _convex(shape: Any) -> Any:
+    if not isinstance(shape, coal.BVHModelBase):
+        return shape
+    shape.buildConvexHull(True, "Qt")
+    return shape.convex
+
+
+def _pair_name(geometry: Any, pair: Any) -> str:
+    return f"{geometry.geometryObjects[pair.first].name} and {geometry.geometryObjects[pair.second].name}"
+
+
+def _add_pairs(robot: Robot, geometry: Any) -> list[str]:
+    """Add the pairs worth checking; return the names of those that overlap by construction."""
+    model = robot.model
+    bodies = [shape.parentJoint for shape in geometry.geometryObjects]
+    for i in range(len(bodies)):
+        for k in range(i + 1, len(bodies)):
+            one, two = sorted((bodies[i], bodies[k]))
+            on_floor = FLOOR in (geometry.geometryObjects[i].name, geometry.geometryObjects[k].name)
+            joined = one == two or (model.parents[two] == one and not on_floor)
+            if not joined:
+                geometry.addCollisionPair(pin.CollisionPair(i, k))
+    if len(geometry.collisionPairs) == 0:
+        return []
+    limits = robot.limits
+    lower, upper = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
+    poses = np.random.default_rng(0).uniform(lower, upper, (_POSES, len(robot.joints)))
+    data, space, hits = model.createData(), geometry.createData(), np.zeros(len(geometry.collisionPairs))
+    for x in robot.configuration(poses):
+        pin.computeCollisions(model, data, geometry, space, x, False)
+        hits += [result.isCollision() for result in space.collisionResults]
+    always = [pair for pair, n in zip(list(geometry.collisionPairs), hits, strict=True) if n > _NEARLY_EVERY * _POSES]
+    names = [_pair_name(geometry, pair) for pair in always]
+    for pair in always:
+        geometry.removeCollisionPair(pair)
+    return names

@@ -1,0 +1,188 @@
+"""What a motion may do, and where it does not keep to it.
+
+An envelope holds for every t, not for some samples:
+
+    lower ≤ q(t) ≤ upper,   |q̇(t)| ≤ velocity,   |q̈(t)| ≤ acceleration,   |τ(t)| ≤ torque,   distance(t) ≥ margin.
+
+The first three are checked where they are extreme, at the roots of the derivative one order up (`trajectory`), so they
+hold exactly. The torque of the URDF's own parameters and friction, and the distances, are checked at 100 Hz.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.clearance import Clearance
+from frischid.errors import InputError
+from frischid.robot import Robot
+from frischid.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+SECONDS_TO_FULL_SPEED = 0.25
+"""A URDF gives no acceleration limit: this long from rest to the velocity limit is gentle for an industrial arm."""
+RATE = 100.0
+"""Torque and distance are checked this often, Hz."""
+ROUNDING = 1e-9
+"""Relative excess that is no violation."""
+
+
+class Motion(Trajectory, Protocol):
+    """A trajectory that knows where it turns."""
+
+    def turning(self, order: int, joint: int) -> Array:
+        """Times at which derivative `order` of a joint may be extreme."""
+        ...
+
+
+@dataclass(frozen=True)
+class Violation:
+    """One limit that a motion does not keep, where it is exceeded most.
+
+    Attributes
+    ----------
+    kind : str
+        ``"position"``, ``"velocity"``, ``"acceleration"``, ``"torque"`` or ``"distance"``.
+    joint : str
+        The joint, or the two bodies that come too close.
+    time : float
+        Seconds from the start.
+    value, limit : float
+    """
+
+    kind: str
+    joint: str
+    time: float
+    value: float
+    limit: float
+
+    def __str__(self) -> str:
+        word = "below" if self.kind == "distance" or self.value < self.limit else "above"
+        return f"{self.kind} of {self.joint} at {self.time:.2f} s is {self.value:.4g}, {word} {self.limit:.4g}"
+
+
+@dataclass(frozen=True, eq=False)
+class Envelope:
+    """Limits of the J joints, each of shape (J,).
+
+    Attributes
+    ----------
+    lower, upper : ndarray
+        Position, rad (m).
+    velocity, acceleration, torque : ndarray
+        Largest magnitudes: rad/s (m/s), rad/s² (m/s²), N·m (N).
+    """
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    torque: Array
+
+    @classmethod
+    def of(
+        cls, robot: Robot, scale: float = 0.9, acceleration: float | Sequence[float] | None = None
+    ) -> Envelope:
+        """Take the limits of a robot's URDF.
+
+        Where the URDF is silent: positions within ±π (±0.5 m), velocities below 2 rad/s (m/s), full speed reached in
+        `SECONDS_TO_FULL_SPEED`, any torque. No joint turns further than π from zero, further poses are the same again.
+
+        Parameters
+        ----------
+        robot : Robot
+        scale : float
+            Share of every limit that is used, in (0, 1]; of the position range about its middle.
+        acceleration : float or sequence of J float, optional
+            Acceleration limits, rad/s² (m/s²), of which `scale` is used as well.
+        """
+        if not 0.0 < scale <= 1.0:
+            raise InputError(f"the share of the limits that is used must lie in (0, 1], got {scale}")
+        limits, J = robot.limits, len(robot.joints)
+        reach = np.where(robot.prismatic, 0.5, np.pi)
+        free = ~np.isfinite(limits.lower) | ~np.isfinite(limits.upper)
+        revolute = ~robot.prismatic
+        lower = np.where(free, -reach, np.where(revolute, np.maximum(limits.lower, -np.pi), limits.lower))
+        upper = np.where(free, reach, np.where(revolute, np.minimum(limits.upper, np.pi), limits.upper))
+        bad = np.flatnonzero(lower >= upper)  # a range wholly beyond ±π
+        lower[bad], upper[bad] = limits.lower[bad], limits.upper[bad]
+        middle, half = (upper + lower) / 2, scale * (upper - lower) / 2
+        velocity = np.where(np.isfinite(limits.velocity), limits.velocity, 2.0)
+        most = velocity / SECONDS_TO_FULL_SPEED if acceleration is None else np.asarray(acceleration, dtype=float)
+        if most.shape not in {(), (J,)} or not (most > 0).all():
+            raise InputError(f"acceleration limits must be one or {J} positive numbers, got {acceleration}")
+        most = np.broadcast_to(most, (J,))
+        return cls(middle - half, middle + half, scale * velocity, scale * most, scale * limits.effort)
+
+    @property
+    def middle(self) -> Array:
+        """Middle of the position range."""
+        return (self.upper + self.lower) / 2
+
+    @property
+    def half(self) -> Array:
+        """Half of the position range."""
+        return (self.upper - self.lower) / 2
+
+
+def extremes(motion: Motion, joints: int) -> tuple[Array, Array]:
+    """Where every derivative of every joint is least and greatest.
+
+    Returns
+    -------
+    times, values : ndarray, shape (3, 2, J)
+        Of position, velocity and acceleration; the minimum, then the maximum.
+    """
+    times, values = np.empty((3, 2, joints)), np.empty((3, 2, joints))
+    for order in range(3):
+        for j in range(joints):
+            t = np.concatenate([[0.0, motion.duration], motion.turning(order, j)])
+            x = motion(t)[order][:, j]
+            for side, k in enumerate((x.argmin(), x.argmax())):
+                times[order, side, j], values[order, side, j] = t[k], x[k]
+    return times, values
+
+
+def nominal_torque(robot: Robot, q: Array, v: Array, a: Array) -> Array:
+    """Torque of the URDF's inertias and ``<dynamics>``, dry friction at its full size, (N, J) each -> (N, J)."""
+    damping, friction = np.array([robot.dynamics[j] for j in robot.joints]).T
+    return np.asarray(robot.inverse_dynamics(q, v, a) + damping * v + friction * np.tanh(v / 0.02))
+
+
+def violations(
+    robot: Robot, motion: Motion, envelope: Envelope, clearance: Clearance | None = None
+) -> list[Violation]:
+    """List every limit of every joint that a motion exceeds anywhere, each at its worst time."""
+    found = list(_kinematic(robot, motion, envelope))
+    t = np.linspace(0.0, motion.duration, int(np.ceil(RATE * motion.duration)) + 1)
+    q, v, a = motion(t)
+    if np.isfinite(envelope.torque).any():
+        torque = nominal_torque(robot, q, v, a)
+        for j, k in enumerate(np.abs(torque).argmax(axis=0)):
+            if abs(torque[k, j]) > envelope.torque[j] * (1 + ROUNDING):
+                limit = np.copysign(envelope.torque[j], torque[k, j])
+                found.append(Violation("torque", robot.joints[j], t[k], torque[k, j], limit))
+    if clearance is not None:
+        distance, pair = clearance.nearest(q)
+        for p in np.unique(pair[distance < clearance.margin]):
+            k = int(np.where(pair == p, distance, np.inf).argmin())
+            found.append(Violation("distance", clearance.names[p], t[k], distance[k], clearance.margin))
+    return found
+
+
+def _kinematic(robot: Robot, motion: Motion, envelope: Envelope) -> Iterator[Violation]:
+    times, values = extremes(motion, len(robot.joints))
+    sizes = (envelope.half, envelope.velocity, envelope.acceleration)
+    for order, kind in enumerate(("position", "velocity", "acceleration")):
+        shift = envelope.middle if order == 0 else np.zeros(len(robot.joints))
+        for j, name in enumerate(robot.joints):
+            side = int(np.abs(values[order, :, j] - shift[j]).argmax())
+            value, time = float(values[order, side, j]), float(times[order, side, j])
+            if abs(value - shift[j]) > sizes[order][j] * (1 + ROUNDING):
+                limit = shift[j] + np.copysign(sizes[order][j], value - shift[j])
+                yield Violation(kind, name, time, value, float(limit))

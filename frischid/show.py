@@ -1,0 +1,284 @@
+"""What the command line prints: every result as a page for people and as JSON for machines, side by side.
+
+No mathematics: numbers are only arranged here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from frischid.compare import Comparison
+from frischid.demo import Demo
+from frischid.effects import EFFECTS, Effect
+from frischid.identify import Examination, Identification
+from frischid.log import Log
+from frischid.model import Model
+from frischid.reduction import Reduction
+from frischid.regressor import Regressor
+from frischid.robot import LINK_PARAMETERS, LINK_UNITS, Robot
+
+
+@dataclass(frozen=True)
+class Page:
+    """A result, ready to print."""
+
+    data: Any
+    parts: Sequence[Any]
+
+
+def robot(machine: Robot, regressor: Regressor, reduction: Reduction) -> Page:
+    """Joints and identifiable parameters."""
+    limits = machine.limits
+    table = _table("joint", "", "kind", "lower", "upper", "speed", "torque", title=f"{machine.name}: {machine.source}")
+    joints = []
+    for i, name in enumerate(machine.joints):
+        kind = "prismatic" if machine.prismatic[i] else "revolute"
+        values = [limits.lower[i], limits.upper[i], limits.velocity[i], limits.effort[i]]
+        table.add_row(name, str(machine.numbers[name]), kind, *(_figure(x) for x in values))
+        keys = ("lower", "upper", "velocity", "effort")
+        joints.append({"name": name, "number": machine.numbers[name], "kind": kind} | dict(zip(keys, map(_plain, values), strict=True)))
+    base = [
+        {"name": c.name, "expression": e, "unit": c.unit, "joint": c.joint, "effect": c.effect}
+        for c, e in zip(reduction.base_columns(), reduction.expressions(), strict=True)
+    ]
+    columns = [c.name for c in reduction.columns]
+    groups = {
+        "identifiable_alone": [columns[i] for i in reduction.absolute],
+        "identifiable_in_combination": [columns[i] for i in reduction.linear],
+        "not_identifiable": [*(columns[i] for i in reduction.none), *machine.known],
+    }
+    regrouped = _table("base parameter", "stands for", "unit", title=f"{reduction.rank} base parameters")
+    for b in base:
+        regrouped.add_row(b["name"], b["expression"], b["unit"])
+    notes = [f"mimic joint {n} follows {x[0]}" for n, x in machine.mimics.items()]
+    notes += [f"locked at {x:.4g} rad (m): {n}" for n, x in machine.locked.items()]
+    notes += ["the URDF has no inertials: nominal torques are zero"] * (not machine.nominal.any())
+    counts = (
+        f"{len(columns) + len(machine.known)} parameters: {len(groups['identifiable_alone'])} identifiable alone, "
+        f"{len(groups['identifiable_in_combination'])} only in combination, {len(groups['not_identifiable'])} not at all"
+        f"{f' ({len(machine.known)} of them known)' if machine.known else ''}; "
+        f"rank {reduction.rank}, gap {reduction.gap:.2g}"
+    )
+    units = ", ".join(f"{p} {u}" for p, u in zip(LINK_PARAMETERS, LINK_UNITS, strict=True))
+    data = {
+        "name": machine.name,
+        "source": machine.source,
+        "gravity": list(machine.gravity),
+        "joints": joints,
+        "mimic": list(machine.mimics),
+        "locked": dict(machine.locked),
+        "effects": [str(e) for e in regressor.effects],
+        "rank": reduction.rank,
+        "gap": reduction.gap,
+        "base_parameters": base,
+        **groups,
+    }
+    return Page(data, [table, *notes, f"each link: {units}", counts, regrouped])
+
+
+def check(machine: Robot, findings: Sequence[Examination]) -> Page:
+    """Facts and suspicions of logs."""
+    parts: list[Any] = []
+    for f in findings:
+        facts = f.facts
+        channels = ", ".join(("q", *facts["channels"]))  # type: ignore[misc]
+        parts.append(
+            f"[bold]{f.source}[/bold]: {facts['samples']} samples, {facts['seconds']:.4g} s at {facts['rate_hz']:.4g} Hz, "
+            f"{len(machine.joints)} joints, channels {channels}"
+        )
+        parts += [f"  {n}" for n in facts["notes"]]  # type: ignore[union-attr]
+        parts += _warnings(f.warnings) or ["  nothing suspicious"]
+    data = [{"log": f.source, **f.facts, "warnings": list(f.warnings)} for f in findings]
+    return Page({"logs": data, "ok": not any(f.warnings for f in findings)}, parts)
+
+
+def identification(found: Identification, output: str | None) -> Page:
+    """Parameters with bounds, and errors."""
+    model = found.model
+    parts: list[Any] = [_summary(found), *(f"  {n}" for n in found.notes), parameters(model)]
+    parts += [comparison(found.comparison).parts[0]] if found.comparison else []
+    parts += [_cross_validation(found), *_warnings(found.warnings)]
+    if output:
+        parts.append(f"model written to {output}")
+    return Page(_identified(found), parts)
+
+
+def _identified(found: Identification) -> dict[str, Any]:
+    model, reduction, triangle = found.model, found.reduction, found.simplex
+    content = model.to_dict()
+    recursion = found.recursion
+    return {
+        "robot": model.robot.name,
+        "samples": found.samples,
+        "cutoff_hz": model.lowpass.cutoff,
+        "rank": reduction.rank,
+        "gap": reduction.gap,
+        "condition": model.estimate.condition,
+        "estimator": model.estimate.estimator,
+        "parameters": content["parameters"],
+        "frisch": {
+            "same_orthant": triangle.same_orthant,
+            "changing_sign": list(triangle.disagreeing),
+            "exact": triangle.exact,
+        },
+        "bbrf": None
+        if recursion is None
+        else {
+            "variant": recursion.variant,
+            "windows": recursion.windows,
+            "skipped": recursion.skipped,
+            "emptied": None if recursion.emptied is None else recursion.emptied._asdict(),
+        },
+        "cross_validation": found.cross_validation,
+        "cross_validated_nrmse": float(np.mean(list(found.cross_validation.values()))),
+        "comparison": None if found.comparison is None else found.comparison.to_dict(),
+        "notes": list(found.notes),
+        "warnings": list(found.warnings),
+    }
+
+
+def parameters(model: Model, truth: Sequence[float] | None = None) -> Table:
+    """Table of base parameters: value, standard error, boxes, and the truth where it is known."""
+    known = [] if truth is None else ["true"]
+    table = _table("parameter", "stands for", "unit", *known, "value", "± s.e.", *(f"{k} box" for k in model.bounds))
+    e = model.estimate
+    for i, column in enumerate(e.columns):
+        boxes = [f"{_figure(b.lower[i])} … {_figure(b.upper[i])}" for b in model.bounds.values()]
+        expected = [] if truth is None else [_figure(truth[i])]
+        row = [column.name, model.expressions[i], column.unit, *expected, _figure(e.theta[i]), _figure(e.stderr[i])]
+        table.add_row(*row, *boxes)
+    return table
+
+
+def comparison(result: Comparison) -> Page:
+    """Errors of a model, joint by joint."""
+    where = ", ".join(result.sources)
+    table = _table(
+        "joint", "RMSE", "NRMSE", "fit %", "bias", "nominal URDF", "constant", "worst error", "at",
+        title=f"measured against model on {where}: mean NRMSE {result.nrmse:.4f}",
+    )  # fmt: skip
+    for name, j in result.joints.items():
+        error = j.worst.measured - j.worst.predicted
+        table.add_row(
+            name, _figure(j.rmse), f"{j.nrmse:.4f}", f"{j.fit:.1f}", _figure(j.bias), f"{j.nominal:.3f}",
+            f"{j.constant:.3f}", _figure(error), f"{j.worst.t:.2f} s",
+        )  # fmt: skip
+    parts: list[Any] = [table]
+    if result.resting > 0:
+        parts.append(
+            f"{result.resting:.1%} of the torque samples are left out: the joint rests, dry friction is undetermined there "
+            f"(mean NRMSE with them {result.nrmse_with_rest:.4f})"
+        )
+    return Page(result.to_dict(), parts)
+
+
+def simulated(log: Log, output: str) -> Page:
+    """Where a simulated log went."""
+    data = {"output": output, "samples": len(log), "seconds": log.duration, "rate_hz": log.rate, "joints": list(log.joints)}
+    return Page(data, [f"{output}: {len(log)} samples of {len(log.joints)} joints, {log.duration:.4g} s"])
+
+
+def catalogue() -> Page:
+    """Every effect in a line."""
+    table = _table("effect", "what", "equation")
+    for name, kind in EFFECTS.items():
+        table.add_row(name, kind.title, kind.equation)
+    return Page([_effect_data(kind) for kind in EFFECTS.values()], [table])
+
+
+def effect(kind: type[Effect]) -> Page:
+    """One effect's page."""
+    data = _effect_data(kind)
+    lines = [
+        f"[bold]{kind.id}[/bold]: {kind.title}",
+        f"  equation      {kind.equation}",
+        f"  in words      {kind.sentence.format(joint='the joint')}",
+        f"  looks like    {kind.looks_like}",
+        f"  confused with {', '.join(kind.confused_with)}",
+        f"  confirmed by  {kind.confirmed_by}",
+        f"  source        {kind.reference}",
+        f"  parameters    {', '.join(f'{k} (default {v})' for k, v in data['parameters'].items()) or 'none'}",
+    ]
+    return Page(data, lines)
+
+
+def _effect_data(kind: type[Effect]) -> dict[str, Any]:
+    return {
+        "effect": kind.id,
+        "title": kind.title,
+        "equation": kind.equation,
+        "sentence": kind.sentence,
+        "looks_like": kind.looks_like,
+        "confused_with": list(kind.confused_with),
+        "confirmed_by": kind.confirmed_by,
+        "reference": kind.reference,
+        "parameters": kind().parameters,
+    }
+
+
+def demo(result: Demo, output: str | None) -> Page:
+    """The demonstration, with the truth beside every estimate."""
+    found = result.found
+    assert found.comparison is not None  # noqa: S101 - the demonstration always holds a motion out
+    within = np.abs(found.model.estimate.theta - result.truth) <= 2 * found.model.estimate.stderr
+    story = (
+        f"A planar arm with known parameters made two motions of {result.seconds:g} s, recorded at {result.rate:g} Hz with noisy "
+        "positions and torques. The parameters were identified on motion A; motion B was only predicted."
+    )
+    verdict = (
+        f"{int(within.sum())} of {len(within)} true values lie within two standard errors. Held-out error on motion B: NRMSE "
+        f"{found.comparison.nrmse:.4f}, against {found.comparison.nominal:.4f} of the URDF alone and "
+        f"{found.comparison.constant:.4f} of a constant torque."
+    )
+    parts: list[Any] = [story, _summary(found), parameters(found.model, result.truth.tolist())]
+    parts += [*comparison(found.comparison).parts, verdict, *_warnings(found.warnings)]
+    if output:
+        parts.append(f"model written to {output}")
+    data = _identified(found)
+    for row, true in zip(data["parameters"], result.truth, strict=True):
+        row["true"] = float(true)
+    return Page(data, parts)
+
+
+# ---------------------------------------------------------------------- pieces
+
+
+def _summary(found: Identification) -> str:
+    model, e = found.model, found.model.estimate
+    cut = "unfiltered" if model.lowpass.cutoff is None else f"low-passed at {model.lowpass.cutoff:g} Hz"
+    return (
+        f"[bold]{model.robot.name}[/bold]: {found.reduction.rank} base parameters from {found.samples} samples ({cut}), "
+        f"effects {', '.join(str(x) for x in model.effects)}; {e.estimator}, condition {e.condition:.3g}, "
+        f"rank gap {found.reduction.gap:.2g}"
+    )
+
+
+def _cross_validation(found: Identification) -> str:
+    values = found.cross_validation
+    listing = ", ".join(f"{n} {x:.4f}" for n, x in values.items())
+    return f"cross-validated NRMSE on stretches left out of the fit: {np.mean(list(values.values())):.4f} ({listing})"
+
+
+def _warnings(warnings: Sequence[str]) -> list[str]:
+    return [f"[yellow]warning:[/yellow] {w}" for w in warnings]
+
+
+def _table(*columns: str, title: str | None = None) -> Table:
+    table = Table(title=title, title_justify="left", header_style="bold", box=None, pad_edge=False)
+    words = {"joint", "parameter", "base parameter", "stands for", "unit", "kind", "effect", "what", "equation"}
+    for column in columns:
+        table.add_column(column, justify="left" if column in words else "right", no_wrap=column in {"value", "joint"})
+    return table
+
+
+def _figure(x: float) -> str:
+    return "–" if not np.isfinite(x) else f"{x:.4g}"
+
+
+def _plain(x: float) -> float | None:
+    return float(x) if np.isfinite(x) else None

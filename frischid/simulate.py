@@ -1,0 +1,140 @@
+"""Logs of a robot that is known exactly, for demonstrations, tests and what-if questions.
+
+    τ = Γ(q, q̇, q̈) θ_rigid + Σ_effects C_e θ_e + e_τ
+
+along a trajectory given in closed form, then every channel gets its own white noise and, if wanted, the quantisation
+of its encoder. The motion itself is exact: what the noise hides is only what the sensors would hide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from frischid.effects import BASELINE, Effect
+from frischid.errors import InputError, UnknownNameError
+from frischid.gram import Array
+from frischid.log import Log
+from frischid.model import nominal_parameters
+from frischid.regressor import Regressor
+from frischid.robot import Robot
+from frischid.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of white noise on each channel, and the encoders' step.
+
+    Attributes
+    ----------
+    q, v, a : float
+        rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints).
+    tau : float
+        Share of each joint's own torque spread (0.01: one percent).
+    quantum : float
+        Resolution of the position encoders, rad (m); zero: none.
+    """
+
+    q: float = 0.0
+    v: float = 0.0
+    a: float = 0.0
+    tau: float = 0.0
+    quantum: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (np.isfinite(value) and value >= 0):
+                raise InputError(f"noise {name} must be zero or a positive number, got {value}")
+
+
+def parameters_of(robot: Robot, effects: Sequence[Effect], values: Mapping[str, float] | None = None) -> Array:
+    """True value of every column: the URDF's own, changed by `values`.
+
+    Raises
+    ------
+    UnknownNameError
+        A name is not a parameter of this robot with these effects.
+    """
+    names = [c.name for c in Regressor(robot, effects).columns]
+    theta = nominal_parameters(robot, effects)
+    for name, value in (values or {}).items():
+        if name not in names:
+            raise UnknownNameError("parameter", name, names)
+        theta[names.index(name)] = value
+    return theta
+
+
+def simulate(
+    robot: Robot,
+    trajectory: Trajectory,
+    *,
+    rate: float,
+    effects: Sequence[Effect] = BASELINE,
+    parameters: Mapping[str, float] | None = None,
+    noise: Noise | None = None,
+    channels: Sequence[str] = ("v", "a"),
+    seed: int = 0,
+    name: str = "simulated",
+) -> Log:
+    """Record a log of a simulated robot.
+
+    Parameters
+    ----------
+    robot : Robot
+    trajectory : Trajectory
+    rate : float
+        Samples a second, Hz.
+    effects : sequence of Effect
+        What acts on the robot besides its links.
+    parameters : mapping of str to float
+        Values that differ from the URDF's, by parameter name; parameters the URDF says nothing of are zero.
+    noise : Noise, optional
+        None: the log is exact.
+    channels : sequence of {"v", "a"}
+        Derivatives the log holds besides q.
+    seed : int
+        Of the noise.
+    name : str
+        The log's name in messages.
+
+    Returns
+    -------
+    Log
+    """
+    if not (np.isfinite(rate) and rate > 0):
+        raise InputError(f"the rate must be a positive number of samples a second, got {rate}")
+    noise = noise or Noise()
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(trajectory.duration * rate) + 1) / rate
+    q, v, a = trajectory(t)
+    if q.shape[1] != len(robot.joints):
+        raise InputError(f"the trajectory moves {q.shape[1]} joints, {robot.name} has {len(robot.joints)}")
+    tau = torque(robot, effects, parameters_of(robot, effects, parameters), t, q, v, a)
+    tau = tau + noise.tau * tau.std(axis=0) * rng.normal(size=tau.shape)
+    q, v, a = (x + s * rng.normal(size=x.shape) for x, s in ((q, noise.q), (v, noise.v), (a, noise.a)))
+    if noise.quantum > 0:
+        q = noise.quantum * np.round(q / noise.quantum)
+    return Log(
+        t,
+        robot.joints,
+        q,
+        v=v if "v" in channels else None,
+        a=a if "a" in channels else None,
+        tau=tau,
+        source=name,
+        notes=(f"{name}: simulated, {len(t)} samples at {rate:g} Hz, seed {seed}",),
+    )
+
+
+def torque(robot: Robot, effects: Sequence[Effect], theta: Array, t: Array, q: Array, v: Array, a: Array) -> Array:
+    """Torque of a parameter vector along a motion, (N, J), a chunk at a time."""
+    regressor = Regressor(robot, effects)
+    parts = []
+    for start in range(0, len(t), 4096):
+        s = slice(start, start + 4096)
+        part = np.einsum("ncj,c->nj", regressor(t[s], q[s], v[s], a[s]), theta)
+        known = robot.known_torque(q[s], v[s], a[s])
+        parts.append(part if known is None else part + known)
+    return np.concatenate(parts)
