@@ -14,46 +14,46 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from frischid.compare import Comparison as Comparison
-    from frischid.compare import compare as compare
+    from frischid.comparison import Comparison as Comparison
+    from frischid.comparison import compare as compare
     from frischid.effects import BASELINE as BASELINE
     from frischid.effects import EFFECTS as EFFECTS
     from frischid.effects import Effect as Effect
     from frischid.effects import parse_effects as parse_effects
     from frischid.errors import FrischidError as FrischidError
     from frischid.errors import InputError as InputError
-    from frischid.identify import Identification as Identification
-    from frischid.identify import identify as identify
+    from frischid.identification import Identification as Identification
+    from frischid.identification import identify as identify
     from frischid.log import Log as Log
     from frischid.mapping import LogMap as LogMap
     from frischid.model import Model as Model
     from frischid.readers import read_log as read_log
     from frischid.readers import write_log as write_log
     from frischid.robot import Robot as Robot
-    from frischid.simulate import Noise as Noise
-    from frischid.simulate import simulate as simulate
+    from frischid.simulation import Noise as Noise
+    from frischid.simulation import simulate as simulate
     from frischid.trajectory import Quintic as Quintic
     from frischid.trajectory import random_fourier as random_fourier
 
 _HOME = {
-    "Comparison": "compare",
-    "compare": "compare",
+    "Comparison": "comparison",
+    "compare": "comparison",
     "BASELINE": "effects",
     "EFFECTS": "effects",
     "Effect": "effects",
     "parse_effects": "effects",
     "FrischidError": "errors",
     "InputError": "errors",
-    "Identification": "identify",
-    "identify": "identify",
+    "Identification": "identification",
+    "identify": "identification",
     "Log": "log",
     "LogMap": "mapping",
     "Model": "model",
     "read_log": "readers",
     "write_log": "readers",
     "Robot": "robot",
-    "Noise": "simulate",
-    "simulate": "simulate",
+    "Noise": "simulation",
+    "simulate": "simulation",
     "Quintic": "trajectory",
     "random_fourier": "trajectory",
 }

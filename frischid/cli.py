@@ -78,7 +78,7 @@ def info(robot: str, effects: str | None, as_json: bool, **options: Any) -> None
     ROBOT is a URDF file or the name of one that example-robot-data ships.
     """
     from frischid import show
-    from frischid.identify import structure
+    from frischid.identification import structure
     from frischid.regressor import Regressor
 
     machine, _ = _load(robot, options)
@@ -98,7 +98,7 @@ def info(robot: str, effects: str | None, as_json: bool, **options: Any) -> None
 def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool, **options: Any) -> None:
     """Whether logs can be used with a robot, and what is suspicious in them. Exit code 1 if anything is."""
     from frischid import show
-    from frischid.identify import examine
+    from frischid.identification import examine
 
     machine, data = _load(robot, options, logs, mapping)
     findings = examine(machine, data)
@@ -139,7 +139,7 @@ def identify(
 ) -> None:
     """Identify a robot's parameters from logs: values, bounds, and the error on logs that were not fitted."""
     from frischid import show
-    from frischid.identify import identify as run
+    from frischid.identification import identify as run
     from frischid.model import check_writable
 
     if output:
@@ -173,7 +173,7 @@ def identify(
 def compare(model: str, logs: tuple[str, ...], mapping: str | None, as_json: bool) -> None:
     """Measured torque against the model's, joint by joint."""
     from frischid import show
-    from frischid.compare import compare as run
+    from frischid.comparison import compare as run
     from frischid.model import Model
 
     loaded = Model.load(model)
@@ -216,8 +216,8 @@ def simulate(
     """Record a log of a simulated robot, with noise, for trying things out."""
     from frischid import show
     from frischid.readers import read_log, write_log
-    from frischid.simulate import Noise
-    from frischid.simulate import simulate as run
+    from frischid.simulation import Noise
+    from frischid.simulation import simulate as run
     from frischid.trajectory import Quintic, random_fourier
 
     names = {"noise_q": "q", "noise_v": "v", "noise_a": "a", "noise_tau": "tau", "quantum": "quantum"}

@@ -9,9 +9,9 @@ import numpy as np
 
 from frischid.effects import BASELINE
 from frischid.gram import Array
-from frischid.identify import Identification, identify
+from frischid.identification import Identification, identify
 from frischid.robot import Robot
-from frischid.simulate import Noise, parameters_of, simulate
+from frischid.simulation import Noise, parameters_of, simulate
 from frischid.trajectory import random_fourier
 
 TRUTH = {"Ia1": 0.121, "Ia2": 0.2118, "off1": 0.4, "off2": -0.2}

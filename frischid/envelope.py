@@ -30,6 +30,10 @@ RATE = 100.0
 """Torque and distance are checked this often, Hz."""
 ROUNDING = 1e-9
 """Relative excess that is no violation."""
+STEP = 1e-6
+"""Displacement of a state for the slope of its torque or distance."""
+TIGHT = 0.999
+"""What a search may use of the limits, so that little is left to scale away."""
 
 
 class Motion(Trajectory, Protocol):
@@ -186,3 +190,71 @@ def _kinematic(robot: Robot, motion: Motion, envelope: Envelope) -> Iterator[Vio
             if abs(value - shift[j]) > sizes[order][j] * (1 + ROUNDING):
                 limit = shift[j] + np.copysign(sizes[order][j], value - shift[j])
                 yield Violation(kind, name, time, value, float(limit))
+
+
+@dataclass(frozen=True, eq=False)
+class Excess:
+    """How far a motion goes beyond its envelope on a grid of times, as one smooth number and its slope.
+
+    Every limit contributes ``Σ max(0, |x|/limit − 1)²``, distances ``Σ max(0, (margin − d)/0.1 m)²``.
+    """
+
+    robot: Robot
+    envelope: Envelope
+    clearance: Clearance | None
+
+    def __call__(self, states: Array, slope: bool = True) -> tuple[float, Array]:
+        """Excess of q, q̇, q̈ on the grid, and its derivative by them, both (3, M, J)."""
+        value, gradient = self._kinematic(states)
+        for part in (self._torque, self._distance):
+            more, rows, part_gradient = part(states, slope)
+            value += more
+            gradient[:, rows] += part_gradient
+        return value, gradient
+
+    def loads(self, states: Array) -> float:
+        """Excess of torque and distance only."""
+        return self._torque(states, False)[0] + self._distance(states, False)[0]
+
+    def _kinematic(self, states: Array) -> tuple[float, Array]:
+        e = self.envelope
+        size = np.stack([e.half, e.velocity, e.acceleration])[:, None]
+        relative = states / size
+        relative[0] -= e.middle / e.half
+        excess = np.maximum(np.abs(relative) - TIGHT, 0.0)
+        return float((excess**2).sum()), 2.0 * excess * np.sign(relative) / size
+
+    def _torque(self, states: Array, slope: bool) -> tuple[float, NDArray[np.intp], Array]:
+        limit = TIGHT * self.envelope.torque
+        none = np.empty(0, dtype=np.intp)
+        if not np.isfinite(limit).any():
+            return 0.0, none, states[:, none]
+        torque = nominal_torque(self.robot, *states)
+        excess = np.maximum(np.abs(torque) / limit - 1.0, 0.0)
+        rows = np.flatnonzero(excess.any(axis=1))
+        gradient = np.zeros((3, len(rows), states.shape[2]))
+        if slope and len(rows):
+            by_torque = (2.0 * excess * np.sign(torque) / limit)[rows]
+            for order, j in np.ndindex(3, states.shape[2]):
+                moved = states[:, rows].copy()
+                moved[order, :, j] += STEP
+                change = nominal_torque(self.robot, *moved) - torque[rows]
+                gradient[order, :, j] = (by_torque * change).sum(axis=1) / STEP
+        return float((excess**2).sum()), rows, gradient
+
+    def _distance(self, states: Array, slope: bool) -> tuple[float, NDArray[np.intp], Array]:
+        none = np.empty(0, dtype=np.intp)
+        if self.clearance is None:
+            return 0.0, none, states[:, none]
+        q = states[0]
+        distance, pair = self.clearance.nearest(q)
+        excess = np.maximum(self.clearance.margin - distance, 0.0) / 0.1
+        rows = np.flatnonzero(excess)
+        gradient = np.zeros((3, len(rows), q.shape[1]))
+        if slope and len(rows):
+            for j in range(q.shape[1]):
+                moved = q[rows].copy()
+                moved[:, j] += STEP
+                change = self.clearance.distance(moved, pair[rows]) - distance[rows]
+                gradient[0, :, j] = -2.0 * excess[rows] * change / (0.1 * STEP)
+        return float((excess**2).sum()), rows, gradient

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from frischid.compare import Comparison
+from frischid.comparison import Comparison
 from frischid.demo import Demo
 from frischid.effects import EFFECTS, Effect
-from frischid.identify import Examination, Identification
+from frischid.identification import Examination, Identification
 from frischid.log import Log
 from frischid.model import Model
 from frischid.reduction import Reduction

@@ -15,6 +15,7 @@ Splines", 1978.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly, PPoly
 from scipy.interpolate import BSpline as ScipySpline
 
-from frischid.errors import InputError
+from frischid.errors import InputError, UnknownNameError
 from frischid.robot import Robot
 
 Array = NDArray[np.float64]
@@ -189,6 +190,49 @@ def _roots(piecewise: Any, duration: float) -> Array:
     # A piece that is zero throughout gives NaN: nothing turns there.
     candidates = np.concatenate([roots[np.isfinite(roots)], piecewise.x])
     return np.asarray(candidates[(candidates > 0.0) & (candidates < duration)])
+
+
+FAMILIES = ("fourier", "bspline", "points")
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Trajectorys linear in their coefficients.
+
+    Attributes
+    ----------
+    build : callable
+        Coefficients (P, J) -> motion.
+    constant : ndarray, shape (P,)
+        Coefficients of the motion that stays at 1.
+    """
+
+    build: Callable[[Array], Trajectory]
+    constant: Array
+
+    @classmethod
+    def named(cls, name: str, duration: float, size: int) -> Family:
+        """Build a family by name, of `size` harmonics, control points or via points."""
+        if name == "fourier":
+            return cls(
+                lambda X: Fourier.rested(X[0], X[1 : size + 1], X[size + 1 :], duration), np.eye(2 * size + 1)[0]
+            )
+        if name == "bspline":
+            return cls(lambda X: BSpline.rested(X, duration), np.ones(size))
+        if name != "points":
+            raise UnknownNameError("family", name, FAMILIES)
+        t = np.linspace(0.0, duration, size)
+
+        def joined(X: Array) -> Quintic:
+            rest = np.zeros((1, X.shape[1]))
+            v, a = X[size : 2 * size - 2], X[2 * size - 2 :]
+            return Quintic(t, X[:size], np.concatenate([rest, v, rest]), np.concatenate([rest, a, rest]))
+
+        return cls(joined, np.concatenate([np.ones(size), np.zeros(2 * size - 4)]))
+
+    def basis(self, t: Array) -> Array:
+        """Rows β, β̇, β̈ at times t: the family's motion with unit coefficients, (3, N, P)."""
+        return np.stack(self.build(np.eye(len(self.constant)))(t))
 
 
 def random_fourier(robot: Robot, duration: float, *, seed: int, harmonics: int = 5, scale: float = 0.7) -> Fourier:

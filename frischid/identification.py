@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from frischid.bbrf import Recursion, bbrf
-from frischid.compare import Comparison, compare
+from frischid.comparison import Comparison, compare
 from frischid.effects import BASELINE, Effect
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimate import Estimate, cross_validated, ols, wls

@@ -1,0 +1,267 @@
+"""Coefficients of a motion that make a criterion small within an envelope: cost, gradient, and the two phases.
+
+All families are linear in their coefficients X, (P, J): ``q(t) = β(t) X``, q̇ and q̈ with the derivatives of the row β.
+Three things follow, and they are the whole method.
+
+- The limits of position, velocity and acceleration are linear in X, and shrinking a motion about a pose is scaling X: any
+  motion is made feasible joint by joint, exactly.
+- A cost f of the base regressor Π at N samples has a cheap gradient. A sample's rows depend on that sample's 3J numbers
+  alone, so 3J displaced regressors give ``∂f/∂(q, q̇, q̈) = ⟨∂f/∂Π, ∂Π⟩`` of all N at once, and βᵀ carries it to X.
+- What is not linear (torque, distances) needs a slope only at the samples where it is broken.
+
+SciPy's differential evolution (Storn and Price 1997) first looks for a basin among Fourier motions that fit the limits by
+construction. Then L-BFGS-B (Byrd et al. 1995) descends on
+
+    log f_k(X) + w Σ max(0, excess)²
+
+with soft extremes of sharpness k (`criteria`) and weight w, both rising. What is left of an excess is scaled away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import Bounds as Box
+from scipy.optimize import differential_evolution, minimize
+from scipy.stats import qmc
+
+from frischid.criteria import EXACT, Criterion
+from frischid.effects import Effect
+from frischid.envelope import RATE, Excess, extremes
+from frischid.identification import structure
+from frischid.regressor import Regressor
+from frischid.robot import Robot
+from frischid.trajectory import Family, Fourier
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, float], None]
+"""Called with the share of the budget that is used, and the best cost so far."""
+Bounds = Literal["everywhere", "points"]
+
+STEP = 1e-6  # displacement of a sample for the slope of its rows
+STAGES = ((4.0, 1e1), (12.0, 1e2), (40.0, 1e3), (150.0, 1e4))  # sharpness and weight of each descent
+SHARE = 0.2  # of the budget, for the first phase
+POPULATION = 64
+
+
+class Cost:
+    """A criterion at the samples of a motion, with its gradient; it counts the regressors it computes."""
+
+    def __init__(
+        self, robot: Robot, effects: Sequence[Effect], t: Array, criterion: Criterion, seed: int
+    ) -> None:
+        self.regressor, self.criterion, self.t = Regressor(robot, effects), criterion, t
+        self.base = np.array(structure(self.regressor, robot.joints).base)
+        shifts = criterion.displacements(len(t), len(robot.joints), seed)
+        self.shifts = np.concatenate([np.zeros((1, *shifts.shape[1:])), shifts])
+        self.evaluations = 0
+
+    def __call__(self, states: Array, sharpness: float = EXACT) -> float:
+        """Cost of q, q̇, q̈ at the samples, (3, N, J)."""
+        return self.criterion(self._full(states)[:, :, self.base], sharpness)[0]
+
+    def gradient(self, states: Array, sharpness: float) -> tuple[float, Array]:
+        """Cost, and its derivative by the states, (3, N, J)."""
+        here = self._full(states)
+        cost, slope = self.criterion(here[:, :, self.base], sharpness)
+        direction = np.zeros_like(here)
+        direction[:, :, self.base] = slope
+        gradient = np.empty_like(states)
+        for order, j in np.ndindex(3, states.shape[2]):
+            moved = states.copy()
+            moved[order, :, j] += STEP
+            gradient[order, :, j] = np.einsum("dncj,dncj->n", self._full(moved) - here, direction) / STEP
+        return cost, gradient
+
+    def _full(self, states: Array) -> Array:
+        """Regressor at the motion and at its displaced copies, (1 + D, N, C, J)."""
+        self.evaluations += len(self.shifts)
+        return np.stack([self.regressor(self.t, *(states + shift)) for shift in self.shifts])
+
+
+@dataclass(eq=False)
+class Search:
+    """Coefficients that lower the cost within the envelope."""
+
+    family: Family
+    cost: Cost
+    excess: Excess
+    duration: float
+    bounds: Bounds
+    budget: int
+    box: tuple[Array, Array] | None = None
+    progress: Progress | None = None
+    best: float = np.inf
+    found: Array | None = None
+    history: list[tuple[int, float]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        e = self.excess.envelope
+        coefficients = len(self.family.constant)
+        self.grid = np.linspace(0.0, self.duration, int(np.clip(4 * coefficients, 200, 2000)))
+        self.at_samples, self.at_grid = self.family.basis(self.cost.t), self.family.basis(self.grid)
+        self.size = np.stack([e.half, e.velocity, e.acceleration])
+        # One unit of a coefficient uses up the limit that it meets first.
+        reach = np.abs(self.at_grid).max(axis=1)[:, :, None] / self.size[:, None]
+        self.unit = 1.0 / reach.max(axis=0)
+
+    def run(self, seed: int) -> Array:
+        """Both phases; returns the coefficients of the best motion that fits, made to fit exactly."""
+        X = self.explore(seed)
+        for stage in range(len(STAGES)):
+            X = self.descend(X, stage)
+        best = X if self.found is None else self.found
+        if self.bounds == "points":
+            return best
+        fine = np.linspace(0.0, self.duration, int(np.ceil(RATE * self.duration)) + 1)
+        return self.lighter(self.exactly_within(best), fine)
+
+    # ------------------------------------------------------------------ feasibility
+
+    def within(self, X: Array, grow: bool = False) -> Array:
+        """Scale each joint about its middle pose until its limits hold on the grid; `grow` up to them."""
+        states = self.at_grid @ X
+        return self._scaled(X, states.min(axis=1), states.max(axis=1), grow)
+
+    def exactly_within(self, X: Array) -> Array:
+        """As `within`, at the true extremes between the grid's times."""
+        _, values = extremes(self.family.build(X), X.shape[1])
+        return self._scaled(X, values[:, 0], values[:, 1], False)
+
+    def _scaled(self, X: Array, low: Array, high: Array, grow: bool) -> Array:
+        e = self.excess.envelope
+        middle, half = (high[0] + low[0]) / 2, (high[0] - low[0]) / 2
+        sizes = np.stack([half, *np.maximum(np.abs(low[1:]), np.abs(high[1:]))])
+        factor = (self.size / np.maximum(sizes, 1e-12)).min(axis=0)
+        factor = factor if grow else np.minimum(factor, 1.0)
+        room = np.maximum(e.half - factor * half, 0.0)
+        pose = np.clip(middle, e.middle - room, e.middle + room)
+        return self._about(X, middle, factor, pose)
+
+    def _about(self, X: Array, middle: Array, factor: Array | float, pose: Array) -> Array:
+        """Scale a motion about `middle` and move that to `pose`."""
+        constant = self.family.constant[:, None]
+        return np.asarray((X - constant * middle) * factor + constant * pose)
+
+    def lighter(self, X: Array, t: Array) -> Array:
+        """Shrink all joints together about their middle poses until torques and distances hold at times t."""
+        basis = self.family.basis(t)
+        if self.excess.loads(basis @ X) == 0.0:
+            return X
+        q = basis[0] @ X
+        middle = (q.max(axis=0) + q.min(axis=0)) / 2
+        low, high = 0.0, 1.0
+        for _ in range(10):
+            factor = (low + high) / 2
+            fits = self.excess.loads(basis @ self._about(X, middle, factor, middle)) == 0.0
+            low, high = (factor, high) if fits else (low, factor)
+        # No factor at all: better the motion with its violations named than none.
+        return self._about(X, middle, low, middle) if low > 0.0 else X
+
+    # ------------------------------------------------------------------ first phase
+
+    def explore(self, seed: int) -> Array:
+        """Differential evolution over Fourier motions grown up to the limits; returns the best one's coefficients."""
+        J = len(self.excess.robot.joints)
+        H = max(5, round(0.4 * self.duration))
+        sobol = qmc.Sobol((2 * H + 1) * J, seed=seed).random(POPULATION)
+        generations = max(0, int(SHARE * self.budget / (POPULATION * len(self.cost.shifts))) - 1)
+        fit = self._projection()
+
+        def candidate(y: Array) -> Array:
+            motion = self._fourier(y.reshape(2 * H + 1, J))
+            return self.within(fit @ np.concatenate(motion(self.grid)), grow=True)
+
+        def objective(y: Array) -> float:
+            X = candidate(y)
+            cost = self.cost(self.at_samples @ X)
+            excess = self.excess.loads(self.at_grid @ X)
+            self._record(X, cost, excess)
+            return self._level(cost) + STAGES[0][1] * excess
+
+        bounds = [(-1.0, 1.0)] * sobol.shape[1]
+        result = differential_evolution(
+            objective, bounds, init=2.0 * sobol - 1.0, maxiter=generations, polish=False, tol=0.0, seed=seed
+        )
+        return candidate(result.x)
+
+    def _fourier(self, y: Array) -> Fourier:
+        """Motion with the shape of y, (2H + 1, J), as large as the limits allow, in a pose that its first row chooses."""
+        e, H = self.excess.envelope, len(y) // 2
+        shape = Fourier.rested(np.zeros(y.shape[1]), y[1 : H + 1], y[H + 1 :], self.duration)
+        states = np.stack(shape(self.grid))
+        low, high = states.min(axis=1), states.max(axis=1)
+        sizes = np.stack([(high - low)[0] / 2, *np.maximum(np.abs(low[1:]), np.abs(high[1:]))])
+        factor = (self.size / np.maximum(sizes, 1e-12)).min(axis=0)
+        room = np.maximum(e.half - factor * sizes[0], 0.0)
+        pose = e.middle + y[0] * room - factor * (low + high)[0] / 2
+        return Fourier(pose, shape.A * factor, shape.B * factor, self.duration)
+
+    def _projection(self) -> Array:
+        """Least squares of states on the grid by this family, every order by its own size: (P, 3M)."""
+        weight = 1.0 / np.sqrt((self.at_grid**2).mean(axis=(1, 2)))
+        scaled = self.at_grid * weight[:, None, None]
+        inverse = np.linalg.pinv(np.concatenate(scaled))
+        return np.asarray(inverse * np.repeat(weight, len(self.grid)))
+
+    # ------------------------------------------------------------------ second phase
+
+    def descend(self, X: Array, stage: int) -> Array:
+        """L-BFGS-B on the soft cost plus the weighted excess, with its share of the budget."""
+        sharpness, weight = STAGES[stage]
+        each = (3 * X.shape[1] + 2) * len(self.cost.shifts)
+        calls = int((self.budget - self.cost.evaluations) / (len(STAGES) - stage) / each)
+        if calls < 2:
+            return X
+
+        def objective(z: Array) -> tuple[float, Array]:
+            Y = z.reshape(X.shape) * self.unit
+            cost, by_states = self.cost.gradient(self.at_samples @ Y, sharpness)
+            value, slope = self._level(cost), by_states / (cost if self.cost.criterion.positive else 1.0)
+            gradient = np.einsum("onp,onj->pj", self.at_samples, slope)
+            if self.bounds == "everywhere":
+                excess, by_grid = self.excess(self.at_grid @ Y)
+                value += weight * excess
+                gradient += weight * np.einsum("onp,onj->pj", self.at_grid, by_grid)
+            return value, (gradient * self.unit).ravel()
+
+        def watch(z: Array) -> None:
+            Y = z.reshape(X.shape) * self.unit
+            if self.bounds == "everywhere":
+                Y = self.within(Y)
+            states = self.at_grid @ Y
+            loads = self.excess.loads(states) if self.bounds == "everywhere" else 0.0
+            self._record(Y, self.cost(self.at_samples @ Y), loads)
+
+        result = minimize(
+            objective,
+            (X / self.unit).ravel(),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=self._box(X.shape),
+            callback=watch,
+            options={"maxfun": calls, "maxiter": calls, "maxcor": 30, "ftol": 1e-10, "gtol": 1e-9},
+        )
+        return np.asarray(result.x.reshape(X.shape) * self.unit)
+
+    def _box(self, shape: tuple[int, ...]) -> Box | None:
+        """Limits at the points themselves, where the coefficients are positions, velocities and accelerations."""
+        if self.box is None:
+            return None
+        low, high = self.box
+        return Box((low / self.unit).ravel(), (high / self.unit).ravel())
+
+    def _level(self, cost: float) -> float:
+        return float(np.log(cost)) if self.cost.criterion.positive else cost
+
+    def _record(self, X: Array, cost: float, loads: float) -> None:
+        """Keep the best motion that fits, and tell how far the search is."""
+        if loads < 1e-6 and cost < self.best:
+            self.best, self.found = cost, X
+            self.history.append((self.cost.evaluations, cost))
+        if self.progress is not None:
+            self.progress(min(1.0, self.cost.evaluations / self.budget), self.best)
