@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from frischid.effects import Effect, State, columns_of
 from frischid.errors import InputError
@@ -21,8 +22,8 @@ from frischid.gram import Array, Column, Gram
 from frischid.robot import Robot
 from frischid.signals import LowPass, Motion, decimating_filter
 
-CHUNK = 1024
-EXTRA = 6  # columns filtered beside Y: τ, known torque, q, q̇, q̈, rest
+CHUNK = 256  # samples; fits the processor's cache
+EXTRA = 6  # columns filtered beside Y: τ, ones, known torque, q, q̇, q̈
 RESTING = 0.01  # share of a filtered sample's weight that may come from standstill
 MAX_BLOCKS = 64
 
@@ -34,34 +35,53 @@ class Block:
     Attributes
     ----------
     t : ndarray, shape (M,)
-    Y : ndarray, shape (M, C, J)
-        ``τ[k] = Y[k].T @ θ``.
-    tau : ndarray, shape (M, J)
-        Measured torque less that of parameters known outright, N·m (N); NaN where not measured.
-    known : ndarray, shape (M, J)
-        Torque of the parameters known outright.
-    q, v, a : ndarray, shape (M, J)
-        The motion through the same filter.
+    Z : ndarray, shape (M, C + 6, J)
+        The C columns of Y, then `tau`, ones, `known`, `q`, `v`, `a`: one array, because one filter serves them all.
     used : ndarray of bool, shape (M, J)
         False where the joint rests and its dry friction is anybody's guess: such torque rows are neither fitted nor
         counted in errors.
     source : str
+        The log.
     """
 
     t: Array
-    Y: Array
-    tau: Array
-    known: Array
-    q: Array
-    v: Array
-    a: Array
+    Z: Array
     used: NDArray[np.bool_]
     source: str
 
+    @property
+    def Y(self) -> Array:
+        """Regressor, shape (M, C, J): ``τ[k] = Y[k].T @ θ``."""
+        return self.Z[:, :-EXTRA]
+
+    @property
+    def tau(self) -> Array:
+        """Measured torque less that of parameters known outright, (M, J), N·m (N); NaN where not measured."""
+        return self.Z[:, -6]
+
+    @property
+    def known(self) -> Array:
+        """Torque of the parameters known outright, (M, J), N·m (N)."""
+        return self.Z[:, -4]
+
+    @property
+    def q(self) -> Array:
+        """Filtered positions, (M, J)."""
+        return self.Z[:, -3]
+
+    @property
+    def v(self) -> Array:
+        """Filtered velocities, (M, J)."""
+        return self.Z[:, -2]
+
+    @property
+    def a(self) -> Array:
+        """Filtered accelerations, (M, J)."""
+        return self.Z[:, -1]
+
     def part(self, s: slice) -> Block:
         """Return the samples in the slice."""
-        arrays = (self.t, self.Y, self.tau, self.known, self.q, self.v, self.a, self.used)
-        return Block(*(x[s] for x in arrays), source=self.source)
+        return Block(self.t[s], self.Z[s], self.used[s], self.source)
 
 
 class Regressor:
@@ -125,38 +145,39 @@ class Regressor:
     def blocks(self, motion: Motion, lowpass: LowPass, chunk: int = CHUNK) -> Iterator[Block]:
         """Filtered, decimated pieces of a motion, in order; together they are the same for any `chunk`."""
         taps, every = lowpass.taps(motion.step), lowpass.decimation(motion.step)
-        reach, stride = len(taps) - 1, max(1, chunk // every) * every
-        J, C = len(self.robot.joints), len(self.columns)
-        tail = np.empty((0, C + EXTRA, J))
+        reach = len(taps) - 1
+        stride = max(1, max(chunk, 2 * reach) // every) * every  # a long filter must not be mostly overlap
+        width, J = len(self.columns) + EXTRA, len(self.robot.joints)
+        tail, resting = np.empty((0, width, J)), np.empty((0, J))
         position = 0
         while position < len(motion.t):
-            new = min(stride + reach - len(tail), len(motion.t) - position)
-            buffer = np.empty((len(tail) + new, C + EXTRA, J))
+            part = slice(position, min(position + stride + reach - len(tail), len(motion.t)))
+            position = part.stop
+            buffer = np.empty((len(tail) + part.stop - part.start, width, J))
             buffer[: len(tail)] = tail
-            self._fill(motion, slice(position, position + new), buffer[len(tail) :])
-            position += new
-            kept = buffer
+            self._fill(motion, part, buffer[len(tail) :])
+            rest = np.concatenate([resting, motion.still[part]])
+            kept, still = buffer, rest
             if reach or every > 1:
                 F = decimating_filter(taps, len(buffer), every)
-                kept = (F @ buffer.reshape(len(buffer), -1)).reshape(-1, C + EXTRA, J)
+                kept, still = (F @ buffer.reshape(len(buffer), -1)).reshape(-1, width, J), abs(F) @ rest
             if len(kept) == 0:
                 return
             done = len(kept) * every
             times = motion.t[position - len(buffer) + reach // 2 :][:done:every]
-            tau, known, q, v, a, still = np.moveaxis(kept[:, C:], 1, 0)
-            used = (still < RESTING) | ~self.resting
-            yield Block(times, kept[:, :C], tau, known, q, v, a, used, motion.source)
-            tail = buffer[done:]
+            yield Block(times, kept, (still < RESTING) | ~self.resting, motion.source)
+            tail, resting = buffer[done:], rest[done:]
 
     def _fill(self, motion: Motion, part: slice, out: Array) -> None:
-        """Write Y, then τ, known torque, q, v, a and rest as further columns, so one filter serves them all."""
+        """Write the columns of a `Block.Z`, unfiltered."""
         C = len(self.columns)
         t, q, v, a = motion.t[part], motion.q[part], motion.v[part], motion.a[part]
         self(t, q, v, a, out[:, :C])
         known = self.robot.known_torque(q, v, a)
-        out[:, C + 1] = 0.0 if known is None else known
-        out[:, C] = motion.tau[part] - out[:, C + 1]
-        out[:, C + 2], out[:, C + 3], out[:, C + 4], out[:, C + 5] = q, v, a, motion.still[part]
+        out[:, C + 2] = 0.0 if known is None else known
+        out[:, C] = motion.tau[part] - out[:, C + 2]
+        out[:, C + 1] = 1.0
+        out[:, C + 3], out[:, C + 4], out[:, C + 5] = q, v, a
 
 
 def gram_of(regressor: Regressor, block: Block, joints: Sequence[str]) -> Gram:
@@ -165,14 +186,13 @@ def gram_of(regressor: Regressor, block: Block, joints: Sequence[str]) -> Gram:
     result = Gram.zeros(regressor.columns, joints)
     for row, name in enumerate(joints):
         j = regressor.robot.joints.index(name)
-        active, used = regressor.active[j], block.used[:, j]
-        Z = np.empty((len(block.t), len(active) + 1))
-        Z[:, :-1], Z[:, -1] = block.Y[:, active, j], block.tau[:, j]
-        if not used.all():
-            Z = Z[used]
-        where = np.append(active, C)
-        result.moments[row][np.ix_(where, where)] = Z.T @ Z
-        result.sums[row, where] = Z.sum(axis=0)
+        where = np.append(regressor.active[j], C)
+        Z = block.Z[:, np.append(where, C + 1), j]
+        if not block.used[:, j].all():
+            Z = Z[block.used[:, j]]
+        sums = Z.T @ Z
+        result.moments[row, where[:, None], where] = sums[:-1, :-1]
+        result.sums[row, where] = sums[-1, :-1]
         result.counts[row] = len(Z)
     return result
 
@@ -197,8 +217,15 @@ def accumulate(
     -------
     list of Gram
     """
+    # Small products are slower on several threads, and sums then depend on their number.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return list(_sums(regressor, motions, lowpass, joints))
+
+
+def _sums(
+    regressor: Regressor, motions: Sequence[Motion], lowpass: LowPass, joints: Sequence[str]
+) -> Iterator[Gram]:
     seconds = max(1.0, sum(m.t[-1] - m.t[0] for m in motions) / MAX_BLOCKS)
-    grams: list[Gram] = []
     for motion in motions:
         _check_torque_present(motion, regressor.robot, joints)
         pending: Gram | None = None
@@ -206,15 +233,14 @@ def accumulate(
         for block in regressor.blocks(motion, lowpass):
             for piece in _split(block, edge, seconds):
                 if pending is not None and piece.t[0] >= edge:
-                    grams.append(pending)
+                    yield pending
                     pending = None
                 while piece.t[0] >= edge:
                     edge += seconds
                 gram = gram_of(regressor, piece, joints)
                 pending = gram if pending is None else pending + gram
         if pending is not None:
-            grams.append(pending)
-    return grams
+            yield pending
 
 
 def _split(block: Block, edge: float, seconds: float) -> Iterator[Block]:

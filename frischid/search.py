@@ -102,7 +102,7 @@ class Search:
     def __post_init__(self) -> None:
         e = self.excess.envelope
         coefficients = len(self.family.constant)
-        self.grid = np.linspace(0.0, self.duration, int(np.clip(4 * coefficients, 200, 2000)))
+        self.grid = np.linspace(0.0, self.duration, int(np.clip(8 * coefficients, 200, 2000)))
         self.at_samples, self.at_grid = self.family.basis(self.cost.t), self.family.basis(self.grid)
         self.size = np.stack([e.half, e.velocity, e.acceleration])
         # One unit of a coefficient uses up the limit that it meets first.

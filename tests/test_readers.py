@@ -13,7 +13,8 @@ from hypothesis.extra.numpy import arrays
 
 from frischid.errors import InputError, UnknownNameError
 from frischid.log import CHANNELS, GARBAGE, Log, check_torque, warnings_of
-from frischid.readers import JointMap, LogMap, read_log, write_log
+from frischid.mapping import JointMap, LogMap
+from frischid.readers import read_log, write_log
 
 N = 20
 T = np.arange(N) * 0.1

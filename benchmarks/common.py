@@ -1,0 +1,64 @@
+"""What every benchmark script shares: its options, its table, and the same figures as JSON."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from frischid.model import write_text
+
+
+def parser(description: str | None) -> argparse.ArgumentParser:
+    """Options of every benchmark."""
+    options = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--json", metavar="FILE", type=Path, help="write the figures here too")
+    return options
+
+
+def data_folder() -> Path | None:
+    """Folder of the measured logs, from FRISCHID_DATA; None when it is not set."""
+    folder = os.environ.get("FRISCHID_DATA")
+    return Path(folder) if folder else None
+
+
+def publish(title: str, rows: Sequence[Mapping[str, Any]], path: Path | None, notes: Sequence[str] = ()) -> None:
+    """Print the rows as a table and write them as JSON.
+
+    Parameters
+    ----------
+    title : str
+    rows : sequence of mapping
+        One a line; columns are the keys of the first.
+    path : Path or None
+        JSON file to write.
+    notes : sequence of str
+        Printed below the table, and written.
+    """
+    table = Table(title=title, title_justify="left", header_style="bold")
+    names = list(rows[0]) if rows else []
+    for name in names:
+        table.add_column(name, justify="left" if isinstance(rows[0][name], str) else "right")
+    for row in rows:
+        table.add_row(*(_cell(row.get(name)) for name in names))
+    console = Console(width=160)
+    console.print(table)
+    for note in notes:
+        console.print(note)
+    if path is not None:
+        machine = {"python": platform.python_version(), "processor": platform.machine(), "cores": os.cpu_count()}
+        content = {"schema": "frischid.benchmark/1", "title": title, "machine": machine, "rows": list(rows), "notes": list(notes)}
+        write_text(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+
+
+def _cell(x: Any) -> str:
+    if isinstance(x, bool):
+        return "yes" if x else "NO"
+    return f"{x:.4g}" if isinstance(x, float) else str(x)

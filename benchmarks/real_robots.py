@@ -1,0 +1,133 @@
+"""Identification on measured logs of real robots, error on logs that were not fitted.
+
+Needs FRISCHID_DATA. NRMSE is rmse / std of the torque, per joint, both through the same filter, averaged over the joints;
+samples in which a joint rests are left out, because dry friction is undetermined there (the table says how many).
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from common import data_folder, parser, publish
+
+import frischid as fr
+
+UR10E_GAIN = {
+    "shoulder_pan_joint": 11.97,
+    "shoulder_lift_joint": 11.98,
+    "elbow_joint": 9.84,
+    "wrist_1_joint": 10.75,
+    "wrist_2_joint": 10.69,
+    "wrist_3_joint": 10.68,
+}
+TIAGO_ROWS = [f"arm_{i}_joint" for i in range(1, 5)]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A robot, its logs, the error to reach, and the joints to leave out."""
+
+    name: str
+    urdf: str
+    fit: Sequence[str]
+    valid: Sequence[str]
+    target: float
+    mapping: dict[str, Any] | None = None
+    torque_joints: Sequence[str] | None = None
+    lock_one_of: Sequence[Sequence[str]] = field(default_factory=lambda: [()])
+
+
+UR10E_FIT = ["20s_5harm", "20s_10harm", "30s_12harm", "40s_12harm", "50s_12harm"]
+CASES = [
+    Case(
+        "ur10e",
+        "ur10e/ur10e.urdf",
+        [f"ur10e/logs/ident_{n}.parquet" for n in UR10E_FIT],
+        ["ur10e/logs/unloaded_50s_14harm.parquet"],
+        0.090,
+        {"current_gain": UR10E_GAIN},
+    ),
+    Case("panda", "panda/panda.urdf", ["panda/logs/ident_0_14s.parquet"], ["panda/logs/valid_14_21s.parquet"], 0.055),
+    Case(
+        "tiago arm_1 to arm_4",
+        "tiago/tiago_48_schunk.urdf",
+        ["tiago/logs/ident_0_48s.parquet"],
+        ["tiago/logs/valid_48_80s.parquet"],
+        0.14,
+        torque_joints=TIAGO_ROWS,
+        # Which of the outer joints to lock is decided by cross-validation on the identification log alone.
+        lock_one_of=[
+            (),
+            ("torso_lift_joint",),
+            ("torso_lift_joint", "arm_7_joint"),
+            ("torso_lift_joint", "arm_6_joint", "arm_7_joint"),
+            ("torso_lift_joint", "arm_5_joint", "arm_6_joint", "arm_7_joint"),
+        ],
+    ),
+]
+
+
+def identified(case: Case, folder: Path, locked: Sequence[str]) -> tuple[fr.Identification, float]:
+    """Identify one case with some joints locked where the log has them; seconds include reading."""
+    start = time.perf_counter()
+    whole = fr.Robot.load(folder / case.urdf)
+    fit = [fr.read_log(folder / path, whole.joints, case.mapping) for path in case.fit]
+    valid = [fr.read_log(folder / path, whole.joints, case.mapping) for path in case.valid]
+    angles = {n: float(np.median(fit[0].select([n]).q)) for n in locked}
+    robot = fr.Robot.load(folder / case.urdf, lock=angles)
+    found = fr.identify(robot, fit, valid=valid, torque_joints=case.torque_joints, recursion="none")
+    return found, time.perf_counter() - start
+
+
+def cross_validated(found: fr.Identification) -> float:
+    """Mean cross-validated NRMSE on the identification logs."""
+    return float(np.mean(list(found.cross_validation.values())))
+
+
+def main() -> None:
+    """Print the table."""
+    options = parser(__doc__).parse_args()
+    folder = data_folder()
+    if folder is None:
+        sys.exit("set FRISCHID_DATA to the folder of measured logs")
+    rows, notes = [], []
+    for case in CASES:
+        tried = [(*identified(case, folder, locked), locked) for locked in case.lock_one_of]
+        found, seconds, locked = min(tried, key=lambda x: cross_validated(x[0]))
+        result = found.comparison
+        assert result is not None
+        rows.append(
+            {
+                "robot": case.name,
+                "NRMSE": result.nrmse,
+                "target": case.target,
+                "reached": result.nrmse <= case.target,
+                "cross-validated": cross_validated(found),
+                "nominal URDF": result.nominal,
+                "constant": result.constant,
+                "base parameters": found.reduction.rank,
+                "rank gap": found.reduction.gap,
+                "cut-off Hz": found.model.lowpass.cutoff,
+                "at rest %": 100 * result.resting,
+                "NRMSE with rest": result.nrmse_with_rest,
+                "seconds": seconds,
+            }
+        )
+        joints = ", ".join(f"{n} {j.rmse:.3g} N·m ({j.nrmse:.3f})" for n, j in result.joints.items())
+        notes.append(f"{case.name}: RMSE (NRMSE) {joints}" + (f"; locked: {', '.join(locked)}" if locked else ""))
+        notes += [
+            f"  locked {', '.join(k) or 'nothing'}: cross-validated {cross_validated(x):.4f}, held out {x.comparison.nrmse:.4f}"
+            for x, _, k in tried
+            if len(tried) > 1 and x.comparison is not None
+        ]
+    publish("real robots: held-out error of the main job", rows, options.json, notes)
+
+
+if __name__ == "__main__":
+    main()

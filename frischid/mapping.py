@@ -1,0 +1,214 @@
+"""What the columns of somebody else's log mean, read from a small TOML file.
+
+    [file]                                      [joint.elbow]              [current_gain]
+    time = "stamp"                              q = "pos_3"                elbow = 9.84
+    time_unit = "ms"                            sign = -1
+    angle_unit = "deg"                          gear_ratio = 101.0
+
+A `LogMap` says which column is which joint's what, and in which unit and direction it was recorded:
+
+    q = sign · unit · raw / gear_ratio + offset        q̇, q̈ = sign · unit · raw / gear_ratio
+    i = sign · torque_sign · raw                       τ = sign · torque_sign · gear_ratio · raw
+                                                       or τ = current_gain · i
+
+Every key is checked when the mapping is made, so that a mistyped one is an error and not silently nothing.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frischid.errors import InputError, UnknownNameError
+from frischid.log import CHANNELS
+
+UNITS = {"rad": 1.0, "m": 1.0, "deg": np.pi / 180}
+SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+
+
+@dataclass(frozen=True)
+class JointMap:
+    """How one joint was recorded; all that is not said is as in a log of our own.
+
+    Attributes
+    ----------
+    q, v, a, tau, current : str or int, optional
+        Column name, or number from 0; otherwise the template under ``[default]``.
+    sign : {1, -1}
+        Direction of the recorded axis: turns q, v, a, tau and current.
+    offset : float
+        Added to q after sign, unit and gear [rad or m].
+    gear_ratio : float
+        Of motor-side columns: q, v, a are divided by it, tau is multiplied.
+    torque_sign : {1, -1}
+        Further sign of tau and current alone.
+    current_gain : float, optional
+        Joint-side torque per ampere [N·m/A]: ``tau = current_gain · current`` where there is no tau column.
+    tau_from : {"tau", "current"}, optional
+        Overrules that choice.
+    angle_unit : {"rad", "deg", "m"}, optional
+        Unit of this joint, where it differs from the file's (a prismatic joint among degrees: ``"m"``).
+    """
+
+    q: str | int | None = None
+    v: str | int | None = None
+    a: str | int | None = None
+    tau: str | int | None = None
+    current: str | int | None = None
+    sign: int = 1
+    offset: float = 0.0
+    gear_ratio: float = 1.0
+    torque_sign: int = 1
+    current_gain: float | None = None
+    tau_from: str | None = None
+    angle_unit: str | None = None
+
+
+@dataclass(frozen=True)
+class LogMap:
+    """What the columns of a file mean; made by `load` or `from_dict`.
+
+    Attributes
+    ----------
+    time, time_unit, zero_time
+        Column of the stamps, its unit (s, ms, us, ns), and whether to subtract the first stamp.
+    header, delimiter, columns
+        Whether a CSV's first line names the columns, what separates them, and the names if it does not.
+    angle_unit : {"rad", "deg"}
+        Of all positions, velocities and accelerations.
+    default : mapping of str to str
+        Template of each channel's column names; ``{joint}`` stands for the joint.
+    tau_from : {"tau", "current"}, optional
+        As in `JointMap`, for every joint.
+    joint : mapping of str to JointMap
+    source : str
+        The mapping file, for messages.
+    """
+
+    time: str | int = "t"
+    time_unit: str = "s"
+    zero_time: bool = False
+    header: bool = True
+    delimiter: str | None = None
+    columns: tuple[str, ...] = ()
+    angle_unit: str = "rad"
+    default: Mapping[str, str] = field(default_factory=lambda: {c: f"{c}_{{joint}}" for c in CHANNELS})
+    tau_from: str | None = None
+    joint: Mapping[str, JointMap] = field(default_factory=dict)
+    source: str = "mapping"
+
+    @classmethod
+    def of(cls, mapping: LogMap | Mapping[str, Any] | str | Path | None) -> LogMap:
+        """Whatever describes a mapping, as a mapping; None is the plain one."""
+        if mapping is None:
+            return cls()
+        if isinstance(mapping, str | Path):
+            return cls.load(mapping)
+        return mapping if isinstance(mapping, LogMap) else cls.from_dict(mapping)
+
+    @classmethod
+    def load(cls, path: str | Path) -> LogMap:
+        """Read a mapping from a TOML file."""
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+            return cls.from_dict(tomllib.loads(text), str(path))
+        except OSError as error:
+            raise InputError(f"{path}: the mapping file cannot be read ({error.strerror})") from error
+        except ValueError as error:
+            raise InputError(f"{path}: the mapping file is not TOML: {error}") from error
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any], source: str = "mapping") -> LogMap:
+        """Check the tables [file], [default], [joint.<name>] and [current_gain], and put them together."""
+        for key, table in content.items():
+            if key not in ("file", "default", "joint", "current_gain"):
+                raise UnknownNameError("table", key, ("file", "default", "joint", "current_gain"), source)
+            if not isinstance(table, Mapping):
+                raise InputError(f"{source}: {key} must be a table, found {table!r}")
+        file = _checked(content.get("file", {}), FILE_RULES, f"[file] of {source}")
+        if file.get("header", True) and "columns" in file:
+            raise InputError(f"{source}: columns = [...] names those of a file with header = false")
+        default = _checked(content.get("default", {}), DEFAULT_RULES, f"[default] of {source}")
+        tau_from = default.pop("tau_from", None)
+        joint = {
+            name: _checked(table, JOINT_RULES, f"[joint.{name}] of {source}")
+            for name, table in content.get("joint", {}).items()
+        }
+        for name, gain in content.get("current_gain", {}).items():
+            _checked({"current_gain": gain}, JOINT_RULES, f"[current_gain] {name} of {source}")
+            if joint.setdefault(name, {}).setdefault("current_gain", gain) != gain:
+                raise InputError(f"{source}: joint {name} has two different current gains")
+        return cls(
+            **file | {"columns": tuple(file.get("columns", ()))},
+            default={**cls().default, **default},
+            tau_from=tau_from,
+            joint={name: JointMap(**table) for name, table in joint.items()},
+            source=source,
+        )
+
+
+Rule = tuple[Callable[[Any], bool], str]
+
+
+def _one_of(*options: Any) -> Rule:
+    # true == 1 in Python, but sign = true is a mistake.
+    return lambda x: any(
+        type(x) is type(o) and x == o for o in options
+    ), f"one of {', '.join(map(repr, options))}"
+
+
+def _is_finite(x: Any) -> bool:
+    return isinstance(x, int | float) and not isinstance(x, bool) and bool(np.isfinite(x))
+
+
+def _is_names(x: Any) -> bool:
+    return isinstance(x, list | tuple) and all(isinstance(n, str) for n in x) and len(set(x)) == len(x) > 0
+
+
+COLUMN: Rule = (
+    lambda x: isinstance(x, str) or (isinstance(x, int) and not isinstance(x, bool) and x >= 0),
+    "a column name, or a column number from 0",
+)
+TEMPLATE: Rule = (lambda x: isinstance(x, str) and x.count("{joint}") == 1, "a text with {joint} in it once")
+BOOL = _one_of(True, False)
+SIGN = _one_of(1, -1)
+NONZERO: Rule = (lambda x: _is_finite(x) and x != 0, "a number other than 0")
+TAU_FROM = _one_of("tau", "current")
+
+FILE_RULES: dict[str, Rule] = {
+    "time": COLUMN,
+    "time_unit": _one_of(*SECONDS),
+    "zero_time": BOOL,
+    "header": BOOL,
+    "delimiter": (lambda x: isinstance(x, str) and len(x.encode()) == 1, "one character"),
+    "columns": (_is_names, "a list of different names"),
+    "angle_unit": _one_of("rad", "deg"),
+}
+DEFAULT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, TEMPLATE) | {"tau_from": TAU_FROM}
+JOINT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, COLUMN) | {
+    "sign": SIGN,
+    "offset": (_is_finite, "a number"),
+    "gear_ratio": NONZERO,
+    "torque_sign": SIGN,
+    "current_gain": NONZERO,
+    "tau_from": TAU_FROM,
+    "angle_unit": _one_of(*UNITS),
+}
+
+
+def _checked(table: Any, rules: Mapping[str, Rule], where: str) -> dict[str, Any]:
+    """Keys and values of one table of a mapping file, or an error that lists what it may hold."""
+    if not isinstance(table, Mapping):
+        raise InputError(f"{where}: expected a table, found {table!r}")
+    for key, value in table.items():
+        if key not in rules:
+            raise UnknownNameError("key", key, rules, where)
+        is_right, expected = rules[key]
+        if not is_right(value):
+            raise InputError(f"{where}: {key} = {value!r}, expected {expected}")
+    return dict(table)
