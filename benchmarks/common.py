@@ -54,7 +54,13 @@ def publish(title: str, rows: Sequence[Mapping[str, Any]], path: Path | None, no
         console.print(note)
     if path is not None:
         machine = {"python": platform.python_version(), "processor": platform.machine(), "cores": os.cpu_count()}
-        content = {"schema": "frischid.benchmark/1", "title": title, "machine": machine, "rows": list(rows), "notes": list(notes)}
+        content = {
+            "schema": "frischid.benchmark/1",
+            "title": title,
+            "machine": machine,
+            "rows": list(rows),
+            "notes": list(notes),
+        }
         write_text(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
 

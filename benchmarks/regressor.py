@@ -67,7 +67,9 @@ def main() -> None:
                 "reached": "" if target is None else ("yes" if statistics.median(ratios) <= target else "NO"),
             }
         )
-    notes = [f"{options.robot}: {J} joints, {len(regressor.columns)} columns, {N} samples, median of {options.rounds} rounds"]
+    notes = [
+        f"{options.robot}: {J} joints, {len(regressor.columns)} columns, {N} samples, median of {options.rounds} rounds"
+    ]
     notes += [_memory(regressor, robot, length) for length in (N, 4 * N)]
     publish("regressor and moments against a bare Pinocchio loop", rows, options.json, notes)
 

@@ -182,9 +182,7 @@ def bbrf(
     rms = np.sqrt(np.einsum("ki,ki->i", rows, rows) / len(rows))
     if not (rms > 0).all():
         what = [*names, "torque"][int((rms == 0).argmax())]
-        raise IdentifiabilityError(
-            f"{what} is zero in all {len(rows)} rows; leave it out or record a richer motion"
-        )
+        raise IdentifiabilityError(f"{what} is zero in all {len(rows)} rows; leave it out or record a richer motion")
     scaled = np.ascontiguousarray(rows / rms)
     count = (len(rows) - window) // stride + 1
     if calibrated:
@@ -232,9 +230,7 @@ def sample_extents(rows: Array, window: int, stride: int) -> Iterator[Extents]:
         yield Extents(lower * unit, upper * unit, usable)
 
 
-def calibrated_extents(
-    rows: Array, window: int, stride: int, block: int, quantile: float
-) -> Iterator[Extents]:
+def calibrated_extents(rows: Array, window: int, stride: int, block: int, quantile: float) -> Iterator[Extents]:
     """Boxes around the vertices widened by `quantile` standard errors, a window at a time."""
     blocks = -(-window // block)
     padding = np.zeros((blocks * block - window, rows.shape[1]))  # the last block may be a shorter one

@@ -162,9 +162,7 @@ def _geometry(robot: Robot, urdf: str) -> Any:
         frame = whole.frames[shape.parentFrame]
         here = model.frames[model.getFrameId(frame.name, frame.type)]
         placement = here.placement * frame.placement.inverse() * shape.placement
-        geometry.addGeometryObject(
-            pin.GeometryObject(frame.name, here.parentJoint, placement, _convex(shape.geometry))
-        )
+        geometry.addGeometryObject(pin.GeometryObject(frame.name, here.parentJoint, placement, _convex(shape.geometry)))
     return geometry
 
 

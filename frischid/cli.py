@@ -52,7 +52,9 @@ def _robot_options(command: Callable[..., Any]) -> Callable[..., Any]:
             default="joint",
             help="Frames of the link parameters: joint, far_end, or JOINT=URDF_FRAME,...",
         ),
-        click.option("--known", multiple=True, metavar="NAME=VALUE", help="A rigid parameter known outright; repeatable."),
+        click.option(
+            "--known", multiple=True, metavar="NAME=VALUE", help="A rigid parameter known outright; repeatable."
+        ),
     ]
     for option in reversed(options):
         command = option(command)
@@ -188,7 +190,9 @@ def compare(model: str, logs: tuple[str, ...], mapping: str | None, as_json: boo
 @click.option("-o", "--output", type=click.Path(), required=True, help="Log to write: .parquet, .csv or .npz.")
 @click.option("--duration", default=30.0, show_default=True, help="Seconds.")
 @click.option("--rate", default=100.0, show_default=True, help="Samples a second.")
-@click.option("--points", type=click.Path(), help="Log of points (t, q, v, a) to join by quintics, instead of a random motion.")
+@click.option(
+    "--points", type=click.Path(), help="Log of points (t, q, v, a) to join by quintics, instead of a random motion."
+)
 @_robot_options
 @_effects_option
 @click.option("--set", "values", multiple=True, metavar="NAME=VALUE", help="True value of a parameter; repeatable.")

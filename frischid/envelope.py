@@ -89,9 +89,7 @@ class Envelope:
     torque: Array
 
     @classmethod
-    def of(
-        cls, robot: Robot, scale: float = 0.9, acceleration: float | Sequence[float] | None = None
-    ) -> Envelope:
+    def of(cls, robot: Robot, scale: float = 0.9, acceleration: float | Sequence[float] | None = None) -> Envelope:
         """Take the limits of a robot's URDF.
 
         Where the URDF is silent: positions within ±π (±0.5 m), velocities below 2 rad/s (m/s), full speed reached in
@@ -158,9 +156,7 @@ def nominal_torque(robot: Robot, q: Array, v: Array, a: Array) -> Array:
     return np.asarray(robot.inverse_dynamics(q, v, a) + damping * v + friction * np.tanh(v / 0.02))
 
 
-def violations(
-    robot: Robot, motion: Motion, envelope: Envelope, clearance: Clearance | None = None
-) -> list[Violation]:
+def violations(robot: Robot, motion: Motion, envelope: Envelope, clearance: Clearance | None = None) -> list[Violation]:
     """List every limit of every joint that a motion exceeds anywhere, each at its worst time."""
     found = list(_kinematic(robot, motion, envelope))
     t = np.linspace(0.0, motion.duration, int(np.ceil(RATE * motion.duration)) + 1)

@@ -89,7 +89,9 @@ class NormalEquations:
         diagonal = np.sqrt(np.diag(moments)[:-1])
         if (diagonal == 0).any():
             blind = [n for n, d in zip(names, diagonal, strict=True) if d == 0]
-            raise IdentifiabilityError(f"the log never excites {', '.join(blind)}; leave the effect out or move the joint")
+            raise IdentifiabilityError(
+                f"the log never excites {', '.join(blind)}; leave the effect out or move the joint"
+            )
         self.scale = 1.0 / diagonal
         self.H = moments[:-1, :-1] * np.outer(self.scale, self.scale)
         values, vectors = linalg.eigh(self.H)
@@ -179,9 +181,7 @@ def _finish(blocks: Sequence[Gram], weights: Array, estimator: str) -> Estimate:
     )
 
 
-def _jackknife(
-    blocks: Sequence[Gram], weights: Array, system: NormalEquations
-) -> tuple[Array | None, tuple[str, ...]]:
+def _jackknife(blocks: Sequence[Gram], weights: Array, system: NormalEquations) -> tuple[Array | None, tuple[str, ...]]:
     if len(blocks) < LEAST_BLOCKS:
         short = f"only {len(blocks)} blocks of data: standard errors take residuals as uncorrelated and are too small"
         return None, (short,)
@@ -193,7 +193,9 @@ def _jackknife(
         try:
             changes.append(linalg.solve(rest, score, assume_a="pos") * system.scale)
         except (linalg.LinAlgError, linalg.LinAlgWarning):
-            lost = "one stretch of the log alone determines some parameter: standard errors take residuals as uncorrelated"
+            lost = (
+                "one stretch of the log alone determines some parameter: standard errors take residuals as uncorrelated"
+            )
             return None, (lost,)
     D = np.array(changes)
     return (len(blocks) - 1) / len(blocks) * D.T @ D, ()

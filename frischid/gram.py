@@ -77,9 +77,7 @@ class Gram:
     def zeros(cls, columns: Sequence[Column], joints: Sequence[str]) -> Gram:
         """Return the empty sum."""
         J, C = len(joints), len(columns)
-        return cls(
-            tuple(columns), tuple(joints), np.zeros((J, C + 1, C + 1)), np.zeros((J, C + 1)), np.zeros(J)
-        )
+        return cls(tuple(columns), tuple(joints), np.zeros((J, C + 1, C + 1)), np.zeros((J, C + 1)), np.zeros(J))
 
     def __add__(self, other: Gram) -> Gram:
         self._check_same(other)

@@ -28,7 +28,7 @@ from frischid.selection import Selection, select
 from frischid.signals import LowPass, Motion, choose_lowpass, prepare
 
 ESTIMATORS = ("wls", "ols", "frisch")
-Recursing = Literal["strict", "undo", "calibrated", "none"]
+RECURSIONS = ("strict", "undo", "calibrated", "none")
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ def identify(
     cutoff: float | Literal["auto"] | None = "auto",
     velocity: str = "auto",
     estimator: str = "wls",
-    recursion: Recursing = "strict",
+    recursion: str = "strict",
     window: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
@@ -125,6 +125,8 @@ def identify(
     """
     if estimator not in ESTIMATORS:
         raise UnknownNameError("estimator", estimator, ESTIMATORS)
+    if recursion not in RECURSIONS:
+        raise UnknownNameError("recursion", recursion, RECURSIONS)
     robot, notes = _held_by(robot, logs)
     rows = _torque_joints(robot, logs, torque_joints, notes)
     warnings = [f"{log.source}: {w}" for log in logs for w in _suspicions(robot, log, rows, strict=True)]
@@ -143,7 +145,9 @@ def identify(
     columns = reduction.base_columns()
     blocks = [replace(g, columns=columns) for g in blocks]
     if reduction.gap < 100:
-        warnings.append(f"the rank is not clear (gap {reduction.gap:.1f}): some base parameter hardly acts on the torque")
+        warnings.append(
+            f"the rank is not clear (gap {reduction.gap:.1f}): some base parameter hardly acts on the torque"
+        )
 
     progress("estimate")
     estimate = ols(blocks) if estimator == "ols" else wls(blocks)
@@ -322,7 +326,7 @@ def _recursion(
     rows: Sequence[str],
     reduction: Reduction,
     estimate: Estimate,
-    variant: Recursing,
+    variant: str,
     window: int | None,
     warnings: list[str],
 ) -> Recursion | None:

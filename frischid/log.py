@@ -108,9 +108,7 @@ class Log:
             raise InputError(f"{self.source}: joint names must be at least one and unique: {self.joints}")
         taken = {"t"} | {f"{c}_{joint}" for c in CHANNELS for joint in self.joints}
         if clash := sorted(taken & set(self.extra)):
-            raise InputError(
-                f"{self.source}: extra columns may not be called {', '.join(clash)}; rename them"
-            )
+            raise InputError(f"{self.source}: extra columns may not be called {', '.join(clash)}; rename them")
 
     def __len__(self) -> int:
         return self.t.size
@@ -271,9 +269,7 @@ def check_torque(log: Log, joints: Sequence[str] | None = None) -> None:
         raise InputError(f"{log.source}: the torque is zero throughout in {names}; was it recorded at all?")
 
 
-def warnings_of(
-    log: Log, velocity_limit: Array | None = None, position_range: Array | None = None
-) -> list[str]:
+def warnings_of(log: Log, velocity_limit: Array | None = None, position_range: Array | None = None) -> list[str]:
     """Say what is suspicious in a log that is usable as it stands.
 
     Parameters
@@ -328,9 +324,7 @@ def _torque_warnings(log: Log) -> list[str]:
     if names := _names(log, constant):
         findings.append(f"{names}: the torque never changes, it was probably not measured")
     if names := _names(log, zeros > 0.5):
-        findings.append(
-            f"{names}: the torque is exactly zero in {zeros.max():.0%} of the samples (dead band?)"
-        )
+        findings.append(f"{names}: the torque is exactly zero in {zeros.max():.0%} of the samples (dead band?)")
     if names := _names(log, ~present):
         findings.append(f"{names}: no torque column, while other joints have one")
     return findings

@@ -157,9 +157,7 @@ Rule = tuple[Callable[[Any], bool], str]
 
 def _one_of(*options: Any) -> Rule:
     # true == 1 in Python, but sign = true is a mistake.
-    return lambda x: any(
-        type(x) is type(o) and x == o for o in options
-    ), f"one of {', '.join(map(repr, options))}"
+    return lambda x: any(type(x) is type(o) and x == o for o in options), f"one of {', '.join(map(repr, options))}"
 
 
 def _is_finite(x: Any) -> bool:

@@ -218,7 +218,9 @@ class Model:
         except OSError as error:
             raise InputError(f"{path}: the model file cannot be read ({error.strerror})") from None
         except (json.JSONDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: not a JSON model file ({error}); the command `frischid identify` writes one") from None
+            raise InputError(
+                f"{path}: not a JSON model file ({error}); the command `frischid identify` writes one"
+            ) from None
 
 
 def write_text(path: Path, text: str) -> None:

@@ -1,8 +1,8 @@
 """Files of measurements become a `Log`, and anybody's column names become ours.
 
-A file is first a table of named columns (`frischid.tables`); a mapping (`frischid.mapping`) says what they mean. Without
-one the columns are ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<joint>``, ``tau_<joint>`` and ``current_<joint>``, SI units,
-joint side. Each conversion, and each column left out, is a note of the log.
+A file is first a table of named columns (`frischid.tables`); a mapping (`frischid.mapping`) says what they
+mean. Without one the columns are ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<joint>``, ``tau_<joint>`` and
+``current_<joint>``, SI units, joint side. Each conversion, and each column left out, is a note of the log.
 """
 
 from __future__ import annotations
@@ -121,9 +121,7 @@ def _columns_of_joints(
     chosen = [joint for joint in (there if joints is None else joints) if joint in there]
     for joint, columns in explicit.items():
         if joint not in chosen and (columns or joints is None):
-            raise InputError(
-                f"{form.source}: joint '{joint}' has no position column in {table.source}; name q"
-            )
+            raise InputError(f"{form.source}: joint '{joint}' has no position column in {table.source}; name q")
         if joint not in chosen:
             notes.append(f"mapping of {joint} not used: the log has no position of it")
     if not chosen:
@@ -150,9 +148,7 @@ def _no_joint(table: Table, form: LogMap, there: Sequence[str], joints: Sequence
     )
 
 
-def _convert(
-    table: Table, form: LogMap, joint: str, columns: Mapping[str, str], notes: list[str]
-) -> dict[str, Array]:
+def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str], notes: list[str]) -> dict[str, Array]:
     """Channels of one joint in its own unit, direction and side of the gear."""
     entry = form.joint.get(joint, JointMap())
     motion = entry.sign * UNITS[entry.angle_unit or form.angle_unit] / entry.gear_ratio

@@ -247,9 +247,7 @@ def _rank(sigma: Array, tol: float) -> tuple[int, float, float]:
     return p, float(gaps[p - 1]), float(np.clip(10.0 * error, 1e-8, 1e-3))
 
 
-def _regrouping(
-    root: Array, norms: Array, d: int, alpha: tuple[float, float], blur: float
-) -> tuple[Indices, Array]:
+def _regrouping(root: Array, norms: Array, d: int, alpha: tuple[float, float], blur: float) -> tuple[Indices, Array]:
     """Rows of θ_l2 in θ_l, and ``B = −V21 V22⁻¹``, from the columns of θ_l alone."""
     V2 = _right_svd(root / norms)[1][:, len(norms) - d :]
     null = np.linalg.qr(V2 / norms[:, None])[0]  # found at unit norms, wanted in the parameters' units

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from frischid.effects import Effect, State, columns_of
 from frischid.errors import InputError
-from frischid.gram import Array, Column, Gram
+from frischid.gram import Array, Column, Gram, total
 from frischid.robot import Robot
 from frischid.signals import LowPass, Motion, decimating_filter
 
@@ -79,10 +80,6 @@ class Block:
         """Filtered accelerations, (M, J)."""
         return self.Z[:, -1]
 
-    def part(self, s: slice) -> Block:
-        """Return the samples in the slice."""
-        return Block(self.t[s], self.Z[s], self.used[s], self.source)
-
 
 class Regressor:
     """Builds Y for a robot and its effects.
@@ -97,6 +94,9 @@ class Regressor:
         self.robot, self.effects = robot, tuple(effects)
         self.columns: tuple[Column, ...] = columns_of(robot, effects)
         self.active = self._active()
+        C = len(self.columns)
+        # what a joint's moments are made of: its columns, its torque, ones
+        self.gathered = [np.append(active, [C, C + 1]) for active in self.active]
         dry = {n for effect in effects if effect.dry for _, n, _ in effect.acts_on(robot)}
         self.resting = np.array([n in dry for n in robot.joints])
 
@@ -146,7 +146,7 @@ class Regressor:
         """Filtered, decimated pieces of a motion, in order; together they are the same for any `chunk`."""
         taps, every = lowpass.taps(motion.step), lowpass.decimation(motion.step)
         reach = len(taps) - 1
-        stride = max(1, max(chunk, 2 * reach) // every) * every  # a long filter must not be mostly overlap
+        stride = max(1, chunk // every) * every
         width, J = len(self.columns) + EXTRA, len(self.robot.joints)
         tail, resting = np.empty((0, width, J)), np.empty((0, J))
         position = 0
@@ -182,24 +182,20 @@ class Regressor:
 
 def gram_of(regressor: Regressor, block: Block, joints: Sequence[str]) -> Gram:
     """Moments of one block over the torque rows of `joints`."""
-    C = len(regressor.columns)
     result = Gram.zeros(regressor.columns, joints)
     for row, name in enumerate(joints):
         j = regressor.robot.joints.index(name)
-        where = np.append(regressor.active[j], C)
-        Z = block.Z[:, np.append(where, C + 1), j]
+        Z = block.Z[:, regressor.gathered[j], j]
         if not block.used[:, j].all():
             Z = Z[block.used[:, j]]
-        sums = Z.T @ Z
+        sums, where = Z.T @ Z, regressor.gathered[j][:-1]
         result.moments[row, where[:, None], where] = sums[:-1, :-1]
         result.sums[row, where] = sums[-1, :-1]
         result.counts[row] = len(Z)
     return result
 
 
-def accumulate(
-    regressor: Regressor, motions: Sequence[Motion], lowpass: LowPass, joints: Sequence[str]
-) -> list[Gram]:
+def accumulate(regressor: Regressor, motions: Sequence[Motion], lowpass: LowPass, joints: Sequence[str]) -> list[Gram]:
     """Moments of motions in blocks of consecutive time.
 
     Blocks serve cross-validation and standard errors that respect correlation: about `MAX_BLOCKS` of equal length,
@@ -222,33 +218,17 @@ def accumulate(
         return list(_sums(regressor, motions, lowpass, joints))
 
 
-def _sums(
-    regressor: Regressor, motions: Sequence[Motion], lowpass: LowPass, joints: Sequence[str]
-) -> Iterator[Gram]:
+def _sums(regressor: Regressor, motions: Sequence[Motion], lowpass: LowPass, joints: Sequence[str]) -> Iterator[Gram]:
     seconds = max(1.0, sum(m.t[-1] - m.t[0] for m in motions) / MAX_BLOCKS)
     for motion in motions:
         _check_torque_present(motion, regressor.robot, joints)
-        pending: Gram | None = None
-        edge = motion.t[0] + seconds
-        for block in regressor.blocks(motion, lowpass):
-            for piece in _split(block, edge, seconds):
-                if pending is not None and piece.t[0] >= edge:
-                    yield pending
-                    pending = None
-                while piece.t[0] >= edge:
-                    edge += seconds
-                gram = gram_of(regressor, piece, joints)
-                pending = gram if pending is None else pending + gram
-        if pending is not None:
-            yield pending
-
-
-def _split(block: Block, edge: float, seconds: float) -> Iterator[Block]:
-    """Cut a block at ``edge``, ``edge + seconds``, ..."""
-    cuts = np.searchsorted(block.t, np.arange(edge, block.t[-1] + seconds, seconds))
-    bounds = np.unique([0, *cuts, len(block.t)])
-    for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
-        yield block.part(slice(int(start), int(stop)))
+        every = lowpass.decimation(motion.step)
+        samples = seconds / motion.step
+        pieces = max(1, round(samples / max(CHUNK, 2 * len(lowpass.taps(motion.step)))))
+        chunk = max(1, round(samples / pieces / every)) * every
+        grams = (gram_of(regressor, block, joints) for block in regressor.blocks(motion, lowpass, chunk))
+        while group := list(islice(grams, pieces)):
+            yield total(group)
 
 
 def _check_torque_present(motion: Motion, robot: Robot, joints: Sequence[str]) -> None:

@@ -239,8 +239,12 @@ class Robot:
         model = self.model
         rows = [model.joints[self.numbers[n]] for n in self.joints]
         bounded = np.array([r.nq == 1 for r in rows])
-        lower = np.array([model.lowerPositionLimit[r.idx_q] if b else -np.inf for r, b in zip(rows, bounded, strict=True)])
-        upper = np.array([model.upperPositionLimit[r.idx_q] if b else np.inf for r, b in zip(rows, bounded, strict=True)])
+        lower = np.array(
+            [model.lowerPositionLimit[r.idx_q] if b else -np.inf for r, b in zip(rows, bounded, strict=True)]
+        )
+        upper = np.array(
+            [model.upperPositionLimit[r.idx_q] if b else np.inf for r, b in zip(rows, bounded, strict=True)]
+        )
         velocity = np.array([model.velocityLimit[r.idx_v] for r in rows])
         effort = np.array([model.effortLimit[r.idx_v] for r in rows])
         unset = lower >= upper
@@ -316,7 +320,9 @@ class Robot:
             raise UnknownNameError("frame choice", str(self.frames), ["joint", "far_end"])
         children = [model.jointPlacements[k] for k in range(1, model.njoints) if model.parents[k] == index]
         fixed = [f.placement for f in model.frames if f.parentJoint == index]
-        far = children[0] if children else max(fixed, key=lambda placement: float(np.linalg.norm(placement.translation)))
+        far = (
+            children[0] if children else max(fixed, key=lambda placement: float(np.linalg.norm(placement.translation)))
+        )
         return pin.SE3(np.eye(3), far.translation)
 
     # ------------------------------------------------------------------ the dynamics
@@ -371,9 +377,12 @@ class Robot:
         plain = self.transforms is None and not self.known and not self.mimics
         full = out if plain else np.empty((len(q), len(self.all_names), len(self.bodies)))
         model, data, compute = self.model, self.data, pin.computeJointTorqueRegressor
-        rows = zip(full, self.configuration(q), self._full_rates(v), self._full_rates(a), strict=True)
+        # Pinocchio's array is column-major: seen as (joint, parameter), source and target run through memory alike.
+        rows = zip(
+            full.transpose(0, 2, 1), self.configuration(q), self._full_rates(v), self._full_rates(a), strict=True
+        )
         for target, x, y, z in rows:
-            target[:] = compute(model, data, x, y, z).T
+            target[...] = compute(model, data, x, y, z)
         if plain:
             return
         out[:] = self._present(full)[:, self._unknown]
@@ -475,7 +484,9 @@ def _read_urdf(robot: str | Path) -> tuple[str, str]:
     try:
         return text, path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a UTF-8 text file, so not a URDF ({error.reason} at byte {error.start})") from None
+        raise InputError(
+            f"{path}: not a UTF-8 text file, so not a URDF ({error.reason} at byte {error.start})"
+        ) from None
 
 
 def _parse(text: str, source: str) -> ET.Element:

@@ -51,9 +51,7 @@ POPULATION = 64
 class Cost:
     """A criterion at the samples of a motion, with its gradient; it counts the regressors it computes."""
 
-    def __init__(
-        self, robot: Robot, effects: Sequence[Effect], t: Array, criterion: Criterion, seed: int
-    ) -> None:
+    def __init__(self, robot: Robot, effects: Sequence[Effect], t: Array, criterion: Criterion, seed: int) -> None:
         self.regressor, self.criterion, self.t = Regressor(robot, effects), criterion, t
         self.base = np.array(structure(self.regressor, robot.joints).base)
         shifts = criterion.displacements(len(t), len(robot.joints), seed)

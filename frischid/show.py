@@ -41,7 +41,10 @@ def robot(machine: Robot, regressor: Regressor, reduction: Reduction) -> Page:
         values = [limits.lower[i], limits.upper[i], limits.velocity[i], limits.effort[i]]
         table.add_row(name, str(machine.numbers[name]), kind, *(_figure(x) for x in values))
         keys = ("lower", "upper", "velocity", "effort")
-        joints.append({"name": name, "number": machine.numbers[name], "kind": kind} | dict(zip(keys, map(_plain, values), strict=True)))
+        joints.append(
+            {"name": name, "number": machine.numbers[name], "kind": kind}
+            | dict(zip(keys, map(_plain, values), strict=True))
+        )
     base = [
         {"name": c.name, "expression": e, "unit": c.unit, "joint": c.joint, "effect": c.effect}
         for c, e in zip(reduction.base_columns(), reduction.expressions(), strict=True)
@@ -179,7 +182,13 @@ def comparison(result: Comparison) -> Page:
 
 def simulated(log: Log, output: str) -> Page:
     """Where a simulated log went."""
-    data = {"output": output, "samples": len(log), "seconds": log.duration, "rate_hz": log.rate, "joints": list(log.joints)}
+    data = {
+        "output": output,
+        "samples": len(log),
+        "seconds": log.duration,
+        "rate_hz": log.rate,
+        "joints": list(log.joints),
+    }
     return Page(data, [f"{output}: {len(log)} samples of {len(log.joints)} joints, {log.duration:.4g} s"])
 
 

@@ -244,7 +244,9 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
         motions.append(motion)
         notes += [s for s in said if s not in notes]
     if too_short:
-        notes.append(f"{log.source}: {too_short} samples dropped in stretches shorter than the filters ({2 * reach + 10} samples)")
+        notes.append(
+            f"{log.source}: {too_short} samples dropped in stretches shorter than the filters ({2 * reach + 10} samples)"
+        )
     if not motions:
         raise InputError(
             f"{log.source}: no stretch without a gap is longer than the filters need ({2 * reach + 10} samples at this "

@@ -1,7 +1,7 @@
 """File formats: CSV, Parquet and NPZ, each as one table of named columns, and back.
 
-Nothing here knows what a column means; a `Table` only says which of its columns are numbers, why the others are
-not, and where in the file a row lies.
+Nothing here knows what a column means; a `Table` only says which of its columns are numbers, why the others
+are not, and where in the file a row lies.
 """
 
 from __future__ import annotations
@@ -136,9 +136,7 @@ def _ragged_line(path: Path, delimiter: str, width: int, skip: int) -> str | Non
         return None
     line, cells = wrong[0]
     if line == skip + rows.line_num:
-        return (
-            f"line {line}, the last, holds {cells} cells instead of {width}: the recording was cut; delete it"
-        )
+        return f"line {line}, the last, holds {cells} cells instead of {width}: the recording was cut; delete it"
     return (
         f"line {line} holds {cells} cells instead of {width} (and {len(wrong) - 1} more such lines); "
         "correct or delete them, nothing is guessed here"

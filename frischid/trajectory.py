@@ -261,9 +261,7 @@ def random_fourier(robot: Robot, duration: float, *, seed: int, harmonics: int =
     limits, J = robot.limits, len(robot.joints)
     harmonics = max(harmonics, round(0.4 * duration), 3)
     lower, upper = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
-    free = Fourier.rested(
-        np.zeros(J), rng.normal(size=(harmonics, J)), rng.normal(size=(harmonics, J)), duration
-    )
+    free = Fourier.rested(np.zeros(J), rng.normal(size=(harmonics, J)), rng.normal(size=(harmonics, J)), duration)
     t = np.linspace(0, duration, 40 * harmonics)
     q, v, _ = free(t)
     middle, reach = (q.max(axis=0) + q.min(axis=0)) / 2, np.ptp(q, axis=0) / 2

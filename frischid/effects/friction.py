@@ -91,7 +91,9 @@ class Offset(Effect):
     id: ClassVar[str] = "offset"
     title: ClassVar[str] = "torque offset"
     equation: ClassVar[str] = "off"
-    sentence: ClassVar[str] = "{joint}'s torque is off by a constant: sensor or amplifier offset, or uneven dry friction"
+    sentence: ClassVar[str] = (
+        "{joint}'s torque is off by a constant: sensor or amplifier offset, or uneven dry friction"
+    )
     looks_like: ClassVar[str] = "the whole residual lies above or below zero"
     confused_with: ClassVar[tuple[str, ...]] = ("coulomb",)
     confirmed_by: ClassVar[str] = "hold the robot still in several poses: the offset is the same in all"
