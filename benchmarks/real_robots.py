@@ -1,6 +1,7 @@
 """Identification on measured logs of real robots, error on logs that were not fitted.
 
-Needs FRISCHID_DATA. NRMSE is rmse / std of the torque, per joint, both through the same filter, averaged over the joints;
+Needs FRISCHID_DATA. NRMSE is rmse / std of the torque, per joint, both through the same filter, averaged over the
+joints;
 samples in which a joint rests are left out, because dry friction is undetermined there (the table says how many).
 """
 
@@ -122,7 +123,8 @@ def main() -> None:
         joints = ", ".join(f"{n} {j.rmse:.3g} N·m ({j.nrmse:.3f})" for n, j in result.joints.items())
         notes.append(f"{case.name}: RMSE (NRMSE) {joints}" + (f"; locked: {', '.join(locked)}" if locked else ""))
         notes += [
-            f"  locked {', '.join(k) or 'nothing'}: cross-validated {cross_validated(x):.4f}, held out {x.comparison.nrmse:.4f}"
+            f"  locked {', '.join(k) or 'nothing'}: cross-validated {cross_validated(x):.4f}, held out "
+            f"{x.comparison.nrmse:.4f}"
             for x, _, k in tried
             if len(tried) > 1 and x.comparison is not None
         ]

@@ -70,19 +70,23 @@ _effects_option = click.option(
 
 
 @main.command()
-@click.argument("robot")
+@click.argument("robot", required=False)
 @_robot_options
 @_effects_option
 @_json_option
-def info(robot: str, effects: str | None, as_json: bool, **options: Any) -> None:
+def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) -> None:
     """What a robot is: joints, limits, and the parameters that can be identified.
 
-    ROBOT is a URDF file or the name of one that example-robot-data ships.
+    ROBOT is a URDF file or the name of one that example-robot-data ships; without it, the names are listed.
     """
     from frischid import show
     from frischid.identification import structure
     from frischid.regressor import Regressor
+    from frischid.robot import robot_names
 
+    if robot is None:
+        _print(show.robots(list(robot_names())), as_json)
+        return
     machine, _ = _load(robot, options)
     regressor = Regressor(machine, _effects(effects))
     with _working(as_json) as progress:
@@ -104,7 +108,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
 
     machine, data = _load(robot, options, logs, mapping)
     findings = examine(machine, data)
-    _print(show.check(machine, findings), as_json)
+    _print(show.check(findings), as_json)
     sys.exit(1 if any(f.warnings for f in findings) else 0)
 
 
@@ -285,7 +289,7 @@ def demo(seed: int, output: str | None, as_json: bool) -> None:
 def _load(
     robot: str, options: dict[str, Any], paths: Sequence[str] = (), mapping: str | None = None
 ) -> tuple[Robot, list[Log]]:
-    """The robot as the options want it, and its logs; a joint locked without an angle takes its median in the first log."""
+    """The robot as the options want it, and its logs; a joint locked without an angle: its median in the log."""
     from statistics import median
 
     from frischid.robot import Robot

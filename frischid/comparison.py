@@ -188,7 +188,8 @@ def _summary(model: Model, sums: _Sums, everything: _Sums, sources: tuple[str, .
     if (sums.count < 2).any() or (sums.std == 0).any():
         flat = [name for name, n, s in zip(model.joints, sums.count, sums.std, strict=True) if n < 2 or s == 0]
         raise InputError(
-            f"{', '.join(sources)}: {', '.join(flat)} never moves, or its torque never changes; there is nothing to compare"
+            f"{', '.join(sources)}: {', '.join(flat)} never moves, or its torque never changes; there is nothing to "
+            "compare"
         )
     n, std = sums.count, sums.std
     rmse, nominal = np.sqrt(sums.error2 / n), np.sqrt(sums.nominal2 / n)
@@ -196,7 +197,7 @@ def _summary(model: Model, sums: _Sums, everything: _Sums, sources: tuple[str, .
     joints = {}
     for j, name in enumerate(model.joints):
         worst = sums.worst[j]
-        assert worst is not None  # noqa: S101 - there is at least one sample, or prepare() raised
+        assert worst is not None  # there is at least one sample, or prepare() raised
         joints[name] = JointFit(
             rmse=float(rmse[j]),
             nrmse=float(rmse[j] / std[j]),

@@ -154,7 +154,8 @@ def _variance(whole: Gram, theta: Array) -> Array:
 def _solve(whole: Gram, weights: Array) -> NormalEquations:
     if whole.rows < len(whole.columns) + 1:
         raise IdentifiabilityError(
-            f"{whole.rows} torque rows cannot determine {len(whole.columns)} parameters; record longer, or raise the cut-off"
+            f"{whole.rows} torque rows cannot determine {len(whole.columns)} parameters; record longer, or raise the "
+            "cut-off"
         )
     return NormalEquations(whole.weighted(weights), whole.names)
 

@@ -151,7 +151,7 @@ class Gram:
         """
         if weights is None:
             return np.asarray(self.moments.sum(axis=0))
-        return np.einsum("j,jab->ab", weights, self.moments)
+        return np.asarray(np.einsum("j,jab->ab", weights, self.moments))
 
     def residual_ss(self, theta: Array) -> Array:
         """Sum of squared residuals ``Σ_k (τ_k − y_k θ)²`` of each joint.
@@ -165,12 +165,12 @@ class Gram:
         ndarray, shape (J,)
         """
         direction = np.append(theta, -1.0)
-        return np.maximum(np.einsum("a,jab,b->j", direction, self.moments, direction), 0.0)
+        return np.asarray(np.maximum(np.einsum("a,jab,b->j", direction, self.moments, direction), 0.0))
 
     def torque_ss(self) -> Array:
         """Return the sum of squares of each joint's torque about its mean, shape (J,)."""
         mean = self.sums[:, -1] / np.maximum(self.counts, 1.0)
-        return np.maximum(self.moments[:, -1, -1] - self.counts * mean**2, 0.0)
+        return np.asarray(np.maximum(self.moments[:, -1, -1] - self.counts * mean**2, 0.0))
 
 
 def total(grams: Iterable[Gram]) -> Gram:

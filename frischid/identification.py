@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
-from frischid.bbrf import Recursion, bbrf
+from frischid.bbrf import Recursion, Variant, bbrf
 from frischid.comparison import Comparison, compare
 from frischid.effects import BASELINE, Effect
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
@@ -235,7 +235,7 @@ class Examination:
     """What `examine` says of one log: facts, and what should make the reader doubt."""
 
     source: str
-    facts: dict[str, float | int | str | list[str]]
+    facts: dict[str, Any]
     warnings: tuple[str, ...]
 
 
@@ -251,7 +251,7 @@ def examine(robot: Robot, logs: Sequence[Log]) -> list[Examination]:
     findings = []
     for log in logs:
         chosen = log.select(robot.joints)
-        facts: dict[str, float | int | str | list[str]] = {
+        facts: dict[str, Any] = {
             "samples": len(log),
             "seconds": log.duration,
             "rate_hz": log.rate,
@@ -345,7 +345,8 @@ def _recursion(
             return None
     try:
         signs = [c.sign for c in estimate.columns]
-        return bbrf(E, [c.name for c in estimate.columns], window=window, signs=signs, variant=variant)
+        names = [c.name for c in estimate.columns]
+        return bbrf(E, names, window=window, signs=signs, variant=cast(Variant, variant))
     except IdentifiabilityError as error:
         warnings.append(f"BBRF left out: {error}")
         return None
@@ -357,8 +358,10 @@ def _doubts(triangle: Simplex, recursed: Recursion | None) -> list[str]:
     if not triangle.same_orthant:
         names = triangle.disagreeing
         doubts.append(
-            f"Theorem 1 of the Frisch scheme does not apply: the {len(triangle.names) + 1} least-squares solutions lie in "
-            f"different orthants ({len(names)} parameters change sign: {', '.join(names[:6])}{' ...' * (len(names) > 6)}). "
+            f"Theorem 1 of the Frisch scheme does not apply: the {len(triangle.names) + 1} least-squares solutions "
+            "lie in "
+            f"different orthants ({len(names)} parameters change sign: "
+            f"{', '.join(names[:6])}{' ...' * (len(names) > 6)}). "
             "The true parameters need not lie in the simplex or in its box"
         )
     if recursed is not None and recursed.emptied is not None:

@@ -235,7 +235,8 @@ def _check_torque_present(motion: Motion, robot: Robot, joints: Sequence[str]) -
     missing = [n for n in joints if np.isnan(motion.tau[:, robot.joints.index(n)]).any()]
     if missing:
         raise InputError(
-            f"{motion.source}: no torque for {', '.join(missing)}; give tau_<joint> columns, a mapping with current gains, "
+            f"{motion.source}: no torque for {', '.join(missing)}; give tau_<joint> columns, a mapping with current "
+            "gains, "
             "or leave these joints' torque rows out"
         )
 

@@ -31,6 +31,11 @@ class Page:
     parts: Sequence[Any]
 
 
+def robots(names: Sequence[str]) -> Page:
+    """Robots that load by name."""
+    return Page(sorted(names), [", ".join(sorted(names))])
+
+
 def robot(machine: Robot, regressor: Regressor, reduction: Reduction) -> Page:
     """Joints and identifiable parameters."""
     limits = machine.limits
@@ -63,7 +68,8 @@ def robot(machine: Robot, regressor: Regressor, reduction: Reduction) -> Page:
     notes += ["the URDF has no inertials: nominal torques are zero"] * (not machine.nominal.any())
     counts = (
         f"{len(columns) + len(machine.known)} parameters: {len(groups['identifiable_alone'])} identifiable alone, "
-        f"{len(groups['identifiable_in_combination'])} only in combination, {len(groups['not_identifiable'])} not at all"
+        f"{len(groups['identifiable_in_combination'])} only in combination, {len(groups['not_identifiable'])} not "
+        "at all"
         f"{f' ({len(machine.known)} of them known)' if machine.known else ''}; "
         f"rank {reduction.rank}, gap {reduction.gap:.2g}"
     )
@@ -84,17 +90,18 @@ def robot(machine: Robot, regressor: Regressor, reduction: Reduction) -> Page:
     return Page(data, [table, *notes, f"each link: {units}", counts, regrouped])
 
 
-def check(machine: Robot, findings: Sequence[Examination]) -> Page:
+def check(findings: Sequence[Examination]) -> Page:
     """Facts and suspicions of logs."""
     parts: list[Any] = []
     for f in findings:
         facts = f.facts
-        channels = ", ".join(("q", *facts["channels"]))  # type: ignore[misc]
+        channels = ", ".join(("q", *facts["channels"]))
         parts.append(
-            f"[bold]{f.source}[/bold]: {facts['samples']} samples, {facts['seconds']:.4g} s at {facts['rate_hz']:.4g} Hz, "
-            f"{len(machine.joints)} joints, channels {channels}"
+            f"[bold]{f.source}[/bold]: {facts['samples']} samples, {facts['seconds']:.4g} s at "
+            f"{facts['rate_hz']:.4g} Hz, "
+            f"{len(facts['joints'])} joints, channels {channels}"
         )
-        parts += [f"  {n}" for n in facts["notes"]]  # type: ignore[union-attr]
+        parts += [f"  {n}" for n in facts["notes"]]
         parts += _warnings(f.warnings) or ["  nothing suspicious"]
     data = [{"log": f.source, **f.facts, "warnings": list(f.warnings)} for f in findings]
     return Page({"logs": data, "ok": not any(f.warnings for f in findings)}, parts)
@@ -174,7 +181,8 @@ def comparison(result: Comparison) -> Page:
     parts: list[Any] = [table]
     if result.resting > 0:
         parts.append(
-            f"{result.resting:.1%} of the torque samples are left out: the joint rests, dry friction is undetermined there "
+            f"{result.resting:.1%} of the torque samples are left out: the joint rests, dry friction is "
+            "undetermined there "
             f"(mean NRMSE with them {result.nrmse_with_rest:.4f})"
         )
     return Page(result.to_dict(), parts)
@@ -233,14 +241,16 @@ def _effect_data(kind: type[Effect]) -> dict[str, Any]:
 def demo(result: Demo, output: str | None) -> Page:
     """The demonstration, with the truth beside every estimate."""
     found = result.found
-    assert found.comparison is not None  # noqa: S101 - the demonstration always holds a motion out
+    assert found.comparison is not None  # the demonstration always holds a motion out
     within = np.abs(found.model.estimate.theta - result.truth) <= 2 * found.model.estimate.stderr
     story = (
-        f"A planar arm with known parameters made two motions of {result.seconds:g} s, recorded at {result.rate:g} Hz with noisy "
+        f"A planar arm with known parameters made two motions of {result.seconds:g} s, recorded at {result.rate:g} "
+        "Hz with noisy "
         "positions and torques. The parameters were identified on motion A; motion B was only predicted."
     )
     verdict = (
-        f"{int(within.sum())} of {len(within)} true values lie within two standard errors. Held-out error on motion B: NRMSE "
+        f"{int(within.sum())} of {len(within)} true values lie within two standard errors. Held-out error on motion "
+        "B: NRMSE "
         f"{found.comparison.nrmse:.4f}, against {found.comparison.nominal:.4f} of the URDF alone and "
         f"{found.comparison.constant:.4f} of a constant torque."
     )
@@ -261,7 +271,8 @@ def _summary(found: Identification) -> str:
     model, e = found.model, found.model.estimate
     cut = "unfiltered" if model.lowpass.cutoff is None else f"low-passed at {model.lowpass.cutoff:g} Hz"
     return (
-        f"[bold]{model.robot.name}[/bold]: {found.reduction.rank} base parameters from {found.samples} samples ({cut}), "
+        f"[bold]{model.robot.name}[/bold]: {found.reduction.rank} base parameters from {found.samples} samples "
+        f"({cut}), "
         f"effects {', '.join(str(x) for x in model.effects)}; {e.estimator}, condition {e.condition:.3g}, "
         f"rank gap {found.reduction.gap:.2g}"
     )

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +128,8 @@ def noise_level(x: Array) -> Array:
 def standstill(q: Array, step: float) -> NDArray[np.bool_]:
     """Joints that hold their position: less than `STILL` of travel within half a second around the sample.
 
-    Dry friction at rest takes any value up to break-away, whatever the speed's noise says; a model with Coulomb friction
+    Dry friction at rest takes any value up to break-away, whatever the speed's noise says; a model with Coulomb
+    friction
     makes no prediction there. A joint that reverses does not rest.
     """
     window = 2 * round(0.25 / step) + 1
@@ -206,7 +208,8 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
     lowpass : LowPass
         Sets the band of the derivatives.
     velocity : {"auto", "measured", "derived"}
-        Which q̇ (and from it q̈) to use where the log holds one. ``"auto"`` takes per joint the less noisy one, unless the
+        Which q̇ (and from it q̈) to use where the log holds one. ``"auto"`` takes per joint the less noisy one,
+        unless the
         measured one disagrees with the positions.
 
     Returns
@@ -226,7 +229,8 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
     if len(breaks):
         longest = float(np.diff(log.t).max())
         notes.append(
-            f"{log.source}: split at {len(breaks)} gap{'s' * (len(breaks) > 1)} in the time stamps, the longest {longest:.3g} s"
+            f"{log.source}: split at {len(breaks)} gap{'s' * (len(breaks) > 1)} in the time stamps, the longest "
+            f"{longest:.3g} s"
         )
     jitter = np.abs(np.diff(log.t) - median)
     if (jitter[jitter < largest_gap] > 1e-3 * median).any():
@@ -236,7 +240,7 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
         )
     reach = (len(derivative_taps(1, median, lowpass.cutoff)) + len(lowpass.taps(median))) // 2
     motions, too_short = [], 0
-    for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
+    for start, stop in pairwise(bounds):
         if stop - start < 2 * reach + 10:
             too_short += stop - start
             continue
@@ -245,7 +249,8 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
         notes += [s for s in said if s not in notes]
     if too_short:
         notes.append(
-            f"{log.source}: {too_short} samples dropped in stretches shorter than the filters ({2 * reach + 10} samples)"
+            f"{log.source}: {too_short} samples dropped in stretches shorter than the filters ({2 * reach + 10} "
+            "samples)"
         )
     if not motions:
         raise InputError(

@@ -164,7 +164,7 @@ def test_wheels_may_turn_as_far_as_they_like():
         ({"tau": changed(Q, slice(None), 1, 0.0)}, "elbow: the torque never changes"),
         ({"tau": changed(Q, slice(5, None), 1, 0.0)}, "elbow: the torque is exactly zero in 90%"),
         ({"tau": changed(Q, slice(None), 1, np.nan)}, "elbow: no torque column"),
-        ({"t": np.r_[T[:25], T[25:] + 0.3]}, "time steps vary from 10 to 310 ms (median 10 ms); 1 gaps"),
+        ({"t": np.r_[T[:25], T[25:] + 0.3]}, "1 gaps in the time stamps, the longest 310 ms (usual step 10 ms)"),
         ({"q": Q[np.arange(N) // 2]}, "of the rows repeat the row before"),
     ],
 )
