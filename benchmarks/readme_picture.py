@@ -31,7 +31,7 @@ def main() -> None:
         logs = [fr.simulate(robot, motion, rate=200.0, parameters=demo.TRUTH, noise=demo.NOISE)]
     else:
         case = CASES[0]
-        found, _ = identified(case, folder, ())
+        found, _ = identified(case, folder)
         logs = [fr.read_log(folder / path, found.model.robot.joints, case.mapping) for path in case.valid]
     draw(found, logs, output)
 

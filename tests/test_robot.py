@@ -1,0 +1,292 @@
+import json
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cases import MIXED, ROBOTS, TIAGO, Reference, joint, link, made, robot, states, urdf
+from frischid.errors import InputError, UnknownNameError
+from frischid.robot import LINK_PARAMETERS, Robot, robot_names
+
+
+def refused(words, *args, kind=InputError, **options):
+    with pytest.raises(kind) as error:
+        Robot.load(*args, **options)
+    for word in words:
+        assert word in str(error.value)
+
+
+# ---- finding a URDF
+
+
+def test_by_name_and_by_path(tmp_path):
+    shipped = Robot.load("planar2")
+    assert shipped.joints == ("joint1", "joint2")
+    path = robot_names()["planar2"]
+    for given_path in (path, str(path)):
+        again = Robot.load(given_path)
+        assert again.urdf == shipped.urdf
+        assert again.source == str(path)
+    copy = tmp_path / "panda"  # a file without a suffix, called like a robot
+    copy.write_text(path.read_text())
+    assert Robot.load(copy).name == "planar2"
+    assert Robot.load("ur10").joints == Robot.load("ur10_robot").joints
+    assert len(Robot.load("panda").joints) == 8
+
+
+def test_own_robots_come_before_those_of_other_packages():
+    assert next(iter(robot_names())) == "planar2"
+
+
+@pytest.mark.parametrize(("name", "close"), [("pandda", "panda"), ("UR10", "ur10"), ("kinvoa", "kinova")])
+def test_unknown_robot_lists_close_ones(name, close):
+    refused(["unknown robot", name, "did you mean", close], name, kind=UnknownNameError)
+
+
+def test_ambiguous_names_carry_their_folder():
+    names = robot_names()
+    assert "anymal" not in names
+    assert {"anymal_b_simple/anymal", "anymal_c_simple/anymal"} <= set(names)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", ["not an XML file"]),
+        (b"solid cube", ["not an XML file"]),
+        (b"<robot name='x'><link name='a'>", ["not an XML file", "line 1"]),
+        (b"<sdf/>", ["root element is <sdf>", "<robot>"]),
+        (b"\xff\xfe\x00", ["not a UTF-8 text file"]),
+        (b"<robot name='x' xmlns:xacro='http://x'><xacro:arm/></robot>", ["xacro", "expand it first"]),
+        (b"<robot name='x'/>", ["arm.urdf"]),
+        (b"<robot name='x'><link name='a'/></robot>", ["no joint is left to move"]),
+    ],
+)
+def test_bad_files(tmp_path, content, words):
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(content)
+    refused([str(path), *words], path)
+
+
+def test_missing_file_and_folder(tmp_path):
+    refused(["no such URDF file"], tmp_path / "none.urdf")
+    refused(["is a folder"], tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_joints_of_several_degrees_of_freedom(tmp_path, kind):
+    path = tmp_path / "free.urdf"
+    parts = (link("w"), link("a", 1.0), link("b", 1.0), joint("loose", "w", "a", kind), joint("j", "a", "b"))
+    path.write_text(urdf(*parts))
+    refused(["'loose'", "degrees of freedom", "make it fixed"], path)
+
+
+def test_spherical_and_dangling_joints(tmp_path):
+    path = tmp_path / "odd.urdf"
+    path.write_text(urdf(link("a"), link("b", 1.0), joint("j", "a", "b", "spherical")))
+    refused([str(path)], path)
+    path.write_text(urdf(link("a"), link("b", 1.0), joint("j", "a", "nowhere")))
+    refused([str(path)], path)
+
+
+# ---- joints
+
+
+def test_kinds_of_joints():
+    machine = made(MIXED)
+    assert machine.joints == ("turn", "slide", "elbow")
+    assert machine.bodies == ("turn", "slide", "elbow", "follower", "gripper")
+    assert machine.numbers == {"turn": 1, "slide": 2, "elbow": 3, "follower": 4, "gripper": 5}
+    assert machine.prismatic.tolist() == [False, True, False]
+    assert machine.model.nq == machine.model.nv + 1  # the continuous joint
+    assert len(machine.all_names) == 50
+    assert machine.all_names[:3] == ("m1", "mx1", "my1")
+    assert machine.columns[0].unit == "kg"
+    assert {c.name: c.sign for c in machine.columns[:10]} == dict(
+        zip([f"{p}1" for p in LINK_PARAMETERS], [1, 0, 0, 0, 1, 0, 1, 0, 0, 1], strict=True)
+    )
+
+
+def test_continuous_joints_take_one_angle():
+    machine = made(MIXED)
+    q, v, a = states(machine)
+    turned = q + np.array([2 * np.pi, 0.0, 0.0])
+    np.testing.assert_allclose(machine.inverse_dynamics(turned, v, a), machine.inverse_dynamics(q, v, a), atol=1e-10)
+    full = machine.configuration(np.array([[0.3, 0.1, -0.2]]))
+    np.testing.assert_allclose(full[0, :2], [math.cos(0.3), math.sin(0.3)])
+
+
+def test_mimic_chain():
+    machine = made(MIXED)
+    assert machine.mimics == {"follower": ("elbow", 2.0, 0.3), "gripper": ("elbow", -1.0, pytest.approx(-0.05))}
+    elbow = 0.4
+    full = machine.configuration(np.array([[0.0, 0.0, elbow]]))[0]
+    np.testing.assert_allclose(full[-3:], [elbow, 2 * elbow + 0.3, -0.5 * (2 * elbow + 0.3) + 0.1])
+
+
+@pytest.mark.parametrize(("first", "second"), [("one", "two"), ("two", "one")])
+def test_mimics_in_a_circle(tmp_path, first, second):
+    def rule(leader):
+        return f'<limit lower="-1" upper="1" velocity="1" effort="1"/><mimic joint="{leader}"/>'
+
+    path = tmp_path / "circle.urdf"
+    parts = [link("w"), link("a", 1.0), link("b", 1.0), link("c", 1.0), joint("free", "w", "a")]
+    parts += [joint("one", "a", "b", inside=rule(first if first != "one" else "two"))]
+    parts += [joint("two", "b", "c", inside=rule(second if second != "two" else "one"))]
+    path.write_text(urdf(*parts))
+    refused(["circle", "one", "two"], path)
+
+
+def test_mimic_of_a_joint_that_is_not_there(tmp_path):
+    path = tmp_path / "orphan.urdf"
+    inside = '<limit lower="-1" upper="1" velocity="1" effort="1"/><mimic joint="ghost"/>'
+    parts = [link("w"), link("a", 1.0), link("b", 1.0), joint("j", "w", "a")]
+    path.write_text(urdf(*parts, joint("k", "a", "b", inside=inside)))
+    refused(["ghost"], path)
+
+
+# ---- locks
+
+
+def test_locked_joints_and_their_angles():
+    machine = Robot.load("tiago", joints=TIAGO, lock={"arm_6_joint": 0.5})
+    assert list(machine.joints) == TIAGO
+    assert machine.locked["arm_6_joint"] == 0.5
+    assert machine.locked["arm_7_joint"] == 0.0
+    assert len(machine.locked) == 43
+    # zero moved into the limits
+    lower = Robot.load("panda").limits
+    i = Robot.load("panda").joints.index("panda_joint4")
+    assert lower.upper[i] < 0
+    assert Robot.load("panda", lock=["panda_joint4"]).locked == {"panda_joint4": lower.upper[i]}
+
+
+def test_locked_joint_takes_its_followers_along():
+    free, held = made(MIXED), made(MIXED, locked={"elbow": 0.6})
+    assert held.joints == held.bodies == ("turn", "slide")
+    assert held.mimics == {}
+    q, v, a = states(free)
+    q[:, 2], v[:, 2], a[:, 2] = 0.6, 0.0, 0.0
+    np.testing.assert_allclose(
+        held.inverse_dynamics(q[:, :2], v[:, :2], a[:, :2]), free.inverse_dynamics(q, v, a)[:, :2], atol=1e-10
+    )
+
+
+def test_keep_locks_the_rest():
+    machine = Robot.load("ur10").keep(["elbow_joint", "wrist_1_joint"])
+    assert machine.joints == ("elbow_joint", "wrist_1_joint")
+    assert len(machine.locked) == 4
+    assert machine.keep(machine.joints) is machine
+
+
+def test_names_that_do_not_exist():
+    refused(["joint 'elbow'", "elbow_joint"], "ur10", lock={"elbow": 0.1}, kind=UnknownNameError)
+    refused(["joint 'elbow'", "elbow_joint"], "ur10", joints=["elbow"], kind=UnknownNameError)
+    refused(["parameter 'm9'"], "ur10", known={"m9": 0.0}, kind=UnknownNameError)
+    refused(["frame choice 'far-end'", "far_end"], "ur10", frames="far-end", kind=UnknownNameError)
+    refused(["joint 'elbow'", "elbow_joint"], "ur10", frames={"elbow": "tool0"}, kind=UnknownNameError)
+    words = ["frame on the body of wrist_3_joint 'tool'", "tool0"]
+    refused(words, "ur10", frames={"wrist_3_joint": "tool"}, kind=UnknownNameError)
+    refused(["no joint is left"], "planar2", lock=["joint1", "joint2"])
+
+
+# ---- gravity, frames, known parameters
+
+
+@pytest.mark.parametrize("rpy", [(math.pi, 0, 0), (0, math.pi / 2, 0), (0.4, -0.9, 2.2)])
+def test_tilted_base_is_rotated_gravity(rpy):
+    upright, tilted = Robot.load("ur10"), Robot.load("ur10", base_rpy=rpy)
+    gravity = pin.rpy.rpyToMatrix(*rpy).T @ [0.0, 0.0, -9.81]
+    np.testing.assert_allclose(tilted.gravity, gravity)
+    # the robot itself hangs from a fixed joint that turns it
+    root = '<robot name="hung"><link name="world"/><joint name="mount" type="fixed"><parent link="world"/>'
+    mount = f'{root}<child link="{upright.model.frames[1].name}"/><origin rpy="{rpy[0]} {rpy[1]} {rpy[2]}"/></joint>'
+    body = upright.urdf[upright.urdf.index("<link") : upright.urdf.rindex("</robot>")]
+    hung = made(f"{mount}{body}</robot>")
+    q, v, a = states(upright)
+    np.testing.assert_allclose(tilted.inverse_dynamics(q, v, a), hung.inverse_dynamics(q, v, a), atol=1e-9)
+    assert not np.allclose(tilted.inverse_dynamics(q, v, a), upright.inverse_dynamics(q, v, a), atol=1.0)
+
+
+def test_gravity_must_be_three_numbers():
+    assert Robot.load("planar2", gravity=(0, 0, -1.62)).model.gravity.linear.tolist() == [0, 0, -1.62]
+    for wrong in ((0, 0), (0, 0, math.nan), (0, 0, -9.81, 1)):
+        refused(["gravity", "three finite numbers"], "planar2", gravity=wrong)
+    for wrong in ((0, 0), (0, 0, math.nan)):
+        refused(["base_rpy", "three finite numbers"], "planar2", base_rpy=wrong)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_nominal_parameters_are_those_of_the_chosen_frames(name):
+    machine = robot(name)
+    plain = Robot.from_dict({**machine.to_dict(), "frames": "joint", "known": {}})
+    theta, about_joint = machine.nominal.reshape(-1, 10), plain.nominal.reshape(-1, 10)
+    np.testing.assert_allclose(theta[:, 0], about_joint[:, 0], atol=1e-12)  # mass has no frame
+    for k, body in enumerate(machine.bodies):
+        if about_joint[k, 0] > 0:
+            placement = machine._frame_placement(body) if machine.frames != "joint" else pin.SE3.Identity()
+            centre = placement.act(theta[k, 1:4] / theta[k, 0])
+            np.testing.assert_allclose(centre, about_joint[k, 1:4] / about_joint[k, 0], atol=1e-10)
+
+
+def test_far_end_frames_lie_at_the_next_joint_and_at_the_tip():
+    machine = Robot.load("planar2", frames="far_end")
+    theta = dict(zip(machine.all_names, machine.nominal, strict=True))
+    assert theta["mx1"] == pytest.approx(21 * (0.2619047619 - 0.5))
+    assert theta["mx2"] == pytest.approx(10 * (0.25 - 0.5))
+    assert theta["Izz2"] == pytest.approx(0.2333 + 10 * 0.25**2)
+    assert theta["Izz1"] == pytest.approx(0.5262 + 21 * (0.2619047619 - 0.5) ** 2)
+
+
+def test_known_parameters_leave_the_columns_and_keep_their_torque():
+    machine = Robot.load("planar2", known={"m2": 9.0, "my1": 0.0})
+    plain = Robot.load("planar2")
+    assert [c.name for c in machine.columns] == [c.name for c in plain.columns if c.name not in ("m2", "my1")]
+    q, v, a = states(machine)
+    out = np.empty((len(q), 20, 2))
+    plain.regressor(q, v, a, out)
+    np.testing.assert_allclose(machine.known_torque(q, v, a), 9.0 * out[:, plain.all_names.index("m2")])
+    assert Robot.load("planar2", known={"my1": 0.0}).known_torque(q, v, a) is None
+
+
+def test_limits_and_dynamics():
+    machine = Robot.load("planar2")
+    limits = machine.limits
+    np.testing.assert_array_equal([limits.lower, limits.upper], [[-3, -3], [3, 3]])
+    np.testing.assert_array_equal([limits.velocity, limits.effort], [[5, 5], [600, 250]])
+    assert machine.dynamics == {"joint1": (0.1434, 0.3302), "joint2": (0.1391, 0.3576)}
+    limits = made(MIXED).limits
+    assert limits.lower.tolist() == [-np.inf, -2, -2]
+    assert limits.upper.tolist() == [np.inf, 2, 2]
+    assert limits.velocity.tolist() == [4, 3, 3]
+    bare = made(urdf(link("w"), link("a", 1.0), joint("j", "w", "a", "continuous", inside="")))
+    assert bare.limits.velocity.tolist() == bare.limits.effort.tolist() == [np.inf]
+    assert bare.dynamics == {"j": (0.0, 0.0)}
+
+
+# ---- saved and loaded
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_to_dict_and_back(name):
+    machine = robot(name)
+    again = Robot.from_dict(json.loads(json.dumps(machine.to_dict())))
+    assert again.to_dict() == machine.to_dict()
+    assert again.columns == machine.columns
+    q, v, a = states(machine)
+    np.testing.assert_array_equal(again.inverse_dynamics(q, v, a), machine.inverse_dynamics(q, v, a))
+
+
+angles = st.floats(-2.0, 2.0)
+
+
+@settings(max_examples=25, deadline=None)
+@given(lock=st.dictionaries(st.sampled_from(["turn", "slide"]), angles), gravity=st.tuples(*[st.floats(-20, 20)] * 3))
+def test_any_lock_and_gravity_equal_the_whole_tree_held_there(lock, gravity):
+    machine = made(MIXED, locked=lock, gravity=gravity)
+    assert json.loads(json.dumps(machine.to_dict())) == machine.to_dict()
+    q, v, a = states(machine, count=2)
+    np.testing.assert_allclose(machine.inverse_dynamics(q, v, a), Reference(machine)(q, v, a), atol=1e-9)
