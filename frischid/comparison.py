@@ -17,7 +17,8 @@ import numpy as np
 from frischid.errors import InputError
 from frischid.gram import Array
 from frischid.log import Log, check_torque
-from frischid.model import Model, nominal_parameters
+from frischid.model import Model
+from frischid.regressor import nominal_parameters
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,8 @@ class Model:
         Bounds by method (``"frisch"``, ``"bbrf"``), where there are any.
     mean_torque : ndarray, shape (J,)
         Mean of each fitted joint's torque in the identification logs, the constant a model must beat.
+    reference : dict of str to float, optional
+        Parameter values from which effects that depend on the load take it; None: the URDF's own.
     history : tuple of dict
         What was done, oldest first, in plain JSON values.
     """
@@ -65,6 +67,7 @@ class Model:
     estimate: Estimate
     mean_torque: Array
     bounds: Mapping[str, Box] = field(default_factory=dict)
+    reference: Mapping[str, float] | None = None
     history: tuple[Mapping[str, Any], ...] = ()
 
     @property
@@ -93,14 +96,14 @@ class Model:
             N·m (N); only the columns of `joints` were identified.
         """
         q, v, a = (np.atleast_2d(np.asarray(x, dtype=float)) for x in (q, v, a))
-        Y = Regressor(self.robot, self.effects)(np.zeros(len(q)) if t is None else t, q, v, a)
+        Y = Regressor(self.robot, self.effects, self.reference)(np.zeros(len(q)) if t is None else t, q, v, a)
         known = self.robot.known_torque(q, v, a)
         torque = np.einsum("ncj,c->nj", Y[:, list(self.base)], self.estimate.theta)
         return np.asarray(torque if known is None else torque + known)
 
     def blocks(self, logs: Sequence[Log]) -> Iterator[tuple[Block, Array]]:
         """Filtered samples of logs with the torque the model predicts for them, shape (M, J)."""
-        regressor = Regressor(self.robot, self.effects)
+        regressor = Regressor(self.robot, self.effects, self.reference)
         for log in logs:
             for motion in prepare(log.select(self.robot.joints), self.lowpass, velocity=self.velocity).motions:
                 for block in regressor.blocks(motion, self.lowpass):
@@ -126,6 +129,7 @@ class Model:
             ],
             "condition": e.condition,
             "notes": list(e.notes),
+            "reference": None if self.reference is None else dict(self.reference),
             "history": [dict(h) for h in self.history],
             "covariance": e.covariance.tolist(),
         }
@@ -197,6 +201,7 @@ class Model:
             estimate,
             np.array([j["mean_torque"] for j in joints]),
             bounds,
+            data["reference"],
             tuple(data["history"]),
         )
 
@@ -244,13 +249,6 @@ def check_writable(path: str | Path) -> None:
         raise InputError(f"{target}: there is no folder {target.parent}")
     if target.is_dir():
         raise InputError(f"{target} is a folder; give the name of a file")
-
-
-def nominal_parameters(robot: Robot, effects: Sequence[Effect]) -> Array:
-    """The URDF's own value of every column of the regressor: inertials, damping and friction; zero elsewhere."""
-    values = dict(zip(robot.all_names, robot.nominal, strict=True))
-    rigid = [values[c.name] for c in robot.columns]
-    return np.array(rigid + [x for effect in effects for x in effect.nominal(robot)])
 
 
 def _finite(x: float) -> float | None:

@@ -9,7 +9,7 @@ to the next, so chunks change nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -88,11 +88,18 @@ class Regressor:
     ----------
     robot : Robot
     effects : sequence of Effect
+    reference : mapping of str to float, optional
+        Parameter values that effects which depend on the load take it from; the URDF's own by default.
     """
 
-    def __init__(self, robot: Robot, effects: Sequence[Effect]) -> None:
+    def __init__(self, robot: Robot, effects: Sequence[Effect], reference: Mapping[str, float] | None = None) -> None:
         self.robot, self.effects = robot, tuple(effects)
         self.columns: tuple[Column, ...] = columns_of(robot, effects)
+        self.loaded = any(effect.loaded for effect in effects)
+        values = nominal_parameters(robot, effects) if reference is None else None
+        self.reference = (
+            values if values is not None else np.array([(reference or {}).get(c.name, 0.0) for c in self.columns])
+        )
         self.active = self._active()
         C = len(self.columns)
         # what a joint's moments are made of: its columns, its torque, ones
@@ -114,7 +121,7 @@ class Regressor:
         return [np.flatnonzero(mask[:, j]) for j in range(J)]
 
     def __call__(self, t: Array, q: Array, v: Array, a: Array, out: Array | None = None) -> Array:
-        """Regressor of N samples.
+        """Regressor of N consecutive samples.
 
         Parameters
         ----------
@@ -129,18 +136,76 @@ class Regressor:
         ndarray, shape (N, C, J)
             ``τ[k] = Y[k].T @ θ``; samples first, so that filters run along axis 0.
         """
+        start = float(t[0]) if len(t) else 0.0
+        return self._evaluate(t, q, v, a, start, {}, {}, out)
+
+    def _evaluate(
+        self,
+        t: Array,
+        q: Array,
+        v: Array,
+        a: Array,
+        start: float,
+        extra: Mapping[str, Array],
+        remembered: Mapping[int, list[dict[int, Array]]],
+        out: Array | None = None,
+    ) -> Array:
+        """Y of some samples; effects with memory come from `remembered` where it holds them."""
         Y = np.empty((len(t), len(self.columns), len(self.robot.joints))) if out is None else out
         rigid = len(self.robot.columns)
         self.robot.regressor(q, v, a, Y[:, :rigid])
         Y[:, rigid:] = 0.0
-        state = State(self.robot, t, q, v, a)
+        none = np.zeros((len(t), len(self.robot.joints))) if self.loaded or remembered or self.effects else q
+        load = np.einsum("ncj,c->nj", Y[:, :rigid], self.reference[:rigid]) if self.loaded else none
         column = rigid
-        for effect in self.effects:
-            for term in effect.terms(state):
-                for joint, torque in term.rows.items():
-                    Y[:, column, joint] = torque
+        for number, effect in enumerate(self.effects):
+            if number in remembered:
+                rows = remembered[number]
+            else:
+                torque = np.einsum("ncj,c->nj", Y[:, :column], self.reference[:column]) if effect.loaded else none
+                state = State(self.robot, t, q, v, a, load, torque, start, extra)
+                rows = [dict(term.rows) for term in effect.terms(state)]
+            for row in rows:
+                for joint, values in row.items():
+                    Y[:, column, joint] = values
                 column += 1
         return Y
+
+    def remember(self, motion: Motion) -> dict[int, list[dict[int, Array]]]:
+        """Columns of effects with memory over a whole motion: effect's place -> for each column, joint -> values."""
+        if not any(effect.memory for effect in self.effects):
+            return {}
+        load, torque = self._reference_torque(motion)
+        state = (motion.t, motion.q, motion.v, motion.a, load)
+        return {
+            number: [
+                dict(term.rows)
+                for term in effect.terms(State(self.robot, *state, torque[number], motion.start, motion.extra))
+            ]
+            for number, effect in enumerate(self.effects)
+            if effect.memory
+        }
+
+    def _reference_torque(self, motion: Motion) -> tuple[Array, dict[int, Array]]:
+        """Rigid-body torque of the reference over a motion, and the torque of all columns before each effect."""
+        load = np.zeros(motion.q.shape)
+        torque = dict.fromkeys(range(len(self.effects)), load)
+        if not any(effect.loaded and effect.memory for effect in self.effects):
+            return load, torque
+        static = Regressor(self.robot, [e for e in self.effects if not e.memory])
+        values = dict(zip((c.name for c in self.columns), self.reference, strict=True))
+        static.reference = np.array([values[c.name] for c in static.columns])
+        rigid = len(self.robot.columns)
+        whole = np.empty(motion.q.shape)
+        load = np.empty(motion.q.shape)
+        for start in range(0, len(motion.t), CHUNK):
+            s = slice(start, start + CHUNK)
+            Y = static._evaluate(
+                motion.t[s], motion.q[s], motion.v[s], motion.a[s], motion.start, _part(motion.extra, s), {}
+            )
+            load[s] = np.einsum("ncj,c->nj", Y[:, :rigid], static.reference[:rigid])
+            whole[s] = np.einsum("ncj,c->nj", Y, static.reference)
+        return load, dict.fromkeys(range(len(self.effects)), whole)
 
     def blocks(self, motion: Motion, lowpass: LowPass, chunk: int = CHUNK) -> Iterator[Block]:
         """Filtered, decimated pieces of a motion, in order; together they are the same for any `chunk`."""
@@ -149,13 +214,14 @@ class Regressor:
         stride = max(1, chunk // every) * every
         width, J = len(self.columns) + EXTRA, len(self.robot.joints)
         tail, resting = np.empty((0, width, J)), np.empty((0, J))
+        remembered = self.remember(motion)
         position = 0
         while position < len(motion.t):
             part = slice(position, min(position + stride + reach - len(tail), len(motion.t)))
             position = part.stop
             buffer = np.empty((len(tail) + part.stop - part.start, width, J))
             buffer[: len(tail)] = tail
-            self._fill(motion, part, buffer[len(tail) :])
+            self._fill(motion, part, remembered, buffer[len(tail) :])
             rest = np.concatenate([resting, motion.still[part]])
             kept, still = buffer, rest
             if reach or every > 1:
@@ -168,16 +234,28 @@ class Regressor:
             yield Block(times, kept, (still < RESTING) | ~self.resting, motion.source)
             tail, resting = buffer[done:], rest[done:]
 
-    def _fill(self, motion: Motion, part: slice, out: Array) -> None:
+    def _fill(self, motion: Motion, part: slice, remembered: Mapping[int, list[dict[int, Array]]], out: Array) -> None:
         """Write the columns of a `Block.Z`, unfiltered."""
         C = len(self.columns)
         t, q, v, a = motion.t[part], motion.q[part], motion.v[part], motion.a[part]
-        self(t, q, v, a, out[:, :C])
+        here = {n: [{j: x[part] for j, x in row.items()} for row in rows] for n, rows in remembered.items()}
+        self._evaluate(t, q, v, a, motion.start, _part(motion.extra, part), here, out[:, :C])
         known = self.robot.known_torque(q, v, a)
         out[:, C + 2] = 0.0 if known is None else known
         out[:, C] = motion.tau[part] - out[:, C + 2]
         out[:, C + 1] = 1.0
         out[:, C + 3], out[:, C + 4], out[:, C + 5] = q, v, a
+
+
+def _part(extra: Mapping[str, Array], s: slice) -> dict[str, Array]:
+    return {name: values[s] for name, values in extra.items()}
+
+
+def nominal_parameters(robot: Robot, effects: Sequence[Effect]) -> Array:
+    """The URDF's own value of every column of the regressor: inertials, damping and friction; zero elsewhere."""
+    values = dict(zip(robot.all_names, robot.nominal, strict=True))
+    rigid = [values[c.name] for c in robot.columns]
+    return np.array(rigid + [x for effect in effects for x in effect.nominal(robot)])
 
 
 def gram_of(regressor: Regressor, block: Block, joints: Sequence[str]) -> Gram:

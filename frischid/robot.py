@@ -84,7 +84,7 @@ class Robot:
         for name in self.known:
             if name not in self.all_names:
                 raise UnknownNameError("parameter", name, self.all_names, self.source)
-        _ = self.transforms  # an unknown frame is an error now, not at the first sample
+        _ = self.model, self.transforms  # nothing left to move, an unknown frame: errors now, not at the first sample
 
     @classmethod
     def load(
@@ -143,6 +143,8 @@ class Robot:
         if gravity_base.shape != (3,) or not np.isfinite(gravity_base).all():
             raise InputError(f"gravity must be three finite numbers in m/s², got {list(gravity)}")
         if base_rpy is not None:
+            if np.shape(base_rpy) != (3,) or not np.isfinite(base_rpy).all():
+                raise InputError(f"base_rpy must be three finite numbers in rad, got {list(base_rpy)}")
             gravity_base = pin.rpy.rpyToMatrix(np.asarray(base_rpy, dtype=float)).T @ gravity_base
         return cls(
             name=whole.name,
@@ -513,7 +515,8 @@ def _check_joints(model: Any, source: str) -> None:
 def _mimics(urdf: str) -> dict[str, tuple[str, float, float]]:
     """Mimic joints of a URDF, chains of mimics resolved to their independent leader."""
     direct = {}
-    for joint in ET.fromstring(urdf).findall("joint"):
+    joints = ET.fromstring(urdf).findall("joint")
+    for joint in joints:
         tag = joint.find("mimic")
         if tag is not None and joint.get("type") != "fixed":
             rule = (str(tag.get("joint")), float(tag.get("multiplier", 1)), float(tag.get("offset", 0)))
@@ -527,6 +530,8 @@ def _mimics(urdf: str) -> dict[str, tuple[str, float, float]]:
             seen.add(leader)
             leader, inner, more = direct[leader]
             factor, shift = factor * inner, factor * more + shift
+        if not any(j.get("name") == leader and j.get("type") != "fixed" for j in joints):
+            raise InputError(f"mimic joint '{name}' follows '{leader}', which is no moving joint of the URDF")
         resolved[name] = (leader, factor, shift)
     return resolved
 

@@ -14,8 +14,8 @@ no end is padded. A gap in the stamps ends one stretch of motion and begins anot
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 
 DERIVATIVE_BAND = 5.0  # derivatives pass this many times the cut-off; beyond it only noise is left
 QUARTIC = 4
+VELOCITIES = ("auto", "measured", "derived")
 LATE_VELOCITY = 0.05  # measured q̇ that differs from dq/dt by more than this share is not used
 
 
@@ -81,6 +82,10 @@ class Motion:
         Joints at standstill (see `standstill`).
     source : str
         The log it comes from.
+    start : float
+        Time at which the log begins, s; a motion begins later, after what was trimmed.
+    extra : mapping of str to ndarray, shape (N,)
+        Other channels of the log on the same grid, for example ``temperature_<joint>``.
     """
 
     t: Array
@@ -90,6 +95,8 @@ class Motion:
     tau: Array
     still: NDArray[np.bool_]
     source: str
+    start: float = 0.0
+    extra: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def step(self) -> float:
@@ -177,13 +184,15 @@ def choose_lowpass(logs: Sequence[Log], joints: Sequence[str]) -> LowPass:
         f, power, floor = _spectrum(q, step)
         velocity = np.where(power > 10 * floor, power - floor, 0.0) * (f**2)[:, None]
         share = np.cumsum(velocity, axis=0) / np.maximum(velocity.sum(axis=0), 1e-300)
-        moving = np.ptp(q, axis=0) > STILL
-        bands += [float(f[np.searchsorted(share[:, j], 0.99)]) for j in np.flatnonzero(moving)]
-        f, power, floor = _spectrum(tau, step)
-        noisy = power < 10 * floor
+        moving = (np.ptp(q, axis=0) > STILL) & velocity.any(axis=0)
+        edge = f[np.minimum((share < 0.99).sum(axis=0), len(f) - 1)]
+        bands += edge[moving].tolist()
+        f, power, floor = _spectrum(np.nan_to_num(tau), step)
+        # below the motion's bandwidth the torque's spectrum may have holes, above it noise
+        noisy = (power < 10 * floor) & (f[:, None] > edge)
         clear += [float(f[noisy[:, j].argmax()]) for j in np.flatnonzero(moving & noisy[1:].any(axis=0))]
     if not bands:
-        return LowPass(None, "no joint moves")
+        return LowPass(None, "no joint's motion stands out of its noise")
     band = float(np.median(bands))
     sinks = float(np.median(clear)) if clear else np.inf
     cutoff = float(f"{min(max(4 * band, min(10 * band, sinks)), 0.2 * min(log.rate for log in logs)):.2g}")
@@ -221,6 +230,8 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
     InputError
         No stretch of the log is longer than the filters.
     """
+    if velocity not in VELOCITIES:
+        raise InputError(f"velocity must be {', '.join(VELOCITIES)}, got '{velocity}'")
     median = float(np.median(np.diff(log.t)))
     largest_gap = max(4 * median, 0.1 / lowpass.cutoff if lowpass.cutoff else 0.0)
     breaks = np.flatnonzero(np.diff(log.t) > largest_gap) + 1
@@ -244,7 +255,7 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
         if stop - start < 2 * reach + 10:
             too_short += stop - start
             continue
-        motion, said = _motion(log.slice(start, stop), lowpass, velocity)
+        motion, said = _motion(log.slice(start, stop), lowpass, velocity, float(log.t[0]))
         motions.append(motion)
         notes += [s for s in said if s not in notes]
     if too_short:
@@ -279,7 +290,7 @@ def _uniform(t: Array, *channels: Array) -> tuple[Array, ...]:
     return (grid, *out)
 
 
-def _motion(log: Log, lowpass: LowPass, velocity: str) -> tuple[Motion, list[str]]:
+def _motion(log: Log, lowpass: LowPass, velocity: str, begin: float) -> tuple[Motion, list[str]]:
     nothing = np.full_like(log.q, np.nan)
     channels = [nothing if x is None else x for x in (log.q, log.v, log.a, log.tau)]
     t, q, v, a, tau = _uniform(log.t, *channels)
@@ -293,7 +304,8 @@ def _motion(log: Log, lowpass: LowPass, velocity: str) -> tuple[Motion, list[str
     if velocity != "derived":
         keep_a = np.where(np.isnan(a[inside]).any(axis=0), keep_a, a[inside])
     still = standstill(q, step)[inside]
-    return Motion(t[inside], q[inside], keep_v, keep_a, tau[inside], still, log.source), notes
+    extra = {name: np.interp(t[inside], log.t, values) for name, values in log.extra.items()}
+    return Motion(t[inside], q[inside], keep_v, keep_a, tau[inside], still, log.source, begin, extra), notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,8 +345,6 @@ class _Derivatives:
             return np.zeros(len(present), bool), []
         if velocity == "measured":
             return present, []
-        if velocity != "auto":
-            raise InputError(f"velocity must be auto, measured or derived, got '{velocity}'")
         smooth = self.lowpass.taps(self.step)
         inside = slice(self.half, len(self.q) - self.half)
         measured, derived = _correlate(smooth, self.v_measured[inside]), _correlate(smooth, self.v)

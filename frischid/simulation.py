@@ -17,8 +17,7 @@ from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError, UnknownNameError
 from frischid.gram import Array
 from frischid.log import Log
-from frischid.model import nominal_parameters
-from frischid.regressor import Regressor
+from frischid.regressor import Regressor, nominal_parameters
 from frischid.robot import Robot
 from frischid.trajectory import Trajectory
 

@@ -9,10 +9,11 @@ defining a subclass is all there is to adding one.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,14 @@ class State:
         Time, s.
     q, v, a : ndarray, shape (N, J)
         Joint positions (rad, m), velocities and accelerations.
+    load : ndarray, shape (N, J)
+        Rigid-body torque of the reference parameters; zero unless the effect is `Effect.loaded`.
+    torque : ndarray, shape (N, J)
+        Torque of the reference parameters with all columns that come before this effect's; likewise.
+    start : float
+        Time at which the log begins, s.
+    extra : mapping of str to ndarray, shape (N,)
+        Other channels of the log, for example ``temperature_<joint>``.
     """
 
     robot: Robot
@@ -45,12 +54,16 @@ class State:
     q: Array
     v: Array
     a: Array
+    load: Array
+    torque: Array
+    start: float = 0.0
+    extra: Mapping[str, Array] = dataclasses.field(default_factory=dict)
 
     @classmethod
     def empty(cls, robot: Robot) -> State:
         """No samples: for asking an effect only what its columns are."""
         none = np.empty((0, len(robot.joints)))
-        return cls(robot, np.empty(0), none, none, none)
+        return cls(robot, np.empty(0), none, none, none, none, none)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +102,16 @@ class Effect(ABC):
     reference: ClassVar[str]
     dry: ClassVar[bool] = False
     """Whether the effect has no definite value at standstill, so that resting joints must be left out."""
+    memory: ClassVar[bool] = False
+    """Whether a sample's columns depend on other samples, so that whole motions must be evaluated at once."""
+    loaded: ClassVar[bool] = False
+    """Whether the columns depend on `State.load` or `State.torque`."""
+    candidate: ClassVar[Literal["joint", "robot", "never"]] = "joint"
+    """What the diagnosis tries: one joint at a time, the whole robot, or nothing."""
+    change: ClassVar[bool] = False
+    """Whether it is something that happens to a robot (a payload, a tilt) rather than part of it from the start."""
+    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {}
+    """Values the diagnosis tries for each shape parameter, in order; it refines between neighbours."""
 
     joints: tuple[str, ...] | None = None
 
@@ -100,6 +123,20 @@ class Effect(ABC):
     @abstractmethod
     def terms(self, state: State) -> list[Term]:
         """Columns of this effect over `state`."""
+
+    @classmethod
+    def variants(cls, joints: tuple[str, ...] | None) -> list[Self]:
+        """One effect for every combination of the shape parameters' values."""
+        combinations = itertools.product(*cls.shapes.values())
+        return [cls(joints=joints, **dict(zip(cls.shapes, values, strict=True))) for values in combinations]
+
+    @classmethod
+    def candidates(cls, robot: Robot) -> list[list[Self]]:
+        """What the diagnosis may find missing: alternatives that differ in where they act, each in all its shapes."""
+        if cls.candidate == "never":
+            return []
+        places = [None] if cls.candidate == "robot" else [(name,) for name in robot.joints]
+        return [cls.variants(place) for place in places]
 
     def columns(self, robot: Robot) -> list[Column]:
         """Names, units and signs of the columns, without any motion."""

@@ -1,0 +1,334 @@
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cases import exact_log, robot
+from frischid.effects import BASELINE
+from frischid.errors import InputError
+from frischid.identification import identify
+from frischid.log import Log
+from frischid.readers import read_log
+from frischid.signals import (
+    LowPass,
+    choose_lowpass,
+    decimating_filter,
+    derivative_taps,
+    noise_level,
+    prepare,
+    standstill,
+)
+from frischid.simulation import Noise
+from frischid.trajectory import random_fourier
+
+RATE = 100.0
+T = np.arange(2000) / RATE
+NONE = LowPass(None)
+
+
+def log_of(t, q, **channels):
+    return Log(t, ("j",), np.reshape(q, (-1, 1)), **{c: np.reshape(x, (-1, 1)) for c, x in channels.items()})
+
+
+def motion_of(log, lowpass=NONE, **options):
+    (motion,) = prepare(log, lowpass, **options).motions
+    return motion
+
+
+def rms(x):
+    return float(np.sqrt(np.mean(np.square(x))))
+
+
+# ---- noise
+
+
+@pytest.mark.parametrize("sigma", [1e-6, 1e-3, 2.0])
+def test_noise_level_of_known_noise(sigma):
+    rng = np.random.default_rng(0)
+    smooth = np.c_[np.sin(3 * T), T**3 / 100, np.abs(T - 5)]
+    np.testing.assert_allclose(noise_level(smooth + sigma * rng.normal(size=smooth.shape)), sigma, rtol=0.1)
+    assert (noise_level(smooth) < 1e-6).all()
+
+
+def test_noise_level_is_not_fooled_by_outliers_and_sees_rare_steps():
+    rng = np.random.default_rng(0)
+    x = 1e-3 * rng.normal(size=2000)
+    x[::100] += 5.0
+    assert noise_level(x) == pytest.approx(1e-3, rel=0.3)
+    rare = np.zeros(2000)
+    rare[::50] = 1e-3  # quantised, mostly at rest
+    assert 1e-5 < noise_level(rare) < 1e-3
+
+
+# ---- derivatives
+
+
+@pytest.mark.parametrize("cutoff", [None, 2.0, 10.0])
+@settings(max_examples=20, deadline=None)
+@given(coefficients=st.lists(st.floats(-5, 5), min_size=5, max_size=5))
+def test_derivatives_of_quartics_are_exact(cutoff, coefficients):
+    t = np.arange(300) / RATE
+    polynomial = np.polynomial.Polynomial(coefficients)
+    motion = motion_of(log_of(t, polynomial(t)), LowPass(cutoff))
+    size = 1e-8 * (1 + np.abs(coefficients).sum())
+    np.testing.assert_allclose(motion.v[:, 0], polynomial.deriv()(motion.t), atol=size)
+    np.testing.assert_allclose(motion.a[:, 0], polynomial.deriv(2)(motion.t), atol=1e3 * size)
+
+
+@pytest.mark.parametrize("cutoff", [1.0, 3.0, 8.0])
+def test_derivatives_pass_everything_up_to_the_cutoff(cutoff):
+    for frequency in (0.2 * cutoff, cutoff):
+        w = 2 * np.pi * frequency
+        motion = motion_of(log_of(T, np.sin(w * T)), LowPass(cutoff))
+        assert rms(motion.v[:, 0] - w * np.cos(w * motion.t)) < 1e-2 * w
+        assert rms(motion.a[:, 0] + w**2 * np.sin(w * motion.t)) < 2e-2 * w**2
+
+
+def test_derivatives_leave_out_noise_far_above_the_cutoff():
+    q = np.sin(2 * T) + 1e-4 * np.random.default_rng(0).normal(size=T.size)
+    narrow, wide = (motion_of(log_of(T, q), LowPass(c)) for c in (1.0, 10.0))
+    errors = [rms(m.a[:, 0] + 4 * np.sin(2 * m.t)) for m in (narrow, wide)]
+    assert errors[0] < 0.1 * errors[1]
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("cutoff", [None, 0.5, 5.0, 50.0])
+def test_derivative_weights_are_symmetric_in_time(order, cutoff):
+    taps = derivative_taps(order, 1 / RATE, cutoff)
+    np.testing.assert_allclose(taps[::-1], -taps if order == 1 else taps, atol=1e-9 * np.abs(taps).max())
+    assert taps.sum() == pytest.approx(0.0, abs=1e-9 * np.abs(taps).sum())
+
+
+def test_true_time_stamps_are_ten_times_better_than_their_mean():
+    steps = np.tile([0.010, 0.012], 1000)
+    t = np.concatenate([[0.0], np.cumsum(steps)])
+    w = 2 * np.pi * 0.7
+    true = motion_of(log_of(t, np.sin(w * t)), LowPass(5.0))
+    mean = motion_of(log_of(np.linspace(0, t[-1], t.size), np.sin(w * t)), LowPass(5.0))
+    errors = [rms(m.a[:, 0] + w**2 * np.sin(w * m.t)) / w**2 for m in (true, mean)]
+    assert errors[0] < 1e-3
+    assert errors[0] < 0.1 * errors[1]
+    notes = prepare(log_of(t, np.sin(w * t)), LowPass(5.0)).notes
+    assert any("steps between 10 and 12 ms" in n and "true time stamps" in n for n in notes)
+
+
+def test_uniform_stamps_are_left_alone():
+    prepared = prepare(log_of(T, np.sin(T)), NONE)
+    (motion,) = prepared.motions
+    assert np.isin(motion.t, T).all()
+    np.testing.assert_array_equal(motion.q[:, 0], np.sin(motion.t))
+    assert not any("grid" in n for n in prepared.notes)
+
+
+# ---- a clean log has no edges
+
+
+@pytest.fixture(scope="module")
+def clean():
+    machine = robot("ur10")
+    values = {f"{k}{i}": x / i for i in range(1, 7) for k, x in {"fv": 12.0, "fc": 9.0, "off": 0.3, "Ia": 1.0}.items()}
+    return machine, values, exact_log(machine, BASELINE, values, 12.0, 500.0, seed=3, channels=())
+
+
+def test_derived_accelerations_are_within_one_percent(clean):
+    machine, _, log = clean
+    assert log.v is None
+    assert log.a is None
+    motion = motion_of(log, choose_lowpass([log], log.joints))
+    _, v, a = random_fourier(machine, 12.0, seed=3)(motion.t)
+    for derived, true in ((motion.v, v), (motion.a, a)):
+        error = np.sqrt(np.mean((derived - true) ** 2, axis=0) / np.mean(true**2, axis=0))
+        assert (error < 0.01).all()
+        # nothing at the ends either
+        ends = np.abs(derived - true)[[0, 1, -2, -1]]
+        assert (ends < 0.01 * np.abs(true).max(axis=0)).all()
+    assert log.duration - 0.5 < motion.t[-1] - motion.t[0] < log.duration
+
+
+def test_viscous_friction_comes_back_within_half_a_percent(clean):
+    machine, values, log = clean
+    e = identify(machine, [log]).model.estimate
+    found = {c.name: x for c, x in zip(e.columns, e.theta, strict=True)}
+    for i in range(1, 7):
+        assert found[f"fv{i}"] == pytest.approx(values[f"fv{i}"], rel=0.005)
+
+
+# ---- the parallel filter
+
+
+@pytest.mark.parametrize("cutoff", [0.7, 3.0, 20.0])
+def test_lowpass_has_zero_phase_and_unit_gain_at_rest(cutoff):
+    taps = LowPass(cutoff).taps(1 / RATE)
+    assert len(taps) % 2 == 1
+    np.testing.assert_allclose(taps, taps[::-1], atol=1e-15)
+    assert taps.sum() == pytest.approx(1.0)
+    n = np.arange(len(taps)) - len(taps) // 2
+
+    def gain(f):
+        return float(taps @ np.cos(2 * np.pi * f * n / RATE))
+
+    assert gain(cutoff) == pytest.approx(0.5, abs=0.01)
+    assert gain(0.4 * cutoff) == pytest.approx(1.0, abs=0.01)
+    assert abs(gain(min(2.0 * cutoff, RATE / 2))) < 0.002
+
+
+def test_lowpass_without_effect():
+    assert LowPass(None).taps(0.01).tolist() == [1.0]
+    assert LowPass(45.0).taps(0.01).tolist() == [1.0]
+    assert LowPass(None).decimation(0.01) == LowPass(45.0).decimation(0.01) == 1
+
+
+@pytest.mark.parametrize("cutoff", [0.0, -1.0, np.nan, np.inf])
+def test_lowpass_wants_a_frequency(cutoff):
+    with pytest.raises(InputError, match="positive frequency"):
+        LowPass(cutoff)
+
+
+@settings(max_examples=30, deadline=None)
+@given(count=st.integers(1, 200), width=st.integers(0, 20), every=st.integers(1, 9))
+def test_decimating_filter_is_convolution_at_every_nth_sample(count, width, every):
+    rng = np.random.default_rng(count)
+    taps, x = rng.normal(size=2 * width + 1), rng.normal(size=count)
+    F = decimating_filter(taps, count, every)
+    expected = np.correlate(x, taps, "valid")[::every] if count >= len(taps) else np.empty(0)
+    np.testing.assert_allclose(F @ x, expected, atol=1e-12)
+
+
+def test_decimation_keeps_what_the_filter_passes():
+    for cutoff in (0.5, 2.0, 8.0):
+        every = LowPass(cutoff).decimation(1 / RATE)
+        assert every >= 1
+        assert RATE / every >= 2 * 1.5 * cutoff  # Nyquist of where the filter stops
+
+
+# ---- gaps
+
+
+def test_gaps_split_a_log():
+    t = np.concatenate([T[:800], T[800:] + 0.5])
+    q = np.where(np.arange(T.size) < 800, np.sin(T), 5 + np.sin(T))  # jumps across the gap
+    prepared = prepare(log_of(t, q), LowPass(5.0))
+    first, second = prepared.motions
+    assert first.t[-1] < t[799]
+    assert second.t[0] > t[800]
+    for m in prepared.motions:
+        assert np.abs(m.v).max() < 1.1
+        assert np.abs(m.a).max() < 1.2
+    assert any("split at 1 gap in" in n and "0.51 s" in n for n in prepared.notes)
+
+
+def test_stretches_shorter_than_the_filters_are_dropped_and_said():
+    t = np.concatenate([T[:800], T[800:820] + 0.5, T[820:] + 1.0])
+    prepared = prepare(log_of(t, np.sin(t)), LowPass(5.0))
+    assert len(prepared.motions) == 2
+    assert any("20 samples dropped in stretches shorter than the filters" in n for n in prepared.notes)
+    assert any("s trimmed at the ends" in n for n in prepared.notes)
+    with pytest.raises(InputError, match=r"no stretch.*raise the cut-off"):
+        prepare(log_of(T[:30], np.sin(T[:30])), LowPass(1.0))
+
+
+def test_one_lost_sample_is_no_gap():
+    t = np.delete(T, 500)
+    prepared = prepare(log_of(t, np.sin(t)), LowPass(5.0))
+    (motion,) = prepared.motions
+    np.testing.assert_allclose(motion.a[:, 0], -np.sin(motion.t), atol=1e-3)
+
+
+# ---- measured derivatives
+
+
+def test_late_velocity_is_not_used_and_its_lag_is_said():
+    lag = 0.19
+    log = log_of(T, np.sin(2 * T), v=2 * np.cos(2 * (T - lag)))
+    prepared = prepare(log, LowPass(5.0))
+    (motion,) = prepared.motions
+    np.testing.assert_allclose(motion.v[:, 0], 2 * np.cos(2 * motion.t), atol=1e-3)
+    (note,) = (n for n in prepared.notes if "measured velocity of j differs" in n)
+    said = float(note.split("it lags ")[1].split(" s")[0])
+    assert said == pytest.approx(lag, rel=0.1)
+
+
+def test_measured_velocity_is_used_when_it_is_the_better_one():
+    rng = np.random.default_rng(0)
+    q = np.sin(2 * T) + 1e-3 * rng.normal(size=T.size)
+    exact, noisy = 2 * np.cos(2 * T), 2 * np.cos(2 * T) + 0.3 * rng.normal(size=T.size)
+    good, poor = (motion_of(log_of(T, q, v=v), LowPass(5.0)) for v in (exact, noisy))
+    np.testing.assert_allclose(good.v[:, 0], 2 * np.cos(2 * good.t), atol=1e-12)
+    assert rms(good.a[:, 0] + 4 * np.sin(2 * good.t)) < 1e-3
+    derived = motion_of(log_of(T, q), LowPass(5.0))
+    np.testing.assert_array_equal(poor.v, derived.v)
+    forced = motion_of(log_of(T, q, v=noisy), LowPass(5.0), velocity="measured")
+    assert np.isin(forced.v, noisy).all()
+    ignored = motion_of(log_of(T, q, v=exact, a=0 * T), LowPass(5.0), velocity="derived")
+    np.testing.assert_array_equal(ignored.v, derived.v)
+    np.testing.assert_array_equal(ignored.a, derived.a)
+
+
+def test_measured_acceleration_is_used():
+    motion = motion_of(log_of(T, np.sin(T), a=np.full(T.size, 7.0)), LowPass(5.0))
+    assert (motion.a == 7.0).all()
+
+
+def test_unknown_choice_of_velocity():
+    with pytest.raises(InputError, match="auto, measured or derived"):
+        prepare(log_of(T, np.sin(T), v=np.cos(T)), NONE, velocity="best")
+    with pytest.raises(InputError, match="auto, measured or derived"):
+        prepare(log_of(T, np.sin(T)), NONE, velocity="best")
+
+
+# ---- rest
+
+
+def test_standstill():
+    q = np.where(T < 5, 0.0, np.where(T < 10, np.sin(2 * (T - 5)), np.sin(10.0)))[:, None]
+    q += 1e-5 * np.random.default_rng(0).normal(size=q.shape)
+    still = standstill(q, 1 / RATE)[:, 0]
+    assert still[T < 4.7].all()
+    assert still[T > 10.3].all()
+    assert not still[(T > 5.2) & (T < 9.8)].any(), "a reversal is no rest"
+
+
+# ---- the cut-off from the data
+
+
+def test_cutoff_follows_the_motion():
+    for frequency in (0.1, 0.3, 1.0):
+        q = np.sin(2 * np.pi * frequency * np.arange(6000) / RATE)
+        chosen = choose_lowpass([log_of(np.arange(6000) / RATE, q)], ["j"])
+        assert 7 * frequency < chosen.cutoff < 20 * frequency
+        assert "bandwidth" in chosen.reason
+
+
+def test_cutoff_is_lower_where_the_torque_is_noisy():
+    machine = robot("ur10")
+    quiet, loud = (
+        choose_lowpass([exact_log(machine, BASELINE, seconds=20.0, noise=Noise(tau=share))], machine.joints)
+        for share in (0.0, 1.0)
+    )
+    assert loud.cutoff < 0.8 * quiet.cutoff
+    assert "nears its noise" in loud.reason
+    band = float(loud.reason.split("bandwidth is ")[1].split(" Hz")[0])
+    assert loud.cutoff >= 0.95 * 4 * band
+
+
+def test_cutoff_without_motion_or_torque():
+    assert choose_lowpass([log_of(T, 1e-5 * np.sin(T))], ["j"]).cutoff is None
+    noise = 0.01 * np.random.default_rng(0).normal(size=T.size)
+    assert choose_lowpass([log_of(T, noise)], ["j"]).cutoff is None
+    alone = choose_lowpass([log_of(T, np.sin(T))], ["j"])
+    both = Log(T, ("j", "k"), np.c_[np.sin(T), np.sin(T)], tau=np.c_[np.full(T.size, np.nan), np.sin(T)])
+    assert alone.cutoff == choose_lowpass([both], ["j", "k"]).cutoff
+
+
+@pytest.mark.parametrize("pattern", ["ur10e/logs/ident_*", "panda/logs/ident*", "tiago/logs/ident*"])
+def test_cutoff_of_measured_logs(pattern):
+    if not (folder := os.environ.get("FRISCHID_DATA")):
+        pytest.skip("FRISCHID_DATA is not set")
+    paths = sorted(Path(folder).glob(f"{pattern}.parquet"))
+    assert paths
+    logs = [read_log(path) for path in paths]
+    chosen = choose_lowpass(logs, [j for j in logs[0].joints if j.startswith(("panda", "arm", *"sew"))])
+    assert 1.0 <= chosen.cutoff <= 12.0
