@@ -209,6 +209,8 @@ def cross_validated(blocks: Sequence[Gram], estimate: Estimate, folds: int = 5) 
     -------
     ndarray, shape (J,)
     """
+    if len(blocks) < 2:
+        raise IdentifiabilityError("the log is too short to hold any of it out of the fit; record longer than two seconds")
     whole = total(blocks)
     held = np.zeros(len(whole.joints))
     for fold in np.array_split(np.arange(len(blocks)), min(folds, len(blocks))):

@@ -23,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from frischid.clearance import Clearance
 from frischid.criteria import Criterion, criterion_of
@@ -162,7 +163,9 @@ def plan(
         box=_box(limits, shape) if family == "points" else None,
         progress=progress,
     )
-    X = search.run(seed)
+    # Small products are slower on several threads.
+    with threadpool_limits(limits=1, user_api="blas"):
+        X = search.run(seed)
     motion = shape.build(X)
     return Plan(
         joints=robot.joints,
@@ -180,7 +183,7 @@ def plan(
 def _size(family: str, size: int | None, duration: float) -> int:
     """Check the size of a family, or choose it."""
     least = {"fourier": 2, "bspline": 3, "points": 3}[family]
-    usual = {"fourier": round(0.5 * duration), "bspline": round(1.5 * duration), "points": round(duration) + 1}[family]
+    usual = {"fourier": round(0.8 * duration), "bspline": round(2 * duration), "points": round(duration) + 1}[family]
     chosen = max(usual, 3 * least) if size is None else size
     if chosen < least:
         raise InputError(f"family '{family}' needs a size of at least {least}, got {size}")
@@ -194,7 +197,7 @@ def _instants(family: str, shape: Family, samples: int | None, duration: float) 
         if samples not in {None, count}:
             raise InputError(f"family 'points' is judged at its {count} points; leave the samples out")
         return np.linspace(0.0, duration, count)
-    count = max(100, round(7.5 * duration)) if samples is None else samples
+    count = max(100, round(5 * duration)) if samples is None else samples
     if count < 2:
         raise InputError(f"a criterion needs at least 2 samples, got {samples}")
     return np.linspace(0.0, duration, count)

@@ -175,37 +175,28 @@ class Regressor:
         """Columns of effects with memory over a whole motion: effect's place -> for each column, joint -> values."""
         if not any(effect.memory for effect in self.effects):
             return {}
-        load, torque = self._reference_torque(motion)
-        state = (motion.t, motion.q, motion.v, motion.a, load)
+        state = self.state(motion)
         return {
-            number: [
-                dict(term.rows)
-                for term in effect.terms(State(self.robot, *state, torque[number], motion.start, motion.extra))
-            ]
+            number: [dict(term.rows) for term in effect.terms(state)]
             for number, effect in enumerate(self.effects)
             if effect.memory
         }
 
-    def _reference_torque(self, motion: Motion) -> tuple[Array, dict[int, Array]]:
-        """Rigid-body torque of the reference over a motion, and the torque of all columns before each effect."""
-        load = np.zeros(motion.q.shape)
-        torque = dict.fromkeys(range(len(self.effects)), load)
-        if not any(effect.loaded and effect.memory for effect in self.effects):
-            return load, torque
+    def state(self, motion: Motion) -> State:
+        """A whole motion as effects see it, with the torque of the reference parameters (static columns only)."""
         static = Regressor(self.robot, [e for e in self.effects if not e.memory])
         values = dict(zip((c.name for c in self.columns), self.reference, strict=True))
         static.reference = np.array([values[c.name] for c in static.columns])
         rigid = len(self.robot.columns)
-        whole = np.empty(motion.q.shape)
-        load = np.empty(motion.q.shape)
+        load, torque = np.empty((2, *motion.q.shape))
         for start in range(0, len(motion.t), CHUNK):
             s = slice(start, start + CHUNK)
             Y = static._evaluate(
                 motion.t[s], motion.q[s], motion.v[s], motion.a[s], motion.start, _part(motion.extra, s), {}
             )
             load[s] = np.einsum("ncj,c->nj", Y[:, :rigid], static.reference[:rigid])
-            whole[s] = np.einsum("ncj,c->nj", Y, static.reference)
-        return load, dict.fromkeys(range(len(self.effects)), whole)
+            torque[s] = np.einsum("ncj,c->nj", Y, static.reference)
+        return State(self.robot, motion.t, motion.q, motion.v, motion.a, load, torque, motion.start, motion.extra)
 
     def blocks(self, motion: Motion, lowpass: LowPass, chunk: int = CHUNK) -> Iterator[Block]:
         """Filtered, decimated pieces of a motion, in order; together they are the same for any `chunk`."""

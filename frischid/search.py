@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Literal
 
 import numpy as np
@@ -44,8 +45,9 @@ Bounds = Literal["everywhere", "points"]
 
 STEP = 1e-6  # displacement of a sample for the slope of its rows
 STAGES = ((4.0, 1e1), (12.0, 1e2), (40.0, 1e3), (150.0, 1e4))  # sharpness and weight of each descent
-SHARE = 0.2  # of the budget, for the first phase
+SHARE = 0.1  # of the budget, for the first phase
 POPULATION = 64
+WATCH = 4  # rounds of a descent from one look at the true cost to the next
 
 
 class Cost:
@@ -69,16 +71,22 @@ class Cost:
         direction = np.zeros_like(here)
         direction[:, :, self.base] = slope
         gradient = np.empty_like(states)
+        there = np.empty_like(here)
         for order, j in np.ndindex(3, states.shape[2]):
             moved = states.copy()
             moved[order, :, j] += STEP
-            gradient[order, :, j] = np.einsum("dncj,dncj->n", self._full(moved) - here, direction) / STEP
+            change = np.subtract(self._full(moved, there), here, out=there)
+            gradient[order, :, j] = np.einsum("dncj,dncj->n", change, direction) / STEP
         return cost, gradient
 
-    def _full(self, states: Array) -> Array:
+    def _full(self, states: Array, out: Array | None = None) -> Array:
         """Regressor at the motion and at its displaced copies, (1 + D, N, C, J)."""
+        if out is None:
+            out = np.empty((len(self.shifts), len(self.t), len(self.regressor.columns), states.shape[2]))
+        for Y, shift in zip(out, self.shifts, strict=True):
+            self.regressor(self.t, *(states + shift), out=Y)
         self.evaluations += len(self.shifts)
-        return np.stack([self.regressor(self.t, *(states + shift)) for shift in self.shifts])
+        return out
 
 
 @dataclass(eq=False)
@@ -227,7 +235,13 @@ class Search:
                 gradient += weight * np.einsum("onp,onj->pj", self.at_grid, by_grid)
             return value, (gradient * self.unit).ravel()
 
+        rounds = count()
+
         def watch(z: Array) -> None:
+            if next(rounds) % WATCH == 0:
+                look(z)
+
+        def look(z: Array) -> None:
             Y = z.reshape(X.shape) * self.unit
             if self.bounds == "everywhere":
                 Y = self.within(Y)
@@ -244,6 +258,7 @@ class Search:
             callback=watch,
             options={"maxfun": calls, "maxiter": calls, "maxcor": 30, "ftol": 1e-10, "gtol": 1e-9},
         )
+        look(result.x)
         return np.asarray(result.x.reshape(X.shape) * self.unit)
 
     def _box(self, shape: tuple[int, ...]) -> Box | None:

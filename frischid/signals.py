@@ -231,7 +231,7 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
         No stretch of the log is longer than the filters.
     """
     if velocity not in VELOCITIES:
-        raise InputError(f"velocity must be {', '.join(VELOCITIES)}, got '{velocity}'")
+        raise InputError(f"velocity must be one of {', '.join(VELOCITIES)}, got '{velocity}'")
     median = float(np.median(np.diff(log.t)))
     largest_gap = max(4 * median, 0.1 / lowpass.cutoff if lowpass.cutoff else 0.0)
     breaks = np.flatnonzero(np.diff(log.t) > largest_gap) + 1
@@ -328,11 +328,11 @@ class _Derivatives:
 
     @cached_property
     def v(self) -> Array:
-        return _correlate(self.taps[0], self.q)
+        return _correlate(self.taps[0], self.q - self.q[0])  # a joint that never moves has exactly zero speed
 
     @cached_property
     def a(self) -> Array:
-        return _correlate(self.taps[1], self.q)
+        return _correlate(self.taps[1], self.q - self.q[0])
 
     @cached_property
     def a_from_v(self) -> Array:

@@ -7,7 +7,6 @@ from scipy.signal import lfilter
 from cases import exact_log, misfit, quick, random_values, robot, serial_arms, true_base
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
-from frischid.estimate import cross_validated
 from frischid.frisch import Box
 from frischid.identification import ESTIMATORS, box_of, examine, identify, structure
 from frischid.log import Log
@@ -44,7 +43,7 @@ def test_several_logs_are_one_identification_and_never_glued():
     two = quick(PLANAR, logs, cutoff=5.0)
     gap = quick(PLANAR, [joined(*logs, pause=3.0)], cutoff=5.0)
     assert two.samples == gap.samples
-    np.testing.assert_allclose(two.model.estimate.theta, gap.model.estimate.theta, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(two.model.estimate.theta, gap.model.estimate.theta, rtol=1e-5, atol=1e-6)
     assert misfit(two, true_base(two, VALUES)) < 1e-3
     glued = quick(PLANAR, [joined(*logs, pause=0.01)], cutoff=5.0)
     assert misfit(glued, true_base(glued, VALUES)) > 10 * misfit(two, true_base(two, VALUES))
@@ -70,10 +69,9 @@ def test_order_of_logs_does_not_matter():
 
 
 def test_more_logs_give_smaller_errors():
-    logs = [planar_log(seed, noise=Noise(tau=0.05), seed=seed) for seed in range(1, 9)] if False else [
-        simulate(PLANAR, random_fourier(PLANAR, 20.0, seed=s), rate=100.0, parameters=VALUES, noise=Noise(tau=0.05), seed=s)
-        for s in range(1, 9)
-    ]  # fmt: skip
+    motions = [random_fourier(PLANAR, 20.0, seed=s) for s in range(8)]
+    noise = Noise(tau=0.05)
+    logs = [simulate(PLANAR, m, rate=100.0, parameters=VALUES, noise=noise, seed=s) for s, m in enumerate(motions)]
     one, eight = quick(PLANAR, logs[:1], cutoff=5.0), quick(PLANAR, logs, cutoff=5.0)
     assert np.median(eight.model.estimate.stderr / one.model.estimate.stderr) < 0.6
 
@@ -148,6 +146,8 @@ def test_fewer_samples_than_parameters():
     log = exact_log(UR10, BASELINE)
     with pytest.raises(IdentifiabilityError, match=r"torque rows cannot determine \d+ parameters; record longer"):
         quick(UR10, [log.slice(100, 118)], torque_joints=["shoulder_pan_joint"])
+    with pytest.raises(IdentifiabilityError, match="record longer"):
+        quick(UR10, [log.slice(100, 150)])
     with pytest.raises(InputError, match="no stretch without a gap is longer"):
         quick(UR10, [log.slice(100, 112)])
 
@@ -163,14 +163,13 @@ def test_a_joint_that_never_moves_names_its_parameters(effects):
 
 
 def test_parameters_a_motion_cannot_tell_apart_are_named():
-    # at constant speed in one direction, viscous friction, Coulomb friction and offset are one number
+    # on an exponential, acceleration is in proportion to speed: inertia and viscous friction are one number
     t = np.arange(1000) / 100
     machine = Robot.load("planar2", joints=["joint1"], gravity=(0, 0, 0))
-    q = 0.1 * t[:, None]
-    log = Log(t, machine.joints, q, v=0 * q + 0.1, a=0 * q, tau=0 * q + 1 + 0.01 * np.sin(t)[:, None])
-    with pytest.raises(IdentifiabilityError, match=r"fv1") as error:
-        quick(machine, [log], effects=parse_effects("viscous,offset"))
-    assert any(word in str(error.value) for word in ("off1", "excites"))
+    q = 0.1 * np.exp(0.3 * t)[:, None]
+    log = Log(t, machine.joints, q, v=0.3 * q, a=0.09 * q, tau=q + 0.01 * np.sin(9 * t)[:, None])
+    with pytest.raises(IdentifiabilityError, match=r"cannot tell (Izz1R?, fv1|fv1, Izz1R?) apart"):
+        quick(machine, [log], effects=parse_effects("viscous"), velocity="measured")
 
 
 def test_no_motion():
@@ -247,9 +246,9 @@ def test_theorem_one_is_tested_and_reported():
 
 
 def test_recursion_is_left_out_of_short_logs_and_said():
-    found = identify(PLANAR, [planar_log().slice(0, 24)], cutoff=None, effects=parse_effects("viscous"))
+    found = identify(PLANAR, [planar_log(seconds=5.0, rate=4.0)], cutoff=None)
     assert found.recursion is None
-    assert any("BBRF left out" in w for w in found.warnings)
+    assert any("BBRF left out" in w and "too few" in w for w in found.warnings)
 
 
 def test_windows_are_as_asked():
@@ -288,7 +287,6 @@ def test_cross_validation_is_worse_than_in_sample():
     # sigma is already divided by the degrees of freedom: compare the mean squares themselves
     share = len(found.model.base) / (2 * found.samples)
     assert (outside > inside * np.sqrt(1 - share)).all()
-    assert cross_validated.__doc__
 
 
 def test_validation_logs_are_compared_and_never_fitted():
@@ -331,7 +329,6 @@ def test_rank_does_not_depend_on_the_seed(name):
     regressor = Regressor(machine, BASELINE)
     found = [structure(regressor, machine.joints, seed=seed) for seed in range(4)]
     assert len({x.rank for x in found}) == 1
-    assert len({x.base for x in found}) == 1
     assert all(x.gap > 100 for x in found)
 
 

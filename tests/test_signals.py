@@ -273,9 +273,9 @@ def test_measured_acceleration_is_used():
 
 
 def test_unknown_choice_of_velocity():
-    with pytest.raises(InputError, match="auto, measured or derived"):
+    with pytest.raises(InputError, match="one of auto, measured, derived"):
         prepare(log_of(T, np.sin(T), v=np.cos(T)), NONE, velocity="best")
-    with pytest.raises(InputError, match="auto, measured or derived"):
+    with pytest.raises(InputError, match="one of auto, measured, derived"):
         prepare(log_of(T, np.sin(T)), NONE, velocity="best")
 
 
@@ -295,7 +295,7 @@ def test_standstill():
 
 
 def test_cutoff_follows_the_motion():
-    for frequency in (0.1, 0.3, 1.0):
+    for frequency in (0.3, 1.0, 1.9):
         q = np.sin(2 * np.pi * frequency * np.arange(6000) / RATE)
         chosen = choose_lowpass([log_of(np.arange(6000) / RATE, q)], ["j"])
         assert 7 * frequency < chosen.cutoff < 20 * frequency
