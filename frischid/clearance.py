@@ -1,9 +1,9 @@
 """How far a robot's bodies are from one another and from the floor.
 
-The URDF's ``<collision>`` shapes are taken as they are if primitive, and by their convex hull if meshes (never smaller than
-the mesh, and quick to measure). Distances are Coal's (Gilbert, Johnson and Keerthi 1988; negative for overlap). Left out
-are pairs on one body, pairs joined by a joint, and pairs that overlap in nearly every pose, because they were drawn so.
-A mesh that is not found is not checked, and `Clearance.notes` says so.
+The URDF's ``<collision>`` shapes are taken as they are if primitive, and by their convex hull if meshes (never smaller
+than the mesh, and quick to measure). Distances are Coal's (Gilbert, Johnson and Keerthi 1988; negative for overlap).
+Left out are pairs on one body, pairs joined by a joint, and pairs that overlap in nearly every pose, because they were
+drawn so. A mesh that is not found is not checked, and `Clearance.notes` says so.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import coal
+import coal  # type: ignore[import-untyped]
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray

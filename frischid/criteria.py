@@ -10,10 +10,10 @@ the base regressor Π. A motion is good when M is large in every direction and a
 with ψ the ∞-norm of the off-diagonal of ``S = Ñᵀ Ñ / (nN)``, ``Ñ = Π(x + noise) − Π(x)``: how strongly noise on q, q̇, q̈
 is correlated between the columns, which is what the Frisch scheme has to assume away. The noise is drawn once.
 
-Extreme eigenvalues have a derivative only where they are simple, and an optimum makes them coalesce. So every criterion
-is written with the soft extremes ``λ_max ≈ (Σ λᵏ)^(1/k)``, ``λ_min ≈ (Σ λ⁻ᵏ)^(−1/k)``, smooth and exact for k → ∞; the
-sharpness k rises as the search comes near. An eigenvalue moves by ``dλ_i = u_iᵀ dM u_i``, so every gradient is one matrix
-G with ``df = tr(G dM)``, and ``∂f/∂Π = 2 Π G``.
+Extreme eigenvalues have a derivative only where they are simple, and an optimum makes them coalesce. So every
+criterion is written with the soft extremes ``λ_max ≈ (Σ λᵏ)^(1/k)``, ``λ_min ≈ (Σ λ⁻ᵏ)^(−1/k)``, smooth and exact for
+k → ∞; the sharpness k rises as the search comes near. An eigenvalue moves by ``dλ_i = u_iᵀ dM u_i``, so every gradient
+is one matrix G with ``df = tr(G dM)``, and ``∂f/∂Π = 2 Π G``.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ CRITERIA: dict[str, type[Criterion]] = {}
 class Criterion(ABC):
     """A cost of base regressors.
 
-    A criterion sees the base regressor as W of shape (1 + D, N, p, J): at the motion itself, then at the D copies of the
-    motion displaced by `displacements`.
+    A criterion sees the base regressor as W of shape (1 + D, N, p, J): at the motion itself, then at the D copies of
+    the motion displaced by `displacements`.
     """
 
     name: ClassVar[str]

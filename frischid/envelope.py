@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from frischid.clearance import Clearance
 from frischid.errors import InputError
 from frischid.robot import Robot
-from frischid.trajectory import Trajectory
+from frischid.trajectory import ClosedForm
 
 Array = NDArray[np.float64]
 
@@ -34,14 +33,6 @@ STEP = 1e-6
 """Displacement of a state for the slope of its torque or distance."""
 TIGHT = 0.999
 """What a search may use of the limits, so that little is left to scale away."""
-
-
-class Motion(Trajectory, Protocol):
-    """A trajectory that knows where it turns."""
-
-    def turning(self, order: int, joint: int) -> Array:
-        """Times at which derivative `order` of a joint may be extreme."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -132,7 +123,7 @@ class Envelope:
         return (self.upper - self.lower) / 2
 
 
-def extremes(motion: Motion, joints: int) -> tuple[Array, Array]:
+def extremes(motion: ClosedForm, joints: int) -> tuple[Array, Array]:
     """Where every derivative of every joint is least and greatest.
 
     Returns
@@ -156,7 +147,9 @@ def nominal_torque(robot: Robot, q: Array, v: Array, a: Array) -> Array:
     return np.asarray(robot.inverse_dynamics(q, v, a) + damping * v + friction * np.tanh(v / 0.02))
 
 
-def violations(robot: Robot, motion: Motion, envelope: Envelope, clearance: Clearance | None = None) -> list[Violation]:
+def violations(
+    robot: Robot, motion: ClosedForm, envelope: Envelope, clearance: Clearance | None = None
+) -> list[Violation]:
     """List every limit of every joint that a motion exceeds anywhere, each at its worst time."""
     found = list(_kinematic(robot, motion, envelope))
     t = np.linspace(0.0, motion.duration, int(np.ceil(RATE * motion.duration)) + 1)
@@ -175,7 +168,7 @@ def violations(robot: Robot, motion: Motion, envelope: Envelope, clearance: Clea
     return found
 
 
-def _kinematic(robot: Robot, motion: Motion, envelope: Envelope) -> Iterator[Violation]:
+def _kinematic(robot: Robot, motion: ClosedForm, envelope: Envelope) -> Iterator[Violation]:
     times, values = extremes(motion, len(robot.joints))
     sizes = (envelope.half, envelope.velocity, envelope.acceleration)
     for order, kind in enumerate(("position", "velocity", "acceleration")):

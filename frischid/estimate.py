@@ -49,6 +49,10 @@ class Estimate:
     condition : float
         Condition number of the column-scaled, weighted regressor.
     estimator : str
+    information : ndarray, shape (p, p)
+        What the data say of the parameters, ``Σ_j Y_jᵀY_j / σ_j²`` divided by how much correlation inflates
+        variances: the
+        precision with which another log may take these values as given.
     notes : tuple of str
         What a reader must know to trust the numbers.
     """
@@ -61,6 +65,7 @@ class Estimate:
     weights: Array
     condition: float
     estimator: str
+    information: Array
     notes: tuple[str, ...] = ()
 
     @property
@@ -111,6 +116,11 @@ class NormalEquations:
         scaled = b * (self.scale if b.ndim == 1 else self.scale[:, None])
         x = linalg.cho_solve(self.factor, scaled)
         return np.asarray(x * (self.scale if b.ndim == 1 else self.scale[:, None]))
+
+    @property
+    def inverse(self) -> Array:
+        """H⁻¹ in the parameters' own units, shape (p, p)."""
+        return self.solve(np.eye(len(self.scale)))
 
 
 def ols(blocks: Sequence[Gram]) -> Estimate:
@@ -169,6 +179,10 @@ def _finish(blocks: Sequence[Gram], weights: Array, estimator: str) -> Estimate:
         # Without enough blocks correlation cannot be measured: the textbook formula, and the reader is told.
         inside = np.einsum("j,jab->ab", weights**2 * variance, whole.moments[:, :-1, :-1])
         covariance = system.solve(system.solve(inside).T)
+    plain = whole.weighted(1.0 / variance)[:-1, :-1]
+    inflation = np.median(
+        np.diag(covariance) / np.diag(NormalEquations(whole.weighted(1.0 / variance), whole.names).inverse)
+    )
     return Estimate(
         whole.columns,
         system.theta,
@@ -178,6 +192,7 @@ def _finish(blocks: Sequence[Gram], weights: Array, estimator: str) -> Estimate:
         weights,
         system.condition,
         estimator,
+        plain / max(1.0, float(inflation)),
         notes,
     )
 
@@ -210,7 +225,9 @@ def cross_validated(blocks: Sequence[Gram], estimate: Estimate, folds: int = 5) 
     ndarray, shape (J,)
     """
     if len(blocks) < 2:
-        raise IdentifiabilityError("the log is too short to hold any of it out of the fit; record longer than two seconds")
+        raise IdentifiabilityError(
+            "the log is too short to hold any of it out of the fit; record longer than two seconds"
+        )
     whole = total(blocks)
     held = np.zeros(len(whole.joints))
     for fold in np.array_split(np.arange(len(blocks)), min(folds, len(blocks))):

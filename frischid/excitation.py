@@ -4,9 +4,9 @@
 
 A criterion of the base regressor Π of the motion is made small (`criteria`): its condition number, the volume of the
 confidence ellipsoid, or the paper's cost (19). The decision variables are the coefficients of a family of motions
-(`trajectory`): Fourier series, B-splines, or m points (q, q̇, q̈) joined by quintics, all at rest at both ends. The limits
-hold at every instant, not only at samples (`envelope`), and bodies keep clear of one another and of the floor (`clearance`).
-How the search works is told in `search`.
+(`trajectory`): Fourier series, B-splines, or m points (q, q̇, q̈) joined by quintics, all at rest at both ends. The
+limits hold at every instant, not only at samples (`envelope`), and bodies keep clear of one another and of the floor
+(`clearance`). How the search works is told in `search`.
 
 References: J. Swevers et al., "Optimal robot excitation and identification", IEEE Trans. Robotics and Automation 13(5),
 1997; M. Gautier and W. Khalil, "Exciting trajectories for the identification of base inertial parameters of robots",
@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,18 +28,17 @@ from threadpoolctl import threadpool_limits
 from frischid.clearance import Clearance
 from frischid.criteria import Criterion, criterion_of
 from frischid.effects import BASELINE, Effect
-from frischid.envelope import RATE, Envelope, Excess, Motion, Violation, violations
+from frischid.envelope import Envelope, Excess, Violation, violations
 from frischid.errors import InputError, UnknownNameError
 from frischid.log import Log
 from frischid.readers import write_log
 from frischid.robot import Robot
-from frischid.search import STAGES, Bounds, Cost, Progress, Search
-from frischid.trajectory import FAMILIES, Family
+from frischid.search import Bounds, Cost, Progress, Search
+from frischid.trajectory import FAMILIES, ClosedForm, Family
 
 Array = NDArray[np.float64]
 
 BUDGET = 30_000
-SPEEDS = 8.0  # rad/s at which a harmonic or a spline's wave is too fast to be of use
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +66,7 @@ class Plan:
     """
 
     joints: tuple[str, ...]
-    trajectory: Motion
+    trajectory: ClosedForm
     criterion: str
     cost: float
     history: Array
@@ -156,7 +155,8 @@ def plan(
     search = Search(
         family=shape,
         cost=Cost(robot, effects, _instants(family, shape, samples, duration), criterion_of(criterion), seed),
-        excess=Excess(robot, limits, space),
+        # A little wider than asked for, because the search sees the motion at intervals.
+        excess=Excess(robot, limits, replace(space, margin=space.margin + 0.005)),
         duration=duration,
         bounds=bounds,
         budget=budget,
@@ -180,11 +180,16 @@ def plan(
     )
 
 
+def default_size(family: str, duration: float) -> int:
+    """Harmonics up to 0.8 Hz, two control points a second, or one via point a second; a few at least."""
+    wanted = {"fourier": round(0.8 * duration), "bspline": round(2 * duration), "points": round(duration) + 1}
+    return max(wanted[family], 6)
+
+
 def _size(family: str, size: int | None, duration: float) -> int:
     """Check the size of a family, or choose it."""
-    least = {"fourier": 2, "bspline": 3, "points": 3}[family]
-    usual = {"fourier": round(0.8 * duration), "bspline": round(2 * duration), "points": round(duration) + 1}[family]
-    chosen = max(usual, 3 * least) if size is None else size
+    least = 2 if family == "fourier" else 3
+    chosen = default_size(family, duration) if size is None else size
     if chosen < least:
         raise InputError(f"family '{family}' needs a size of at least {least}, got {size}")
     return chosen

@@ -6,7 +6,7 @@ and box → bounding-box recursion → (on request) the best point of the box �
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
 
@@ -82,6 +82,7 @@ def identify(
     estimator: str = "wls",
     recursion: str = "strict",
     window: int | None = None,
+    reference: Mapping[str, float] | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
     """Identify a robot's dynamic parameters from logs.
@@ -107,6 +108,8 @@ def identify(
         Variant of the bounding-box recursion.
     window : int, optional
         BBRF window in rows; by default the larger of 1000 and 20 a parameter, at most half the rows.
+    reference : mapping of str to float, optional
+        Parameter values from which effects that depend on the load take it; the URDF's own by default.
     progress : callable
         Told what is being done.
 
@@ -139,7 +142,7 @@ def identify(
         notes += [*log.notes, *prepared.notes]
 
     progress("regressor and moments")
-    regressor = Regressor(robot, effects)
+    regressor = Regressor(robot, effects, reference)
     reduction = structure(regressor, rows)
     blocks = [g.select(reduction.base) for g in accumulate(regressor, motions, lowpass, rows)]
     columns = reduction.base_columns()
@@ -175,6 +178,7 @@ def identify(
         estimate,
         whole.sums[:, -1] / whole.counts,
         bounds,
+        reference,
     )
     progress("comparison")
     held_out = dict(zip(rows, _nrmse(whole, cross_validated(blocks, estimate)), strict=True))

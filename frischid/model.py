@@ -56,6 +56,8 @@ class Model:
         Parameter values from which effects that depend on the load take it; None: the URDF's own.
     history : tuple of dict
         What was done, oldest first, in plain JSON values.
+    previous : Model, optional
+        The model before the last step of its history.
     """
 
     robot: Robot
@@ -69,6 +71,7 @@ class Model:
     bounds: Mapping[str, Box] = field(default_factory=dict)
     reference: Mapping[str, float] | None = None
     history: tuple[Mapping[str, Any], ...] = ()
+    previous: Model | None = None
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -132,6 +135,8 @@ class Model:
             "reference": None if self.reference is None else dict(self.reference),
             "history": [dict(h) for h in self.history],
             "covariance": e.covariance.tolist(),
+            "information": e.information.tolist(),
+            "previous": None if self.previous is None else _without_robot(self.previous.to_dict()),
         }
 
     def _parameter(self, i: int) -> dict[str, Any]:
@@ -174,12 +179,13 @@ class Model:
         estimate = Estimate(
             columns,
             np.array([p["value"] for p in parameters]),
-            np.array(data["covariance"]),
+            np.array(data["covariance"], dtype=float).reshape(len(columns), len(columns)),
             tuple(j["name"] for j in joints),
             np.array([j["sigma"] for j in joints]),
             np.array([j["weight"] for j in joints]),
             data["condition"],
             data["estimator"],
+            np.array(data["information"]),
             tuple(data["notes"]),
         )
         methods = parameters[0]["bounds"] if parameters else {}
@@ -203,6 +209,7 @@ class Model:
             bounds,
             data["reference"],
             tuple(data["history"]),
+            None if data["previous"] is None else cls.from_dict({**data["previous"], "robot": data["robot"]}),
         )
 
     def save(self, path: str | Path) -> None:
@@ -249,6 +256,11 @@ def check_writable(path: str | Path) -> None:
         raise InputError(f"{target}: there is no folder {target.parent}")
     if target.is_dir():
         raise InputError(f"{target} is a folder; give the name of a file")
+
+
+def _without_robot(data: dict[str, Any]) -> dict[str, Any]:
+    """Every step is of the same robot: its URDF is kept once."""
+    return {k: v for k, v in data.items() if k != "robot"}
 
 
 def _finite(x: float) -> float | None:

@@ -359,6 +359,10 @@ class Robot:
         G[leader, np.arange(len(self.bodies))] = factor
         return np.moveaxis(np.tensordot(G, torque, axes=(1, axis)), 0, axis)
 
+    def project_mass(self, mass: Array) -> Array:
+        """Mass matrix of all bodies' joints (L, L) onto the independent joints (J, J)."""
+        return self._project(self._project(mass, axis=0), axis=1)
+
     def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
         """Rigid-body torque with the URDF's own parameters (recursive Newton-Euler): (N, J) each -> (N, J)."""
         model, data = self.model, self.data

@@ -3,14 +3,14 @@
 All families are linear in their coefficients X, (P, J): ``q(t) = β(t) X``, q̇ and q̈ with the derivatives of the row β.
 Three things follow, and they are the whole method.
 
-- The limits of position, velocity and acceleration are linear in X, and shrinking a motion about a pose is scaling X: any
-  motion is made feasible joint by joint, exactly.
+- The limits of position, velocity and acceleration are linear in X, and shrinking a motion about a pose is scaling X:
+  any motion is made feasible joint by joint, exactly.
 - A cost f of the base regressor Π at N samples has a cheap gradient. A sample's rows depend on that sample's 3J numbers
   alone, so 3J displaced regressors give ``∂f/∂(q, q̇, q̈) = ⟨∂f/∂Π, ∂Π⟩`` of all N at once, and βᵀ carries it to X.
 - What is not linear (torque, distances) needs a slope only at the samples where it is broken.
 
-SciPy's differential evolution (Storn and Price 1997) first looks for a basin among Fourier motions that fit the limits by
-construction. Then L-BFGS-B (Byrd et al. 1995) descends on
+SciPy's differential evolution (Storn and Price 1997) first looks for a basin among Fourier motions that fit the limits
+by construction. Then L-BFGS-B (Byrd et al. 1995) descends on
 
     log f_k(X) + w Σ max(0, excess)²
 
@@ -20,7 +20,9 @@ with soft extremes of sharpness k (`criteria`) and weight w, both rising. What i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import count
 from typing import Literal
 
@@ -33,6 +35,7 @@ from scipy.stats import qmc
 from frischid.criteria import EXACT, Criterion
 from frischid.effects import Effect
 from frischid.envelope import RATE, Excess, extremes
+from frischid.errors import InputError
 from frischid.identification import structure
 from frischid.regressor import Regressor
 from frischid.robot import Robot
@@ -56,6 +59,12 @@ class Cost:
     def __init__(self, robot: Robot, effects: Sequence[Effect], t: Array, criterion: Criterion, seed: int) -> None:
         self.regressor, self.criterion, self.t = Regressor(robot, effects), criterion, t
         self.base = np.array(structure(self.regressor, robot.joints).base)
+        rows = len(t) * len(robot.joints)
+        if rows <= len(self.base):
+            raise InputError(
+                f"{len(t)} samples of {len(robot.joints)} joints give {rows} equations for {len(self.base)} base "
+                f"parameters; use {-(-3 * len(self.base) // len(robot.joints))} samples or more"
+            )
         shifts = criterion.displacements(len(t), len(robot.joints), seed)
         self.shifts = np.concatenate([np.zeros((1, *shifts.shape[1:])), shifts])
         self.evaluations = 0
@@ -84,9 +93,14 @@ class Cost:
         if out is None:
             out = np.empty((len(self.shifts), len(self.t), len(self.regressor.columns), states.shape[2]))
         for Y, shift in zip(out, self.shifts, strict=True):
-            self.regressor(self.t, *(states + shift), out=Y)
+            q, v, a = states + shift
+            self.regressor(self.t, q, v, a, out=Y)
         self.evaluations += len(self.shifts)
         return out
+
+
+class _SpentError(Exception):
+    """The share of the budget is used up."""
 
 
 @dataclass(eq=False)
@@ -172,31 +186,39 @@ class Search:
 
     def explore(self, seed: int) -> Array:
         """Differential evolution over Fourier motions grown up to the limits; returns the best one's coefficients."""
-        J = len(self.excess.robot.joints)
-        H = max(5, round(0.4 * self.duration))
+        J, H = len(self.excess.robot.joints), self.waves
         sobol = qmc.Sobol((2 * H + 1) * J, seed=seed).random(POPULATION)
         generations = max(0, int(SHARE * self.budget / (POPULATION * len(self.cost.shifts))) - 1)
-        fit = self._projection()
 
-        def candidate(y: Array) -> Array:
-            motion = self._fourier(y.reshape(2 * H + 1, J))
-            return self.within(fit @ np.concatenate(motion(self.grid)), grow=True)
-
-        def objective(y: Array) -> float:
-            X = candidate(y)
+        def level(y: Array) -> float:
+            X = self.random(y.reshape(-1, J))
             cost = self.cost(self.at_samples @ X)
             excess = self.excess.loads(self.at_grid @ X)
             self._record(X, cost, excess)
             return self._level(cost) + STAGES[0][1] * excess
 
-        bounds = [(-1.0, 1.0)] * sobol.shape[1]
         result = differential_evolution(
-            objective, bounds, init=2.0 * sobol - 1.0, maxiter=generations, polish=False, tol=0.0, seed=seed
+            level,
+            [(-1.0, 1.0)] * sobol.shape[1],
+            init=2.0 * sobol - 1.0,
+            maxiter=generations,
+            polish=False,
+            tol=0.0,
+            seed=seed,
         )
-        return candidate(result.x)
+        return self.random(result.x.reshape(-1, J))
+
+    @property
+    def waves(self) -> int:
+        """Harmonics of the motions that `explore` looks at: up to 0.5 Hz, and a few at least."""
+        return max(5, round(0.5 * self.duration))
+
+    def random(self, y: Array) -> Array:
+        """Coefficients of the Fourier motion with the shape of y, (2H + 1, J), grown until a limit stops it."""
+        return self.within(self._projection @ np.concatenate(self._fourier(y)(self.grid)), grow=True)
 
     def _fourier(self, y: Array) -> Fourier:
-        """Motion with the shape of y, (2H + 1, J), as large as the limits allow, in a pose that its first row chooses."""
+        """Motion with the shape of y, (2H + 1, J), as large as the limits allow; the first row chooses its pose."""
         e, H = self.excess.envelope, len(y) // 2
         shape = Fourier.rested(np.zeros(y.shape[1]), y[1 : H + 1], y[H + 1 :], self.duration)
         states = np.stack(shape(self.grid))
@@ -207,6 +229,7 @@ class Search:
         pose = e.middle + y[0] * room - factor * (low + high)[0] / 2
         return Fourier(pose, shape.A * factor, shape.B * factor, self.duration)
 
+    @cached_property
     def _projection(self) -> Array:
         """Least squares of states on the grid by this family, every order by its own size: (P, 3M)."""
         weight = 1.0 / np.sqrt((self.at_grid**2).mean(axis=(1, 2)))
@@ -218,50 +241,59 @@ class Search:
 
     def descend(self, X: Array, stage: int) -> Array:
         """L-BFGS-B on the soft cost plus the weighted excess, with its share of the budget."""
-        sharpness, weight = STAGES[stage]
-        each = (3 * X.shape[1] + 2) * len(self.cost.shifts)
-        calls = int((self.budget - self.cost.evaluations) / (len(STAGES) - stage) / each)
-        if calls < 2:
-            return X
+        left = self.budget - self.cost.evaluations
+        stop = self.cost.evaluations + left / (len(STAGES) - stage)
+        each = (3 * X.shape[1] + 3) * len(self.cost.shifts)  # a gradient, a look, and one to spare for the end
+        rounds, last = count(1), X
 
-        def objective(z: Array) -> tuple[float, Array]:
-            Y = z.reshape(X.shape) * self.unit
-            cost, by_states = self.cost.gradient(self.at_samples @ Y, sharpness)
-            value, slope = self._level(cost), by_states / (cost if self.cost.criterion.positive else 1.0)
-            gradient = np.einsum("onp,onj->pj", self.at_samples, slope)
-            if self.bounds == "everywhere":
-                excess, by_grid = self.excess(self.at_grid @ Y)
-                value += weight * excess
-                gradient += weight * np.einsum("onp,onj->pj", self.at_grid, by_grid)
-            return value, (gradient * self.unit).ravel()
-
-        rounds = count()
+        def level(z: Array) -> tuple[float, Array]:
+            if self.cost.evaluations + each > stop:
+                raise _SpentError
+            return self.objective(z.reshape(X.shape), *STAGES[stage])
 
         def watch(z: Array) -> None:
+            nonlocal last
+            last = z.reshape(X.shape) * self.unit
             if next(rounds) % WATCH == 0:
-                look(z)
+                self._look(last)
 
-        def look(z: Array) -> None:
-            Y = z.reshape(X.shape) * self.unit
-            if self.bounds == "everywhere":
-                Y = self.within(Y)
-            states = self.at_grid @ Y
-            loads = self.excess.loads(states) if self.bounds == "everywhere" else 0.0
-            self._record(Y, self.cost(self.at_samples @ Y), loads)
+        # The line search of one round may take twenty gradients, so `maxfun` would not keep to the budget.
+        with suppress(_SpentError):
+            minimize(
+                level,
+                (X / self.unit).ravel(),
+                jac=True,
+                method="L-BFGS-B",
+                bounds=self._box(),
+                callback=watch,
+                options={"maxfun": self.budget, "maxiter": self.budget, "maxcor": 30, "ftol": 1e-10, "gtol": 1e-9},
+            )
+        self._look(last)
+        return last
 
-        result = minimize(
-            objective,
-            (X / self.unit).ravel(),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=self._box(X.shape),
-            callback=watch,
-            options={"maxfun": calls, "maxiter": calls, "maxcor": 30, "ftol": 1e-10, "gtol": 1e-9},
-        )
-        look(result.x)
-        return np.asarray(result.x.reshape(X.shape) * self.unit)
+    def objective(self, Z: Array, sharpness: float, weight: float) -> tuple[float, Array]:
+        """Soft cost plus weighted excess of the coefficients ``Z · unit``, and its derivative by Z, raveled."""
+        X = Z * self.unit
+        cost, slope = self.cost.gradient(self.at_samples @ X, sharpness)
+        value = self._level(cost)
+        if self.cost.criterion.positive:
+            slope = slope / cost
+        gradient = np.einsum("onp,onj->pj", self.at_samples, slope)
+        if self.bounds == "everywhere":
+            excess, slope = self.excess(self.at_grid @ X)
+            value += weight * excess
+            gradient += weight * np.einsum("onp,onj->pj", self.at_grid, slope)
+        return value, (gradient * self.unit).ravel()
 
-    def _box(self, shape: tuple[int, ...]) -> Box | None:
+    def _look(self, X: Array) -> None:
+        """Judge coefficients as a user would: scaled into the limits, by the true cost."""
+        if self.bounds == "points":
+            self._record(X, self.cost(self.at_samples @ X), 0.0)
+            return
+        X = self.within(X)
+        self._record(X, self.cost(self.at_samples @ X), self.excess.loads(self.at_grid @ X))
+
+    def _box(self) -> Box | None:
         """Limits at the points themselves, where the coefficients are positions, velocities and accelerations."""
         if self.box is None:
             return None

@@ -1,16 +1,16 @@
 """Motions as functions of time: q(t), q̇(t), q̈(t) in closed form, nothing differentiated numerically.
 
 Three families: joint-wise finite Fourier series (Swevers et al. 1997) brought to rest at both ends, quintic
-polynomials through given points (q, q̇, q̈) (Massaroli et al., section 3.2), and quintic B-splines. All are linear in their
-coefficients, and all know exactly where they turn: a trigonometric polynomial is an ordinary one on the unit circle,
+polynomials through given points (q, q̇, q̈) (Massaroli et al., section 3.2), and quintic B-splines. All are linear in
+their coefficients, and all know exactly where they turn: a trigonometric polynomial is an ordinary one on the circle,
 
     Σ_k (s_k sin kφ + c_k cos kφ) = 0   ⇔   Σ_k (c_k + i s_k) z^{K−k} + (c_k − i s_k) z^{K+k} = 0,   z = e^{iφ},
 
 so the extremes of a motion are roots of polynomials, not the largest of some samples.
 
-References: J. Swevers et al., "Optimal robot excitation and identification", IEEE Trans. Robotics and Automation 13(5),
-1997; S. Massaroli et al., "Frisch Scheme Identification of Robots Dynamic Parameters"; C. de Boor, "A Practical Guide to
-Splines", 1978.
+References: J. Swevers et al., "Optimal robot excitation and identification", IEEE Trans. Robotics and Automation
+13(5), 1997; S. Massaroli et al., "Frisch Scheme Identification of Robots Dynamic Parameters"; C. de Boor, "A Practical
+Guide to Splines", 1978.
 """
 
 from __future__ import annotations
@@ -41,6 +41,14 @@ class Trajectory(Protocol):
 
     def __call__(self, t: Array) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration at times t, each of shape (N, J)."""
+        ...
+
+
+class ClosedForm(Trajectory, Protocol):
+    """A trajectory that knows where it turns."""
+
+    def turning(self, order: int, joint: int) -> Array:
+        """Times in the open interval at which derivative `order` (0, 1 or 2) of a joint may be extreme."""
         ...
 
 
@@ -197,7 +205,7 @@ FAMILIES = ("fourier", "bspline", "points")
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """Trajectorys linear in their coefficients.
+    """Motions linear in their coefficients.
 
     Attributes
     ----------
@@ -207,7 +215,7 @@ class Family:
         Coefficients of the motion that stays at 1.
     """
 
-    build: Callable[[Array], Trajectory]
+    build: Callable[[Array], ClosedForm]
     constant: Array
 
     @classmethod

@@ -1,0 +1,301 @@
+"""Errors in variables: least squares that knows the regressor was computed from noisy sensors.
+
+Sample k measures ``z̃ = z + L ε`` (ε of unit covariance, L the square root of the sensors' covariance) and
+``τ̃ = Y(z) θ + e``. Orthogonal distance regression chooses the states too,
+
+    min_{θ, z_k}  Σ_k |L⁻¹(z̃_k − z_k)|² + |Y(z_k) θ − τ̃_k|²_{Σ_τ⁻¹}.
+
+Eliminating the linearised states leaves the errors-in-variables likelihood, a generalised least squares
+
+    min_θ Σ_k ρ_kᵀ Σ_ρ⁻¹ ρ_k,   ρ = Y(ẑ) θ + J(z̃ − ẑ) − τ̃,   Σ_ρ = Σ_τ + J L Lᵀ Jᵀ,   J = ∂(Yθ)/∂z,
+    ẑ = z̃ − L Lᵀ Jᵀ Σ_ρ⁻¹ ρ,
+
+solved in turns (Boggs, Byrd and Schnabel 1987, SIAM J. Sci. Stat. Comput. 8(6)). Everything is evaluated at the corrected
+state ẑ, whose error is uncorrelated with ρ: that, not the weights alone, removes the bias of least squares. Three points:
+
+- *No* ``log det Σ_ρ``. ρ depends on θ, so its density is not that of the data; with the determinant even the straight line
+  with errors in both variables is inconsistent, without it the estimate is Deming's.
+- *Second order.* Where the torque is curved the residual of the true θ has the mean ½ tr(H P), H the Hessian and
+  P = L Lᵀ − K Kᵀ the covariance of ẑ, ``K = L Lᵀ Jᵀ Σ_ρ^(-T/2)``. With C = ½ tr(∂²Y P) the equations solved are
+
+      Σ_k Yᵀ Σ_ρ⁻¹ (τ̃ − J(z̃ − ẑ) − (Y − C) θ) = 0.
+
+- *Dry friction* has no derivative at v = 0. Its columns enter as their mean over the sensors' noise, a smoothed sign, and
+  what this leaves uncertain joins Σ_ρ.
+
+All derivatives are differences over ±√3 standard deviations, the nodes of a three-point Gauss-Hermite rule. Torque noise is
+given, or at least `signals.noise_level`, raised until the weighted squares average one (Mandel and Paule 1970): what the
+sensors do not explain is counted as torque noise. Filtered rows F Y are corrected by Y(ẑ) − Y(z̃). The standard errors
+come from the scores' sums over blocks of time, so that correlated residuals are counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from frischid.errors import IdentifiabilityError
+from frischid.estimate import LEAST_BLOCKS, WORST_CONDITION, Estimate
+from frischid.gram import Array, Column
+
+NODE = np.sqrt(3.0)
+BLOCKS = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """A stretch of M samples of states, columns and torques, and how wrong the states are.
+
+    Attributes
+    ----------
+    columns : callable
+        States (M, 3J) -> columns (M, p + 1, R): the p parameters', and the torque known outright.
+    state : ndarray, shape (M, 3J)
+        Measured [q v a].
+    Y : ndarray, shape (M, p + 1, R)
+        The measured columns of the R torque rows, filtered.
+    tau : ndarray, shape (M, R)
+        Measured torque, N·m (N).
+    used : ndarray of bool, shape (M, R)
+    directions : ndarray, shape (D, 3J)
+        Rows l_d with ``Σ_d l_d l_dᵀ`` the covariance of a state's errors.
+    ratios : ndarray, shape (D,)
+        How many times larger that variance was before the filter: it acted on Y then.
+    torque : ndarray, shape (R,)
+        Standard deviation of the torque's noise.
+    dry : ndarray of bool, shape (p,)
+        Columns without a derivative.
+    torque_given : bool
+        Whether `torque` is to be taken as it is.
+    """
+
+    columns: Callable[[Array], Array]
+    state: Array
+    Y: Array
+    tau: Array
+    used: NDArray[np.bool_]
+    directions: Array
+    ratios: Array
+    torque: Array
+    dry: NDArray[np.bool_]
+    torque_given: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """Samples linearised at their states: columns, curvature (p), J L (M, R, D), extra variance, curvature of states."""
+
+    Y: Array
+    C: Array
+    JL: Array
+    extra: Array
+
+
+class _Stretch:
+    """One `Samples` with its current states, as whitened corrections: ``ẑ = z̃ − ε L``."""
+
+    def __init__(self, data: Samples) -> None:
+        self.data = data
+        self.origin = data.columns(data.state)
+        self.epsilon = np.zeros((len(data.state), len(data.directions)))
+        self.here: _Linear | None = None
+
+    def linearise(self, theta: Array, inflation: float) -> _Linear:
+        """Columns at the current states, their slopes and curvature, by differences along the sensors' errors."""
+        data, plus_known = self.data, np.append(theta, 1.0)
+        smooth = np.append(~data.dry, True)
+        z = data.state - self.epsilon @ data.directions
+        centre = data.columns(z)
+        Y = data.Y + (centre - self.origin)
+        bend, square = np.zeros_like(Y), np.zeros_like(Y[:, :-1])
+        JL = np.zeros((len(z), data.tau.shape[1], len(data.directions)))
+        C = np.zeros_like(Y)
+        for d, (direction, ratio) in enumerate(zip(data.directions, data.ratios, strict=True)):
+            up, down = data.columns(z + NODE * direction), data.columns(z - NODE * direction)
+            JL[:, :, d] = np.einsum("kcr,c->kr", (up - down)[:, smooth], plus_known[smooth]) / (2 * NODE)
+            second = (up + down - 2 * centre) / 6.0
+            bend += second
+            C += ratio * second
+            square += (up[:, :-1] ** 2 + down[:, :-1] ** 2 - 2 * centre[:, :-1] ** 2) / 6.0
+        dry = np.flatnonzero(data.dry)
+        mean = Y[:, dry] + bend[:, dry]
+        left = np.maximum(Y[:, dry] ** 2 + square[:, dry] - mean**2, 0.0)
+        Y[:, dry] = mean
+        extra = np.einsum("kcr,c->kr", left, theta[dry] ** 2)
+        K = JL.swapaxes(1, 2) @ np.linalg.inv(np.linalg.cholesky(self.covariance(JL, extra, inflation))).swapaxes(1, 2)
+        for r in range(K.shape[2]):
+            step = K[:, :, r] @ data.directions
+            C -= 0.5 * (data.columns(z + step) + data.columns(z - step) - 2 * centre)
+        C[:, dry] = 0.0
+        self.here = _Linear(Y, C, JL, extra)
+        return self.here
+
+    def covariance(self, JL: Array, extra: Array, inflation: float) -> Array:
+        """Σ_ρ of each sample; unit rows and columns where a row is not used."""
+        data = self.data
+        diagonal = np.where(data.used, inflation * data.torque**2 + extra, 1.0)
+        JL = JL * data.used[:, :, None]
+        return np.asarray(JL @ JL.swapaxes(1, 2) + diagonal[:, :, None] * np.eye(diagonal.shape[1]))
+
+    def weights(self, inflation: float) -> Array:
+        """Σ_ρ⁻¹, zero on rows not used."""
+        assert self.here is not None
+        W = np.linalg.inv(self.covariance(self.here.JL, self.here.extra, inflation))
+        return np.asarray(W * self.data.used[:, :, None] * self.data.used[:, None, :])
+
+    def target(self) -> Array:
+        """Torque to fit: ``τ̃ − J(z̃ − ẑ)``, less what is known."""
+        assert self.here is not None
+        shift = np.einsum("krd,kd->kr", self.here.JL, self.epsilon)
+        return self.data.tau - shift - (self.here.Y - self.here.C)[:, -1]
+
+    def residual(self, theta: Array) -> Array:
+        """Curvature-corrected ρ of each sample, (M, R)."""
+        assert self.here is not None
+        return np.einsum("kcr,c->kr", (self.here.Y - self.here.C)[:, :-1], theta) - self.target()
+
+    def correct(self, theta: Array, inflation: float) -> None:
+        """Move the states to where the data and θ agree best."""
+        assert self.here is not None
+        pull = np.einsum("krs,ks->kr", self.weights(inflation), self.residual(theta))
+        self.epsilon = np.einsum("krd,kr->kd", self.here.JL, pull)
+
+
+def eiv(
+    stretches: Sequence[Samples], columns: Sequence[Column], joints: Sequence[str], iterations: int = 3
+) -> Estimate:
+    """Errors-in-variables estimate of the base parameters.
+
+    Parameters
+    ----------
+    stretches : sequence of Samples
+        From `frischid.sensitivity.samples`.
+    columns : sequence of Column
+        The p base parameters.
+    joints : sequence of str
+        Joints of the R torque rows.
+    iterations : int
+        Turns of linearising, solving and correcting the states; the third changes little.
+
+    Returns
+    -------
+    Estimate
+
+    Raises
+    ------
+    IdentifiabilityError
+        The data leave some combination of parameters undetermined.
+    """
+    names = [c.name for c in columns]
+    parts = [_Stretch(s) for s in stretches]
+    theta = _start(stretches, names)
+    floor = 1e-6 * max(float(np.abs(s.tau).max(initial=0.0)) for s in stretches)
+    for part in parts:  # a torque without any noise would make Σ_ρ singular
+        np.maximum(part.data.torque, floor, out=part.data.torque)
+    inflation = 1.0
+    given = all(s.torque_given for s in stretches)
+    for _ in range(iterations if given else iterations + 1):
+        for part in parts:
+            part.linearise(theta, inflation)
+        if not given:
+            inflation = _inflation(parts, theta)
+        A, b, _ = _equations(parts, inflation, theta)
+        theta, condition = _solve(A, b, names)
+        for part in parts:
+            part.correct(theta, inflation)
+    A, _, scores = _equations(parts, inflation, theta)
+    D = np.linalg.solve(A, scores.T)
+    B = scores.shape[0]
+    covariance = B / max(1, B - 1) * D @ D.T
+    left = np.concatenate([s.tau - np.einsum("kcr,c->kr", s.Y, np.append(theta, 1.0)) for s in stretches])
+    used = np.concatenate([s.used for s in stretches])
+    sigma = np.sqrt((left**2 * used).sum(axis=0) / np.maximum(used.sum(axis=0), 1))
+    torque = np.mean([s.torque for s in stretches], axis=0)
+    notes = [f"only {B} blocks of data: standard errors are uncertain"] if B < LEAST_BLOCKS else []
+    if inflation > 4.0:
+        notes.append(
+            f"the sensors' noise explains only part of the residual: torque noise was taken as {np.sqrt(inflation):.3g} times its "
+            "high-frequency level, which is what a missing effect looks like"
+        )
+    return Estimate(
+        tuple(columns),
+        theta,
+        covariance,
+        tuple(joints),
+        sigma,
+        1.0 / (inflation * torque**2),
+        condition,
+        "eiv",
+        tuple(notes),
+    )
+
+
+def _start(stretches: Sequence[Samples], names: Sequence[str]) -> Array:
+    """Least squares, torque rows in units of their spread."""
+    A: Array = np.zeros((len(names), len(names)))
+    b = np.zeros(len(names))
+    spread = np.sqrt(np.mean(np.concatenate([s.tau for s in stretches]) ** 2, axis=0)) + 1e-300
+    for s in stretches:
+        Y = s.Y[:, :-1] * (s.used / spread)[:, None, :]
+        A += np.tensordot(Y, Y, axes=([0, 2], [0, 2]))
+        b += np.tensordot(Y, (s.tau - s.Y[:, -1]) / spread, axes=([0, 2], [0, 1]))
+    return _solve(A, b, names)[0]
+
+
+def _equations(parts: Sequence[_Stretch], inflation: float, theta: Array) -> tuple[Array, Array, Array]:
+    """Normal equations, and the scores at θ summed over blocks of time (B, p)."""
+    total = sum(len(p.data.tau) for p in parts)
+    p = len(theta)
+    A, b, scores = np.zeros((p, p)), np.zeros(p), np.zeros((min(BLOCKS, total), p))
+    first = 0
+    for part in parts:
+        assert part.here is not None
+        Y, model = part.here.Y[:, :-1], (part.here.Y - part.here.C)[:, :-1]
+        YW = Y @ part.weights(inflation)
+        A += np.tensordot(YW, model, axes=([0, 2], [0, 2]))
+        b += np.tensordot(YW, part.target(), axes=([0, 2], [0, 1]))
+        block = (first + np.arange(len(Y))) * len(scores) // total
+        np.add.at(scores, block, -np.einsum("kcr,kr->kc", YW, part.residual(theta)))
+        first += len(Y)
+    return A, b, scores
+
+
+def _solve(A: Array, b: Array, names: Sequence[str]) -> tuple[Array, float]:
+    """Solve on columns of unit norm, with the conditioning tested; A is symmetric up to the curvature."""
+    diagonal = np.diag(A)
+    if not (diagonal > 0).all():
+        blind = [n for n, d in zip(names, diagonal, strict=True) if not d > 0]
+        raise IdentifiabilityError(f"the log never excites {', '.join(blind)}; leave the effect out or move the joint")
+    scale = 1.0 / np.sqrt(diagonal)
+    scaled = A * np.outer(scale, scale)
+    _, values, vectors = np.linalg.svd(scaled)
+    condition = float(np.sqrt(values[0] / max(values[-1], 1e-300)))
+    if condition > WORST_CONDITION:
+        worst = np.abs(vectors[-1])
+        blind = [names[i] for i in np.argsort(-worst)[:6] if worst[i] > 0.1 * worst.max()]
+        raise IdentifiabilityError(f"this log cannot tell {', '.join(blind)} apart (condition number {condition:.1e})")
+    return scale * np.linalg.solve(scaled, scale * b), condition
+
+
+def _inflation(parts: Sequence[_Stretch], theta: Array) -> float:
+    """Factor on the torque's variance at which the weighted squares of the residuals average one; at least one."""
+    rows = sum(int(p.data.used.sum()) for p in parts)
+    squares = [p.residual(theta) for p in parts]
+
+    def excess(log_factor: float) -> float:
+        weighted = (
+            np.einsum("kr,krs,ks->", r, p.weights(float(np.exp(log_factor))), r)
+            for p, r in zip(parts, squares, strict=True)
+        )
+        return float(sum(weighted)) / max(1, rows - len(theta)) - 1.0
+
+    top = 0.0
+    if excess(top) <= 0:
+        return 1.0
+    while excess(top) > 0 and top < 60.0:
+        top += 4.0
+    return float(np.exp(brentq(excess, top - 4.0, top, xtol=1e-3)))

@@ -1,0 +1,201 @@
+"""Add an effect, refit, and keep the story: every step of a model's history can be looked at and undone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from frischid.comparison import compare
+from frischid.diagnosis import Diagnosis, Finding, diagnose, prior_of
+from frischid.effects import Effect, columns_of
+from frischid.errors import InputError
+from frischid.estimate import Estimate
+from frischid.evidence import Evidence
+from frischid.identification import identify
+from frischid.log import Log
+from frischid.model import Model
+
+Situation = Literal["auto", "always", "changed"]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One effect added.
+
+    Attributes
+    ----------
+    model : Model
+        With the effect.
+    effect : Effect
+    error_before, error_after : float
+        Mean NRMSE on the validation logs, or cross-validated on the logs themselves when there are none.
+    finding : Finding or None
+        Why, when a diagnosis proposed it.
+    """
+
+    model: Model
+    effect: Effect
+    error_before: float
+    error_after: float
+    finding: Finding | None
+
+
+def add(
+    model: Model,
+    effects: Sequence[Effect],
+    logs: Sequence[Log],
+    *,
+    valid: Sequence[Log] = (),
+    situation: Situation = "always",
+    finding: Finding | None = None,
+) -> Step:
+    """Refit a model with further effects.
+
+    Parameters
+    ----------
+    model : Model
+    effects : sequence of Effect
+        What to add.
+    logs : sequence of Log
+        Data to fit.
+    valid : sequence of Log
+        Data to measure the error on.
+    situation : {"always", "changed"}
+        ``"always"``: all parameters are fitted again. ``"changed"``: the model's own parameters are kept as a prior,
+        so that what
+        changed ends up in the effect.
+    finding : Finding, optional
+
+    Returns
+    -------
+    Step
+    """
+    together = (*model.effects, *effects)
+    columns_of(model.robot, together)  # two effects that describe the same thing are refused before any work
+    before = _error(model, logs, valid, situation)
+    new = _refitted(model, together, logs, situation)
+    after = _error(new, logs, valid, situation)
+    event: dict[str, Any] = {
+        "action": "add",
+        "effects": [str(e) for e in effects],
+        "situation": situation,
+        "error_before": before,
+        "error_after": after,
+        "sentence": "" if finding is None else finding.sentence,
+        "logs": [{"source": log.source, "sha256": log.sha256, "samples": len(log)} for log in logs],
+        "held_out_logs": [{"source": log.source, "sha256": log.sha256} for log in valid],
+    }
+    new = replace(new, history=(*model.history, event), previous=model)
+    return Step(new, effects[0], before, after, finding)
+
+
+def improve(
+    model: Model,
+    logs: Sequence[Log],
+    *,
+    valid: Sequence[Log] = (),
+    most: int = 8,
+    progress: Callable[[str], None] = lambda _: None,
+) -> tuple[list[Step], Diagnosis]:
+    """Diagnose and add until nothing passes, or an addition no longer lowers the held-out error.
+
+    Returns
+    -------
+    steps : list of Step
+    last : Diagnosis
+        The one that found nothing more.
+    """
+    steps: list[Step] = []
+    refused: set[str] = set()
+    while True:
+        progress(f"diagnosis {len(steps) + 1}")
+        diagnosis = diagnose(model, logs, valid=valid, situation="always", progress=progress)
+        passing = [f for f in diagnosis.findings if f.significant and f.members and f.effect not in refused]
+        if not passing or len(steps) == most:
+            return steps, diagnosis
+        step = add(model, instances(passing[0]), logs, valid=valid, finding=passing[0])
+        if step.error_after >= step.error_before:
+            refused.add(passing[0].effect)
+            continue
+        steps.append(step)
+        model = step.model
+
+
+def instances(finding: Finding) -> tuple[Effect, ...]:
+    """The effects of a finding, one for every joint with its own shape."""
+    if not finding.members:
+        raise InputError(f"finding '{finding.effect}' cannot be added: it names no effect of the catalogue")
+    return finding.members
+
+
+def undo(model: Model) -> Model:
+    """Return the model before its last step."""
+    if model.previous is None:
+        raise InputError("there is no step to undo: this model has only been identified")
+    return model.previous
+
+
+def _error(model: Model, logs: Sequence[Log], valid: Sequence[Log], situation: Situation) -> float:
+    if valid or situation == "changed":
+        return compare(model, valid or logs).nrmse
+    return float(model.history[-1].get("cross_validated_nrmse", np.nan)) if model.history else np.nan
+
+
+def _refitted(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log], situation: Situation) -> Model:
+    if situation != "changed":
+        found = identify(
+            model.robot,
+            logs,
+            effects=effects,
+            torque_joints=model.joints,
+            cutoff=model.lowpass.cutoff,
+            velocity=model.velocity,
+            estimator="wls",
+            recursion="none",
+            reference=reference_of(model),
+        )
+        return replace(found.model, lowpass=model.lowpass)
+    return _changed(model, effects, logs)
+
+
+def reference_of(model: Model) -> dict[str, float]:
+    """Values of the regressor's columns that reproduce a model's torque: the base columns', zero for all others."""
+    if model.reference is not None:
+        return dict(model.reference)
+    columns = columns_of(model.robot, model.effects)
+    return {columns[i].name: float(x) for i, x in zip(model.base, model.estimate.theta, strict=True)}
+
+
+def _changed(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log]) -> Model:
+    evidence = Evidence(model, logs, prior_of(model, "changed"))
+    new = effects[len(model.effects) :]
+    columns = columns_of(model.robot, effects)
+    added = [c for e in new for c in e.columns(model.robot)]
+    for projection in evidence.project(new):
+        evidence = evidence.extended(projection)
+    estimate = model.estimate
+    covariance = np.asarray(np.linalg.pinv(evidence.information, hermitian=True), dtype=float)
+    theta = evidence.theta
+    return replace(
+        model,
+        effects=effects,
+        base=(*model.base, *(next(i for i, c in enumerate(columns) if c.name == a.name) for a in added)),
+        expressions=(*model.expressions, *(c.name for c in added)),
+        estimate=Estimate(
+            (*estimate.columns, *added),
+            theta,
+            covariance,
+            estimate.joints,
+            evidence.sigma,
+            1.0 / evidence.sigma**2,
+            float(np.sqrt(np.linalg.cond(evidence.information))),
+            "map",
+            evidence.information,
+            ("values of a changed robot: the identified parameters were kept as a prior",),
+        ),
+        bounds={},
+        reference=reference_of(model),
+    )

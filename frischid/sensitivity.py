@@ -1,0 +1,329 @@
+"""What the noise of each sensor does to the regressor, to its moments and to the residual.
+
+A *sensor* is one stream of independent errors ε(t): an encoder, a tachometer, an accelerometer. Through its taps it moves
+the position, velocity and acceleration of one joint; an encoder whose signal is differentiated twice moves all three,
+
+    δq_j = h_q * ε,   δq̇_j = h_v * ε,   δq̈_j = h_a * ε      (* is convolution).
+
+Which channels of a motion come from which sensor is seen from the numbers: a q̇ that equals the derivative filter of q is
+no sensor of its own.
+
+**Moments.** With errors of variance σ_s², ``E[x xᵀ]`` of the rows x = [y τ] grows by σ_s² S_s. Moving the log of sensor s
+by ±h w_k, with random signs w_k, and sending both copies through the whole pipeline (regressor, parallel low-pass,
+decimation, moments) gives
+
+    S_s = (G(+h) + G(−h) − 2 G(0)) / 2h²  →  ½ Σ_k ∂²(x xᵀ)/∂ε_k².
+
+Differences of *moments* hold the curvature of the columns too (see `frischid.sensorwise`), and of a velocity's sign, whose
+square is always one, only what the noise can really change. Without filter and derivatives w_k² = 1 makes this an exact
+second difference; with them, products of neighbouring errors w_k w_l cancel in the mean over the log.
+
+**States.** For errors-in-variables estimates `samples` gives the filtered states, the covariance of their errors, and
+the columns as a function of the state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import signal
+
+from frischid.eiv import Samples
+from frischid.errors import InputError
+from frischid.gram import Array, Gram
+from frischid.regressor import Block, Regressor, accumulate
+from frischid.robot import Robot
+from frischid.sensorwise import TORQUE, SensorMoments
+from frischid.signals import LowPass, Motion, derivative_taps, noise_level
+
+CHANNELS = ("q", "v", "a")
+STEP = 0.03
+"""Displacement of a sensor for finite differences, as a share of what its channels span: the rms of q̇ and q̈, 1 rad of q."""
+
+UNIT = np.ones(1)
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor:
+    """One stream of errors and the channels of one joint it enters.
+
+    Attributes
+    ----------
+    name : str
+        Such as ``"q joint1"``.
+    joint : int
+    taps : dict of str to ndarray
+        Channel (``"q"``, ``"v"``, ``"a"``) -> odd-length filter from the sensor's errors to that channel's.
+    """
+
+    name: str
+    joint: int
+    taps: Mapping[str, Array]
+
+
+def sensors_of(motion: Motion, robot: Robot, lowpass: LowPass) -> list[Sensor]:
+    """Find which channels of a motion were measured and which were derived from others.
+
+    Parameters
+    ----------
+    motion : Motion
+    robot : Robot
+        Names the joints.
+    lowpass : LowPass
+        The one the motion was prepared with, which sets its derivative filters.
+
+    Returns
+    -------
+    list of Sensor
+    """
+    first, second = (derivative_taps(order, motion.step, lowpass.cutoff) for order in (1, 2))
+    found = []
+    for j, name in enumerate(robot.joints):
+        q, v, a = motion.q[:, j], motion.v[:, j], motion.a[:, j]
+        taps: dict[str, dict[str, Array]] = {"q": {"q": UNIT}}
+        if _derived(v, q, first):
+            taps["q"]["v"] = first
+        else:
+            taps["v"] = {"v": UNIT}
+        if _derived(a, q, second):
+            taps["q"]["a"] = second
+        elif "v" in taps and _derived(a, v, first):
+            taps["v"]["a"] = first
+        else:
+            taps["a"] = {"a": UNIT}
+        found += [Sensor(f"{channel} {name}", j, t) for channel, t in taps.items()]
+    return found
+
+
+def _derived(x: Array, source: Array, taps: Array) -> bool:
+    """Whether `x` is `source` sent through `taps`, as far as both can be seen."""
+    half = len(taps) // 2
+    if len(x) <= 2 * half:
+        return False
+    made = np.convolve(source, taps[::-1], mode="valid")
+    inside = x[half : len(x) - half]
+    return bool(np.abs(made - inside).max() <= 1e-6 * max(float(np.abs(inside).max()), 1e-12))
+
+
+def sensor_moments(
+    regressor: Regressor,
+    motions: Sequence[Motion],
+    lowpass: LowPass,
+    joints: Sequence[str],
+    base: Sequence[int],
+    *,
+    names: Sequence[str] | None = None,
+    weights: Array | None = None,
+    step: float = STEP,
+    repeats: int = 1,
+    seed: int = 0,
+) -> SensorMoments:
+    """Moments of the log, and what each sensor's noise adds to them.
+
+    Parameters
+    ----------
+    regressor : Regressor
+    motions : sequence of Motion
+    lowpass : LowPass
+    joints : sequence of str
+        Joints whose torque rows are used.
+    base : sequence of int
+        Columns of the base parameters.
+    names : sequence of str, optional
+        Names of the base parameters, where they differ from the columns'.
+    weights : ndarray, shape (J,), optional
+        Weight of each joint's squared residual (`Estimate.weights`).
+    step : float
+        See `STEP`.
+    repeats : int
+        Sets of random signs to average over; one is enough unless the log is short and filtered.
+    seed : int
+
+    Returns
+    -------
+    SensorMoments
+    """
+    rng = np.random.default_rng(seed)
+    per_motion = [{s.name: s for s in sensors_of(m, regressor.robot, lowpass)} for m in motions]
+    sensors = list(dict.fromkeys(name for found in per_motion for name in found))
+
+    def moments(moved: Sequence[Motion]) -> list[Gram]:
+        return accumulate(regressor, moved, lowpass, joints)
+
+    def weighted(grams: Sequence[Gram]) -> Array:
+        return np.stack([g.select(list(base)).weighted(weights) for g in grams])
+
+    grams = moments(motions)
+    here = weighted(grams)
+    noise = np.zeros((len(sensors) + 1, *here.shape))
+    for s, name in enumerate(sensors):
+        owners = [found.get(name) for found in per_motion]
+        size = min(_step(m, o, step) for m, o in zip(motions, owners, strict=True) if o is not None)
+        for _ in range(repeats):
+            signs = [None if o is None else _signs(m, o, rng) for m, o in zip(motions, owners, strict=True)]
+            sides = []
+            for h in (size, -size):
+                pairs = zip(motions, owners, signs, strict=True)
+                sides.append(
+                    weighted(moments([m if o is None or w is None else moved(m, o, h * w) for m, o, w in pairs]))
+                )
+            noise[s] += (sides[0] + sides[1] - 2 * here) / (2 * size**2 * repeats)
+    noise[-1, :, -1, -1] = [g.counts.sum() for g in grams]
+    columns = [regressor.columns[i].name for i in base] if names is None else names
+    return SensorMoments(tuple(columns), (*sensors, TORQUE), here, noise)
+
+
+def moved(motion: Motion, sensor: Sensor, errors: Array) -> Motion:
+    """Add errors of one sensor to a motion; `errors` reaches over both ends by half of the longest taps."""
+    reach = (len(errors) - len(motion.t)) // 2
+    arrays = {}
+    for channel, taps in sensor.taps.items():
+        cut = reach - len(taps) // 2
+        x = getattr(motion, channel).copy()
+        x[:, sensor.joint] += signal.oaconvolve(errors[cut : len(errors) - cut], taps[::-1], mode="valid")
+        arrays[channel] = x
+    return replace(motion, **arrays)
+
+
+def _signs(motion: Motion, sensor: Sensor, rng: np.random.Generator) -> Array:
+    reach = max(len(t) for t in sensor.taps.values()) // 2
+    return np.asarray(rng.choice([-1.0, 1.0], len(motion.t) + 2 * reach))
+
+
+def _step(motion: Motion, sensor: Sensor, share: float) -> float:
+    """Displacement that moves each of the sensor's channels by `share` of what it spans, the tightest counting."""
+    spans = {"q": 1.0, "v": _rms(motion.v, sensor.joint), "a": _rms(motion.a, sensor.joint)}
+    return share * min(spans[c] / float(np.linalg.norm(t)) for c, t in sensor.taps.items())
+
+
+def _rms(x: Array, joint: int) -> float:
+    """Spread of a joint's rate; of a joint that hardly moves, a hundredth of the liveliest joint's."""
+    rms = np.sqrt(np.mean(x**2, axis=0))
+    return float(max(rms[joint], 0.01 * rms.max(), 1e-6))
+
+
+def noise_levels(motions: Sequence[Motion], robot: Robot, lowpass: LowPass) -> dict[str, float]:
+    """Standard deviation of each sensor's errors, from fourth differences of its signal (`signals.noise_level`).
+
+    A fast motion sampled slowly also has fourth differences, so this is an upper limit rather than a measurement.
+
+    Returns
+    -------
+    dict of str to float
+        By sensor name, median over the motions; ``"torque <joint>"`` for the torques.
+    """
+    values: dict[str, list[float]] = {}
+    for motion in motions:
+        for sensor in sensors_of(motion, robot, lowpass):
+            channel = getattr(motion, next(iter(sensor.taps)))
+            values.setdefault(sensor.name, []).append(float(noise_level(channel[:, sensor.joint])))
+        for j, name in enumerate(robot.joints):
+            values.setdefault(f"{TORQUE} {name}", []).append(float(noise_level(motion.tau[:, j])))
+    return {name: float(np.median(v)) for name, v in values.items()}
+
+
+def samples(
+    regressor: Regressor,
+    motions: Sequence[Motion],
+    lowpass: LowPass,
+    joints: Sequence[str],
+    base: Sequence[int],
+    *,
+    sigma: Mapping[str, float] | None = None,
+) -> list[Samples]:
+    """Filtered samples of motions with the errors of their states, for `frischid.eiv`.
+
+    Parameters
+    ----------
+    regressor : Regressor
+    motions : sequence of Motion
+    lowpass : LowPass
+    joints : sequence of str
+        Joints whose torque rows are used.
+    base : sequence of int
+        Columns of the base parameters.
+    sigma : mapping of str to float
+        Standard deviations of unfiltered errors by sensor name (``"q joint1"``, ``"torque joint1"``), or by channel
+        (``"q"``, ``"v"``, ``"a"``, ``"torque"``) for all joints; what is not given is estimated by `noise_levels`.
+
+    Returns
+    -------
+    list of Samples
+        One a chunk of the log.
+    """
+    robot = regressor.robot
+    levels = noise_levels(motions, robot, lowpass)
+    for name in sigma or {}:
+        if name not in levels and name not in {known.split()[0] for known in levels}:
+            raise InputError(f"noise is given for '{name}'; sensors of this log are {', '.join(levels)}")
+    given = {n: (sigma or {}).get(n, (sigma or {}).get(n.split()[0], level)) for n, level in levels.items()}
+    index = [robot.joints.index(n) for n in joints]
+    dry_effects = {e.id for e in regressor.effects if e.dry}
+    dry = np.array([regressor.columns[i].effect in dry_effects for i in base])
+    found = []
+    for motion in motions:
+        filtered = lowpass.taps(motion.step)
+        sensors = sensors_of(motion, robot, lowpass)
+        directions, ratios = _directions(sensors, given, filtered, len(robot.joints))
+        torque = np.array([given[f"{TORQUE} {n}"] for n in joints]) * np.linalg.norm(filtered)
+        for block in regressor.blocks(motion, lowpass):
+            Y = np.concatenate([block.Y[:, list(base)], block.known[:, None, :]], axis=1)[:, :, index]
+            state = np.concatenate([block.q, block.v, block.a], axis=1)
+            tau, used = (block.tau + block.known)[:, index], block.used[:, index]
+            columns = _Columns(regressor, block, tuple(base), tuple(index))
+            found.append(
+                Samples(
+                    columns,
+                    state,
+                    Y,
+                    tau,
+                    used,
+                    directions,
+                    ratios,
+                    torque,
+                    dry,
+                    all(n in (sigma or {}) for n in [TORQUE]),
+                )
+            )
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """Base columns, and the torque of known parameters as a last one, at other states of a block."""
+
+    regressor: Regressor
+    block: Block
+    base: tuple[int, ...]
+    index: tuple[int, ...]
+
+    def __call__(self, state: Array) -> Array:
+        q, v, a = np.split(state, 3, axis=1)
+        Y = self.regressor(self.block.t, q, v, a)[:, list(self.base)]
+        known = self.regressor.robot.known_torque(q, v, a)
+        known = np.zeros_like(q) if known is None else known
+        return np.concatenate([Y, known[:, None, :]], axis=1)[:, :, list(self.index)]
+
+
+def _directions(sensors: Sequence[Sensor], sigma: Mapping[str, float], filtered: Array, J: int) -> tuple[Array, Array]:
+    """Square root of the covariance of a filtered state's errors, (D, 3J), and how much larger its squares were unfiltered."""
+    rows, ratios = [], []
+    for sensor in sensors:
+        if not sigma[sensor.name] > 0:
+            continue
+        length = max(len(t) for t in sensor.taps.values())
+        raw = np.zeros((3, length))
+        for channel, taps in sensor.taps.items():
+            cut = (length - len(taps)) // 2
+            raw[CHANNELS.index(channel), cut : length - cut] = taps
+        smooth = np.stack([np.convolve(r, filtered) for r in raw])
+        values, vectors = np.linalg.eigh(smooth @ smooth.T)
+        for value, vector in zip(values, vectors.T, strict=True):
+            if value > 1e-12 * values[-1]:
+                row = np.zeros((3, J))
+                row[:, sensor.joint] = sigma[sensor.name] * np.sqrt(value) * vector
+                rows.append(row.ravel())
+                ratios.append(float(vector @ raw @ raw.T @ vector / value))
+    return np.array(rows).reshape(-1, 3 * J), np.array(ratios)

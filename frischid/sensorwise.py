@@ -1,0 +1,344 @@
+"""The sensor-wise Frisch scheme: bounds from what is really noisy, the sensors.
+
+The classical scheme (`frischid.frisch`) lets every column of the regressor carry a noise of its own. No robot has that:
+all columns are functions of the same few sensors z = (q, q̇, q̈), and the torque. Let x = [y(z) τ] be a row, with
+``x θ̃ = 0`` for exact readings and θ̃ = [θ; −1], and let sensor s be off by independent errors of unknown variance σ_s².
+Taylor's formula, to second order in the errors, says what they add to the moments Σ = E[x xᵀ],
+
+    Σ = Σ̂ + Σ_s σ_s² S_s,      S_s = ½ E[∂²(x xᵀ)/∂z_s²] = E[x_s x_sᵀ] + ½ E[x_ss xᵀ + x x_ssᵀ],      Σ̂ θ̃ = 0,
+
+with x_s, x_ss the derivatives by z_s. The second half of S_s, the curvature, is of the same order as the first: leaving
+it out biases θ by ½ σ_q² from gravity alone. It also makes sense of the sign of a velocity: sgn² = 1 whatever the noise,
+so the infinite x_s x_sᵀ is cancelled by the curvature, and what is left is finite (`frischid.sensitivity` takes
+differences of moments, never of columns).
+
+**Statement.** Let V be the variances σ² ≥ 0, within a data sheet's limits if there is one, for which Σ − Σ_s σ_s² S_s is
+positive semidefinite and singular, and θ(σ²) the null vector there, scaled to θ̃_L = −1. To second order the true θ is
+θ(σ²) of the true variances, which lie in V; so every parameter lies between the extremes of θ_i over V. This asks for no
+orthant: Theorem 1 of the classical scheme is not used.
+
+**Rays.** In direction d the set V is reached at the λ where Σ − λ Σ_s d_s S_s becomes singular, a generalised eigenproblem;
+the axes give one *vertex* a sensor, the torque's being ordinary least squares. V is nearly a flat simplex and θ nearly
+linear on it, so the extremes are found by sequential linear programs: with u = θ̃, c_s = uᵀS_s u,
+
+    ∂θ/∂σ_s² = Σ̂_yy⁻¹ (S_s u)_y,      maximise g·σ²  subject to  c·σ² = budget, limits:  a fractional knapsack.
+
+**Sampling.** Along the true direction the sample's θ errs by ``δu = −Σ̂⁺ (δM − δλ D) u`` with D = Σ_s d_s S_s,
+δλ = uᵀδM u / uᵀDu and δM the sampling error of Σ − λ D. Sums over blocks of time longer than the correlation estimate its
+covariance. The bounds are the extremes over V of θ_i ± t·stderr, t by Bonferroni over the p parameters. The variances
+cost nothing: the bounds fail only where the one true direction fails.
+
+**When it fails.** Errors so large that fourth-order terms count (0.05 rad is fine, 0.3 rad is not); errors that depend on one
+another and are declared independent (derive q̇ from q and it is one sensor, as `frischid.sensitivity` has it); a model error,
+which no sensor explains: on a real log the bounds then hold for the parameters that explain it as noise.
+
+The scheme is frischid's own; it is the Koopmans (1937) and Frisch (1934) idea with a noise covariance of known shape and
+corrected moments in the sense of Nakamura (1990, Biometrika 77) and of SIMEX (Cook and Stefanski 1994, JASA 89).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg
+from scipy.stats import t as student
+
+from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
+from frischid.frisch import Box, simplex, unit_diagonal
+from frischid.gram import Array
+
+TORQUE = "torque"
+ROUNDS = 3  # linear programs in sequence for each extreme; the set is so flat that the second rarely moves
+LEAST_BLOCKS = 8
+
+Limits = Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class SensorMoments:
+    """Moments of [y τ] in blocks of time, and what the noise of each sensor adds to them.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The p parameters.
+    sensors : tuple of str
+        The S sensors, ``"torque"`` last.
+    moments : ndarray, shape (B, p + 1, p + 1)
+        Weighted ``Σ_k x_k x_kᵀ`` of each block, torque last.
+    noise : ndarray, shape (S, B, p + 1, p + 1)
+        The block's S_s: what one unit of variance of the sensor adds to its moments.
+    """
+
+    names: tuple[str, ...]
+    sensors: tuple[str, ...]
+    moments: Array
+    noise: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SensorWise:
+    """Result of the sensor-wise scheme.
+
+    Attributes
+    ----------
+    names, sensors : tuple of str
+    theta : ndarray, shape (p,)
+        The middle of V: every sensor explains an equal share of the residual.
+    covariance : ndarray, shape (p, p)
+        Sampling covariance of `theta`; what is not known about the variances is in the box, not here.
+    vertices : ndarray, shape (p, S)
+        Solution in which the sensor explains as much as it may; NaN where its noise explains nothing.
+    variances : ndarray, shape (S,)
+        The sensor's variance at its vertex: no sensor is noisier than this.
+    hull : Box
+        Extremes over V, as if the moments were exact.
+    box : Box
+        Extremes widened by the sampling error: every parameter at once, with the confidence asked for.
+    exact : bool
+        The data leave no residual to share out; all of the above is the one solution.
+    notes : tuple of str
+    """
+
+    names: tuple[str, ...]
+    sensors: tuple[str, ...]
+    theta: Array
+    covariance: Array
+    vertices: Array
+    variances: Array
+    hull: Box
+    box: Box
+    exact: bool
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """A point of V: variances, scaled θ, its covariance and its gradient by the variances (p, S)."""
+
+    x: Array
+    theta: Array
+    covariance: Array
+    gradient: Array
+    cost: Array
+    bounded: bool
+
+
+def sensorwise(data: SensorMoments, *, confidence: float = 0.95, limits: Limits | None = None) -> SensorWise:
+    """Bounds of all parameters from the sensors' noise, its variances unknown or known within limits.
+
+    Parameters
+    ----------
+    data : SensorMoments
+    confidence : float
+        Joint confidence of all bounds.
+    limits : mapping of str to (float, float)
+        Least and largest standard deviation of a sensor, in its own unit, where a data sheet gives them; the others
+        are between zero and infinity.
+
+    Returns
+    -------
+    SensorWise
+
+    Raises
+    ------
+    IdentifiabilityError
+        The columns are dependent, blocks are too few, or the least noise the limits ask for is more than there is.
+    UnknownNameError
+        The limits name an unknown sensor.
+    """
+    if not 0 < confidence < 1:
+        raise InputError(f"the confidence must lie strictly between 0 and 1, not {confidence}")
+    lower, upper = _variance_limits(data.sensors, limits or {})
+    triangle = simplex(data.moments.sum(axis=0), data.names)
+    if triangle.exact:
+        return _exact(data, triangle.ols)
+    if len(data.moments) < LEAST_BLOCKS:
+        raise IdentifiabilityError(
+            f"{len(data.moments)} blocks of time cannot show the sampling error; at least {LEAST_BLOCKS} s of motion are needed"
+        )
+    quantile = float(student.isf((1 - confidence) / (2 * len(data.names)), len(data.moments) - 1))
+    scheme = _Scheme(data, lower, upper, quantile)
+    corners = scheme.corners()
+    found = [c for c in corners if c is not None]
+    middle = scheme.point(np.mean([c.x for c in found], axis=0)) if found else None
+    if middle is None:
+        raise IdentifiabilityError("no noise of the sensors explains the residual; the model must lack an effect")
+    return scheme.result(middle, corners, [middle, *found, *scheme.extremes(middle)])
+
+
+def compensated(data: SensorMoments, sigma: Mapping[str, float]) -> tuple[Array, Array]:
+    """Least squares with the bias of known sensor noise removed: ``(Σ − Σ_s σ_s² S_s)_yy θ = (…)_yτ``.
+
+    Parameters
+    ----------
+    data : SensorMoments
+    sigma : mapping of str to float
+        Standard deviations of the sensors, in their units; sensors not named are exact.
+
+    Returns
+    -------
+    theta : ndarray, shape (p,)
+    covariance : ndarray, shape (p, p)
+
+    Raises
+    ------
+    IdentifiabilityError
+        The noise given is more than the data hold.
+    """
+    variance, _ = _variance_limits(data.sensors, {name: (s, s) for name, s in sigma.items()})
+    blocks = data.moments - np.tensordot(variance, data.noise, axes=1)
+    M = blocks.sum(axis=0)
+    scale = 1.0 / np.sqrt(np.diag(data.moments.sum(axis=0))[:-1])
+    try:
+        factor = linalg.cho_factor(M[:-1, :-1] * np.outer(scale, scale))
+    except linalg.LinAlgError:
+        raise IdentifiabilityError(
+            "the sensors' noise as given explains more than the regressor holds; give smaller standard deviations"
+        ) from None
+    theta = scale * linalg.cho_solve(factor, scale * M[:-1, -1])
+    scores = blocks[:, :-1, -1] - blocks[:, :-1, :-1] @ theta
+    changes = scale[:, None] * linalg.cho_solve(factor, (scores * scale).T)
+    return theta, len(blocks) / max(1, len(blocks) - 1) * changes @ changes.T
+
+
+def _variance_limits(sensors: tuple[str, ...], limits: Limits) -> tuple[Array, Array]:
+    for name, (low, high) in limits.items():
+        if name not in sensors:
+            raise UnknownNameError("sensor", name, sensors)
+        if not 0 <= low <= high:
+            raise InputError(f"sensor {name}: standard deviations need 0 ≤ least ≤ largest, got {low} and {high}")
+    pairs = [limits.get(name, (0.0, np.inf)) for name in sensors]
+    return np.array([low**2 for low, _ in pairs]), np.array([high**2 for _, high in pairs])
+
+
+def _exact(data: SensorMoments, theta: Array) -> SensorWise:
+    p, S = len(data.names), len(data.sensors)
+    box = Box(data.names, theta, theta)
+    note = "the data leave no residual: there is no noise to share out, and all bounds are the one solution"
+    vertices = np.repeat(theta[:, None], S, axis=1)
+    return SensorWise(
+        data.names, data.sensors, theta, np.zeros((p, p)), vertices, np.zeros(S), box, box, exact=True, notes=(note,)
+    )
+
+
+class _Scheme:
+    """The set V of one data set, on moments of unit diagonal."""
+
+    def __init__(self, data: SensorMoments, lower: Array, upper: Array, quantile: float) -> None:
+        self.data, self.lower, self.upper, self.quantile = data, lower, upper, quantile
+        _, self.rms = unit_diagonal(data.moments.sum(axis=0), data.names)
+        outer = np.outer(self.rms, self.rms)
+        self.moments, self.noise = data.moments / outer, data.noise / outer
+        self.sums = self.noise.sum(axis=1)
+        self.start = self.moments.sum(axis=0) - np.tensordot(lower, self.sums, axes=1)
+        if np.linalg.eigvalsh(self.start)[0] <= 0:
+            raise IdentifiabilityError(
+                "the least noise the limits ask of the sensors is more than the residual; lower the limits' first values"
+            )
+        self.seen: dict[bytes, _Point | None] = {}
+
+    def point(self, x: Array) -> _Point | None:
+        """Point of V on the ray from the lower limits through `x`; None where the ray never gets there."""
+        direction = x - self.lower
+        if not direction.any():
+            direction = np.append(np.zeros(len(x) - 1), 1.0)  # all limits are used up: the torque takes the rest
+        key = (direction / np.abs(direction * self._unit).max()).round(9).tobytes()
+        if key not in self.seen:
+            self.seen[key] = self._solve(direction)
+        return self.seen[key]
+
+    @cached_property
+    def _unit(self) -> Array:
+        """Size of each sensor's effect, to compare directions whose units differ."""
+        return np.asarray(np.abs(self.sums).max(axis=(1, 2)))
+
+    def _solve(self, direction: Array) -> _Point | None:
+        D = np.tensordot(direction, self.sums, axes=1)
+        last = len(D) - 1
+        w, U = linalg.eigh(D, self.start, subset_by_index=[last, last])
+        if not w[0] > 0:
+            return None
+        x, u = self.lower + direction / w[0], U[:, 0] / np.linalg.norm(U[:, 0])
+        blocks = self.moments - np.tensordot(x, self.noise, axes=1)
+        M = blocks.sum(axis=0)
+        cost = np.einsum("a,sab,b->s", u, self.sums, u)
+        r = blocks @ u
+        r -= np.outer(r @ u / (direction @ cost), D @ u)
+        border = np.block([[M, u[:, None]], [u[None, :], np.zeros((1, 1))]])
+        rhs = np.concatenate([-r, (self.sums @ u)], axis=0)  # sampling errors of the blocks, then the gradients
+        moved = np.linalg.solve(border, np.pad(rhs, ((0, 0), (0, 1))).T)[:-1].T
+        B, theta = len(r), -u[:-1] / u[-1]
+        bounded = abs(u[-1]) > self.quantile * np.sqrt(B / (B - 1) * (moved[:B, -1] ** 2).sum())
+        change = -(moved[:, :-1] + np.outer(moved[:, -1], theta)) / u[-1]
+        covariance = B / (B - 1) * change[:B].T @ change[:B]
+        return _Point(x, theta, covariance, change[B:].T, cost, bool(bounded))
+
+    def corners(self) -> list[_Point | None]:
+        """For each sensor, the point of V at which it explains as much as it may and the torque the rest."""
+        S = len(self.lower)
+        torque = self.point(np.append(self.lower[:-1], self.lower[-1] + 1.0))
+        if torque is None:
+            return [None] * S
+        return [self.point(self._knapsack(torque, 2.0 * np.eye(S)[s] - 1.0)) for s in range(S - 1)] + [torque]
+
+    def extremes(self, middle: _Point) -> list[_Point]:
+        """Points at which the parameters are extreme over V, two a parameter."""
+        found = []
+        for i in range(len(middle.theta)):
+            for sign in (-1.0, 1.0):
+                here: _Point | None = middle
+                for _ in range(ROUNDS):
+                    if here is None:
+                        break
+                    gain = sign * (here.gradient[i] - here.gradient[i, -1] * here.cost / here.cost[-1])
+                    here = self.point(self._knapsack(here, gain))
+                    if here is not None:
+                        found.append(here)
+        return found
+
+    def _knapsack(self, here: _Point, gain: Array) -> Array:
+        """Maximise ``gain·x`` with the same residual explained; the torque gains nothing and takes what is left."""
+        cost = np.maximum(here.cost, 1e-12 * here.cost.max())
+        left = cost @ (here.x - self.lower)
+        x = self.lower.copy()
+        gain = np.append(gain[:-1], 0.0)
+        for s in np.argsort(-gain / cost, kind="stable"):
+            room = min(self.upper[s] - self.lower[s], left / cost[s])
+            x[s] += room
+            left = max(0.0, left - room * cost[s])
+        x[-1] += left / cost[-1]
+        return x
+
+    def result(self, middle: _Point, corners: list[_Point | None], points: list[_Point]) -> SensorWise:
+        """Put the box around the points, in the parameters' own units."""
+        data, unit = self.data, self.rms[-1] / self.rms[:-1]
+        theta = np.array([c.theta for c in points])
+        spread = self.quantile * np.sqrt([np.diag(c.covariance) for c in points])
+        spread[[not c.bounded for c in points]] = np.inf
+        hull = Box(data.names, theta.min(axis=0) * unit, theta.max(axis=0) * unit)
+        box = Box(data.names, (theta - spread).min(axis=0) * unit, (theta + spread).max(axis=0) * unit)
+        nothing = np.full(len(unit), np.nan)
+        vertices = np.stack([nothing if c is None else c.theta * unit for c in corners], axis=1)
+        variances = np.array([np.nan if c is None else c.x[s] for s, c in enumerate(corners)])
+        notes = []
+        loose = [n for n, c in zip(data.sensors, corners, strict=True) if c is not None and not c.bounded]
+        if loose or not all(c.bounded for c in points):
+            notes.append(
+                f"bounds are open: noise of {', '.join(loose) or 'several sensors'} large enough to explain the residual would "
+                "hide the regressor; give its data-sheet limits"
+            )
+        excess = min(c.x[-1] for c in points)
+        if excess > self.upper[-1] * (1 + 1e-9):
+            notes.append(
+                f"the sensors' noise within its limits leaves a torque residual of {np.sqrt(excess):.3g}, more than the "
+                f"{np.sqrt(self.upper[-1]):.3g} allowed: the model lacks an effect, or the limits are too tight"
+            )
+        covariance = middle.covariance * np.outer(unit, unit)
+        return SensorWise(
+            data.names, data.sensors, middle.theta * unit, covariance, vertices, variances, hull, box, exact=False,
+            notes=tuple(notes),
+        )  # fmt: skip

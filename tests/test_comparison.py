@@ -1,0 +1,144 @@
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cases import exact_log, quick, random_values, robot
+from frischid.comparison import compare
+from frischid.effects import BASELINE, parse_effects
+from frischid.errors import InputError, UnknownNameError
+from frischid.identification import identify
+from frischid.regressor import nominal_parameters
+from frischid.robot import Robot
+from frischid.simulation import Noise
+
+UR10 = robot("ur10")
+VALUES = random_values(UR10, BASELINE)
+NOISE = Noise(tau=0.05)
+
+
+def log_of(seed, noise=NOISE):
+    # without the ends, where the motion starts from rest
+    return exact_log(UR10, BASELINE, VALUES, 12.0, 100.0, seed, noise=noise).slice(40, -40)
+
+
+@cache
+def model():
+    return quick(UR10, [log_of(1)]).model
+
+
+def test_figures_are_those_of_the_residual():
+    log = log_of(2)
+    result = compare(model(), [log])
+    kept = slice(3, len(log) - 3)  # what derivatives cannot see is left out
+    predicted = model().inverse_dynamics(log.q, log.v, log.a, log.t)[kept]
+    measured = log.tau[kept]
+    residual = measured - predicted
+    assert result.samples == len(measured)
+    assert list(result.joints) == list(UR10.joints)
+    for j, fit in enumerate(result.joints.values()):
+        assert fit.rmse == pytest.approx(np.sqrt(np.mean(residual[:, j] ** 2)))
+        assert fit.std == pytest.approx(measured[:, j].std())
+        assert fit.nrmse == pytest.approx(fit.rmse / fit.std)
+        assert fit.fit == pytest.approx(100 * (1 - fit.nrmse))
+        assert fit.bias == pytest.approx(residual[:, j].mean())
+        worst = int(np.abs(residual[:, j]).argmax())
+        assert fit.worst.t == pytest.approx(log.t[kept][worst])
+        assert fit.worst.measured == pytest.approx(measured[worst, j])
+        assert fit.worst.predicted == pytest.approx(predicted[worst, j])
+        assert fit.worst.source == log.source
+    assert result.nrmse == pytest.approx(np.mean([f.nrmse for f in result.joints.values()]))
+    assert result.nrmse == pytest.approx(0.05, rel=0.2)
+
+
+def test_references():
+    log = log_of(2)
+    result = compare(model(), [log])
+    kept = slice(3, len(log) - 3)
+    measured = log.tau[kept]
+    nominal = UR10.inverse_dynamics(log.q, log.v, log.a)[kept]
+    assert not nominal_parameters(UR10, BASELINE)[60:].any()
+    means = log_of(1).tau[3:-3].mean(axis=0)
+    for j, fit in enumerate(result.joints.values()):
+        rms = np.sqrt(np.mean((measured[:, j] - nominal[:, j]) ** 2))
+        assert fit.nominal == pytest.approx(rms / fit.std)
+        assert fit.constant == pytest.approx(np.sqrt(np.mean((measured[:, j] - means[j]) ** 2)) / fit.std)
+        assert fit.nrmse < fit.nominal
+        assert fit.nrmse < fit.constant
+    assert result.constant >= 1.0
+    assert result.nominal == pytest.approx(np.mean([f.nominal for f in result.joints.values()]))
+
+
+def test_a_perfect_model_has_no_error():
+    log = log_of(3, None)
+    found = quick(UR10, [log_of(1, None)])
+    assert compare(found.model, [log]).nrmse < 1e-6
+
+
+def test_several_logs_are_one_comparison():
+    logs = [log_of(2), log_of(3)]
+    both, apart = compare(model(), logs), [compare(model(), [log]) for log in logs]
+    assert both.samples == sum(x.samples for x in apart)
+    assert both.sources == tuple(log.source for log in logs)
+    for name, fit in both.joints.items():
+        squares = sum(x.joints[name].rmse ** 2 * x.samples for x in apart)
+        assert fit.rmse == pytest.approx(np.sqrt(squares / both.samples))
+        worst = max((x.joints[name].worst for x in apart), key=lambda w: abs(w.measured - w.predicted))
+        assert fit.worst == worst
+
+
+def test_parameters_known_outright_are_in_both_torques():
+    machine = Robot.load("planar2", known={"m2": 10.0})
+    values = random_values(machine, BASELINE)
+    log = exact_log(machine, BASELINE, values, noise=NOISE)
+    result = compare(quick(machine, [log]).model, [log])
+    # a third of joint 1's torque is known: its spread must still be the measured torque's
+    np.testing.assert_allclose([f.std for f in result.joints.values()], log.tau[3:-3].std(axis=0), rtol=1e-9)
+    assert result.nrmse < 0.06
+
+
+def test_resting_samples_are_left_out_and_counted():
+    log = exact_log(UR10, BASELINE, VALUES, 12.0, 100.0, 2, noise=NOISE)  # to its end, where it comes to rest
+    rest = 400
+    q, v, a, tau = (np.concatenate([x, np.repeat(x[-1:], rest, axis=0)]) for x in (log.q, log.v, log.a, log.tau))
+    tau[-rest + 50 :] += 30.0  # dry friction holds whatever it likes
+    t = np.concatenate([log.t, log.t[-1] + 0.01 * np.arange(1, rest + 1)])
+    still = replace(log, t=t, q=q, v=v, a=a, tau=tau)
+    moving, result = compare(model(), [log]), compare(model(), [still])
+    assert moving.resting < 0.1
+    assert result.nrmse == pytest.approx(moving.nrmse, rel=0.1)
+    assert result.resting == pytest.approx(rest / len(t), abs=0.05)
+    assert result.nrmse_with_rest > 2 * result.nrmse
+    smooth = identify(UR10, [log_of(1)], effects=parse_effects("viscous,offset"), recursion="none").model
+    assert compare(smooth, [still]).resting == 0.0
+
+
+def test_logs_that_cannot_be_compared():
+    log = log_of(2)
+    with pytest.raises(InputError, match="no log to compare"):
+        compare(model(), [])
+    with pytest.raises(UnknownNameError, match="elbow_joint"):
+        compare(model(), [log.select([j for j in log.joints if j != "elbow_joint"])])
+    tau = log.tau.copy()
+    tau[:, 2] = np.nan
+    with pytest.raises(InputError, match=r"no torque column \(tau_<joint>\) for elbow_joint"):
+        compare(model(), [replace(log, tau=tau)])
+    with pytest.raises(InputError, match="no torque column"):
+        compare(model(), [replace(log, tau=None)])
+    with pytest.raises(InputError, match="zero throughout"):
+        compare(model(), [replace(log, tau=0 * log.tau)])
+    tau = log.tau.copy()
+    tau[:, 2] = 3.0
+    with pytest.raises(InputError, match=r"elbow_joint never moves, or its torque never changes"):
+        compare(model(), [replace(log, tau=tau)])
+
+
+def test_to_dict_holds_everything():
+    result = compare(model(), [log_of(2)])
+    data = result.to_dict()
+    assert data["nrmse"] == result.nrmse
+    assert set(data["joints"]) == set(UR10.joints)
+    assert set(data["joints"]["elbow_joint"]) == {
+        *("rmse", "nrmse", "fit", "bias", "std", "nominal_nrmse", "constant_nrmse", "worst")
+    }
