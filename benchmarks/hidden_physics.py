@@ -131,7 +131,7 @@ def point_to_point(robot: Robot, duration: float, seed: int, scale: float) -> Qu
     speed = scale * np.minimum(robot.limits.velocity, 2.0)
     t, q = [0.0], [middle + reach * rng.uniform(-1, 1, len(middle))]
     while t[-1] < duration:
-        step = np.clip(rng.uniform(-1, 1, len(middle)) * reach, -0.5 * speed * 2, 0.5 * speed * 2)
+        step = np.clip(rng.uniform(-1, 1, len(middle)) * reach, -speed, speed)
         goal = q[-1] + step
         goal = np.where(np.abs(goal - middle) > reach, q[-1] - step, goal)
         t.append(t[-1] + max(0.5, 1.875 * float(np.max(np.abs(goal - q[-1]) / speed))))
@@ -190,10 +190,10 @@ class Drive:
         size = np.sqrt(spread**2 + (0.03 * spread.max()) ** 2)
         J = len(size)
         return cls(
-            rng.uniform(0.05, 0.2, J) * size / _rms(path.v),
+            rng.uniform(0.05, 0.2, J) * size / np.maximum(rms(path.v), 1e-3),
             rng.uniform(0.05, 0.2, J) * size,
             rng.uniform(-0.05, 0.05, J) * size,
-            rng.uniform(0.05, 0.25, J) * size / _rms(path.a),
+            rng.uniform(0.05, 0.25, J) * size / np.maximum(rms(path.a), 1e-3),
         )
 
     def torque(self, path: Path, sign: Array) -> Array:
@@ -214,20 +214,21 @@ class World:
     path : Path
         Motion as the motors' encoders see it.
     drive : Drive
+    load : ndarray, shape (N, J)
+        Rigid-body torque, N·m.
     base : ndarray, shape (N, J)
         Torque of links and drives, N·m.
+    number : int
+        0 for the motion to fit, 1 for the one held out, 2 for the one before the change.
     """
 
     model: Any
     robot: Robot
     path: Path
     drive: Drive
+    load: Array
     base: Array
-
-    @cached_property
-    def load(self) -> Array:
-        """Rigid-body torque, (N, J)."""
-        return rnea(self.model, self.robot, self.path)
+    number: int
 
     @cached_property
     def sign(self) -> Array:
@@ -249,25 +250,23 @@ def rnea(model: Any, robot: Robot, path: Path) -> Array:
 
 
 def direction(v: Array) -> Array:
-    """Sign of the speed; while a joint rests a part of the last friction stays in the drive."""
+    """Sign of the speed; a joint at rest keeps part of its last friction, until it breaks away."""
     sign = np.tanh(v / STICK)
     for j in range(v.shape[1]):
-        moving = np.abs(v[:, j]) > 0.1 * STICK
+        moving = np.abs(v[:, j]) > 2 * STICK
+        moving[0] = True
         last = np.maximum.accumulate(np.where(moving, np.arange(len(v)), 0))
-        # Friction relaxes to half of what it was when the joint came to rest.
         rest = 0.5 + 0.5 * np.exp(-(np.arange(len(v)) - last) * STEP / 0.2)
-        before = np.sign(v[last, j])
-        sign[:, j] = np.where(moving, sign[:, j], before * np.abs(sign[last, j]) * rest)
+        sign[:, j] = sign[last, j] * rest
     return sign
 
 
-def world(model: Any, robot: Robot, path: Path, drive: Drive) -> World:
-    """Prescribed motion: the torque it takes by inverse dynamics."""
+def prescribed(model: Any, robot: Robot, path: Path, drive: Drive, number: int) -> World:
+    """Motion that is given: the torque it takes, by inverse dynamics."""
     load = rnea(model, robot, path)
-    made = World(model, robot, path, drive, load + drive.torque(path, direction(path.v)))
-    made.__dict__["load"] = load
-    return made
+    return World(model, robot, path, drive, load, load + drive.torque(path, direction(path.v)), number)
 
 
-def _rms(x: Array) -> Array:
-    return np.asarray(np.maximum(np.sqrt((x**2).mean(axis=0)), 1e-3))
+def rms(x: Array) -> Array:
+    """Root mean square of every column, and no less than a very small number."""
+    return np.asarray(np.maximum(np.sqrt((x**2).mean(axis=0)), 1e-9))

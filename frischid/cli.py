@@ -69,6 +69,15 @@ _effects_option = click.option(
 )
 
 
+_situation_option = click.option(
+    "--situation",
+    type=click.Choice(["auto", "always", "changed"]),
+    default="auto",
+    help="Was the effect always there, or did the robot change since it was identified?",
+)
+_valid_option = click.option("--valid", multiple=True, help="Log to measure the error on; repeatable. Never fitted.")
+
+
 @main.command()
 @click.argument("robot", required=False)
 @_robot_options
@@ -115,7 +124,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
 @main.command()
 @click.argument("robot")
 @click.argument("logs", nargs=-1, required=True)
-@click.option("--valid", multiple=True, help="Log to measure the error on; repeatable. Never fitted.")
+@_valid_option
 @_robot_options
 @_effects_option
 @_map_option
@@ -190,6 +199,141 @@ def compare(model: str, logs: tuple[str, ...], mapping: str | None, as_json: boo
 
 
 @main.command()
+@click.argument("model")
+@click.argument("logs", nargs=-1, required=True)
+@_valid_option
+@_map_option
+@_situation_option
+@click.option("--try", "only", help="Effects to try, comma separated; all by default.")
+@_json_option
+def diagnose(
+    model: str,
+    logs: tuple[str, ...],
+    valid: tuple[str, ...],
+    mapping: str | None,
+    situation: Any,
+    only: str | None,
+    as_json: bool,
+) -> None:
+    """Which physical effect the model is missing, by held-out evidence."""
+    from frischid import show
+    from frischid.diagnosis import diagnose as run
+    from frischid.model import Model
+
+    loaded = Model.load(model)
+    with _working(as_json) as progress:
+        progress("reading logs")
+        found = run(
+            loaded,
+            _read(logs, loaded.robot, mapping),
+            valid=_read(valid, loaded.robot, mapping),
+            situation=situation,
+            effects=None if only is None else [x.strip() for x in only.split(",")],
+            progress=progress,
+        )
+    _print(show.diagnosis(found), as_json)
+
+
+@main.command()
+@click.argument("model")
+@click.argument("effect")
+@click.argument("logs", nargs=-1, required=True)
+@click.option("--joints", help="Joints it acts on, comma separated; * and ? match. All by default.")
+@_valid_option
+@_map_option
+@_situation_option
+@click.option("-o", "--output", type=click.Path(), required=True, help="Write the new model here (JSON).")
+@_json_option
+def add(
+    model: str,
+    effect: str,
+    logs: tuple[str, ...],
+    joints: str | None,
+    valid: tuple[str, ...],
+    mapping: str | None,
+    situation: Any,
+    output: str,
+    as_json: bool,
+) -> None:
+    """Add an effect to a model, refit, and show the error before and after.
+
+    EFFECT is written as for `identify --effects`: stribeck(v_s=0.1)@joint3.
+    """
+    from frischid import show
+    from frischid.effects import parse_effects
+    from frischid.improvement import add as run
+    from frischid.improvement import searched
+    from frischid.model import Model, check_writable
+
+    check_writable(output)
+    loaded = Model.load(model)
+    names = _matching(joints, loaded.robot.joints)
+    with _working(as_json) as progress:
+        progress("refitting")
+        data, held_out = _read(logs, loaded.robot, mapping), _read(valid, loaded.robot, mapping)
+        chosen = parse_effects(effect if names is None or "@" in effect else f"{effect}@{'+'.join(names)}")
+        chosen = searched(loaded, chosen, effect, [*data, *held_out], situation)
+        step = run(loaded, chosen, data, valid=held_out, situation=situation)
+    step.model.save(output)
+    _print(show.added(step, output), as_json)
+
+
+@main.command()
+@click.argument("model")
+@click.argument("logs", nargs=-1, required=True)
+@_valid_option
+@_map_option
+@click.option("--most", default=8, show_default=True, help="Most effects to add.")
+@click.option("-o", "--output", type=click.Path(), help="Write the final model here (JSON).")
+@_json_option
+def improve(
+    model: str,
+    logs: tuple[str, ...],
+    valid: tuple[str, ...],
+    mapping: str | None,
+    most: int,
+    output: str | None,
+    as_json: bool,
+) -> None:
+    """Diagnose and add until nothing passes; print how the error falls."""
+    from frischid import show
+    from frischid.improvement import improve as run
+    from frischid.model import Model, check_writable
+
+    if output:
+        check_writable(output)
+    loaded = Model.load(model)
+    with _working(as_json) as progress:
+        progress("reading logs")
+        data, held_out = _read(logs, loaded.robot, mapping), _read(valid, loaded.robot, mapping)
+        steps, last = run(loaded, data, valid=held_out, most=most, progress=progress)
+    final = steps[-1].model if steps else loaded
+    if output:
+        final.save(output)
+    _print(show.improvement(steps, last, output), as_json)
+
+
+@main.command()
+@click.argument("model")
+@click.option("--undo", is_flag=True, help="Take the last step back.")
+@click.option("-o", "--output", type=click.Path(), help="Where to write the model without its last step.")
+@_json_option
+def history(model: str, undo: bool, output: str | None, as_json: bool) -> None:
+    """What was done to a model, step by step; any step can be undone."""
+    from frischid import show
+    from frischid.improvement import undo as run
+    from frischid.model import Model
+
+    loaded = Model.load(model)
+    if undo:
+        if not output:
+            raise InputError("--undo needs -o FILE, the model to write")
+        loaded = run(loaded)
+        loaded.save(output)
+    _print(show.history(loaded), as_json)
+
+
+@main.command()
 @click.argument("robot")
 @click.option("-o", "--output", type=click.Path(), required=True, help="Log to write: .parquet, .csv or .npz.")
 @click.option("--duration", default=30.0, show_default=True, help="Seconds.")
@@ -223,11 +367,13 @@ def simulate(
 ) -> None:
     """Record a log of a simulated robot, with noise, for trying things out."""
     from frischid import show
+    from frischid.model import check_writable
     from frischid.readers import read_log, write_log
     from frischid.simulation import Noise
     from frischid.simulation import simulate as run
     from frischid.trajectory import Quintic, random_fourier
 
+    check_writable(output)
     names = {"noise_q": "q", "noise_v": "v", "noise_a": "a", "noise_tau": "tau", "quantum": "quantum"}
     noise = Noise(**{short: options.pop(long) for long, short in names.items()})
     machine, _ = _load(robot, options)
@@ -244,7 +390,7 @@ def simulate(
             motion,
             rate=rate,
             effects=_effects(effects),
-            parameters={k: float(v) for k, v in _pairs(values).items()},
+            parameters={k: _number(k, v) for k, v in _pairs(values).items()},
             noise=noise,
             channels=_channels(channels),
             seed=seed,
@@ -275,7 +421,10 @@ def demo(seed: int, output: str | None, as_json: bool) -> None:
     """The whole job on a simulated planar arm: simulate, identify, compare with the truth."""
     from frischid import show
     from frischid.demo import run
+    from frischid.model import check_writable
 
+    if output:
+        check_writable(output)
     with _working(as_json) as progress:
         result = run(seed, progress)
     if output:

@@ -14,11 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from frischid.conditions import Residuals
 from frischid.errors import InputError
 from frischid.gram import Array
 from frischid.log import Log, check_torque
 from frischid.model import Model
+from frischid.noise import noise_floor
 from frischid.regressor import nominal_parameters
+from frischid.signals import prepare
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,11 @@ class Worst:
 
 @dataclass(frozen=True)
 class JointFit:
-    """Errors of one joint; torques in N·m (N), ``nominal`` and ``constant`` are NRMSE of the two references."""
+    """Errors of one joint; torques in N·m (N).
+
+    ``nominal`` and ``constant`` are the NRMSE of the two references, ``noise_floor`` what the sensors alone would
+    leave.
+    """
 
     rmse: float
     nrmse: float
@@ -42,10 +49,11 @@ class JointFit:
     std: float
     nominal: float
     constant: float
+    noise_floor: float
     worst: Worst
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """Errors of a model on some logs.
 
@@ -60,6 +68,8 @@ class Comparison:
         Mean NRMSE when they are counted.
     sources : tuple of str
         The logs.
+    residuals : Residuals
+        Residuals and motion behind the figures: where the model fails, and what is left in them.
     """
 
     joints: dict[str, JointFit]
@@ -67,6 +77,12 @@ class Comparison:
     resting: float
     nrmse_with_rest: float
     sources: tuple[str, ...]
+    residuals: Residuals = field(repr=False)
+
+    @property
+    def noise_floor(self) -> float:
+        """Mean NRMSE that the sensors alone would leave."""
+        return float(np.mean([j.noise_floor for j in self.joints.values()]))
 
     @property
     def nrmse(self) -> float:
@@ -85,14 +101,17 @@ class Comparison:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
+        left = self.residuals.structure()
         return {
             "nrmse": self.nrmse,
+            "noise_floor": self.noise_floor,
             "nominal_nrmse": self.nominal,
             "constant_nrmse": self.constant,
             "samples": self.samples,
             "resting_share": self.resting,
             "nrmse_with_rest": self.nrmse_with_rest,
             "logs": list(self.sources),
+            "conditions": self.residuals.to_dict(),
             "joints": {
                 name: {
                     "rmse": j.rmse,
@@ -102,6 +121,10 @@ class Comparison:
                     "std": j.std,
                     "nominal_nrmse": j.nominal,
                     "constant_nrmse": j.constant,
+                    "noise_floor": j.noise_floor,
+                    "correlation_time": left[name].correlation_time,
+                    "white": left[name].white,
+                    "depends_on": dict(left[name].depends_on),
                     "worst": vars(j.worst),
                 }
                 for name, j in self.joints.items()
@@ -175,17 +198,27 @@ def compare(model: Model, logs: Sequence[Log]) -> Comparison:
             raise InputError(f"{log.source}: no torque column (tau_<joint>) for {', '.join(missing)}")
     nominal = nominal_parameters(model.robot, model.effects)
     moving, everything = _Sums(len(index)), _Sums(len(index))
-    for block, fitted in model.blocks(logs):
+    blocks = list(model.blocks(logs))
+    for block, fitted in blocks:
         known = block.known[:, index]
         guess = np.einsum("ncj,c->nj", block.Y[:, :, index], nominal)
         rows = (block.t, block.tau[:, index] + known, fitted[:, index] + known, guess + known)
         used = block.used[:, index].astype(float)
         moving.add(*rows, used, block.source)
         everything.add(*rows, np.ones_like(used), block.source)
-    return _summary(model, moving, everything, tuple(log.source for log in logs))
+    motions = [
+        m
+        for log in logs
+        for m in prepare(log.select(model.robot.joints), model.lowpass, velocity=model.velocity).motions
+    ]
+    floor = noise_floor(model, motions)
+    residuals = Residuals(model, blocks)
+    return _summary(model, moving, everything, tuple(log.source for log in logs), floor, residuals)
 
 
-def _summary(model: Model, sums: _Sums, everything: _Sums, sources: tuple[str, ...]) -> Comparison:
+def _summary(
+    model: Model, sums: _Sums, everything: _Sums, sources: tuple[str, ...], floor: Array, residuals: Residuals
+) -> Comparison:
     if (sums.count < 2).any() or (sums.std == 0).any():
         flat = [name for name, n, s in zip(model.joints, sums.count, sums.std, strict=True) if n < 2 or s == 0]
         raise InputError(
@@ -207,8 +240,9 @@ def _summary(model: Model, sums: _Sums, everything: _Sums, sources: tuple[str, .
             std=float(std[j]),
             nominal=float(nominal[j] / std[j]),
             constant=float(constant[j] / std[j]),
+            noise_floor=float(floor[j] / std[j]),
             worst=worst,
         )
     resting = 1.0 - float(n.sum() / everything.count.sum())
     with_rest = float(np.mean(np.sqrt(everything.error2 / everything.count) / everything.std))
-    return Comparison(joints, sums.samples, resting, with_rest, sources)
+    return Comparison(joints, sums.samples, resting, with_rest, sources, residuals)

@@ -10,29 +10,30 @@ Eliminating the linearised states leaves the errors-in-variables likelihood, a g
     min_θ Σ_k ρ_kᵀ Σ_ρ⁻¹ ρ_k,   ρ = Y(ẑ) θ + J(z̃ − ẑ) − τ̃,   Σ_ρ = Σ_τ + J L Lᵀ Jᵀ,   J = ∂(Yθ)/∂z,
     ẑ = z̃ − L Lᵀ Jᵀ Σ_ρ⁻¹ ρ,
 
-solved in turns (Boggs, Byrd and Schnabel 1987, SIAM J. Sci. Stat. Comput. 8(6)). Everything is evaluated at the corrected
-state ẑ, whose error is uncorrelated with ρ: that, not the weights alone, removes the bias of least squares. Three points:
+solved in turns (Boggs, Byrd and Schnabel 1987, SIAM J. Sci. Stat. Comput. 8(6)). Everything is evaluated at the
+corrected state ẑ, whose error is uncorrelated with ρ: that, not the weights alone, removes the bias of least squares.
+Three points:
 
-- *No* ``log det Σ_ρ``. ρ depends on θ, so its density is not that of the data; with the determinant even the straight line
-  with errors in both variables is inconsistent, without it the estimate is Deming's.
-- *Second order.* Where the torque is curved the residual of the true θ has the mean ½ tr(H P), H the Hessian and
-  P = L Lᵀ − K Kᵀ the covariance of ẑ, ``K = L Lᵀ Jᵀ Σ_ρ^(-T/2)``. With C = ½ tr(∂²Y P) the equations solved are
+- *No* ``log det Σ_ρ``. ρ depends on θ, so its density is not that of the data; with the determinant even the straight
+  line with errors in both variables is inconsistent, without it the estimate is Deming's.
+- *Second order.* Where the torque is curved the residual of the true θ has the mean ½ tr(H P), H the Hessian and P =
+  L Lᵀ − K Kᵀ the covariance of ẑ, ``K = L Lᵀ Jᵀ Σ_ρ^(-T/2)``. With C = ½ tr(∂²Y P) the equations solved are
 
       Σ_k Yᵀ Σ_ρ⁻¹ (τ̃ − J(z̃ − ẑ) − (Y − C) θ) = 0.
 
-- *Dry friction* has no derivative at v = 0. Its columns enter as their mean over the sensors' noise, a smoothed sign, and
-  what this leaves uncertain joins Σ_ρ.
+- *Dry friction* has no derivative at v = 0. Its columns enter as their mean over the sensors' noise, a smoothed sign,
+  and what this leaves uncertain joins Σ_ρ.
 
-All derivatives are differences over ±√3 standard deviations, the nodes of a three-point Gauss-Hermite rule. Torque noise is
-given, or at least `signals.noise_level`, raised until the weighted squares average one (Mandel and Paule 1970): what the
-sensors do not explain is counted as torque noise. Filtered rows F Y are corrected by Y(ẑ) − Y(z̃). The standard errors
-come from the scores' sums over blocks of time, so that correlated residuals are counted.
+All derivatives are differences over ±√3 standard deviations, the nodes of a three-point Gauss-Hermite rule. Torque
+noise is given, or at least `signals.noise_level`, raised until the weighted squares average one (Mandel and Paule
+1970): what the sensors do not explain is counted as torque noise. Filtered rows F Y are corrected by Y(ẑ) − Y(z̃).
+The standard errors come from the scores' sums over blocks of time, so that correlated residuals are counted.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,7 +88,7 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
-    """Samples linearised at their states: columns, curvature (p), J L (M, R, D), extra variance, curvature of states."""
+    """Samples linearised at their states: columns and their curvature, J L (M, R, D), variance of dry columns (M, R)."""
 
     Y: Array
     C: Array
@@ -151,12 +152,13 @@ class _Stretch:
         """Torque to fit: ``τ̃ − J(z̃ − ẑ)``, less what is known."""
         assert self.here is not None
         shift = np.einsum("krd,kd->kr", self.here.JL, self.epsilon)
-        return self.data.tau - shift - (self.here.Y - self.here.C)[:, -1]
+        return np.asarray(self.data.tau - shift - (self.here.Y - self.here.C)[:, -1])
 
     def residual(self, theta: Array) -> Array:
         """Curvature-corrected ρ of each sample, (M, R)."""
         assert self.here is not None
-        return np.einsum("kcr,c->kr", (self.here.Y - self.here.C)[:, :-1], theta) - self.target()
+        model = np.einsum("kcr,c->kr", (self.here.Y - self.here.C)[:, :-1], theta)
+        return np.asarray(model - self.target())
 
     def correct(self, theta: Array, inflation: float) -> None:
         """Move the states to where the data and θ agree best."""
@@ -191,11 +193,10 @@ def eiv(
         The data leave some combination of parameters undetermined.
     """
     names = [c.name for c in columns]
-    parts = [_Stretch(s) for s in stretches]
-    theta = _start(stretches, names)
     floor = 1e-6 * max(float(np.abs(s.tau).max(initial=0.0)) for s in stretches)
-    for part in parts:  # a torque without any noise would make Σ_ρ singular
-        np.maximum(part.data.torque, floor, out=part.data.torque)
+    # a torque without any noise would make Σ_ρ singular
+    parts = [_Stretch(replace(s, torque=np.maximum(s.torque, floor))) for s in stretches]
+    theta = _start(stretches, names)
     inflation = 1.0
     given = all(s.torque_given for s in stretches)
     for _ in range(iterations if given else iterations + 1):
@@ -204,7 +205,7 @@ def eiv(
         if not given:
             inflation = _inflation(parts, theta)
         A, b, _ = _equations(parts, inflation, theta)
-        theta, condition = _solve(A, b, names)
+        theta, condition = solve_scaled(A, b, names)
         for part in parts:
             part.correct(theta, inflation)
     A, _, scores = _equations(parts, inflation, theta)
@@ -214,12 +215,12 @@ def eiv(
     left = np.concatenate([s.tau - np.einsum("kcr,c->kr", s.Y, np.append(theta, 1.0)) for s in stretches])
     used = np.concatenate([s.used for s in stretches])
     sigma = np.sqrt((left**2 * used).sum(axis=0) / np.maximum(used.sum(axis=0), 1))
-    torque = np.mean([s.torque for s in stretches], axis=0)
+    torque = np.mean([p.data.torque for p in parts], axis=0)
     notes = [f"only {B} blocks of data: standard errors are uncertain"] if B < LEAST_BLOCKS else []
     if inflation > 4.0:
         notes.append(
-            f"the sensors' noise explains only part of the residual: torque noise was taken as {np.sqrt(inflation):.3g} times its "
-            "high-frequency level, which is what a missing effect looks like"
+            "the sensors' noise explains only part of the residual: torque noise was taken as "
+            f"{np.sqrt(inflation):.3g} times its high-frequency level, which is what a missing effect looks like"
         )
     return Estimate(
         tuple(columns),
@@ -243,7 +244,7 @@ def _start(stretches: Sequence[Samples], names: Sequence[str]) -> Array:
         Y = s.Y[:, :-1] * (s.used / spread)[:, None, :]
         A += np.tensordot(Y, Y, axes=([0, 2], [0, 2]))
         b += np.tensordot(Y, (s.tau - s.Y[:, -1]) / spread, axes=([0, 2], [0, 1]))
-    return _solve(A, b, names)[0]
+    return solve_scaled(A, b, names)[0]
 
 
 def _equations(parts: Sequence[_Stretch], inflation: float, theta: Array) -> tuple[Array, Array, Array]:
@@ -264,8 +265,14 @@ def _equations(parts: Sequence[_Stretch], inflation: float, theta: Array) -> tup
     return A, b, scores
 
 
-def _solve(A: Array, b: Array, names: Sequence[str]) -> tuple[Array, float]:
-    """Solve on columns of unit norm, with the conditioning tested; A is symmetric up to the curvature."""
+def solve_scaled(A: Array, b: Array, names: Sequence[str]) -> tuple[Array, float]:
+    """Solve ``A θ = b`` on a unit diagonal; also the condition number, as that of the root of A.
+
+    Raises
+    ------
+    IdentifiabilityError
+        Some combination of parameters is not determined.
+    """
     diagonal = np.diag(A)
     if not (diagonal > 0).all():
         blind = [n for n, d in zip(names, diagonal, strict=True) if not d > 0]

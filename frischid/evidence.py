@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from frischid.conditions import correlation_time
 from frischid.effects import Effect
 from frischid.gram import Array
 from frischid.log import Log
@@ -365,17 +366,3 @@ class Evidence:
         """Held-out log likelihood ratio, in effectively independent samples."""
         ratio = np.maximum(before.sum(axis=0), 1e-300) / np.maximum(after.sum(axis=0), 1e-300)
         return float(0.5 * np.sum(self.effective * np.log(ratio)))
-
-
-def correlation_time(x: Array, most: int = 400) -> float:
-    """Integrated autocorrelation time of a residual, in samples: ``1 + 2 Σ ρ_k`` up to the first ρ_k ≤ 0.05."""
-    x = x - x.mean()
-    n = len(x)
-    if n < 10 or not x.any():
-        return 1.0
-    spectrum = np.fft.rfft(x, 2 * n)
-    rho = np.fft.irfft(np.abs(spectrum) ** 2)[: min(n // 2, most)]
-    rho = rho / rho[0]
-    below = np.flatnonzero(rho <= 0.05)
-    stop = int(below[0]) if len(below) else len(rho)
-    return float(max(1.0, 1 + 2 * rho[1:stop].sum()))

@@ -124,6 +124,37 @@ def improve(
         model = step.model
 
 
+def searched(
+    model: Model, effects: Sequence[Effect], text: str, logs: Sequence[Log], situation: Situation
+) -> tuple[Effect, ...]:
+    """Give effects whose shape the user did not state the shape that fits best, joint by joint.
+
+    Parameters
+    ----------
+    model : Model
+    effects : sequence of Effect
+    text : str
+        What the user wrote; an effect written with parentheses keeps its shape.
+    logs : sequence of Log
+    situation : {"auto", "always", "changed"}
+    """
+    chosen: list[Effect] = []
+    for effect in effects:
+        if not effect.shapes or "(" in text:
+            chosen.append(effect)
+            continue
+        evidence = Evidence(model, logs, prior_of(model, "changed" if situation == "changed" else "always"))
+        places = [(n,) for n in effect.joints or model.joints] if effect.candidate == "joint" else [effect.joints]
+        for place in places:
+            projections = [p for p in evidence.project(effect.variants(place)) if p.columns]
+            scored = evidence.score(projections) if projections else None
+            if scored is not None:
+                chosen.append(scored[1].effect)
+    if not chosen:
+        raise InputError(f"{text}: on these logs the model's own columns already span this effect; nothing to add")
+    return tuple(chosen)
+
+
 def instances(finding: Finding) -> tuple[Effect, ...]:
     """The effects of a finding, one for every joint with its own shape."""
     if not finding.members:

@@ -1,22 +1,23 @@
 """What the noise of each sensor does to the regressor, to its moments and to the residual.
 
-A *sensor* is one stream of independent errors ε(t): an encoder, a tachometer, an accelerometer. Through its taps it moves
-the position, velocity and acceleration of one joint; an encoder whose signal is differentiated twice moves all three,
+A *sensor* is one stream of independent errors ε(t): an encoder, a tachometer, an accelerometer. Through its taps it
+moves the position, velocity and acceleration of one joint; an encoder whose signal is differentiated twice moves all
+three,
 
     δq_j = h_q * ε,   δq̇_j = h_v * ε,   δq̈_j = h_a * ε      (* is convolution).
 
-Which channels of a motion come from which sensor is seen from the numbers: a q̇ that equals the derivative filter of q is
-no sensor of its own.
+Which channels of a motion come from which sensor is seen from the numbers: a q̇ that equals the derivative filter of
+q is no sensor of its own.
 
-**Moments.** With errors of variance σ_s², ``E[x xᵀ]`` of the rows x = [y τ] grows by σ_s² S_s. Moving the log of sensor s
-by ±h w_k, with random signs w_k, and sending both copies through the whole pipeline (regressor, parallel low-pass,
-decimation, moments) gives
+**Moments.** With errors of variance σ_s², ``E[x xᵀ]`` of the rows x = [y τ] grows by σ_s² S_s. Moving the log of
+sensor s by ±h w_k, with random signs w_k, and sending both copies through the whole pipeline (regressor, parallel
+low-pass, decimation, moments) gives
 
     S_s = (G(+h) + G(−h) − 2 G(0)) / 2h²  →  ½ Σ_k ∂²(x xᵀ)/∂ε_k².
 
-Differences of *moments* hold the curvature of the columns too (see `frischid.sensorwise`), and of a velocity's sign, whose
-square is always one, only what the noise can really change. Without filter and derivatives w_k² = 1 makes this an exact
-second difference; with them, products of neighbouring errors w_k w_l cancel in the mean over the log.
+Differences of *moments* hold the curvature of the columns too (see `frischid.sensorwise`), and of a velocity's sign,
+whose square is always one, only what the noise can really change. Without filter and derivatives w_k² = 1 makes this
+an exact second difference; with them, products of neighbouring errors w_k w_l cancel in the mean over the log.
 
 **States.** For errors-in-variables estimates `samples` gives the filtered states, the covariance of their errors, and
 the columns as a function of the state.
@@ -40,7 +41,7 @@ from frischid.signals import LowPass, Motion, derivative_taps, noise_level
 
 CHANNELS = ("q", "v", "a")
 STEP = 0.03
-"""Displacement of a sensor for finite differences, as a share of what its channels span: the rms of q̇ and q̈, 1 rad of q."""
+"""Displacement of a sensor for differences, as a share of what its channels span: rms of q̇ and q̈, 1 rad (m) of q."""
 
 UNIT = np.ones(1)
 
@@ -260,8 +261,10 @@ def samples(
             raise InputError(f"noise is given for '{name}'; sensors of this log are {', '.join(levels)}")
     given = {n: (sigma or {}).get(n, (sigma or {}).get(n.split()[0], level)) for n, level in levels.items()}
     index = [robot.joints.index(n) for n in joints]
+    known_torque_noise = all(f"{TORQUE} {n}" in (sigma or {}) or TORQUE in (sigma or {}) for n in joints)
     dry_effects = {e.id for e in regressor.effects if e.dry}
     dry = np.array([regressor.columns[i].effect in dry_effects for i in base])
+    static = Regressor(robot, [e for e in regressor.effects if not e.memory])
     found = []
     for motion in motions:
         filtered = lowpass.taps(motion.step)
@@ -272,7 +275,7 @@ def samples(
             Y = np.concatenate([block.Y[:, list(base)], block.known[:, None, :]], axis=1)[:, :, index]
             state = np.concatenate([block.q, block.v, block.a], axis=1)
             tau, used = (block.tau + block.known)[:, index], block.used[:, index]
-            columns = _Columns(regressor, block, tuple(base), tuple(index))
+            columns = _Columns(static, block, tuple(regressor.columns[i].name for i in base), tuple(index))
             found.append(
                 Samples(
                     columns,
@@ -292,23 +295,29 @@ def samples(
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """Base columns, and the torque of known parameters as a last one, at other states of a block."""
+    """Base columns, and the torque of known parameters as a last one, at other states of a block.
+
+    Columns that depend on more than the state stay zero: their change with the sensors' noise is not counted.
+    """
 
     regressor: Regressor
     block: Block
-    base: tuple[int, ...]
+    base: tuple[str, ...]
     index: tuple[int, ...]
 
     def __call__(self, state: Array) -> Array:
         q, v, a = np.split(state, 3, axis=1)
-        Y = self.regressor(self.block.t, q, v, a)[:, list(self.base)]
+        where = {c.name: i for i, c in enumerate(self.regressor.columns)}
+        Y = np.zeros((len(q), len(self.base), q.shape[1]))
+        kept = [(k, where[name]) for k, name in enumerate(self.base) if name in where]
+        Y[:, [k for k, _ in kept]] = self.regressor(self.block.t, q, v, a)[:, [i for _, i in kept]]
         known = self.regressor.robot.known_torque(q, v, a)
         known = np.zeros_like(q) if known is None else known
         return np.concatenate([Y, known[:, None, :]], axis=1)[:, :, list(self.index)]
 
 
 def _directions(sensors: Sequence[Sensor], sigma: Mapping[str, float], filtered: Array, J: int) -> tuple[Array, Array]:
-    """Square root of the covariance of a filtered state's errors, (D, 3J), and how much larger its squares were unfiltered."""
+    """Square root of the covariance of a filtered state's errors (D, 3J), and the unfiltered variances' ratio to it."""
     rows, ratios = [], []
     for sensor in sensors:
         if not sigma[sensor.name] > 0:

@@ -1,39 +1,41 @@
 """The sensor-wise Frisch scheme: bounds from what is really noisy, the sensors.
 
-The classical scheme (`frischid.frisch`) lets every column of the regressor carry a noise of its own. No robot has that:
-all columns are functions of the same few sensors z = (q, q̇, q̈), and the torque. Let x = [y(z) τ] be a row, with
-``x θ̃ = 0`` for exact readings and θ̃ = [θ; −1], and let sensor s be off by independent errors of unknown variance σ_s².
-Taylor's formula, to second order in the errors, says what they add to the moments Σ = E[x xᵀ],
+The classical scheme (`frischid.frisch`) lets every column of the regressor carry a noise of its own. No robot has
+that: all columns are functions of the same few sensors z = (q, q̇, q̈), and the torque. Let x = [y(z) τ] be a row,
+with ``x θ̃ = 0`` for exact readings and θ̃ = [θ; −1], and let sensor s be off by independent errors of unknown
+variance σ_s². Taylor's formula, to second order in the errors, says what they add to the moments Σ = E[x xᵀ],
 
     Σ = Σ̂ + Σ_s σ_s² S_s,      S_s = ½ E[∂²(x xᵀ)/∂z_s²] = E[x_s x_sᵀ] + ½ E[x_ss xᵀ + x x_ssᵀ],      Σ̂ θ̃ = 0,
 
-with x_s, x_ss the derivatives by z_s. The second half of S_s, the curvature, is of the same order as the first: leaving
-it out biases θ by ½ σ_q² from gravity alone. It also makes sense of the sign of a velocity: sgn² = 1 whatever the noise,
-so the infinite x_s x_sᵀ is cancelled by the curvature, and what is left is finite (`frischid.sensitivity` takes
-differences of moments, never of columns).
+with x_s, x_ss the derivatives by z_s. The second half of S_s, the curvature, is of the same order as the first:
+leaving it out biases θ by ½ σ_q² from gravity alone. It also makes sense of the sign of a velocity: sgn² = 1 whatever
+the noise, so the infinite x_s x_sᵀ is cancelled by the curvature, and what is left is finite (`frischid.sensitivity`
+takes differences of moments, never of columns).
 
-**Statement.** Let V be the variances σ² ≥ 0, within a data sheet's limits if there is one, for which Σ − Σ_s σ_s² S_s is
-positive semidefinite and singular, and θ(σ²) the null vector there, scaled to θ̃_L = −1. To second order the true θ is
-θ(σ²) of the true variances, which lie in V; so every parameter lies between the extremes of θ_i over V. This asks for no
-orthant: Theorem 1 of the classical scheme is not used.
+**Statement.** Let V be the variances σ² ≥ 0, within a data sheet's limits if there is one, for which Σ − Σ_s σ_s² S_s
+is positive semidefinite and singular, and θ(σ²) the null vector there, scaled to θ̃_L = −1. To second order the true
+θ is θ(σ²) of the true variances, which lie in V; so every parameter lies between the extremes of θ_i over V. This
+asks for no orthant: Theorem 1 of the classical scheme is not used.
 
-**Rays.** In direction d the set V is reached at the λ where Σ − λ Σ_s d_s S_s becomes singular, a generalised eigenproblem;
-the axes give one *vertex* a sensor, the torque's being ordinary least squares. V is nearly a flat simplex and θ nearly
-linear on it, so the extremes are found by sequential linear programs: with u = θ̃, c_s = uᵀS_s u,
+**Rays.** In direction d the set V is reached at the λ where Σ − λ Σ_s d_s S_s becomes singular, a generalised
+eigenproblem; the axes give one *vertex* a sensor, the torque's being ordinary least squares. V is nearly a flat
+simplex and θ nearly linear on it, so the extremes are found by sequential linear programs: with u = θ̃, c_s = uᵀS_s
+u,
 
     ∂θ/∂σ_s² = Σ̂_yy⁻¹ (S_s u)_y,      maximise g·σ²  subject to  c·σ² = budget, limits:  a fractional knapsack.
 
-**Sampling.** Along the true direction the sample's θ errs by ``δu = −Σ̂⁺ (δM − δλ D) u`` with D = Σ_s d_s S_s,
-δλ = uᵀδM u / uᵀDu and δM the sampling error of Σ − λ D. Sums over blocks of time longer than the correlation estimate its
+**Sampling.** Along the true direction the sample's θ errs by ``δu = −Σ̂⁺ (δM − δλ D) u`` with D = Σ_s d_s S_s, δλ =
+uᵀδM u / uᵀDu and δM the sampling error of Σ − λ D. Sums over blocks of time longer than the correlation estimate its
 covariance. The bounds are the extremes over V of θ_i ± t·stderr, t by Bonferroni over the p parameters. The variances
 cost nothing: the bounds fail only where the one true direction fails.
 
-**When it fails.** Errors so large that fourth-order terms count (0.05 rad is fine, 0.3 rad is not); errors that depend on one
-another and are declared independent (derive q̇ from q and it is one sensor, as `frischid.sensitivity` has it); a model error,
-which no sensor explains: on a real log the bounds then hold for the parameters that explain it as noise.
+**When it fails.** Errors so large that fourth-order terms count (0.05 rad is fine, 0.3 rad is not); errors that
+depend on one another and are declared independent (derive q̇ from q and it is one sensor, as `frischid.sensitivity`
+has it); a model error, which no sensor explains: on a real log the bounds then hold for the parameters that explain
+it as noise.
 
-The scheme is frischid's own; it is the Koopmans (1937) and Frisch (1934) idea with a noise covariance of known shape and
-corrected moments in the sense of Nakamura (1990, Biometrika 77) and of SIMEX (Cook and Stefanski 1994, JASA 89).
+The scheme is frischid's own; it is the Koopmans (1937) and Frisch (1934) idea with a noise covariance of known shape
+and corrected moments in the sense of Nakamura (1990, Biometrika 77) and of SIMEX (Cook and Stefanski 1994, JASA 89).
 """
 
 from __future__ import annotations
@@ -158,7 +160,7 @@ def sensorwise(data: SensorMoments, *, confidence: float = 0.95, limits: Limits 
         return _exact(data, triangle.ols)
     if len(data.moments) < LEAST_BLOCKS:
         raise IdentifiabilityError(
-            f"{len(data.moments)} blocks of time cannot show the sampling error; at least {LEAST_BLOCKS} s of motion are needed"
+            f"{len(data.moments)} blocks of time cannot show the sampling error; record at least {LEAST_BLOCKS} s"
         )
     quantile = float(student.isf((1 - confidence) / (2 * len(data.names)), len(data.moments) - 1))
     scheme = _Scheme(data, lower, upper, quantile)
@@ -237,7 +239,7 @@ class _Scheme:
         self.start = self.moments.sum(axis=0) - np.tensordot(lower, self.sums, axes=1)
         if np.linalg.eigvalsh(self.start)[0] <= 0:
             raise IdentifiabilityError(
-                "the least noise the limits ask of the sensors is more than the residual; lower the limits' first values"
+                "the least noise the limits ask of the sensors is more than the residual; lower their first values"
             )
         self.seen: dict[bytes, _Point | None] = {}
 
@@ -328,14 +330,14 @@ class _Scheme:
         loose = [n for n, c in zip(data.sensors, corners, strict=True) if c is not None and not c.bounded]
         if loose or not all(c.bounded for c in points):
             notes.append(
-                f"bounds are open: noise of {', '.join(loose) or 'several sensors'} large enough to explain the residual would "
-                "hide the regressor; give its data-sheet limits"
+                f"bounds are open: noise of {', '.join(loose) or 'several sensors'} large enough to explain the residual "
+                "would hide the regressor; give data-sheet limits"
             )
         excess = min(c.x[-1] for c in points)
         if excess > self.upper[-1] * (1 + 1e-9):
             notes.append(
-                f"the sensors' noise within its limits leaves a torque residual of {np.sqrt(excess):.3g}, more than the "
-                f"{np.sqrt(self.upper[-1]):.3g} allowed: the model lacks an effect, or the limits are too tight"
+                f"the sensors' noise within its limits leaves a torque residual of {np.sqrt(excess):.3g}, more than "
+                f"the {np.sqrt(self.upper[-1]):.3g} allowed: the model lacks an effect, or the limits are too tight"
             )
         covariance = middle.covariance * np.outer(unit, unit)
         return SensorWise(

@@ -14,13 +14,20 @@ from rich.table import Table
 
 from frischid.comparison import Comparison
 from frischid.demo import Demo
+from frischid.diagnosis import Diagnosis
 from frischid.effects import EFFECTS, Effect
 from frischid.identification import Examination, Identification
+from frischid.improvement import Step
 from frischid.log import Log
 from frischid.model import Model
 from frischid.reduction import Reduction
 from frischid.regressor import Regressor
 from frischid.robot import LINK_PARAMETERS, LINK_UNITS, Robot
+
+ORDER = (
+    "near reversal", "slow", "fast", "forwards", "backwards", "low angles", "middle angles", "high angles",
+    "high load", "high acceleration", "beginning", "end",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -169,13 +176,14 @@ def comparison(result: Comparison) -> Page:
     """Errors of a model, joint by joint."""
     where = ", ".join(result.sources)
     table = _table(
-        "joint", "RMSE", "NRMSE", "fit %", "bias", "nominal URDF", "constant", "worst error", "at",
+        "joint", "RMSE", "NRMSE", "noise floor", "fit %", "bias", "nominal URDF", "constant", "worst error", "at",
         title=f"measured against model on {where}: mean NRMSE {result.nrmse:.4f}",
     )  # fmt: skip
     for name, j in result.joints.items():
         error = j.worst.measured - j.worst.predicted
         table.add_row(
-            name, _figure(j.rmse), f"{j.nrmse:.4f}", f"{j.fit:.1f}", _figure(j.bias), f"{j.nominal:.3f}",
+            name, _figure(j.rmse), f"{j.nrmse:.4f}", f"{j.noise_floor:.4f}", f"{j.fit:.1f}", _figure(j.bias),
+            f"{j.nominal:.3f}",
             f"{j.constant:.3f}", _figure(error), f"{j.worst.t:.2f} s",
         )  # fmt: skip
     parts: list[Any] = [table]
@@ -185,7 +193,120 @@ def comparison(result: Comparison) -> Page:
             "undetermined there "
             f"(mean NRMSE with them {result.nrmse_with_rest:.4f})"
         )
+    parts += [*_where(result), *_what_is_left(result)]
     return Page(result.to_dict(), parts)
+
+
+def _where(result: Comparison) -> list[Any]:
+    """Joint × condition table of ratios to the joint's average; a star where it is more than chance."""
+    conditions = result.residuals.conditions()
+    if not conditions:
+        return []
+    names = list(dict.fromkeys(c.condition for c in conditions))
+    order = [n for n in ORDER if n in names]
+    table = _table("joint", *order, title="where it fails: error under a condition / the joint's average (* p < 0.01)")
+    found = {(c.joint, c.condition): c for c in conditions}
+    for joint in result.joints:
+        cells = [found.get((joint, n)) for n in order]
+        table.add_row(joint, *("–" if c is None else f"{c.ratio:.2f}{'*' * (c.p_value < 0.01)}" for c in cells))
+    return [table]
+
+
+def _what_is_left(result: Comparison) -> list[str]:
+    lines = []
+    for joint, left in result.residuals.structure().items():
+        on = [name for name, p in left.depends_on.items() if p < 0.01]
+        if on or not left.white:
+            colour = (
+                "" if left.white else f"correlated over {left.correlation_time:.2g} s (noise: {left.white_time:.2g} s)"
+            )
+            lines.append(f"{joint}: the residual is {' and '.join(filter(None, (colour, _depends(on))))}")
+    return lines
+
+
+def _depends(variables: Sequence[str]) -> str:
+    return f"not independent of {', '.join(variables)}" if variables else ""
+
+
+def diagnosis(result: Diagnosis) -> Page:
+    """Verdict, ranking and what could be confused."""
+    verdicts = {
+        "none": "nothing is missing that these logs can show",
+        "effect": "an effect is missing",
+        "contact": "something touched the robot",
+        "unknown": "something is missing, and nothing in the catalogue explains it",
+    }
+    changed = "the robot changed since it was identified" if result.situation == "changed" else "it was always so"
+    head = (
+        f"[bold]{verdicts[result.verdict]}[/bold] (taken as: {changed}). Held-out NRMSE {result.error:.4f}, noise "
+        "floor "
+        f"{result.noise_floor:.4f}."
+    )
+    parts: list[Any] = [head]
+    for c in result.contacts:
+        parts.append(f"contact in {c.source} from {c.start:.2f} to {c.stop:.2f} s on {', '.join(c.joints)}; left out")
+    table = _table("effect", "where", "NRMSE after", "removes", "gain", "p", "confused with")
+    for f in result.findings[:10]:
+        where = ", ".join(f.joints) or "robot"
+        table.add_row(
+            f.effect, where, f"{f.error_after:.4f}", f"{f.share:.0%}", f"{f.gain:.1f}", f"{f.p_value:.1e}",
+            ", ".join(f.confused_with),
+        )  # fmt: skip
+    parts.append(table)
+    for f in [f for f in result.findings if f.significant][:3]:
+        kind = EFFECTS[f.effect]
+        parts.append(f"{f.sentence}. To confirm: {kind.confirmed_by}")
+    return Page(result.to_dict(), parts)
+
+
+def added(step: Step, output: str) -> Page:
+    """Error before and after."""
+    names = ", ".join(str(e) for e in step.model.effects)
+    data = {
+        "effect": str(step.effect),
+        "error_before": step.error_before,
+        "error_after": step.error_after,
+        "model": output,
+    }
+    fall = f"NRMSE {step.error_before:.4f} → {step.error_after:.4f} ({_change(step.error_before, step.error_after)})"
+    return Page(data, [f"{step.effect} added: {fall}", f"effects now: {names}", f"model written to {output}"])
+
+
+def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> Page:
+    """The staircase."""
+    table = _table("step", "effect", "where", "NRMSE before", "after", "change", title="the error falls")
+    rows = []
+    for i, step in enumerate(steps, start=1):
+        finding = step.finding
+        where = ", ".join(finding.joints) if finding is not None and finding.joints else "robot"
+        effect = finding.effect if finding is not None else step.effect.id
+        change = _change(step.error_before, step.error_after)
+        table.add_row(str(i), effect, where, f"{step.error_before:.4f}", f"{step.error_after:.4f}", change)
+        rows.append(
+            {"effect": effect, "joints": list(finding.joints) if finding is not None else [],
+             "error_before": step.error_before, "error_after": step.error_after}
+        )  # fmt: skip
+    parts: list[Any] = [table] if steps else ["nothing passes: no effect of the catalogue lowers the held-out error"]
+    parts.append(f"noise floor {last.noise_floor:.4f}; last verdict: {last.verdict}")
+    if output:
+        parts.append(f"model written to {output}")
+    return Page({"steps": rows, "noise_floor": last.noise_floor, "last": last.to_dict()}, parts)
+
+
+def history(model: Model) -> Page:
+    """Steps of a model."""
+    table = _table("step", "action", "effects", "NRMSE before", "after", "logs")
+    for i, event in enumerate(model.history):
+        before, after = event.get("error_before"), event.get("error_after", event.get("cross_validated_nrmse"))
+        table.add_row(
+            str(i), event["action"], ", ".join(event["effects"]), "–" if before is None else f"{before:.4f}",
+            "–" if after is None else f"{after:.4f}", str(len(event["logs"])),
+        )  # fmt: skip
+    return Page([dict(e) for e in model.history], [table])
+
+
+def _change(before: float, after: float) -> str:
+    return f"{100 * (after / before - 1):+.1f} %" if before else "–"
 
 
 def simulated(log: Log, output: str) -> Page:
@@ -290,7 +411,21 @@ def _warnings(warnings: Sequence[str]) -> list[str]:
 
 def _table(*columns: str, title: str | None = None) -> Table:
     table = Table(title=title, title_justify="left", header_style="bold", box=None, pad_edge=False)
-    words = {"joint", "parameter", "base parameter", "stands for", "unit", "kind", "effect", "what", "equation"}
+    words = {
+        "joint",
+        "where",
+        "confused with",
+        "action",
+        "effects",
+        "parameter",
+        "base parameter",
+        "stands for",
+        "unit",
+        "kind",
+        "effect",
+        "what",
+        "equation",
+    }
     for column in columns:
         table.add_column(column, justify="left" if column in words else "right", no_wrap=column in {"value", "joint"})
     return table

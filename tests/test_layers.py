@@ -17,18 +17,22 @@ LAYERS = (
     ("robot", "log", "gram"),
     ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance"),
     (
-        *("regressor", "reduction", "estimate", "eiv", "frisch", "sensors", "bbrf", "selection", "physical"),
-        *("criteria", "envelope"),
+        *("regressor", "reduction", "estimate", "eiv", "iv", "frisch", "bbrf", "selection", "physical"),
+        *("sensorwise", "sensitivity", "criteria", "envelope", "conditions"),
     ),
     ("model",),
-    ("identification", "excitation", "search", "simulation", "comparison"),
+    ("identification", "excitation", "search", "simulation", "comparison", "noise", "evidence", "contact"),
     ("diagnosis",),
+    ("improvement",),
     ("demo",),
     ("report", "show"),
     ("studio", "cluster"),
     ("cli",),
 )
-NUMERIC = ("gram", "reduction", "estimate", "eiv", "frisch", "bbrf", "selection", "criteria")
+NUMERIC = (
+    *("gram", "reduction", "estimate", "eiv", "iv", "frisch", "bbrf", "selection", "physical", "sensorwise"),
+    "criteria",
+)
 LAYER = {module: k for k, layer in enumerate(LAYERS) for module in layer}
 
 

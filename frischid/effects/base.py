@@ -206,11 +206,14 @@ def effect_from_dict(data: Mapping[str, Any]) -> Effect:
     if name not in EFFECTS:
         raise UnknownNameError("effect", name, EFFECTS)
     kind = EFFECTS[name]
-    known = {f.name for f in dataclasses.fields(kind)}
-    for key in values:
-        if key not in known:
-            raise UnknownNameError("parameter", key, known - {"joints"}, f"effect {name}")
+    known = {f.name: f.default for f in dataclasses.fields(kind)}
     joints = values.pop("joints", None)
+    for key, value in values.items():
+        if key not in known:
+            raise UnknownNameError("parameter", key, set(known) - {"joints"}, f"effect {name}")
+        number = isinstance(known[key], float) and isinstance(value, int | float) and not isinstance(value, bool)
+        if isinstance(known[key], bool | float | str) and not (number or type(value) is type(known[key])):
+            raise InputError(f"effect {name}: {key} = {value!r}, expected something like {known[key]!r}")
     return kind(joints=None if joints is None else tuple(joints), **values)
 
 

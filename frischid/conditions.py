@@ -1,0 +1,218 @@
+"""Where a model fails: its error under each condition of the motion, against its average, joint by joint.
+
+A condition is a set of samples (near a reversal, fast, high load, ...). Its ratio is rms(residual inside) /
+rms(residual
+everywhere). Residuals are correlated, so the significance comes from blocks of about a second: a one-sided t test of
+the
+mean squared residual inside against outside, block by block (Welch). Whether the residual depends on a variable at
+all is Chatterjee's ξ (2021, JASA 116(536)) on samples thinned to the residual's correlation time; whether it is
+white is
+its correlation time against the one the filter alone would give.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from frischid.gram import Array
+from frischid.model import Model
+from frischid.regressor import Block
+
+Flags = NDArray[np.bool_]
+LEAST = 20  # samples below which a condition says nothing
+AROUND_REVERSAL = 0.2  # s
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Error of a joint under one condition.
+
+    Attributes
+    ----------
+    joint, condition : str
+    ratio : float
+        Rms residual inside over the joint's rms residual.
+    rmse : float
+        Inside, N·m (N).
+    samples : int
+    p_value : float
+        Of a ratio at least this far above one by chance.
+    """
+
+    joint: str
+    condition: str
+    ratio: float
+    rmse: float
+    samples: int
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What is left in a joint's residual.
+
+    Attributes
+    ----------
+    correlation_time : float
+        Of the residual, s.
+    white_time : float
+        What the filter alone would give white noise, s.
+    depends_on : dict of str to float
+        Variable -> p value of independence (Chatterjee's ξ).
+    """
+
+    correlation_time: float
+    white_time: float
+    depends_on: Mapping[str, float]
+
+    @property
+    def white(self) -> bool:
+        """Whether the residual is no more correlated than filtered white noise, to within half."""
+        return self.correlation_time < 1.5 * self.white_time
+
+
+class Residuals:
+    """Residuals of a model over some logs, with the motion they belong to.
+
+    Parameters
+    ----------
+    model : Model
+    blocks : sequence of (Block, ndarray)
+        Filtered samples and the torque the model fits to them, as `Model.blocks` gives.
+    """
+
+    def __init__(self, model: Model, blocks: Sequence[tuple[Block, Array]]) -> None:
+        index = model.torque_index
+        self.joints = model.joints
+        self.t = np.concatenate([b.t for b, _ in blocks])
+        self.q, self.v, self.a = (
+            np.concatenate([getattr(b, name)[:, index] for b, _ in blocks]) for name in ("q", "v", "a")
+        )
+        self.used = np.concatenate([b.used[:, index] for b, _ in blocks])
+        self.fitted = np.concatenate([f[:, index] for _, f in blocks])
+        self.residual = np.concatenate([b.tau[:, index] for b, _ in blocks]) - self.fitted
+        sources = [b.source for b, _ in blocks for _ in b.t]
+        self.source = np.unique(sources, return_inverse=True)[1]
+        self.step = float(np.median(np.diff(self.t))) if len(self.t) > 1 else 1.0
+        self.white_time = _filter_time(model, self.step)
+
+    def conditions(self) -> list[Condition]:
+        """Every joint under every condition, worst first."""
+        found = [c for j in range(len(self.joints)) for c in self._joint(j)]
+        return sorted(found, key=lambda c: -c.ratio)
+
+    def _joint(self, j: int) -> Iterator[Condition]:
+        used = self.used[:, j]
+        rms = float(np.sqrt(np.mean(self.residual[used, j] ** 2)))
+        block = self._blocks()
+        for name, inside in self._masks(j).items():
+            inside = inside & used
+            outside = used & ~inside
+            if min(inside.sum(), outside.sum()) < LEAST or rms == 0:
+                continue
+            squared = self.residual[:, j] ** 2
+            p = _welch(*(_means(squared[m], block[m]) for m in (inside, outside)))
+            local = float(np.sqrt(squared[inside].mean()))
+            yield Condition(self.joints[j], name, local / rms, local, int(inside.sum()), p)
+
+    def _blocks(self) -> NDArray[np.intp]:
+        seconds = np.floor((self.t - self.t.min()) / max(1.0, 5 * self.white_time)).astype(int)
+        return np.asarray(seconds + self.source * (int(seconds.max()) + 1))
+
+    def _masks(self, j: int) -> dict[str, Flags]:
+        q, v, a, load = self.q[:, j], self.v[:, j], self.a[:, j], np.abs(self.fitted[:, j])
+        used = self.used[:, j]
+        low, high = np.quantile(np.abs(v[used]), [0.25, 0.75]) if used.any() else (0.0, 0.0)
+        thirds = np.quantile(q[used], [1 / 3, 2 / 3]) if used.any() else (0.0, 0.0)
+        start = np.array([self.t[self.source == s].min() for s in range(self.source.max() + 1)])[self.source]
+        length = np.array([np.ptp(self.t[self.source == s]) for s in range(self.source.max() + 1)])[self.source]
+        share = (self.t - start) / np.maximum(length, 1e-9)
+        strong = np.quantile(load[used], 0.75) if used.any() else 0.0
+        brisk = np.quantile(np.abs(a[used]), 0.75) if used.any() else 0.0
+        return {
+            "near reversal": self._near_reversal(v),
+            "slow": np.abs(v) <= low,
+            "fast": np.abs(v) >= high,
+            "forwards": v > 0,
+            "backwards": v < 0,
+            "low angles": q <= thirds[0],
+            "middle angles": (q > thirds[0]) & (q < thirds[1]),
+            "high angles": q >= thirds[1],
+            "high load": load >= strong,
+            "high acceleration": np.abs(a) >= brisk,
+            "beginning": share < 0.2,
+            "end": share > 0.8,
+        }
+
+    def _near_reversal(self, v: Array) -> Flags:
+        changes = np.flatnonzero(np.diff(np.sign(v)) != 0)
+        width = max(1, round(AROUND_REVERSAL / self.step))
+        near = np.zeros(len(v), bool)
+        for i in changes:
+            near[max(0, i - width + 1) : i + width + 1] = True
+        return near
+
+    def structure(self) -> dict[str, Structure]:
+        """Correlation and dependence of every joint's residual."""
+        return {name: self._structure(j) for j, name in enumerate(self.joints)}
+
+    def _structure(self, j: int) -> Structure:
+        used = self.used[:, j]
+        r = self.residual[used, j]
+        time = correlation_time(r) * self.step
+        thin = slice(None, None, max(1, round(time / self.step)))
+        variables = {"q": self.q, "v": self.v, "a": self.a, "load": self.fitted}
+        p = {}
+        for name, x in variables.items():
+            x_thin, r_thin = x[used, j][thin], r[thin]
+            enough = len(r_thin) >= LEAST and np.ptp(x_thin) > 0 and np.ptp(r_thin) > 0
+            p[name] = float(stats.chatterjeexi(x_thin, r_thin).pvalue) if enough else 1.0
+        return Structure(time, self.white_time, p)
+
+    def to_dict(self) -> list[dict[str, Any]]:
+        """Conditions as plain JSON values."""
+        return [vars(c) for c in self.conditions()]
+
+
+def correlation_time(x: Array, most: int = 400) -> float:
+    """Integrated autocorrelation time of a residual, in samples: ``1 + 2 Σ ρ_k`` up to the first ρ_k ≤ 0.05."""
+    x = x - x.mean()
+    n = len(x)
+    if n < 10 or not x.any():
+        return 1.0
+    spectrum = np.fft.rfft(x, 2 * n)
+    rho = np.fft.irfft(np.abs(spectrum) ** 2)[: min(n // 2, most)]
+    rho = rho / rho[0]
+    below = np.flatnonzero(rho <= 0.05)
+    stop = int(below[0]) if len(below) else len(rho)
+    return float(max(1.0, 1 + 2 * rho[1:stop].sum()))
+
+
+def _filter_time(model: Model, step: float) -> float:
+    """Correlation time of white noise after the filter and decimation, s."""
+    if model.lowpass.cutoff is None:
+        return step
+    fine = step / 8
+    taps = model.lowpass.taps(fine)
+    rho = np.correlate(taps, taps, "full")[len(taps) - 1 :][::8]
+    rho = rho / rho[0]
+    below = np.flatnonzero(rho <= 0.05)
+    stop = int(below[0]) if len(below) else len(rho)
+    return float(step * max(1.0, 1 + 2 * rho[1:stop].sum()))
+
+
+def _means(x: Array, block: NDArray[np.intp]) -> Array:
+    _, where = np.unique(block, return_inverse=True)
+    return np.asarray(np.bincount(where, x) / np.bincount(where))
+
+
+def _welch(inside: Array, outside: Array) -> float:
+    if min(len(inside), len(outside)) < 3 or not (inside.std() > 0 and outside.std() > 0):
+        return 1.0
+    return float(stats.ttest_ind(inside, outside, equal_var=False, alternative="greater").pvalue)

@@ -1,0 +1,245 @@
+"""Instrumental variables: a regressor of the same motion that does not know the sensors' noise.
+
+Least squares is biased because the regressor Y, computed from noisy states, moves with the errors of the equation. An
+*instrument* Z moves with the true regressor and not with those errors; replacing Yᵀ by Zᵀ in the normal equations,
+
+    θ = (Σ_j w_j Z_jᵀ Y_j)⁻¹ Σ_j w_j Z_jᵀ τ_j,
+
+removes the bias without knowing any noise level. Robots have a good one (IDIM-IV: Janot, Vandanjon and Gautier 2014,
+IEEE Trans. Control Systems Technology 22(1); Brunot et al. 2018): they follow a reference in closed loop, so the
+model with the current θ is *simulated* under the same reference, ``Z = Y(q_s, q̇_s, q̈_s)``, and estimation and
+simulation take turns.
+
+Here the simulated controller is computed torque at the reference with feedback on the simulated error e = q_r − q_s,
+
+    u = Y(q_r, q̇_r, q̈_r) θ + B (ω² e + 2 ω ė),      q̈_s = M(q_s)⁻¹ (u − h(q_s, q̇_s)),
+
+with M and h read from the columns (the torque is affine in q̈) and B the mean diagonal of M. The simulation restarts
+at the reference every second, all seconds at once: it stays close to the reference whatever θ, which is all that the
+method asks of it, and an error of θ does not grow over the log.
+
+Where no reference was recorded, one is made from the log itself: at every sample the polynomial that best fits the
+measured q, q̇ and q̈ *around* it, the sample itself and all that went into its derivatives left out. White sensor
+noise of the sample is then not in its instrument. After a low-pass neighbouring rows share noise and this is only
+nearly so; the recorded reference is better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from frischid.eiv import information_of, solve_scaled
+from frischid.errors import InputError
+from frischid.estimate import LEAST_BLOCKS, Estimate
+from frischid.gram import Array
+from frischid.regressor import MAX_BLOCKS, Regressor
+from frischid.robot import Robot
+from frischid.sensitivity import noise_levels, sensors_of
+from frischid.signals import LowPass, Motion
+from frischid.trajectory import Trajectory
+
+SPAN = 0.15  # seconds to either side that make the reference of a sample
+DEGREE = 5
+SEGMENT = 1.0  # seconds between restarts of the simulation
+STIFFNESS = 0.3  # feedback bandwidth times the step
+SETTLED = 1e-2  # change of θ, in standard errors, at which the turns end
+
+
+def iv(
+    regressor: Regressor,
+    motions: Sequence[Motion],
+    lowpass: LowPass,
+    base: Sequence[int],
+    start: Estimate,
+    *,
+    references: Sequence[Trajectory] | None = None,
+    iterations: int = 4,
+) -> Estimate:
+    """Instrumental-variable estimate of the base parameters.
+
+    Parameters
+    ----------
+    regressor : Regressor
+    motions : sequence of Motion
+    lowpass : LowPass
+    base : sequence of int
+        Columns of the base parameters.
+    start : Estimate
+        Least squares to begin with; its weights and torque joints are kept.
+    references : sequence of Trajectory, optional
+        What each motion's controller was asked to follow, on the log's own time (zero where the log begins).
+    iterations : int
+        Most turns of simulating and estimating.
+
+    Returns
+    -------
+    Estimate
+
+    Raises
+    ------
+    InputError
+        References and motions differ in number, or a motion is too short to make a reference from.
+    IdentifiabilityError
+        The instruments do not determine some combination of parameters.
+    """
+    if references is not None and len(references) != len(motions):
+        raise InputError(f"{len(references)} references given for {len(motions)} motions; give one each")
+    pairs = [
+        _smoothed(m, regressor.robot, lowpass) if references is None else (m, _followed(m, references[i]))
+        for i, m in enumerate(motions)
+    ]
+    theta, notes = start.theta, list(start.notes)
+    for _ in range(iterations):
+        simulated = [_simulated(regressor, base, theta, reference) for _, reference in pairs]
+        if any(s is None for s in simulated):
+            notes.append("some mass matrix of the current model is not positive: instruments are the reference itself")
+        instruments = [r if s is None else s for s, (_, r) in zip(simulated, pairs, strict=True)]
+        moments = _cross_moments(regressor, [m for m, _ in pairs], instruments, lowpass, base, start)
+        whole = moments.sum(axis=0)
+        previous = theta
+        theta, condition = solve_scaled(whole[:, :-1], whole[:, -1], [c.name for c in start.columns])
+        D = np.linalg.solve(whole[:, :-1], (moments[:, :, -1] - moments[:, :, :-1] @ theta).T)
+        covariance = len(moments) / max(1, len(moments) - 1) * D @ D.T
+        if (np.abs(theta - previous) <= SETTLED * np.sqrt(np.diag(covariance))).all():
+            break
+    if len(moments) < LEAST_BLOCKS:
+        notes.append(f"only {len(moments)} blocks of data: standard errors are uncertain")
+    return replace(
+        start,
+        theta=theta,
+        covariance=covariance,
+        condition=condition,
+        estimator="iv",
+        information=information_of(whole[:, :-1], covariance),
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _cross_moments(
+    regressor: Regressor,
+    motions: Sequence[Motion],
+    instruments: Sequence[Motion],
+    lowpass: LowPass,
+    base: Sequence[int],
+    start: Estimate,
+) -> Array:
+    """``Σ_j w_j Z_jᵀ [Y_j τ_j]`` of consecutive blocks of time, (B, p, p + 1)."""
+    index = [regressor.robot.joints.index(n) for n in start.joints]
+    columns = list(base)
+    seconds = max(1.0, sum(m.t[-1] - m.t[0] for m in motions) / MAX_BLOCKS)
+    found = []
+    for motion, instrument in zip(motions, instruments, strict=True):
+        chunk = max(1, round(seconds / motion.step))
+        blocks = (regressor.blocks(m, lowpass, chunk) for m in (motion, instrument))
+        for here, there in zip(*blocks, strict=True):
+            weight = here.used[:, index] * start.weights
+            Y = np.concatenate([here.Y[:, columns], here.tau[:, None, :]], axis=1)[:, :, index]
+            found.append(np.tensordot(there.Y[:, columns][:, :, index] * weight[:, None, :], Y, axes=([0, 2], [0, 2])))
+    return np.array(found)
+
+
+def _followed(motion: Motion, reference: Trajectory) -> Motion:
+    q, v, a = reference(motion.t - motion.start)
+    return replace(motion, q=q, v=v, a=a)
+
+
+def _smoothed(motion: Motion, robot: Robot, lowpass: LowPass) -> tuple[Motion, Motion]:
+    """The inner part of a motion, and a reference for it made of each sample's neighbours."""
+    half = max(DEGREE + 3, round(SPAN / motion.step))
+    N = len(motion.t)
+    if N < 2 * half + 2:
+        raise InputError(
+            f"{motion.source}: {N} samples are too few to make a reference from; {2 * half + 2} are needed"
+        )
+    levels = noise_levels([motion], robot, lowpass)
+    sensors = sensors_of(motion, robot, lowpass)
+    channels = {"q": motion.q, "v": motion.v, "a": motion.a}
+    out = {c: x[half : N - half].copy() for c, x in channels.items()}
+    for j in range(len(robot.joints)):
+        own = [s for s in sensors if s.joint == j]
+        gap = max(len(taps) // 2 for s in own for taps in s.taps.values())
+        measured = {s.name.split()[0]: max(levels[s.name], 1e-12) for s in own}
+        measured = {c: max(s, 1e-6 * max(measured.values())) for c, s in measured.items()}
+        taps = _neighbour_taps(half + gap if gap else half, gap, motion.step, measured)
+        reach = (taps.shape[2] - 1) // 2
+        for k, c in enumerate(out):
+            total = np.zeros(N - 2 * half)
+            for i, source in enumerate(measured):
+                padded = np.pad(channels[source][:, j], reach - half, mode="reflect", reflect_type="odd")
+                total += np.correlate(padded, taps[k, i], mode="valid")
+            out[c][:, j] = total
+    inside = slice(half, N - half)
+    extra = {name: x[inside] for name, x in motion.extra.items()}
+    names = ("t", "q", "v", "a", "tau", "still")
+    inner = replace(motion, **{n: getattr(motion, n)[inside] for n in names}, extra=extra)
+    return inner, replace(inner, **out)
+
+
+def _neighbour_taps(half: int, gap: int, step: float, sigma: dict[str, float]) -> Array:
+    """Weights of neighbours in the polynomial fit at a sample: (q q̇ q̈ out, channels in, 2 half + 1)."""
+    offsets = np.arange(-half, half + 1) * step / (half * step)  # in units of half the window: well scaled
+    unit = half * step
+    use = np.abs(np.arange(-half, half + 1)) > gap
+    rows = []
+    for channel, s in sigma.items():
+        order = "qva".index(channel)
+        powers = [np.zeros_like(offsets)] * order + [
+            np.prod(np.arange(m - order + 1, m + 1)) * offsets ** (m - order) for m in range(order, DEGREE + 1)
+        ]
+        rows.append(np.stack(powers, axis=1) / unit**order * use[:, None] / s)
+    inverse = np.linalg.pinv(np.concatenate(rows))
+    scale = np.repeat([1.0 / s for s in sigma.values()], len(offsets))
+    wanted = np.array([1.0, 1.0 / unit, 2.0 / unit**2])[:, None] * inverse[:3] * scale
+    return np.asarray(wanted.reshape(3, len(sigma), -1))
+
+
+def _simulated(regressor: Regressor, base: Sequence[int], theta: Array, reference: Motion) -> Motion | None:
+    """The model's own motion under the reference; None where its mass matrix is not positive."""
+    static = Regressor(regressor.robot, [e for e in regressor.effects if not e.memory])
+    names = [regressor.columns[i].name for i in base]
+    full = np.array([dict(zip(names, theta, strict=True)).get(c.name, 0.0) for c in static.columns])
+    torque = _Torque(static, full)
+    N, J = reference.q.shape
+    length = min(N, max(2, round(SEGMENT / reference.step)))
+    starts = np.arange(0, N, length)
+    M, _ = torque.mass_and_rest(reference.q[::10], reference.v[::10])
+    if np.linalg.eigvalsh(M).min() <= 0:
+        return None
+    B, w, h = M.mean(axis=0).diagonal(), STIFFNESS / reference.step, reference.step
+    forward = torque(reference.q, reference.v, reference.a)
+    out = np.empty((3, N, J))
+    q, v = reference.q[starts].copy(), reference.v[starts].copy()
+    for k in range(length):
+        at = np.minimum(starts + k, N - 1)
+        M, rest = torque.mass_and_rest(q, v)
+        if not np.isfinite(M).all() or np.linalg.eigvalsh(M).min() <= 0:
+            return None
+        u = forward[at] + B * (w**2 * (reference.q[at] - q) + 2 * w * (reference.v[at] - v))
+        a = np.linalg.solve(M, (u - rest)[:, :, None])[:, :, 0]
+        out[:, at] = q, v, a
+        q, v = q + h * v + 0.5 * h**2 * a, v + h * a
+    return replace(reference, q=out[0], v=out[1], a=out[2])
+
+
+class _Torque:
+    """Torque of parameters θ, and its split into mass matrix and rest."""
+
+    def __init__(self, regressor: Regressor, theta: Array) -> None:
+        self.regressor, self.theta = regressor, theta
+
+    def __call__(self, q: Array, v: Array, a: Array) -> Array:
+        torque = np.einsum("ncj,c->nj", self.regressor(np.zeros(len(q)), q, v, a), self.theta)
+        known = self.regressor.robot.known_torque(q, v, a)
+        return np.asarray(torque if known is None else torque + known)
+
+    def mass_and_rest(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """M (N, J, J) and h (N, J) with ``τ = M q̈ + h``."""
+        N, J = q.shape
+        unit = np.concatenate([np.zeros((1, J)), np.eye(J)])
+        stacked = self(np.repeat(q, J + 1, axis=0), np.repeat(v, J + 1, axis=0), np.tile(unit, (N, 1)))
+        torque = stacked.reshape(N, J + 1, J)
+        M = (torque[:, 1:] - torque[:, :1]).swapaxes(1, 2)
+        return (M + M.swapaxes(1, 2)) / 2, torque[:, 0]

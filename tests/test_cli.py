@@ -1,0 +1,462 @@
+"""The command line: every command for people and for machines, and every bad input a stranger may give it."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from frischid.cli import main
+from frischid.effects import EFFECTS
+from frischid.log import Log
+from frischid.readers import read_log, write_log
+from frischid.robot import Robot
+from frischid.simulation import Noise, simulate
+from frischid.trajectory import random_fourier
+
+
+def run(*args, code=0):
+    """Run a command, check its exit code, and return what it printed and what it complained of."""
+    result = CliRunner().invoke(main, [str(a) for a in args])
+    assert result.exit_code == code, f"{result.output}\n{result.exception!r}"
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+def data_of(*args, code=0):
+    """What a command prints with --json."""
+    return json.loads(run(*args, "--json", code=code).stdout)
+
+
+def refused(words, *args):
+    """The command fails with exit code 2, prints nothing, and says these words on stderr."""
+    result = run(*args, code=2)
+    assert result.stdout == ""
+    for word in words:
+        assert word in result.stderr
+    assert "Traceback" not in result.stderr
+    return result
+
+
+@pytest.fixture(scope="session")
+def logs(tmp_path_factory):
+    """Two motions of the planar arm, a validation and a broken folder."""
+    folder = tmp_path_factory.mktemp("logs")
+    robot = Robot.load("planar2")
+    for seed, name in enumerate(("first.parquet", "second.csv", "valid.npz")):
+        motion = random_fourier(robot, 20.0, seed=seed)
+        log = simulate(robot, motion, rate=100.0, noise=Noise(tau=0.01), channels=(), seed=seed)
+        write_log(log, folder / name)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def fitted(logs):
+    """An identified model, and what was printed."""
+    path = logs / "model.json"
+    return path, data_of(
+        *("identify", "planar2", logs / "first.parquet", logs / "second.csv", "--valid", logs / "valid.npz"),
+        *("-o", path),
+    )
+
+
+def changed(logs, folder, name="log.csv", **columns):
+    """Write the second log again with other columns; None leaves one out, a function changes one."""
+    table = {k: x.copy() for k, x in read_log(logs / "second.csv").to_table().items()}
+    for column, value in columns.items():
+        if value is None:
+            del table[column]
+        else:
+            table[column] = value(table[column])
+    path = folder / name
+    rows = np.column_stack(list(table.values()))
+    path.write_text("\n".join([",".join(table), *(",".join(map(repr, r)) for r in rows.tolist())]) + "\n")
+    return path
+
+
+# ---- every command
+
+
+def test_help_lists_every_command():
+    text = run("--help").stdout
+    for command in ("demo", "info", "check", "identify", "compare", "simulate", "effects"):
+        assert f"  {command}" in text
+        assert "--json" in run(command, "--help").stdout
+    assert "version" in run("--version").stdout
+
+
+@pytest.mark.parametrize("name", ["planar2", "panda", "kinova"])
+def test_info(name):
+    robot = Robot.load(name)
+    data = data_of("info", name)
+    assert [j["name"] for j in data["joints"]] == list(robot.joints)
+    assert data["rank"] == len(data["base_parameters"])
+    assert data["gap"] > 100
+    groups = ("identifiable_alone", "identifiable_in_combination", "not_identifiable")
+    assert sum(len(data[g]) for g in groups) == len(robot.all_names) + 4 * len(robot.joints)
+    text = run("info", name).stdout
+    assert f"{data['rank']} base parameters" in text
+    for joint in robot.joints:
+        assert joint in text
+
+
+def test_info_takes_the_robots_options():
+    data = data_of(
+        *("info", "planar2", "--frames", "far_end", "--known", "my1=0", "--known", "my2=0"),
+        *("--effects", "viscous,coulomb,rotor_inertia(coupled=true,ratio=0.1)"),
+    )
+    assert data["rank"] == 9
+    assert len(data["identifiable_alone"]) == 5
+    assert len(data["not_identifiable"]) == 14
+    assert len(data["identifiable_in_combination"]) == 7
+    assert "my1" in data["not_identifiable"]
+    data = data_of("info", "ur10", "--lock", "wrist_*=0.5", "--gravity", 0, 0, -1.62)
+    assert data["locked"] == {f"wrist_{i}_joint": 0.5 for i in (1, 2, 3)}
+    assert data["gravity"] == [0.0, 0.0, -1.62]
+    assert [j["name"] for j in data_of("info", "ur10", "--joints", "shoulder_*")["joints"]] == [
+        "shoulder_pan_joint",
+        "shoulder_lift_joint",
+    ]
+    tilted = data_of("info", "ur10", "--base-rpy", 3.14159265, 0, 0)
+    assert tilted["gravity"][2] == pytest.approx(9.81)
+    named = data_of("info", "ur10", "--frames", "wrist_3_joint=tool0")
+    assert named["rank"] == data_of("info", "ur10")["rank"]
+
+
+def test_check(logs):
+    data = data_of("check", "planar2", logs / "first.parquet", logs / "second.csv")
+    assert data["ok"] is True
+    assert [x["samples"] for x in data["logs"]] == [2001, 2001]
+    assert "nothing suspicious" in run("check", "planar2", logs / "first.parquet").stdout
+
+
+def test_check_ends_with_one_when_something_is_suspicious(logs, tmp_path):
+    degrees = changed(logs, tmp_path, q_joint1=np.rad2deg, q_joint2=np.rad2deg)
+    data = data_of("check", "planar2", degrees, code=1)
+    assert data["ok"] is False
+    (warning, *_) = data["logs"][0]["warnings"]
+    assert "joint1, joint2" in warning
+    assert "degrees" in warning
+    result = run("check", "planar2", logs / "first.parquet", degrees, code=1)
+    assert "degrees" in result.stdout
+
+
+def test_identify(fitted, logs):
+    path, data = fitted
+    assert data["rank"] == len(data["parameters"]) == 13
+    assert data["comparison"]["nrmse"] < 0.02
+    assert data["comparison"]["constant_nrmse"] >= 1.0
+    assert data["cross_validated_nrmse"] < 0.02
+    assert data["comparison"]["logs"] == [str(logs / "valid.npz")]
+    assert json.loads(path.read_text())["parameters"] == data["parameters"]
+    for parameter in data["parameters"]:
+        assert parameter["stderr"] > 0
+        assert set(parameter["bounds"]) >= {"frisch"}
+    text = run("identify", "planar2", logs / "first.parquet", "--valid", logs / "valid.npz", "--bbrf", "none").stdout
+    for words in ("13 base parameters", "mx1R", "frisch box", "measured against model", "cross-validated NRMSE"):
+        assert words in text
+
+
+def test_identify_takes_its_options(logs):
+    first = logs / "first.parquet"
+    base = ("identify", "planar2", first, "--bbrf", "none")
+    assert data_of(*base, "--cutoff", 3.5)["cutoff_hz"] == 3.5
+    assert data_of(*base, "--cutoff", "none")["cutoff_hz"] is None
+    assert data_of(*base, "--estimator", "ols")["estimator"] == "ols"
+    assert list(data_of(*base, "--torque-joints", "joint2")["cross_validation"]) == ["joint2"]
+    plain = data_of(*base, "--effects", "viscous@joint1,coulomb(width=0.05)")
+    assert [p["name"] for p in plain["parameters"][-3:]] == ["fv1", "fc1", "fc2"]
+    locked = data_of(*base, "--lock", "joint2=0.1", "--torque-joints", "joint1")
+    assert "locked at 0.1 rad (m): joint2" in locked["notes"]
+    # a joint locked without an angle is held where the log has it
+    median = float(np.median(read_log(first).q[:, 1]))
+    held = data_of(*base, "--lock", "joint2")
+    assert f"locked at {median:.4g} rad (m): joint2" in held["notes"]
+    windows = data_of("identify", "planar2", first, "--bbrf", "undo", "--window", 200)
+    assert windows["bbrf"]["variant"] == "undo"
+
+
+def test_compare(fitted, logs):
+    path, data = fitted
+    again = data_of("compare", path, logs / "valid.npz")
+    assert again == data["comparison"]
+    text = run("compare", path, logs / "valid.npz").stdout
+    assert "NRMSE" in text
+    assert "joint2" in text
+
+
+@pytest.mark.parametrize("suffix", ["parquet", "csv", "npz"])
+def test_simulate(tmp_path, suffix):
+    path = tmp_path / f"log.{suffix}"
+    data = data_of(
+        *("simulate", "planar2", "-o", path, "--duration", 3, "--rate", 50, "--set", "off1=2.5", "--channels", "v"),
+        *("--effects", "offset", "--noise-q", 1e-3, "--quantum", 1e-4),
+    )
+    assert data["samples"] == 151
+    log = read_log(path)
+    assert log.joints == ("joint1", "joint2")
+    assert log.v is not None
+    assert log.a is None
+    np.testing.assert_allclose(log.q / 1e-4, np.round(log.q / 1e-4), atol=1e-6)
+    bare = tmp_path / "bare.npz"
+    run("simulate", "planar2", "-o", bare, "--duration", 3, "--rate", 50, "--effects", "offset", "--channels", "none")
+    np.testing.assert_allclose(log.tau - read_log(bare).tau, np.tile([2.5, 0.0], (151, 1)), atol=1e-9)
+
+
+def test_simulate_through_points(tmp_path):
+    points, out = tmp_path / "points.csv", tmp_path / "log.npz"
+    rng = np.random.default_rng(0)
+    write_log(Log(np.arange(11.0), ("joint1", "joint2"), *rng.normal(size=(3, 11, 2))), points)
+    run("simulate", "planar2", "-o", out, "--points", points, "--rate", 10)
+    given, made = read_log(points), read_log(out)
+    np.testing.assert_allclose(made.q[::10], given.q, atol=1e-9)
+    np.testing.assert_allclose(made.a[::10], given.a, atol=1e-6)
+    bare = tmp_path / "bare.csv"
+    write_log(Log(given.t, given.joints, given.q), bare)
+    refused(["need v_<joint> and a_<joint>"], "simulate", "planar2", "-o", out, "--points", bare)
+
+
+def test_effects():
+    listed = data_of("effects")
+    assert [e["effect"] for e in listed] == list(EFFECTS)
+    text = run("effects").stdout
+    for name in EFFECTS:
+        assert name in text
+        page = data_of("effects", name)
+        assert page["effect"] == name
+        assert page["reference"]
+        assert page["equation"] in run("effects", name).stdout.replace("\n", " ")
+
+
+def test_demo(tmp_path):
+    path = tmp_path / "model.json"
+    data = data_of("demo", "-o", path)
+    within = [abs(p["value"] - p["true"]) <= 3 * p["stderr"] for p in data["parameters"]]
+    assert sum(within) >= len(within) - 1
+    assert data["comparison"]["nrmse"] < 0.01
+    assert path.exists()
+    text = run("demo", "--seed", 3).stdout
+    for words in ("true", "± s.e.", "Held-out error on motion B"):
+        assert words in text
+
+
+# ---- what is wrong is said, with what exists
+
+
+def test_unknown_robot():
+    refused(["unknown robot 'pand'", "panda"], "info", "pand")
+    refused(["unknown robot 'planr2'", "planar2"], "simulate", "planr2", "-o", "x.csv")
+    refused(["no such URDF file"], "info", "nowhere.urdf")
+
+
+def test_unknown_names(logs):
+    first = logs / "first.parquet"
+    identify = ("identify", "planar2", first)
+    refused(["joint 'joint3'", "joint1, joint2"], *identify, "--joints", "joint3")
+    refused(["joint 'elbow'", "joint1, joint2"], *identify, "--lock", "elbow=0.3")
+    refused(["joint 'k*'", "joint1, joint2"], *identify, "--torque-joints", "joint1,k*")
+    refused(["effect 'viscus'", "viscous"], *identify, "--effects", "viscus")
+    refused(["effect 'drag'", "viscous", "coulomb"], *identify, "--effects", "drag")
+    refused(["parameter 'widht'", "width"], *identify, "--effects", "coulomb(widht=1)")
+    refused(["joint 'joint9'", "joint1, joint2"], *identify, "--effects", "viscous@joint9")
+    refused(["estimator 'lsq'", "wls"], *identify, "--estimator", "lsq")
+    refused(["'strick'", "strict"], *identify, "--bbrf", "strick")
+    refused(["velocity", "measured"], *identify, "--velocity", "guessed")
+    refused(["frame choice 'dh'", "far_end"], *identify, "--frames", "dh")
+    refused(["parameter 'm7'"], *identify, "--known", "m7=0")
+    refused(["effect 'friction'"], "effects", "friction")
+    refused(["parameter 'fv9'", "fv1"], "simulate", "planar2", "-o", logs / "x.csv", "--set", "fv9=1")
+    refused(["channel 'tau'", "none"], "simulate", "planar2", "-o", logs / "x.csv", "--channels", "tau")
+    assert not (logs / "x.csv").exists()
+
+
+def test_values_that_are_none(logs):
+    identify = ("identify", "planar2", logs / "first.parquet")
+    refused(["--cutoff", "'fast' is not a number"], *identify, "--cutoff", "fast")
+    refused(["positive frequency"], *identify, "--cutoff", "-2")
+    refused(["joint2", "'x' is not a number"], *identify, "--lock", "joint2=x")
+    refused(["'my1' should be NAME=VALUE"], *identify, "--known", "my1")
+    refused(["my1", "'none' is not a number"], *identify, "--known", "my1=none")
+    refused(["width", "positive"], *identify, "--effects", "coulomb(width=-1)")
+    refused(["width = 'wide'", "0.005"], *identify, "--effects", "coulomb(width=wide)")
+    refused(["coupled = 2.0", "False"], *identify, "--effects", "rotor_inertia(coupled=2)")
+    refused(["write it as name"], *identify, "--effects", "coulomb(width=1")
+    refused(["the same effect is named twice"], *identify, "--effects", "viscous,viscous")
+    refused(["comes twice"], *identify, "--effects", "viscous,viscous@joint1")
+    simulate = ("simulate", "planar2", "-o", logs / "x.csv")
+    refused(["rate must be a positive number"], *simulate, "--rate", 0)
+    refused(["duration must be a positive number"], *simulate, "--duration", -1)
+    refused(["noise q must be"], *simulate, "--noise-q", -1)
+    refused(["off1", "'much' is not a number"], *simulate, "--set", "off1=much")
+    refused(["three finite numbers"], "info", "planar2", "--gravity", "nan", 0, 0)
+
+
+def test_missing_files(fitted, logs):
+    refused(["there is no such file", "did you mean first.parquet"], "check", "planar2", logs / "frist.parquet")
+    refused(["is a folder"], "check", "planar2", logs)
+    refused(["model file cannot be read"], "compare", logs / "none.json", logs / "valid.npz")
+    refused(["not a JSON model file"], "compare", logs / "second.csv", logs / "valid.npz")
+    refused(["mapping file cannot be read"], "check", "planar2", logs / "first.parquet", "--map", logs / "no.toml")
+    refused(["Missing argument"], "identify", "planar2")
+    refused(["cannot read '.json' files"], "check", "planar2", fitted[0])
+
+
+BAD = {
+    "no column of a joint": ({"q_joint1": None, "q_joint2": None}, ["no position column", "tau_joint1"]),
+    "no time": ({"t": None}, ["no time column 't'", "q_joint1"]),
+    "no torque": ({"tau_joint1": None, "tau_joint2": None}, ["no torque column", "q_joint1, q_joint2"]),
+    "nan": ({"q_joint2": lambda x: np.where(np.arange(x.size) == 7, np.nan, x)}, ["line 9", "'q_joint2'", "nan"]),
+    "infinite": ({"tau_joint1": lambda x: np.where(np.arange(x.size) == 7, np.inf, x)}, ["line 9", "'tau_joint1'", "inf"]),
+    "time repeats": ({"t": lambda x: np.where(np.arange(x.size) == 50, x[49], x)}, ["does not increase at line 52"]),
+    "time falls": ({"t": lambda x: x[::-1]}, ["time does not increase", "steps backwards"]),
+    "no motion": ({"q_joint1": np.zeros_like, "q_joint2": np.zeros_like}, ["no joint moves"]),
+    "zero torque": ({"tau_joint1": np.zeros_like, "tau_joint2": np.zeros_like}, ["the torque is zero throughout"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("command", ["check", "identify"])
+@pytest.mark.parametrize("what", BAD)
+def test_bad_logs(logs, tmp_path, command, what):
+    columns, words = BAD[what]
+    path, model = changed(logs, tmp_path, **columns), tmp_path / "model.json"
+    output = ("-o", model) if command == "identify" else ()
+    refused([str(path), *words], command, "planar2", path, *output)
+    assert not model.exists()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["log.csv"]
+
+
+def test_one_dead_torque(logs, tmp_path):
+    path = changed(logs, tmp_path, tau_joint2=np.zeros_like)
+    refused(["torque of joint2 is zero throughout", "--torque-joints"], "identify", "planar2", path)
+    run("check", "planar2", path, code=1)
+    assert data_of("identify", "planar2", path, "--torque-joints", "joint1")["rank"] > 5
+
+
+def test_degrees_are_a_warning_of_identify_too(logs, tmp_path):
+    path = changed(logs, tmp_path, q_joint1=np.rad2deg, q_joint2=np.rad2deg)
+    result = data_of("identify", "planar2", path, "--bbrf", "none")
+    assert any("it looks like degrees" in w for w in result["warnings"])
+    mapping = tmp_path / "map.toml"
+    mapping.write_text('[file]\nangle_unit = "deg"\n')
+    right = data_of("identify", "planar2", path, "--map", mapping, "--bbrf", "none")
+    assert not any("degrees" in w for w in right["warnings"])
+    assert right["cross_validated_nrmse"] < 0.02
+
+
+def test_too_few_samples(logs, tmp_path):
+    path = tmp_path / "short.csv"
+    write_log(read_log(logs / "second.csv").slice(500, 515), path)
+    refused(["longer than the filters need", "record longer"], "identify", "planar2", path)
+    run("simulate", "ur10", "-o", path, "--duration", 2, "--rate", 10)
+    options = ("--cutoff", "none", "--torque-joints", "shoulder_pan_joint")
+    refused(["torque rows cannot determine", "record longer"], "identify", "ur10", path, *options)
+    text = (logs / "second.csv").read_text().splitlines()
+    path.write_text("\n".join(text[:5]))
+    refused(["4 samples"], "identify", "planar2", path)
+
+
+def test_a_log_of_another_robot(logs):
+    refused(["none of the joints in this log", "joint1, joint2", "elbow_joint"], "check", "ur10", logs / "second.csv")
+
+
+def test_the_output_folder_must_exist(logs, tmp_path, monkeypatch):
+    monkeypatch.setattr("frischid.identification.identify", lambda *_, **__: pytest.fail("worked for nothing"))
+    wrong = tmp_path / "none" / "model.json"
+    refused(["there is no folder"], "identify", "planar2", logs / "first.parquet", "-o", wrong)
+    refused(["is a folder"], "identify", "planar2", logs / "first.parquet", "-o", tmp_path)
+    refused(["there is no folder"], "simulate", "planar2", "-o", tmp_path / "none" / "log.csv")
+    refused(["cannot write '.txt' files", ".parquet"], "simulate", "planar2", "-o", tmp_path / "log.txt")
+    assert not list(tmp_path.iterdir())
+
+
+def test_output_is_refused_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.setattr("frischid.demo.run", lambda *_, **__: pytest.fail("worked for nothing"))
+    refused(["there is no folder"], "demo", "-o", tmp_path / "none" / "model.json")
+    monkeypatch.setattr("frischid.simulation.simulate", lambda *_, **__: pytest.fail("worked for nothing"))
+    refused(["there is no folder"], "simulate", "planar2", "-o", tmp_path / "none" / "log.csv")
+
+
+def test_compare_with_a_log_that_lacks_a_torque(fitted, logs, tmp_path):
+    path = changed(logs, tmp_path, tau_joint2=None)
+    refused([str(path), "no torque column (tau_<joint>) for joint2"], "compare", fitted[0], path)
+    path = changed(logs, tmp_path, q_joint2=None, tau_joint2=None)
+    refused([str(path), "joint2"], "compare", fitted[0], path)
+
+
+def test_an_empty_box_is_said(logs, tmp_path):
+    path = tmp_path / "noisy.csv"
+    run(
+        *("simulate", "planar2", "-o", path, "--duration", 20, "--noise-q", 5e-3, "--noise-v", 5e-2),
+        *("--noise-a", 0.5, "--noise-tau", 0.2),
+    )
+    options = ("identify", "planar2", path, "--cutoff", "none", "--window", 40)
+    assert data_of(*options)["bbrf"]["emptied"]["window"] >= 0
+    model = tmp_path / "model.json"
+    refused(["the box is empty at window", "parameter"], *options, "--estimator", "frisch", "-o", model)
+    assert not model.exists()
+
+
+# ---- measured logs
+
+
+@pytest.fixture
+def measured():
+    if not (folder := os.environ.get("FRISCHID_DATA")):
+        pytest.skip("FRISCHID_DATA is not set")
+    return Path(folder)
+
+
+def test_panda(measured, tmp_path):
+    folder = measured / "panda"
+    model = tmp_path / "panda.json"
+    data = data_of(
+        *("identify", folder / "panda.urdf", folder / "logs/ident_0_14s.parquet", "-o", model),
+        *("--valid", folder / "logs/valid_14_21s.parquet", "--bbrf", "none"),
+    )
+    assert data["comparison"]["nrmse"] <= 0.055
+    assert data_of("compare", model, folder / "logs/valid_14_21s.csv")["nrmse"] == pytest.approx(
+        data["comparison"]["nrmse"]
+    )
+
+
+def test_panda_with_a_hand_that_no_log_holds(measured):
+    folder = measured / "panda"
+    data = data_of(
+        *("identify", folder / "panda_with_hand.urdf", folder / "logs/ident_0_14s.parquet", "--bbrf", "none"),
+    )
+    assert any("which some log does not hold" in n and "finger" in n for n in data["notes"])
+
+
+GAINS = {"shoulder_pan": 11.97, "shoulder_lift": 11.98, "elbow": 9.84, "wrist_1": 10.75, "wrist_2": 10.69, "wrist_3": 10.68}
+
+
+def test_ur10e(measured, tmp_path):
+    folder = measured / "ur10e"
+    mapping = tmp_path / "map.toml"
+    mapping.write_text("[current_gain]\n" + "".join(f"{j}_joint = {g}\n" for j, g in GAINS.items()))
+    idents = sorted((folder / "logs").glob("ident_*.parquet"))
+    assert len(idents) == 5
+    data = data_of(
+        *("identify", folder / "ur10e.urdf", *idents, "--map", mapping, "--bbrf", "none"),
+        *("--valid", folder / "logs/unloaded_50s_14harm.parquet"),
+    )
+    assert data["comparison"]["nrmse"] <= 0.090
+    assert data["rank"] >= 58
+    assert data["gap"] > 100
+    refused(["no torque column", "current_gain"], "identify", folder / "ur10e.urdf", idents[0])
+
+
+def test_tiago(measured):
+    folder = measured / "tiago"
+    rows = "arm_1_joint,arm_2_joint,arm_3_joint,arm_4_joint"
+    data = data_of(
+        *("identify", folder / "tiago_48_schunk.urdf", folder / "logs/ident_0_48s.parquet", "--bbrf", "none"),
+        *("--valid", folder / "logs/valid_48_80s.parquet", "--torque-joints", rows),
+    )
+    assert data["comparison"]["nrmse"] <= 0.14
+    assert list(data["comparison"]["joints"]) == rows.split(",")
+    assert any("measured velocity of arm_1_joint differs" in n for n in data["notes"])
+    run("check", folder / "tiago_48_schunk.urdf", folder / "logs/ident_0_48s.parquet", code=1)
