@@ -8,7 +8,6 @@ functions of time run through a clock that is late, early, or stops altogether.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -56,7 +55,7 @@ ARMS: dict[str, tuple[str, ...]] = {
     "ur5": (),
     "ur10": (),
     "kinova": (),
-    "panda": ("panda_finger_joint1", "panda_finger_joint2"),
+    "panda": ("panda_finger_joint1",),
     "xarm7": (),
 }
 """Arms of the benchmark, and the joints of each that are locked."""
@@ -218,6 +217,8 @@ class World:
         Rigid-body torque, N·m.
     base : ndarray, shape (N, J)
         Torque of links and drives, N·m.
+    sign : ndarray, shape (N, J)
+        Direction of dry friction, -1 to 1.
     number : int
         0 for the motion to fit, 1 for the one held out, 2 for the one before the change.
     """
@@ -228,12 +229,8 @@ class World:
     drive: Drive
     load: Array
     base: Array
+    sign: Array
     number: int
-
-    @cached_property
-    def sign(self) -> Array:
-        """Direction of dry friction, (N, J)."""
-        return direction(self.path.v)
 
     def on(self, joint: int, values: Array) -> Array:
         """Torque on one joint only, (N, J)."""
@@ -261,10 +258,11 @@ def direction(v: Array) -> Array:
     return sign
 
 
-def prescribed(model: Any, robot: Robot, path: Path, drive: Drive, number: int) -> World:
+def prescribed(model: Any, robot: Robot, path: Path, drive: Drive, number: int, sign: Array | None = None) -> World:
     """Motion that is given: the torque it takes, by inverse dynamics."""
     load = rnea(model, robot, path)
-    return World(model, robot, path, drive, load, load + drive.torque(path, direction(path.v)), number)
+    way = direction(path.v) if sign is None else sign
+    return World(model, robot, path, drive, load, load + drive.torque(path, way), way, number)
 
 
 def rms(x: Array) -> Array:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-
 from hidden_physics import STEP, Array, World, rms
 from hidden_shapes import Hidden, Maker
+from scipy.signal import lfilter
 
 
 def other(rng: np.random.Generator, fit: World, j: int) -> int:

@@ -23,16 +23,15 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 from threadpoolctl import threadpool_limits
 
 import frischid as fr
-from frischid.bbrf import Recursion, bbrf, sample_extents
-from frischid.errors import EmptyBoxError
+from frischid.bbrf import bbrf, sample_extents
 from frischid.frisch import Box, simplex
 from frischid.identification import structure
 from frischid.reduction import Reduction
 from frischid.regressor import Regressor
-from frischid.selection import select
 from frischid.simulation import parameters_of
 from frischid.trajectory import Trajectory
 
@@ -180,19 +179,18 @@ def one_run(case: Case, sigma: float, rng: np.random.Generator) -> Run:
     half, lower, upper, crossed = as_published(E[:N], one_shot, model.signs)
     boxes = {
         CLASSICAL: one_shot,
-        STRICT: box_of(strict),
+        STRICT: strict.box,
         PAPER: half,
-        PAPER_WHOLE: box_of(undo),
-        CALIBRATED_SHORT: box_of(short),
-        CALIBRATED: box_of(calibrated),
+        PAPER_WHOLE: undo.box,
+        CALIBRATED_SHORT: short.box,
+        CALIBRATED: calibrated.box,
     }
     estimates = {OLS: vertices.ols}
     for name in (PAPER, PAPER_WHOLE):
         box = boxes[name]
         assert box is not None, "undone steps leave a box"
         estimates[name] = selected(moments * len(E), box)
-    safe = boxes[CALIBRATED]
-    estimates[CALIBRATED] = np.full(len(model.names), np.nan) if safe is None else select(moments, safe).theta
+    estimates[CALIBRATED] = least_squares(moments, calibrated.box or Box.unbounded(model.names))
     steps = history_steps(N)
     return Run(
         same_orthant=vertices.same_orthant,
@@ -203,14 +201,6 @@ def one_run(case: Case, sigma: float, rng: np.random.Generator) -> Run:
         lower=lower[steps],
         upper=upper[steps],
     )
-
-
-def box_of(recursion: Recursion) -> Box | None:
-    """Return the last box of a recursion, None when it is empty."""
-    try:
-        return recursion.require_box()
-    except EmptyBoxError:
-        return None
 
 
 def history_steps(samples: int) -> NDArray[np.intp]:
@@ -255,13 +245,23 @@ def selected(sums: Array, box: Box) -> Array:
     Square roots are concave: the tangents at the last iterate bound the objective from above by a quadratic one, whose
     minimum over the box is a descent step, ``min ‖Wθ − τ‖² + ρ‖θ‖²`` with ``ρ = ‖Wθ_k − τ‖ / ‖θ_k‖``.
     """
-    p = len(box.names)
-    theta = select(sums, box).theta
+    theta = least_squares(sums, box)
     for _ in range(50):
         direction = np.append(theta, -1.0)
         misfit = np.sqrt(max(direction @ sums @ direction, 0.0))
-        pulled = sums + np.diag(np.append(np.full(p, misfit / np.linalg.norm(theta)), 0.0))
-        last, theta = theta, select(pulled, box).theta
+        last, theta = theta, least_squares(sums, box, float(misfit / np.linalg.norm(theta)))
         if np.abs(theta - last).max() <= 1e-9 * np.abs(theta).max():
             break
     return theta
+
+
+def least_squares(sums: Array, box: Box, pull: float = 0.0) -> Array:
+    """Minimise ``‖Wθ − τ‖² + pull ‖θ‖²`` over a box, exactly (an active-set method), from the sums of [W τ]."""
+    p = len(box.names)
+    H = sums[:p, :p] + pull * np.eye(p)
+    unit = 1.0 / np.sqrt(H.diagonal())
+    root = np.linalg.cholesky(H * np.outer(unit, unit))
+    target = np.linalg.solve(root, sums[:p, p] * unit)
+    bounds = box.lower / unit, box.upper / unit
+    phi = lsq_linear(root.T, target, bounds, method="bvls", tol=1e-13).x
+    return np.asarray(np.clip(phi * unit, box.lower, box.upper))

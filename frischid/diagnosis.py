@@ -38,6 +38,9 @@ from frischid.regressor import Regressor, nominal_parameters
 
 Verdict = Literal["none", "effect", "contact", "unknown"]
 SIGNIFICANCE = 0.01
+STEADY = (
+    0.05  # p value of the paired test over blocks of time that a finding must reach, so that no single moment makes it
+)
 SAME = 0.9  # a rival that removes this share of what the best removes, and adds nothing to it, is the same finding
 
 
@@ -354,12 +357,14 @@ def _findings(evidence: Evidence, floor: Array, before: Array, best: Sequence[_B
     for b in best:
         rows = list(b.projection.columns)
         after = evidence.nrmse(b.score.sse)
-        base = evidence.counts.sum(axis=0) * floor**2
-        explainable = max(float((before.sum(axis=0) - base)[rows].sum()), 1e-300)
-        removed = float((before - b.score.sse).sum(axis=0)[rows].sum())
+        kept = (evidence.nrmse(before) ** 2)[rows]
+        explainable = kept - np.minimum(floor / evidence.spread, evidence.nrmse(before))[rows] ** 2
+        share = float(((kept - after[rows] ** 2).sum()) / max(float(explainable.sum()), 1e-300))
         significance = 1.0
         if b.gain > 0:
-            significance = min(1.0, tried * block_test(evidence, b.projection))
+            ratio = 2 * evidence.log_likelihood(before, b.score.sse)
+            chance = float(stats.chi2.sf(ratio, len(b.projection.signs) + len(_shapes_of(b))))
+            significance = min(1.0, tried * chance) if block_test(evidence, b.projection) < STEADY else 1.0
         kind = type(b.projection.effect)
         joints = tuple(dict.fromkeys(j for e in b.members for j in (e.joints or ())))
         names = [c.name for e in b.members for c in e.columns(evidence.model.robot)]
@@ -371,7 +376,7 @@ def _findings(evidence: Evidence, floor: Array, before: Array, best: Sequence[_B
                 error,
                 float(after.mean()),
                 b.gain,
-                float(np.clip(removed / explainable, 0.0, 1.0)),
+                float(np.clip(share, 0.0, 1.0)),
                 significance,
                 dict(zip(names, map(float, b.score.beta), strict=True)) | _shape(b.projection.effect),
                 confused.get(kind.id, ()),
@@ -380,6 +385,11 @@ def _findings(evidence: Evidence, floor: Array, before: Array, best: Sequence[_B
             )
         )
     return findings
+
+
+def _shapes_of(best: _Best) -> tuple[str, ...]:
+    """Shape parameters that were searched."""
+    return tuple(type(best.projection.effect).shapes)
 
 
 def _shape(effect: Effect) -> dict[str, float]:

@@ -88,7 +88,7 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
-    """Samples linearised at their states: columns and their curvature, J L (M, R, D), variance of dry columns (M, R)."""
+    """Samples linearised at their states: columns and their curvature, J L (M, R, D), dry columns' variance (M, R)."""
 
     Y: Array
     C: Array
@@ -223,16 +223,24 @@ def eiv(
             f"{np.sqrt(inflation):.3g} times its high-frequency level, which is what a missing effect looks like"
         )
     return Estimate(
-        tuple(columns),
-        theta,
-        covariance,
-        tuple(joints),
-        sigma,
-        1.0 / (inflation * torque**2),
-        condition,
-        "eiv",
-        tuple(notes),
+        columns=tuple(columns),
+        theta=theta,
+        covariance=covariance,
+        joints=tuple(joints),
+        sigma=sigma,
+        weights=1.0 / (inflation * torque**2),
+        condition=condition,
+        estimator="eiv",
+        information=information_of(A, covariance),
+        notes=tuple(notes),
     )
+
+
+def information_of(A: Array, covariance: Array) -> Array:
+    """Symmetric part of a weighted normal matrix, divided by how much correlation inflates variances, (p, p)."""
+    plain = (A + A.T) / 2
+    inflation = float(np.median(np.diag(covariance) / np.abs(np.diag(np.linalg.inv(plain)))))
+    return np.asarray(plain / max(1.0, inflation))
 
 
 def _start(stretches: Sequence[Samples], names: Sequence[str]) -> Array:

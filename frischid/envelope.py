@@ -192,20 +192,25 @@ class Excess:
     envelope: Envelope
     clearance: Clearance | None
 
-    def __call__(self, states: Array, slope: bool = True) -> tuple[float, Array]:
-        """Excess of q, q̇, q̈ on the grid, and its derivative by them, both (3, M, J)."""
-        value, gradient = self._kinematic(states)
+    def loads(self, states: Array, slope: bool = True) -> tuple[float, Array]:
+        """Excess of torques and distances, and its derivative by q, q̇, q̈ at M times, (3, M, J)."""
+        value, gradient = 0.0, np.zeros_like(states)
         for part in (self._torque, self._distance):
             more, rows, part_gradient = part(states, slope)
             value += more
             gradient[:, rows] += part_gradient
         return value, gradient
 
-    def loads(self, states: Array) -> float:
-        """Excess of torque and distance only."""
-        return self._torque(states, False)[0] + self._distance(states, False)[0]
+    def fits(self, states: Array) -> bool:
+        """Whether torques and distances hold at all times."""
+        return self.loads(states, slope=False)[0] < 1e-6
 
-    def _kinematic(self, states: Array) -> tuple[float, Array]:
+    def broken(self, states: Array) -> NDArray[np.intp]:
+        """Times at which a torque or a distance is not kept."""
+        return np.union1d(self._torque(states, False)[1], self._distance(states, False)[1])
+
+    def kinematic(self, states: Array) -> tuple[float, Array]:
+        """Excess of positions, velocities and accelerations, and its derivative by q, q̇, q̈ at M times, (3, M, J)."""
         e = self.envelope
         size = np.stack([e.half, e.velocity, e.acceleration])[:, None]
         relative = states / size

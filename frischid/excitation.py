@@ -181,8 +181,8 @@ def plan(
 
 
 def default_size(family: str, duration: float) -> int:
-    """Harmonics up to 0.8 Hz, two control points a second, or one via point a second; a few at least."""
-    wanted = {"fourier": round(0.8 * duration), "bspline": round(2 * duration), "points": round(duration) + 1}
+    """Harmonics up to 1 Hz, two control points a second, or one via point a second; a few at least."""
+    wanted = {"fourier": round(duration), "bspline": round(2 * duration), "points": round(duration) + 1}
     return max(wanted[family], 6)
 
 
@@ -202,7 +202,7 @@ def _instants(family: str, shape: Family, samples: int | None, duration: float) 
         if samples not in {None, count}:
             raise InputError(f"family 'points' is judged at its {count} points; leave the samples out")
         return np.linspace(0.0, duration, count)
-    count = max(100, round(5 * duration)) if samples is None else samples
+    count = max(100, round(7.5 * duration)) if samples is None else samples
     if count < 2:
         raise InputError(f"a criterion needs at least 2 samples, got {samples}")
     return np.linspace(0.0, duration, count)

@@ -12,9 +12,9 @@ simulation take turns.
 
 Here the simulated controller is computed torque at the reference with feedback on the simulated error e = q_r − q_s,
 
-    u = Y(q_r, q̇_r, q̈_r) θ + B (ω² e + 2 ω ė),      q̈_s = M(q_s)⁻¹ (u − h(q_s, q̇_s)),
+    u = Y(q_r, q̇_r, q̈_r) θ + M(q_s) (ω² e + 2 ω ė),      q̈_s = M(q_s)⁻¹ (u − h(q_s, q̇_s)),
 
-with M and h read from the columns (the torque is affine in q̈) and B the mean diagonal of M. The simulation restarts
+with M and h read from the columns (the torque is affine in q̈). The simulation restarts
 at the reference every second, all seconds at once: it stays close to the reference whatever θ, which is all that the
 method asks of it, and an error of θ does not grow over the log.
 
@@ -150,7 +150,7 @@ def _smoothed(motion: Motion, robot: Robot, lowpass: LowPass) -> tuple[Motion, M
     """The inner part of a motion, and a reference for it made of each sample's neighbours."""
     half = max(DEGREE + 3, round(SPAN / motion.step))
     N = len(motion.t)
-    if N < 2 * half + 2:
+    if 2 * half + 2 > N:
         raise InputError(
             f"{motion.source}: {N} samples are too few to make a reference from; {2 * half + 2} are needed"
         )
@@ -172,10 +172,18 @@ def _smoothed(motion: Motion, robot: Robot, lowpass: LowPass) -> tuple[Motion, M
                 total += np.correlate(padded, taps[k, i], mode="valid")
             out[c][:, j] = total
     inside = slice(half, N - half)
-    extra = {name: x[inside] for name, x in motion.extra.items()}
-    names = ("t", "q", "v", "a", "tau", "still")
-    inner = replace(motion, **{n: getattr(motion, n)[inside] for n in names}, extra=extra)
-    return inner, replace(inner, **out)
+    inner = Motion(
+        motion.t[inside],
+        motion.q[inside],
+        motion.v[inside],
+        motion.a[inside],
+        motion.tau[inside],
+        motion.still[inside],
+        motion.source,
+        motion.start,
+        {name: x[inside] for name, x in motion.extra.items()},
+    )
+    return inner, replace(inner, q=out["q"], v=out["v"], a=out["a"])
 
 
 def _neighbour_taps(half: int, gap: int, step: float, sigma: dict[str, float]) -> Array:
@@ -205,10 +213,7 @@ def _simulated(regressor: Regressor, base: Sequence[int], theta: Array, referenc
     N, J = reference.q.shape
     length = min(N, max(2, round(SEGMENT / reference.step)))
     starts = np.arange(0, N, length)
-    M, _ = torque.mass_and_rest(reference.q[::10], reference.v[::10])
-    if np.linalg.eigvalsh(M).min() <= 0:
-        return None
-    B, w, h = M.mean(axis=0).diagonal(), STIFFNESS / reference.step, reference.step
+    w, h = STIFFNESS / reference.step, reference.step
     forward = torque(reference.q, reference.v, reference.a)
     out = np.empty((3, N, J))
     q, v = reference.q[starts].copy(), reference.v[starts].copy()
@@ -217,8 +222,8 @@ def _simulated(regressor: Regressor, base: Sequence[int], theta: Array, referenc
         M, rest = torque.mass_and_rest(q, v)
         if not np.isfinite(M).all() or np.linalg.eigvalsh(M).min() <= 0:
             return None
-        u = forward[at] + B * (w**2 * (reference.q[at] - q) + 2 * w * (reference.v[at] - v))
-        a = np.linalg.solve(M, (u - rest)[:, :, None])[:, :, 0]
+        feedback = w**2 * (reference.q[at] - q) + 2 * w * (reference.v[at] - v)
+        a = feedback + np.linalg.solve(M, (forward[at] - rest)[:, :, None])[:, :, 0]
         out[:, at] = q, v, a
         q, v = q + h * v + 0.5 * h**2 * a, v + h * a
     return replace(reference, q=out[0], v=out[1], a=out[2])

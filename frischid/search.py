@@ -47,9 +47,11 @@ Progress = Callable[[float, float], None]
 Bounds = Literal["everywhere", "points"]
 
 STEP = 1e-6  # displacement of a sample for the slope of its rows
-STAGES = ((4.0, 1e1), (12.0, 1e2), (40.0, 1e3), (150.0, 1e4))  # sharpness and weight of each descent
-SHARE = 0.1  # of the budget, for the first phase
+STAGES = ((4.0, 1e1), (20.0, 1e2), (100.0, 1e4))  # sharpness and weight of each descent
+SHARE = 0.05  # of the budget, for the first phase
 POPULATION = 64
+REPAIRS = 3  # most times that what is broken between the grid's times is repaired
+RESERVE = 0.1  # of the budget, for that
 WATCH = 4  # rounds of a descent from one look at the true cost to the next
 
 
@@ -124,6 +126,7 @@ class Search:
         coefficients = len(self.family.constant)
         self.grid = np.linspace(0.0, self.duration, int(np.clip(8 * coefficients, 200, 2000)))
         self.at_samples, self.at_grid = self.family.basis(self.cost.t), self.family.basis(self.grid)
+        self.at_watch = self.at_grid[:, ::2]  # torques and distances cost more to look at
         self.size = np.stack([e.half, e.velocity, e.acceleration])
         # One unit of a coefficient uses up the limit that it meets first.
         reach = np.abs(self.at_grid).max(axis=1)[:, :, None] / self.size[:, None]
@@ -132,13 +135,25 @@ class Search:
     def run(self, seed: int) -> Array:
         """Both phases; returns the coefficients of the best motion that fits, made to fit exactly."""
         X = self.explore(seed)
-        for stage in range(len(STAGES)):
-            X = self.descend(X, stage)
+        share = (1.0 - RESERVE) * (self.budget - self.cost.evaluations) / len(STAGES)
+        for stage in STAGES:
+            X = self.descend(X, stage, share)
         best = X if self.found is None else self.found
         if self.bounds == "points":
             return best
         fine = np.linspace(0.0, self.duration, int(np.ceil(RATE * self.duration)) + 1)
-        return self.lighter(self.exactly_within(best), fine)
+        at_fine = self.family.basis(fine)
+        for left in range(REPAIRS, 0, -1):
+            X = self.exactly_within(best)
+            broken = self.excess.broken(at_fine @ X)
+            if self.found is None or len(broken) == 0:
+                break
+            # What happens there is watched from now on; what was best before no longer counts.
+            self.at_watch = np.concatenate([self.at_watch, at_fine[:, broken]], axis=1)
+            self.best, self.found = np.inf, None
+            last = self.descend(X, STAGES[-1], (self.budget - self.cost.evaluations) / left)
+            best = last if self.found is None else self.found
+        return self.lighter(self.exactly_within(best), at_fine)
 
     # ------------------------------------------------------------------ feasibility
 
@@ -167,17 +182,16 @@ class Search:
         constant = self.family.constant[:, None]
         return np.asarray((X - constant * middle) * factor + constant * pose)
 
-    def lighter(self, X: Array, t: Array) -> Array:
-        """Shrink all joints together about their middle poses until torques and distances hold at times t."""
-        basis = self.family.basis(t)
-        if self.excess.loads(basis @ X) == 0.0:
+    def lighter(self, X: Array, basis: Array) -> Array:
+        """Shrink all joints together about their middle poses until torques and distances hold at the basis' times."""
+        if self.excess.fits(basis @ X):
             return X
         q = basis[0] @ X
         middle = (q.max(axis=0) + q.min(axis=0)) / 2
         low, high = 0.0, 1.0
         for _ in range(10):
             factor = (low + high) / 2
-            fits = self.excess.loads(basis @ self._about(X, middle, factor, middle)) == 0.0
+            fits = self.excess.fits(basis @ self._about(X, middle, factor, middle))
             low, high = (factor, high) if fits else (low, factor)
         # No factor at all: better the motion with its violations named than none.
         return self._about(X, middle, low, middle) if low > 0.0 else X
@@ -193,8 +207,8 @@ class Search:
         def level(y: Array) -> float:
             X = self.random(y.reshape(-1, J))
             cost = self.cost(self.at_samples @ X)
-            excess = self.excess.loads(self.at_grid @ X)
-            self._record(X, cost, excess)
+            excess, _ = self.excess.loads(self.at_watch @ X, slope=False)
+            self._record(X, cost, excess < 1e-6)
             return self._level(cost) + STAGES[0][1] * excess
 
         result = differential_evolution(
@@ -239,17 +253,16 @@ class Search:
 
     # ------------------------------------------------------------------ second phase
 
-    def descend(self, X: Array, stage: int) -> Array:
-        """L-BFGS-B on the soft cost plus the weighted excess, with its share of the budget."""
-        left = self.budget - self.cost.evaluations
-        stop = self.cost.evaluations + left / (len(STAGES) - stage)
+    def descend(self, X: Array, stage: tuple[float, float], share: float) -> Array:
+        """L-BFGS-B on the soft cost plus the weighted excess, for `share` evaluations."""
+        stop = self.cost.evaluations + share
         each = (3 * X.shape[1] + 3) * len(self.cost.shifts)  # a gradient, a look, and one to spare for the end
         rounds, last = count(1), X
 
         def level(z: Array) -> tuple[float, Array]:
             if self.cost.evaluations + each > stop:
                 raise _SpentError
-            return self.objective(z.reshape(X.shape), *STAGES[stage])
+            return self.objective(z.reshape(X.shape), *stage)
 
         def watch(z: Array) -> None:
             nonlocal last
@@ -280,18 +293,19 @@ class Search:
             slope = slope / cost
         gradient = np.einsum("onp,onj->pj", self.at_samples, slope)
         if self.bounds == "everywhere":
-            excess, slope = self.excess(self.at_grid @ X)
-            value += weight * excess
-            gradient += weight * np.einsum("onp,onj->pj", self.at_grid, slope)
+            for excess_of, basis in ((self.excess.kinematic, self.at_grid), (self.excess.loads, self.at_watch)):
+                excess, slope = excess_of(basis @ X)
+                value += weight * excess
+                gradient += weight * np.einsum("onp,onj->pj", basis, slope)
         return value, (gradient * self.unit).ravel()
 
     def _look(self, X: Array) -> None:
         """Judge coefficients as a user would: scaled into the limits, by the true cost."""
-        if self.bounds == "points":
-            self._record(X, self.cost(self.at_samples @ X), 0.0)
-            return
-        X = self.within(X)
-        self._record(X, self.cost(self.at_samples @ X), self.excess.loads(self.at_grid @ X))
+        fits = True
+        if self.bounds == "everywhere":
+            X = self.within(X)
+            fits = self.excess.fits(self.at_watch @ X)
+        self._record(X, self.cost(self.at_samples @ X), fits)
 
     def _box(self) -> Box | None:
         """Limits at the points themselves, where the coefficients are positions, velocities and accelerations."""
@@ -303,9 +317,9 @@ class Search:
     def _level(self, cost: float) -> float:
         return float(np.log(cost)) if self.cost.criterion.positive else cost
 
-    def _record(self, X: Array, cost: float, loads: float) -> None:
+    def _record(self, X: Array, cost: float, fits: bool) -> None:
         """Keep the best motion that fits, and tell how far the search is."""
-        if loads < 1e-6 and cost < self.best:
+        if fits and cost < self.best:
             self.best, self.found = cost, X
             self.history.append((self.cost.evaluations, cost))
         if self.progress is not None:

@@ -44,6 +44,7 @@ STEP = 0.03
 """Displacement of a sensor for differences, as a share of what its channels span: rms of q̇ and q̈, 1 rad (m) of q."""
 
 UNIT = np.ones(1)
+SAME = 1e-8  # relative difference of two channels that is rounding; a clean smooth motion has more
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +106,7 @@ def _derived(x: Array, source: Array, taps: Array) -> bool:
         return False
     made = np.convolve(source, taps[::-1], mode="valid")
     inside = x[half : len(x) - half]
-    return bool(np.abs(made - inside).max() <= 1e-6 * max(float(np.abs(inside).max()), 1e-12))
+    return bool(np.abs(made - inside).max() <= SAME * max(float(np.abs(inside).max()), 1e-12))
 
 
 def sensor_moments(
@@ -220,7 +221,8 @@ def noise_levels(motions: Sequence[Motion], robot: Robot, lowpass: LowPass) -> d
         for sensor in sensors_of(motion, robot, lowpass):
             channel = getattr(motion, next(iter(sensor.taps)))
             values.setdefault(sensor.name, []).append(float(noise_level(channel[:, sensor.joint])))
-        for j, name in enumerate(robot.joints):
+        for j in np.flatnonzero(~np.isnan(motion.tau).any(axis=0)):
+            name = robot.joints[j]
             values.setdefault(f"{TORQUE} {name}", []).append(float(noise_level(motion.tau[:, j])))
     return {name: float(np.median(v)) for name, v in values.items()}
 
@@ -261,7 +263,7 @@ def samples(
             raise InputError(f"noise is given for '{name}'; sensors of this log are {', '.join(levels)}")
     given = {n: (sigma or {}).get(n, (sigma or {}).get(n.split()[0], level)) for n, level in levels.items()}
     index = [robot.joints.index(n) for n in joints]
-    known_torque_noise = all(f"{TORQUE} {n}" in (sigma or {}) or TORQUE in (sigma or {}) for n in joints)
+    torque_given = all(f"{TORQUE} {n}" in (sigma or {}) or TORQUE in (sigma or {}) for n in joints)
     dry_effects = {e.id for e in regressor.effects if e.dry}
     dry = np.array([regressor.columns[i].effect in dry_effects for i in base])
     static = Regressor(robot, [e for e in regressor.effects if not e.memory])
@@ -276,20 +278,7 @@ def samples(
             state = np.concatenate([block.q, block.v, block.a], axis=1)
             tau, used = (block.tau + block.known)[:, index], block.used[:, index]
             columns = _Columns(static, block, tuple(regressor.columns[i].name for i in base), tuple(index))
-            found.append(
-                Samples(
-                    columns,
-                    state,
-                    Y,
-                    tau,
-                    used,
-                    directions,
-                    ratios,
-                    torque,
-                    dry,
-                    all(n in (sigma or {}) for n in [TORQUE]),
-                )
-            )
+            found.append(Samples(columns, state, Y, tau, used, directions, ratios, torque, dry, torque_given))
     return found
 
 

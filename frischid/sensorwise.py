@@ -330,8 +330,8 @@ class _Scheme:
         loose = [n for n, c in zip(data.sensors, corners, strict=True) if c is not None and not c.bounded]
         if loose or not all(c.bounded for c in points):
             notes.append(
-                f"bounds are open: noise of {', '.join(loose) or 'several sensors'} large enough to explain the residual "
-                "would hide the regressor; give data-sheet limits"
+                f"bounds are open: noise of {', '.join(loose) or 'several sensors'} large enough to explain the "
+                "residual would hide the regressor; give data-sheet limits"
             )
         excess = min(c.x[-1] for c in points)
         if excess > self.upper[-1] * (1 + 1e-9):

@@ -70,9 +70,7 @@ MIXED = urdf(
 TIAGO = ["torso_lift_joint", "arm_1_joint", "arm_2_joint", "arm_3_joint", "arm_4_joint"]
 LOADERS = {
     "planar2": lambda: Robot.load("planar2"),
-    "planar2 far_end known": lambda: Robot.load(
-        "planar2", frames="far_end", known={"my1": 0.0, "my2": 0.1, "m2": 9.0}
-    ),
+    "planar2 far_end known": lambda: Robot.load("planar2", frames="far_end", known={"my1": 0.0, "my2": 0.1, "m2": 9.0}),
     "ur10": lambda: Robot.load("ur10"),
     "ur10 far_end tilted": lambda: Robot.load("ur10", frames="far_end", base_rpy=(0.4, -0.9, 0.2)),
     "ur10 own frames": lambda: Robot.load("ur10", frames={"elbow_joint": "forearm_link"}),
@@ -168,9 +166,7 @@ def random_values(machine, effects, seed=0):
     columns = [c for effect in effects for c in effect.columns(machine)]
     Y = whole_regressor(Regressor(machine, effects), *states(machine, 50))[:, len(machine.columns) :]
     size = np.abs(Y).max(axis=2).mean(axis=0)
-    return {
-        c.name: float(x / s) for c, x, s in zip(columns, rng.uniform(0.5, 1.5, len(columns)), size, strict=True)
-    }
+    return {c.name: float(x / s) for c, x, s in zip(columns, rng.uniform(0.5, 1.5, len(columns)), size, strict=True)}
 
 
 def exact_log(machine, effects, values=None, seconds=10.0, rate=100.0, seed=1, **options):

@@ -304,17 +304,24 @@ def test_missing_files(fitted, logs):
     refused(["cannot read '.json' files"], "check", "planar2", fitted[0])
 
 
+def with_value(value, row=7):
+    """Replace one value of a column."""
+    return lambda x: np.where(np.arange(x.size) == row, value, x)
+
+
+NO_Q = {"q_joint1": None, "q_joint2": None}
+NO_TAU = {"tau_joint1": None, "tau_joint2": None}
 BAD = {
-    "no column of a joint": ({"q_joint1": None, "q_joint2": None}, ["no position column", "tau_joint1"]),
+    "no column of a joint": (NO_Q, ["no position column", "tau_joint1"]),
     "no time": ({"t": None}, ["no time column 't'", "q_joint1"]),
-    "no torque": ({"tau_joint1": None, "tau_joint2": None}, ["no torque column", "q_joint1, q_joint2"]),
-    "nan": ({"q_joint2": lambda x: np.where(np.arange(x.size) == 7, np.nan, x)}, ["line 9", "'q_joint2'", "nan"]),
-    "infinite": ({"tau_joint1": lambda x: np.where(np.arange(x.size) == 7, np.inf, x)}, ["line 9", "'tau_joint1'", "inf"]),
-    "time repeats": ({"t": lambda x: np.where(np.arange(x.size) == 50, x[49], x)}, ["does not increase at line 52"]),
+    "no torque": (NO_TAU, ["no torque column", "q_joint1, q_joint2"]),
+    "nan": ({"q_joint2": with_value(np.nan)}, ["line 9", "'q_joint2'", "nan"]),
+    "infinite": ({"tau_joint1": with_value(np.inf)}, ["line 9", "'tau_joint1'", "inf"]),
+    "time repeats": ({"t": with_value(0.06)}, ["does not increase at line 9"]),
     "time falls": ({"t": lambda x: x[::-1]}, ["time does not increase", "steps backwards"]),
-    "no motion": ({"q_joint1": np.zeros_like, "q_joint2": np.zeros_like}, ["no joint moves"]),
-    "zero torque": ({"tau_joint1": np.zeros_like, "tau_joint2": np.zeros_like}, ["the torque is zero throughout"]),
-}  # fmt: skip
+    "no motion": (dict.fromkeys(NO_Q, np.zeros_like), ["no joint moves"]),
+    "zero torque": (dict.fromkeys(NO_TAU, np.zeros_like), ["the torque is zero throughout"]),
+}
 
 
 @pytest.mark.parametrize("command", ["check", "identify"])
@@ -430,7 +437,14 @@ def test_panda_with_a_hand_that_no_log_holds(measured):
     assert any("which some log does not hold" in n and "finger" in n for n in data["notes"])
 
 
-GAINS = {"shoulder_pan": 11.97, "shoulder_lift": 11.98, "elbow": 9.84, "wrist_1": 10.75, "wrist_2": 10.69, "wrist_3": 10.68}
+GAINS = {
+    "shoulder_pan": 11.97,
+    "shoulder_lift": 11.98,
+    "elbow": 9.84,
+    "wrist_1": 10.75,
+    "wrist_2": 10.69,
+    "wrist_3": 10.68,
+}
 
 
 def test_ur10e(measured, tmp_path):

@@ -1,10 +1,11 @@
+import json
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-
 from cases import exact_log, quick, random_values, robot
+
 from frischid.comparison import compare
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError, UnknownNameError
@@ -139,6 +140,6 @@ def test_to_dict_holds_everything():
     data = result.to_dict()
     assert data["nrmse"] == result.nrmse
     assert set(data["joints"]) == set(UR10.joints)
-    assert set(data["joints"]["elbow_joint"]) == {
-        *("rmse", "nrmse", "fit", "bias", "std", "nominal_nrmse", "constant_nrmse", "worst")
-    }
+    usual = ("rmse", "nrmse", "fit", "bias", "std", "nominal_nrmse", "constant_nrmse", "worst")
+    assert set(usual) <= set(data["joints"]["elbow_joint"])
+    json.dumps(data, allow_nan=False)

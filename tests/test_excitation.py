@@ -108,13 +108,13 @@ def test_slope_of_distances():
     excess = Excess(robot, Envelope.of(robot, 1.0), Clearance.of(robot, margin=0.1))
     states = np.zeros((3, 6, 2))
     states[0] = [[0.5, 2.8], [0.4, 2.7], [2.0, 0.3], [2.4, -0.5], [0.0, 0.0], [1.0, 2.75]]
-    value, slope = excess(states)
+    value, slope = excess.loads(states)
     assert value > 0
     assert not slope[0, 4].any()
     direction = np.zeros_like(states)
     direction[0] = np.random.default_rng(0).normal(size=(6, 2))
     h = 1e-6
-    change = (excess(states + h * direction)[0] - excess(states - h * direction)[0]) / (2 * h)
+    change = (excess.loads(states + h * direction)[0] - excess.loads(states - h * direction)[0]) / (2 * h)
     assert (slope * direction).sum() == pytest.approx(change, rel=1e-2)
 
 
@@ -164,7 +164,7 @@ def test_same_seed_same_motion():
 def test_planning_beats_the_best_random_motion():
     seen = []
     robot = Robot.load("planar2")
-    found = plan(robot, duration=8.0, budget=2500, progress=lambda share, cost: seen.append((share, cost)))
+    found = plan(robot, duration=8.0, budget=1500, progress=lambda share, cost: seen.append((share, cost)))
     cost = Cost(robot, BASELINE, np.linspace(0, 8, 100), Condition(), 0)
     search = Search(
         Family.named("fourier", 8.0, 6), cost, Excess(robot, Envelope.of(robot), None), 8.0, "everywhere", 0
@@ -181,7 +181,7 @@ def test_planning_beats_the_best_random_motion():
 def test_points_as_the_paper_has_them():
     robot, effects = paper_arm()
     found = plan(robot, effects, duration=19.0, family="points", criterion="paper", bounds="points",
-                 envelope=paper_bounds(), budget=3000)  # fmt: skip
+                 envelope=paper_bounds(), budget=1500)  # fmt: skip
     q, v, a = found.trajectory(np.arange(20.0))
     assert (np.abs(q) <= 3 + 1e-9).all()
     assert (np.abs(v) <= 5 + 1e-9).all()

@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import exact_log, misfit, quick, random_values, robot, serial_arms, true_base
 from scipy.signal import lfilter
 
-from cases import exact_log, misfit, quick, random_values, robot, serial_arms, true_base
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.frisch import Box
@@ -36,9 +36,7 @@ def joined(first, second, pause):
 def test_several_logs_are_one_identification_and_never_glued():
     logs = [planar_log(seed, channels=()) for seed in (1, 2)]
     # the second begins where the first does not end: a derivative across the boundary would be enormous
-    logs[1] = simulate(
-        PLANAR, Moved(random_fourier(PLANAR, 20.0, seed=2)), rate=100.0, parameters=VALUES, channels=()
-    )
+    logs[1] = simulate(PLANAR, Moved(random_fourier(PLANAR, 20.0, seed=2)), rate=100.0, parameters=VALUES, channels=())
     assert np.abs(logs[0].q[-1] - logs[1].q[0]).max() > 0.3
     two = quick(PLANAR, logs, cutoff=5.0)
     gap = quick(PLANAR, [joined(*logs, pause=3.0)], cutoff=5.0)
@@ -146,7 +144,7 @@ def test_fewer_samples_than_parameters():
     log = exact_log(UR10, BASELINE)
     with pytest.raises(IdentifiabilityError, match=r"torque rows cannot determine \d+ parameters; record longer"):
         quick(UR10, [log.slice(100, 118)], torque_joints=["shoulder_pan_joint"])
-    with pytest.raises(IdentifiabilityError, match="too short to hold any of it out.*record longer"):
+    with pytest.raises(IdentifiabilityError, match=r"too short to hold any of it out.*record longer"):
         quick(PLANAR, [planar_log(seconds=0.95)])
     with pytest.raises(InputError, match="no stretch without a gap is longer"):
         quick(UR10, [log.slice(100, 112)])
@@ -200,7 +198,7 @@ def test_estimators_share_their_rows_and_differ_in_their_weights():
     log = exact_log(UR10, BASELINE, random_values(UR10, BASELINE), 20.0, noise=Noise(tau=0.03))
     found = {e: quick(UR10, [log], estimator=e).model.estimate for e in ESTIMATORS}
     assert found["ols"].weights.tolist() == [1.0] * 6
-    np.testing.assert_allclose(found["wls"].weights, found["wls"].sigma**-2.0, rtol=1e-3)
+    np.testing.assert_allclose(found["wls"].weights, found["wls"].sigma ** -2.0, rtol=1e-3)
     assert not np.allclose(found["wls"].theta, found["ols"].theta, rtol=1e-4)
 
 

@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
-
 from cases import (
     EFFECT_CASES,
     ESTIMATOR_CASES,
@@ -25,15 +24,14 @@ from cases import (
     urdf,
     whole_regressor,
 )
+
 from frischid.effects import BASELINE, EFFECTS
-from frischid.frisch import simplex
 from frischid.gram import total
 from frischid.identification import structure
 from frischid.model import Model
-from frischid.regressor import nominal_parameters
-from frischid.regressor import Regressor, accumulate, gram_of
-from frischid.simulation import Noise, torque
+from frischid.regressor import Regressor, accumulate, gram_of, nominal_parameters
 from frischid.signals import LowPass, prepare
+from frischid.simulation import Noise, torque
 
 every_robot = pytest.mark.parametrize("name", ROBOTS)
 every_effect = pytest.mark.parametrize("effect", EFFECT_CASES.values(), ids=EFFECT_CASES)
@@ -125,7 +123,8 @@ def test_effects_describe_their_columns(name, effect):
     assert again == effect
     for text in ("title", "equation", "sentence", "looks_like", "confirmed_by", "reference"):
         assert getattr(effect, text)
-    assert set(effect.confused_with) and effect.id not in effect.confused_with
+    assert set(effect.confused_with)
+    assert effect.id not in effect.confused_with
 
 
 @pytest.mark.parametrize("name", ["ur10", "mixed mimic"])
@@ -304,7 +303,7 @@ def test_adding_a_simulated_effect_removes_it_exactly(name, effect):
         basis = (EFFECTS["viscous"](),)
     both = (*basis, effect)
     values = random_values(machine, both)
-    log = exact_log(machine, both, values, rate=200.0)
+    log = exact_log(machine, both, values)
     without, with_it = quick(machine, [log], effects=basis), quick(machine, [log], effects=both)
     assert max(with_it.cross_validation.values()) < 1e-5
     assert misfit(with_it, true_base(with_it, values)) < 1e-4

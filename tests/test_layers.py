@@ -18,10 +18,20 @@ LAYERS = (
     ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance"),
     (
         *("regressor", "reduction", "estimate", "eiv", "iv", "frisch", "bbrf", "selection", "physical"),
-        *("sensorwise", "sensitivity", "criteria", "envelope", "conditions"),
+        *("sensorwise", "sensitivity", "criteria", "envelope"),
     ),
     ("model",),
-    ("identification", "excitation", "search", "simulation", "comparison", "noise", "evidence", "contact"),
+    (
+        "identification",
+        "excitation",
+        "search",
+        "simulation",
+        "comparison",
+        "conditions",
+        "noise",
+        "evidence",
+        "contact",
+    ),
     ("diagnosis",),
     ("improvement",),
     ("demo",),
@@ -29,10 +39,7 @@ LAYERS = (
     ("studio", "cluster"),
     ("cli",),
 )
-NUMERIC = (
-    *("gram", "reduction", "estimate", "eiv", "iv", "frisch", "bbrf", "selection", "physical", "sensorwise"),
-    "criteria",
-)
+NUMERIC = ("gram", "reduction", "estimate", "eiv", "frisch", "sensorwise", "bbrf", "selection", "criteria")
 LAYER = {module: k for k, layer in enumerate(LAYERS) for module in layer}
 
 
@@ -59,13 +66,12 @@ def imports(everywhere):
 
 def within(everywhere=True):
     """Imports inside the package, by the first part of the module's name; public names by their home."""
-    home = frischid._HOME
-    return {
-        module: {home.get(part, part) for name in names if name.startswith("frischid.") for part in [name.split(".")[1]]}
-        - {module}
-        for module, names in imports(everywhere).items()
-        if module not in ("__init__", "__main__")
-    }  # fmt: skip
+    home, edges = frischid._HOME, {}
+    for module, names in imports(everywhere).items():
+        parts = {name.split(".")[1] for name in names if name.startswith("frischid.")}
+        if module not in ("__init__", "__main__"):
+            edges[module] = {home.get(part, part) for part in parts} - {module}
+    return edges
 
 
 def test_every_module_has_a_layer():

@@ -489,4 +489,4 @@ def test_measured_defects_are_never_repaired(data, tmp_path):
     refused(["line 5, column 't' holds 2.68156e+154", "not a measurement"], shorter, UR10E, mapping)
     shorter.write_text("\n".join(line for line in lines if line.startswith("3") and "00000000" not in line))
     log = read_log(shorter, UR10E, mapping)
-    assert any("gaps longer" in warning for warning in warnings_of(log))
+    assert any("gaps in the time stamps" in warning for warning in warnings_of(log))

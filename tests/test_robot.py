@@ -4,10 +4,10 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from cases import MIXED, ROBOTS, TIAGO, Reference, joint, link, made, robot, states, urdf
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cases import MIXED, ROBOTS, TIAGO, Reference, joint, link, made, robot, states, urdf
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot import LINK_PARAMETERS, Robot, robot_names
 
@@ -60,7 +60,10 @@ def test_ambiguous_names_carry_their_folder():
         (b"<robot name='x'><link name='a'>", ["not an XML file", "line 1"]),
         (b"<sdf/>", ["root element is <sdf>", "<robot>"]),
         (b"\xff\xfe\x00", ["not a UTF-8 text file"]),
-        (b"<robot name='x' xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:arm/></robot>", ["xacro", "expand it first"]),
+        (
+            b"<robot name='x' xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:arm/></robot>",
+            ["xacro", "expand it first"],
+        ),
         (b"<robot name='x'/>", ["arm.urdf"]),
         (b"<robot name='x'><link name='a'/></robot>", ["no joint is left to move"]),
     ],

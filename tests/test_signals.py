@@ -3,10 +3,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import exact_log, robot
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cases import exact_log, robot
 from frischid.effects import BASELINE
 from frischid.errors import InputError
 from frischid.identification import identify

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-
 from cases import EFFECT_CASES, Reference, exact_log, robot
+
 from frischid.effects import parse_effects
 from frischid.errors import InputError, UnknownNameError
 from frischid.regressor import Regressor
@@ -30,7 +30,8 @@ def test_motion_is_the_trajectory():
 
 
 def test_the_urdf_says_friction():
-    theta = dict(zip([*PLANAR.all_names, "fv1", "fv2", "fc1", "fc2"], parameters_of(PLANAR, parse_effects("viscous,coulomb")), strict=True))  # fmt: skip
+    names = [*PLANAR.all_names, "fv1", "fv2", "fc1", "fc2"]
+    theta = dict(zip(names, parameters_of(PLANAR, parse_effects("viscous,coulomb")), strict=True))
     assert [theta[k] for k in ("fv1", "fv2", "fc1", "fc2")] == [0.1434, 0.1391, 0.3302, 0.3576]
     bare, rubbing = (simulate(PLANAR, MOTION, rate=50.0, effects=e) for e in ((), parse_effects("viscous,coulomb")))
     expected = bare.v * [0.1434, 0.1391] + np.tanh(bare.v / 0.005) * [0.3302, 0.3576]
@@ -45,7 +46,9 @@ def test_values_replace_the_urdfs():
     )
     usual = parameters_of(PLANAR, effects)[PLANAR.all_names.index("Izz2")]
     total = bare.a.sum(axis=1, keepdims=True) * (1.0 - usual)
-    np.testing.assert_allclose(more.tau - bare.tau, np.c_[2.0 * bare.v[:, 0], np.full(len(bare), -3.0)] + total, atol=1e-9)
+    np.testing.assert_allclose(
+        more.tau - bare.tau, np.c_[2.0 * bare.v[:, 0], np.full(len(bare), -3.0)] + total, atol=1e-9
+    )
 
 
 def test_unknown_parameter():
@@ -67,9 +70,7 @@ def test_noise_has_the_asked_size():
 
 
 def test_seed_makes_the_log():
-    first, again, other = (
-        simulate(PLANAR, MOTION, rate=50.0, noise=Noise(q=1e-3, tau=0.1), seed=s) for s in (1, 1, 2)
-    )
+    first, again, other = (simulate(PLANAR, MOTION, rate=50.0, noise=Noise(q=1e-3, tau=0.1), seed=s) for s in (1, 1, 2))
     np.testing.assert_array_equal(first.q, again.q)
     np.testing.assert_array_equal(first.tau, again.tau)
     assert not np.array_equal(first.q, other.q)

@@ -11,13 +11,16 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
+from frischid.effects.dynamics import RigidDynamics, Slopes
 from frischid.errors import InputError, UnknownNameError
 from frischid.gram import Column, Sign
 from frischid.robot import Robot
@@ -26,6 +29,9 @@ Array = NDArray[np.float64]
 
 EFFECTS: dict[str, type[Effect]] = {}
 """The catalogue: identifier -> effect class, in order of definition."""
+
+WIDTH = 0.005
+"""Speed over which the sign of a speed is smoothed, rad/s (m/s): at standstill its sign is a coin toss."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +53,8 @@ class State:
         Time at which the log begins, s.
     extra : mapping of str to ndarray, shape (N,)
         Other channels of the log, for example ``temperature_<joint>``.
+    reference : ndarray, shape (R,), optional
+        Reference values of ``robot.columns``, those `load` is made of; None: the URDF's own.
     """
 
     robot: Robot
@@ -58,12 +66,38 @@ class State:
     torque: Array
     start: float = 0.0
     extra: Mapping[str, Array] = dataclasses.field(default_factory=dict)
+    reference: Array | None = None
 
     @classmethod
     def empty(cls, robot: Robot) -> State:
         """No samples: for asking an effect only what its columns are."""
         none = np.empty((0, len(robot.joints)))
         return cls(robot, np.empty(0), none, none, none, none, none)
+
+    @cached_property
+    def rigid(self) -> RigidDynamics:
+        """Rigid-body dynamics of the reference parameters, for states other than the measured ones."""
+        return RigidDynamics.of(self.robot, self.reference)
+
+    @cached_property
+    def slopes(self) -> Slopes:
+        """Derivatives of the reference's rigid torque along this motion."""
+        return self.rigid.slopes(self.q, self.v, self.a)
+
+    def rate(self, x: Array, order: int = 1) -> Array:
+        """Time derivative of a channel (N,) or several (N, ...), of order 1 or 2: that of the spline through it.
+
+        Raises
+        ------
+        InputError
+            The samples are not in the order of time, so nothing can be differentiated.
+        """
+        degree = min(5, len(self.t) - 1)
+        if degree < order:
+            return np.zeros_like(x)
+        if (np.diff(self.t) <= 0).any():
+            raise InputError("an effect needs the rate of the torque: give the samples' times, in increasing order")
+        return np.asarray(make_interp_spline(self.t, x, k=degree).derivative(order)(self.t))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +144,8 @@ class Effect(ABC):
     """What the diagnosis tries: one joint at a time, the whole robot, or nothing."""
     change: ClassVar[bool] = False
     """Whether it is something that happens to a robot (a payload, a tilt) rather than part of it from the start."""
+    several: ClassVar[bool] = False
+    """Whether it may come more than once on the same joints, with other parameters."""
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     """Values the diagnosis tries for each shape parameter, in order; it refines between neighbours."""
 
@@ -137,6 +173,10 @@ class Effect(ABC):
             return []
         places = [None] if cls.candidate == "robot" else [(name,) for name in robot.joints]
         return [cls.variants(place) for place in places]
+
+    def channels(self, robot: Robot) -> tuple[str, ...]:
+        """Extra channels of a log that this effect reads (see `State.extra`)."""
+        return ()
 
     def columns(self, robot: Robot) -> list[Column]:
         """Names, units and signs of the columns, without any motion."""
@@ -167,6 +207,22 @@ class Effect(ABC):
         """Build a column ``symbol + number`` that belongs to this effect."""
         return Column(f"{symbol}{number}", unit, joint, self.id, sign)
 
+    def per_joint(
+        self, state: State, symbol: str, per: str, values: Callable[[int], Array], sign: Sign = 0
+    ) -> list[Term]:
+        """One column for each joint the effect acts on, in that joint's own row; `per` as in `torque_unit`."""
+        return [
+            Term(self.column(symbol, torque_unit(state.robot, i, per), name, number, sign), {i: values(i)})
+            for i, name, number in self.acts_on(state.robot)
+        ]
+
+    def require_positive(self, **meanings: str) -> None:
+        """Raise InputError unless each of these shape parameters is a positive number; `meanings` says of what."""
+        for name, meaning in meanings.items():
+            value = getattr(self, name)
+            if not is_number(value) or value <= 0:
+                raise InputError(f"{self.id}: {name} must be a positive {meaning}, got {value}")
+
     @property
     def parameters(self) -> dict[str, float | bool | str]:
         """Shape parameters of this effect (not identified, only stated)."""
@@ -177,95 +233,47 @@ class Effect(ABC):
         return {"effect": self.id, "joints": None if self.joints is None else list(self.joints), **self.parameters}
 
     def __str__(self) -> str:
-        inner = ", ".join(f"{k}={v:g}" if isinstance(v, float) else f"{k}={v}" for k, v in self.parameters.items())
+        inner = ", ".join(f"{k}={_written(v)}" for k, v in self.parameters.items())
         where = "" if self.joints is None else "@" + "+".join(self.joints)
         return f"{self.id}{f'({inner})' if inner else ''}{where}"
 
 
+def _written(value: float | bool | str) -> str:
+    """A parameter as `parse_effects` reads it back: numbers short where that is exact, expressions in quotes."""
+    if isinstance(value, str):
+        return value if value.isidentifier() else f'"{value}"'
+    if isinstance(value, bool):
+        return str(value)
+    return f"{value:g}" if float(f"{value:g}") == value else repr(float(value))
+
+
+def is_number(value: object) -> bool:
+    """Whether a parameter is a finite number: parameters come from text and files."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+UNITS = {
+    "": ("N·m", "N"),
+    "rate": ("N·m·s/rad", "N·s/m"),
+    "rate^2": ("N·m·s²/rad²", "N·s²/m²"),
+    "rate^3": ("N·m·s³/rad³", "N·s³/m³"),
+    "acceleration": ("kg·m²", "kg"),
+    "position": ("N·m/rad", "N/m"),
+    "position^2": ("N·m/rad²", "N/m²"),
+    "position^3": ("N·m/rad³", "N/m³"),
+    "rate kelvin": ("N·m·s/(rad·K)", "N·s/(m·K)"),
+    "kelvin": ("N·m/K", "N/K"),
+    "torque": ("1", "1"),
+    "torque rate": ("s", "s"),
+    "torque slope": ("rad", "m"),
+    "torque slope torque": ("rad/(N·m)", "m/N"),
+}
+"""What a column is made of -> unit of its parameter on a turning joint, on a sliding one."""
+
+
 def torque_unit(robot: Robot, joint: int, per: str = "") -> str:
-    """Unit of a joint's torque (force, when it slides) per rad/s, rad/s² or nothing."""
-    slides = bool(robot.prismatic[joint])
-    units = {
-        "": ("N·m", "N"),
-        "rate": ("N·m·s/rad", "N·s/m"),
-        "acceleration": ("kg·m²", "kg"),
-    }
-    return units[per][slides]
-
-
-def effect_from_dict(data: Mapping[str, Any]) -> Effect:
-    """Inverse of `Effect.to_dict`.
-
-    Raises
-    ------
-    UnknownNameError
-        No such effect, or it has no such parameter.
-    """
-    values = dict(data)
-    name = str(values.pop("effect"))
-    if name not in EFFECTS:
-        raise UnknownNameError("effect", name, EFFECTS)
-    kind = EFFECTS[name]
-    known = {f.name: f.default for f in dataclasses.fields(kind)}
-    joints = values.pop("joints", None)
-    for key, value in values.items():
-        if key not in known:
-            raise UnknownNameError("parameter", key, set(known) - {"joints"}, f"effect {name}")
-        number = isinstance(known[key], float) and isinstance(value, int | float) and not isinstance(value, bool)
-        if isinstance(known[key], bool | float | str) and not (number or type(value) is type(known[key])):
-            raise InputError(f"effect {name}: {key} = {value!r}, expected something like {known[key]!r}")
-    return kind(joints=None if joints is None else tuple(joints), **values)
-
-
-def parse_effects(text: str) -> tuple[Effect, ...]:
-    """Read ``"viscous, coulomb(width=0.02), offset@joint1+joint2"``.
-
-    Raises
-    ------
-    InputError
-        The text is malformed; UnknownNameError when a name does not exist.
-    """
-    effects = [_parse_one(item) for item in _split(text) if item.strip()]
-    if len({(e.id, e.joints) for e in effects}) < len(effects):
-        raise InputError(f"effects '{text}': the same effect is named twice for the same joints")
-    return tuple(effects)
-
-
-def _split(text: str) -> list[str]:
-    """Split at commas that are not inside parentheses."""
-    items, depth = [""], 0
-    for character in text:
-        depth += (character == "(") - (character == ")")
-        if character == "," and depth == 0:
-            items.append("")
-        else:
-            items[-1] += character
-    return items
-
-
-def _parse_one(item: str) -> Effect:
-    head, _, joints = item.strip().partition("@")
-    name, bracket, inside = head.partition("(")
-    if bracket and not inside.endswith(")"):
-        raise InputError(f"effect '{item.strip()}': write it as name(parameter=value)@joint+joint")
-    values: dict[str, Any] = {"effect": name.strip()}
-    for pair in filter(None, (p.strip() for p in inside.removesuffix(")").split(","))):
-        key, _, value = pair.partition("=")
-        values[key.strip()] = _value(value.strip(), item)
-    if joints:
-        values["joints"] = [j.strip() for j in joints.split("+")]
-    return effect_from_dict(values)
-
-
-def _value(text: str, item: str) -> float | bool | str:
-    if text.lower() in {"true", "false"}:
-        return text.lower() == "true"
-    try:
-        return float(text)
-    except ValueError:
-        if text:
-            return text
-        raise InputError(f"effect '{item.strip()}': a parameter has no value; write name(parameter=value)") from None
+    """Unit of a joint's torque (force, when it slides) per what a column is made of, one of `UNITS`."""
+    return UNITS[per][bool(robot.prismatic[joint])]
 
 
 def columns_of(robot: Robot, effects: Sequence[Effect]) -> tuple[Column, ...]:

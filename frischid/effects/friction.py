@@ -3,6 +3,8 @@
     τ_f,j = fv_j q̇_j + fc_j tanh(q̇_j / w) + off_j
 
 The sign of the speed is smoothed over ±w, because at standstill the measured speed is noise and its sign a coin toss.
+
+Source: Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7).
 """
 
 from __future__ import annotations
@@ -12,8 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from frischid.effects.base import Effect, State, Term, torque_unit
-from frischid.errors import InputError
+from frischid.effects.base import WIDTH, Effect, State, Term
 from frischid.robot import Robot
 
 
@@ -26,16 +27,13 @@ class Viscous(Effect):
     equation: ClassVar[str] = "fv·v"
     sentence: ClassVar[str] = "{joint} needs torque in proportion to its speed: viscous friction"
     looks_like: ClassVar[str] = "a straight line through zero when the residual is drawn against speed"
-    confused_with: ClassVar[tuple[str, ...]] = ("coulomb",)
+    confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "quadratic_viscous", "time_delay")
     confirmed_by: ClassVar[str] = "move the joint at several constant speeds, in both directions"
     reference: ClassVar[str] = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
 
     def terms(self, state: State) -> list[Term]:
         """One column a joint: its speed."""
-        return [
-            Term(self.column("fv", torque_unit(state.robot, i, "rate"), name, n, sign=1), {i: state.v[:, i]})
-            for i, name, n in self.acts_on(state.robot)
-        ]
+        return self.per_joint(state, "fv", "rate", lambda i: state.v[:, i], sign=1)
 
     def nominal(self, robot: Robot) -> list[float]:
         """``<dynamics damping>`` of the URDF."""
@@ -57,27 +55,20 @@ class Coulomb(Effect):
     equation: ClassVar[str] = "fc·tanh(v/width)"
     sentence: ClassVar[str] = "{joint} needs a constant torque against its motion, whatever the speed: Coulomb friction"
     looks_like: ClassVar[str] = "a step at zero when the residual is drawn against speed"
-    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "offset")
+    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "load_friction", "hysteresis")
     confirmed_by: ClassVar[str] = "move the joint slowly in both directions: the torque jumps by 2·fc at each reversal"
     reference: ClassVar[str] = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
 
     dry: ClassVar[bool] = True
 
-    width: float = 0.005
+    width: float = WIDTH
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.width) and self.width > 0):
-            raise InputError(f"coulomb: width must be a positive speed in rad/s (m/s), got {self.width}")
+        self.require_positive(width="speed in rad/s (m/s)")
 
     def terms(self, state: State) -> list[Term]:
         """One column a joint: the smoothed sign of its speed."""
-        return [
-            Term(
-                self.column("fc", torque_unit(state.robot, i), name, n, sign=1),
-                {i: np.tanh(state.v[:, i] / self.width)},
-            )
-            for i, name, n in self.acts_on(state.robot)
-        ]
+        return self.per_joint(state, "fc", "", lambda i: np.tanh(state.v[:, i] / self.width), sign=1)
 
     def nominal(self, robot: Robot) -> list[float]:
         """``<dynamics friction>`` of the URDF."""
@@ -95,13 +86,10 @@ class Offset(Effect):
         "{joint}'s torque is off by a constant: sensor or amplifier offset, or uneven dry friction"
     )
     looks_like: ClassVar[str] = "the whole residual lies above or below zero"
-    confused_with: ClassVar[tuple[str, ...]] = ("coulomb",)
+    confused_with: ClassVar[tuple[str, ...]] = ("asymmetric_coulomb", "joint_spring")
     confirmed_by: ClassVar[str] = "hold the robot still in several poses: the offset is the same in all"
     reference: ClassVar[str] = "Swevers, Verdonck and De Schutter 2007, IEEE Control Systems 27(5)"
 
     def terms(self, state: State) -> list[Term]:
         """One column a joint: one."""
-        return [
-            Term(self.column("off", torque_unit(state.robot, i), name, n), {i: np.ones(len(state.t))})
-            for i, name, n in self.acts_on(state.robot)
-        ]
+        return self.per_joint(state, "off", "", lambda i: np.ones(len(state.t)))

@@ -3,17 +3,29 @@
 A rotor of inertia I_m behind a gear of ratio k turns k times as fast as its joint. Seen from the joint it weighs
 ``Ia = k² I_m``, often more than the link itself. The full form also counts what the spinning rotor does to the
 link that carries it (see `Robot.rotor_coupling`).
+
+A motor pulls a little more in some positions of its magnets and teeth than in others, ``A sin(N q) + B cos(N q)``;
+and in a wrist one motor may turn with the sum of two joints, ``s = q_i + r q_j``, so that its friction and inertia
+load both,
+
+    τ_i = f(ṡ, s̈),   τ_j = r f(ṡ, s̈),   f = fvm ṡ + fcm tanh(ṡ/w) + Iam s̈.
+
+Sources: Sciavicco, Siciliano and Villani 1996, Robotica 14(4); Holtz and Springob 1996, IEEE Trans. Industrial
+Electronics 43(2); Janot, Vandanjon and Gautier 2014, IEEE Trans. Control Systems Technology 22(1).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from itertools import pairwise
+from typing import ClassVar, Self
 
 import numpy as np
 
-from frischid.effects.base import Effect, State, Term, torque_unit
+from frischid.effects.base import WIDTH, Effect, State, Term, is_number, torque_unit
 from frischid.errors import InputError
+from frischid.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -34,7 +46,7 @@ class RotorInertia(Effect):
     equation: ClassVar[str] = "Ia·a  (coupled: Im·(ratio²·a + ratio·z·ω̇) and its reaction on the rows before)"
     sentence: ClassVar[str] = "{joint} needs torque in proportion to its acceleration beyond its links': rotor inertia"
     looks_like: ClassVar[str] = "a straight line through zero when the residual is drawn against acceleration"
-    confused_with: ClassVar[tuple[str, ...]] = ("payload",)
+    confused_with: ClassVar[tuple[str, ...]] = ("payload", "elasticity", "time_delay")
     confirmed_by: ClassVar[str] = "fast oscillations of this joint alone, in poses with different link inertia about it"
     reference: ClassVar[str] = "Sciavicco, Siciliano and Villani 1996, Robotica 14(4); Featherstone 2008, sec. 9.6"
 
@@ -56,3 +68,122 @@ class RotorInertia(Effect):
         torque = state.robot.rotor_coupling(state.q, state.v, state.a, name, self.ratio)
         rows = {j: torque[:, j] for j in range(torque.shape[1])}
         return Term(self.column("Im", unit, name, number, sign=1), rows)
+
+
+@dataclass(frozen=True)
+class Cogging(Effect):
+    """Torque ripple with the joint's position, ``A sin(order q) + B cos(order q)``.
+
+    Attributes
+    ----------
+    order : float
+        Ripples a turn of the joint (rad/m of a sliding joint).
+    """
+
+    id: ClassVar[str] = "cogging"
+    title: ClassVar[str] = "cogging and gear ripple"
+    equation: ClassVar[str] = "A·sin(N·q) + B·cos(N·q)"
+    sentence: ClassVar[str] = (
+        "{joint}'s torque ripples with its angle: cogging of the motor's magnets, or the teeth of the gear"
+    )
+    looks_like: ClassVar[str] = "a regular wave when the residual is drawn against angle, the same in both directions"
+    confused_with: ClassVar[tuple[str, ...]] = ("counterbalance", "joint_spring", "payload")
+    confirmed_by: ClassVar[str] = "one slow turn at constant speed, sampled well above N times the speed"
+    reference: ClassVar[str] = "Holtz and Springob 1996, IEEE Trans. Industrial Electronics 43(2)"
+
+    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
+        "order": tuple(map(float, [*range(3, 64), *range(64, 202, 2)])),
+    }
+
+    order: float = 12.0
+
+    def __post_init__(self) -> None:
+        self.require_positive(order="number of ripples a turn")
+
+    def terms(self, state: State) -> list[Term]:
+        """Two columns a joint: sine and cosine."""
+        return [
+            *self.per_joint(state, "A", "", lambda i: np.sin(self.order * state.q[:, i])),
+            *self.per_joint(state, "B", "", lambda i: np.cos(self.order * state.q[:, i])),
+        ]
+
+
+@dataclass(frozen=True)
+class JointCoupling(Effect):
+    """A motor that turns with two joints at once, ``s = q_i + ratio q_j``: its friction and inertia load both.
+
+    Acts on pairs: the two joints named; with more named, or none, on all that follow one another in the robot (turning
+    joints among themselves, sliding ones too).
+
+    Attributes
+    ----------
+    ratio : float
+        How much of the second joint's motion the motor makes per motion of the first: 1 in a wrist that adds, −1 in one
+        that subtracts.
+    """
+
+    id: ClassVar[str] = "joint_coupling"
+    title: ClassVar[str] = "coupled joints: one motor turns with two"
+    equation: ClassVar[str] = (
+        "f = fvm·ṡ + fcm·tanh(ṡ/width) + Iam·s̈ on joint i, ratio·f on joint j,  s = q_i + ratio·q_j"
+    )
+    sentence: ClassVar[str] = (
+        "{joint} feel each other's speed: a motor turns with both at once, as in many wrists, and brings its friction "
+        "and inertia to both"
+    )
+    looks_like: ClassVar[str] = "each of two joints needs torque when only the other moves"
+    confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "rotor_inertia")
+    confirmed_by: ClassVar[str] = "move the second joint alone, hold the first: the first's torque follows that motion"
+    reference: ClassVar[str] = "Janot, Vandanjon and Gautier 2014, IEEE Trans. Control Systems Technology 22(1)"
+
+    dry: ClassVar[bool] = True
+
+    ratio: float = 1.0
+    width: float = WIDTH
+
+    def __post_init__(self) -> None:
+        if not is_number(self.ratio) or self.ratio == 0:
+            raise InputError(f"joint_coupling: ratio must be a finite number other than zero, got {self.ratio}")
+        if self.joints is not None and len(self.joints) < 2:
+            raise InputError(f"joint_coupling: name the two joints it couples, got {' '.join(self.joints) or 'none'}")
+        self.require_positive(width="speed in rad/s (m/s)")
+
+    @classmethod
+    def candidates(cls, robot: Robot) -> list[list[Self]]:
+        """Every two joints that follow one another, turning with their sum and with their difference."""
+        return [[cls(joints=pair, ratio=ratio)] for pair in _neighbours(robot) for ratio in (1.0, -1.0)]
+
+    def pairs(self, robot: Robot) -> list[tuple[str, str]]:
+        """Which joints are coupled."""
+        names = [name for _, name, _ in self.acts_on(robot)]
+        if self.joints is None or len(names) > 2:
+            return [pair for pair in _neighbours(robot) if set(pair) <= set(names)]
+        i, j = (robot.joints.index(name) for name in names)
+        if robot.prismatic[i] != robot.prismatic[j]:
+            raise InputError(f"joint_coupling: {names[0]} and {names[1]} do not both turn or both slide")
+        return [(names[0], names[1])]
+
+    def terms(self, state: State) -> list[Term]:
+        """Three columns a pair: speed, its smoothed sign, and acceleration of the motor."""
+        return [term for pair in self.pairs(state.robot) for term in self._of_pair(state, *pair)]
+
+    def _of_pair(self, state: State, first: str, second: str) -> list[Term]:
+        robot = state.robot
+        i, j = robot.joints.index(first), robot.joints.index(second)
+        speed, acceleration = (x[:, i] + self.ratio * x[:, j] for x in (state.v, state.a))
+        columns = {
+            ("fvm", "rate"): speed,
+            ("fcm", ""): np.tanh(speed / self.width),
+            ("Iam", "acceleration"): acceleration,
+        }
+        number = f"{robot.numbers[first]}_{robot.numbers[second]}"
+        return [
+            Term(self.column(symbol, torque_unit(robot, i, per), second, number, sign=1), {i: f, j: self.ratio * f})
+            for (symbol, per), f in columns.items()
+        ]
+
+
+def _neighbours(robot: Robot) -> list[tuple[str, str]]:
+    """Joints of one kind that follow one another."""
+    kinds = ([n for n, slides in zip(robot.joints, robot.prismatic, strict=True) if slides == k] for k in (False, True))
+    return [pair for names in kinds for pair in pairwise(names)]

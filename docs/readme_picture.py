@@ -6,16 +6,19 @@ Draws the UR10e's validation log when FRISCHID_DATA is set, the demonstration's 
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
-from common import data_folder
-from real_robots import CASES, identified
 
 import frischid as fr
 from frischid import demo
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+from common import data_folder
+from real_robots import CASES, identified
 
 
 def main() -> None:

@@ -1,0 +1,148 @@
+"""Rigid-body dynamics of reference parameters, and how its torque changes with the state and with gravity.
+
+A flexible joint, a gap or a tilted base move the links a little away from where they are measured. To first order
+
+    Δτ = ∂τ/∂q δ + ∂τ/∂q̇ δ̇ + M δ̈,
+
+with the derivatives of inverse dynamics that Pinocchio has in closed form (Carpentier and Mansard 2018, RSS). The
+reference may be identified base parameters: links without mass that yet have first moments, which no Pinocchio model
+can hold. But torque is linear in θ, so with a point mass θ_c on every joint, large enough to keep all masses positive,
+
+    τ(θ) = τ(θ + θ_c) − τ(θ_c),   and the same for every derivative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from frischid.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+FELT = 1e-9  # a torque nobody feels is this small or smaller, N·m
+
+
+class Slopes(NamedTuple):
+    """Derivatives of the torque by position, velocity and acceleration, each (N, J, J): row, then joint moved."""
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RigidDynamics:
+    """Rigid-body torque of any parameters.
+
+    Attributes
+    ----------
+    robot : Robot
+    theta : ndarray, shape (10 L,)
+        Values of ``robot.all_names``, in the user's frames.
+    """
+
+    robot: Robot
+    theta: Array
+
+    @classmethod
+    def of(cls, robot: Robot, reference: Array | None = None) -> RigidDynamics:
+        """Dynamics of values of ``robot.columns`` (None: the URDF's own), and of what is known outright."""
+        values = dict(zip(robot.all_names, robot.nominal, strict=True))
+        if reference is not None:
+            values |= dict(zip((c.name for c in robot.columns), reference, strict=True))
+        return cls(robot, np.array(list((values | dict(robot.known)).values())))
+
+    @classmethod
+    def generic(cls, robot: Robot) -> RigidDynamics:
+        """Dynamics of arbitrary parameters: what has no torque here has none for any parameters."""
+        return cls(robot, np.random.default_rng(0).normal(size=len(robot.all_names)))
+
+    @cached_property
+    def _models(self) -> tuple[tuple[float, Any], ...]:
+        """The two models whose difference has the parameters `theta`, with their signs."""
+        blocks = self.theta.reshape(-1, 10)
+        if self.robot.transforms is not None:
+            blocks = (self.robot.transforms @ blocks[:, :, None])[:, :, 0]
+        point = np.zeros(10)
+        point[0] = 1.0 + np.abs(blocks[:, 0]).max()
+        plus, minus = self.robot.model.copy(), self.robot.model.copy()
+        for index, block in enumerate(blocks, start=1):
+            plus.inertias[index] = pin.Inertia.FromDynamicParameters(block + point)
+            minus.inertias[index] = pin.Inertia.FromDynamicParameters(point)
+        return (1.0, plus), (-1.0, minus)
+
+    @cached_property
+    def _followers(self) -> Array:
+        """Speed of every body's joint per speed of the independent ones, (L, J): mimic joints follow."""
+        robot = self.robot
+        out = np.zeros((len(robot.bodies), len(robot.joints)))
+        for row, name in enumerate(robot.bodies):
+            leader, factor, _ = robot.mimics.get(name, (name, 1.0, 0.0))
+            out[row, robot.joints.index(leader)] = factor
+        return out
+
+    def _difference(self, size: tuple[int, ...], states: tuple[Array, ...], compute: Callable[..., Any]) -> Array:
+        """Σ ± compute(model, data, *state) over the two models, for every sample."""
+        out = np.zeros((len(states[0]), *size))
+        for sign, model in self._models:
+            data = model.createData()
+            for target, state in zip(out, zip(*states, strict=True), strict=True):
+                target += sign * np.asarray(compute(model, data, *state))
+        return out
+
+    def torque(self, q: Array, v: Array, a: Array) -> Array:
+        """Torque (N, J) of a motion, N·m (N)."""
+        G = self._followers
+        states = (self.robot.configuration(q), v @ G.T, a @ G.T)
+        return self._difference((len(G),), states, pin.rnea) @ G
+
+    def gravity_torque(self, q: Array, gravity: Array) -> Array:
+        """Torque (N, J) that carries the arm at rest under a gravity vector in the base frame, m/s²."""
+
+        def weight(model: Any, data: Any, x: Array) -> Any:
+            model.gravity.linear = gravity
+            return pin.computeGeneralizedGravity(model, data, x)
+
+        try:
+            return self._difference((len(self._followers),), (self.robot.configuration(q),), weight) @ self._followers
+        finally:
+            for _, model in self._models:
+                model.gravity.linear = np.array(self.robot.gravity)
+
+    def slopes(self, q: Array, v: Array, a: Array) -> Slopes:
+        """Derivatives of the torque along a motion."""
+        G = self._followers
+        states = (self.robot.configuration(q), v @ G.T, a @ G.T)
+        full = self._difference((3, len(G), len(G)), states, pin.computeRNEADerivatives)
+        position, velocity, acceleration = np.moveaxis(G.T @ full @ G, 1, 0)
+        return Slopes(position, velocity, acceleration)
+
+    @cached_property
+    def spread(self) -> Array:
+        """Typical size (J,) of the torque, N·m (N): its standard deviation over all poses in moderate motion."""
+        q, v, a = random_states(self.robot, 64)
+        return np.asarray(self.torque(q, v, 2.0 * a).std(axis=0))
+
+
+def random_states(robot: Robot, count: int) -> tuple[Array, Array, Array]:
+    """Positions within the limits, velocities and accelerations, always the same ones; each (count, J)."""
+    rng = np.random.default_rng(0)
+    lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
+    q = rng.uniform(lower, upper, (count, len(robot.joints)))
+    v, a = rng.normal(size=(2, *q.shape))
+    return q, v, a
+
+
+@lru_cache(maxsize=64)
+def felt_slopes(robot: Robot) -> NDArray[np.bool_]:
+    """Which joints' torque (rows) depends on which joints' positions (columns) at all, (J, J)."""
+    slopes = RigidDynamics.generic(robot).slopes(*random_states(robot, 8))
+    return np.asarray((np.abs(slopes.position) > FELT).any(axis=0))

@@ -1,0 +1,155 @@
+"""A small language for columns of the user's own: arithmetic over a joint's motion, and nothing else.
+
+    expression = number | pi | variable | function(expression) | -expression
+               | expression (+ - * /) expression | expression ** number
+
+Python's grammar reads the text (``ast.parse``), a whitelist of node types checks it, and numpy evaluates the tree
+that is left. No Python is ever executed: there are no attributes, no indices, no calls but to the functions named
+here, and powers and lengths are bounded.
+
+Source of the method: the ``ast`` module's documentation, https://docs.python.org/3/library/ast.html.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.errors import InputError, UnknownNameError
+
+Array = NDArray[np.float64]
+
+FUNCTIONS: dict[str, Callable[[Array], Array]] = {
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "exp": np.exp,
+    "log": np.log,
+    "sqrt": np.sqrt,
+    "abs": np.abs,
+    "sign": np.sign,
+    "tanh": np.tanh,
+}
+OPERATORS: dict[type[ast.operator], Callable[[Array, Array], Array]] = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+}
+QUANTITIES = ("q", "v", "a", "load", "tau_model", "temperature")
+"""Of a joint: its own (``v``) or that of the joint with a number (``v2``)."""
+VARIABLE = re.compile(rf"({'|'.join(QUANTITIES)})([0-9]*)|t")
+LONGEST = 300  # characters
+LARGEST_POWER = 8.0
+NAMES = f"{', '.join(QUANTITIES)} of the joint itself or with a joint's number (v2), t, pi"
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A checked expression.
+
+    Attributes
+    ----------
+    text : str
+        As the user wrote it.
+    tree : ast.expr
+        Its syntax tree, of whitelisted nodes only.
+    variables : tuple of str
+        Names it uses, in order of appearance.
+    """
+
+    text: str
+    tree: ast.expr
+    variables: tuple[str, ...]
+
+    @classmethod
+    def parse(cls, text: str) -> Expression:
+        """Read and check an expression.
+
+        Raises
+        ------
+        InputError
+            It is not arithmetic, or too long; UnknownNameError when a name or function does not exist.
+        """
+        if not isinstance(text, str) or not text.strip():
+            raise InputError(f"formula: the expression must be a text such as sin(3*q2)*v1, got {text!r}")
+        if len(text) > LONGEST:
+            raise InputError(f"formula: the expression has {len(text)} characters, at most {LONGEST} are read")
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                tree = ast.parse(text.strip(), mode="eval").body
+        except (SyntaxError, ValueError, RecursionError, MemoryError, Warning) as error:
+            raise InputError(f"formula '{text}': not an expression ({error})") from None
+        names: dict[str, None] = {}
+        _check(tree, text, names)
+        return cls(text, tree, tuple(names))
+
+    def __call__(self, values: Mapping[str, Array]) -> Array:
+        """Value for values of `variables`; may hold infinities where the expression has none."""
+        with np.errstate(all="ignore"):
+            return np.asarray(_value(self.tree, values), dtype=float)
+
+
+def _check(node: ast.expr, text: str, names: dict[str, None]) -> None:
+    """Refuse whatever is not in the language; collect the variables."""
+    match node:
+        case ast.Constant(value=value) if type(value) in (int, float):
+            if not abs(value) < 1e100:
+                raise InputError(f"formula '{text}': a number is too large")
+        case ast.Name(id="pi"):
+            pass
+        case ast.Name(id=name):
+            if not VARIABLE.fullmatch(name):
+                raise UnknownNameError("variable", name, [*QUANTITIES, "t", "pi"], f"formula '{text}' ({NAMES})")
+            names[name] = None
+        case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
+            _check(operand, text, names)
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            _check(left, text, names)
+            _check_power(right, text)
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
+            _check(left, text, names)
+            _check(right, text, names)
+        case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]):
+            if name not in FUNCTIONS:
+                raise UnknownNameError("function", name, FUNCTIONS, f"formula '{text}'")
+            _check(argument, text, names)
+        case _:
+            found = ast.get_source_segment(text.strip(), node) or type(node).__name__
+            raise InputError(
+                f"formula '{text}': '{found}' is not arithmetic; a formula has numbers, + - * / **, parentheses, "
+                f"functions of one value ({', '.join(FUNCTIONS)}) and {NAMES}"
+            )
+
+
+def _check_power(node: ast.expr, text: str) -> None:
+    """An exponent is a plain number of moderate size."""
+    number = node.operand if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub) else node
+    value = number.value if isinstance(number, ast.Constant) else None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST_POWER:
+        raise InputError(f"formula '{text}': the exponent after ** must be a number up to {LARGEST_POWER:g}")
+
+
+def _value(node: ast.expr, values: Mapping[str, Array]) -> Array:
+    """Evaluate a checked tree."""
+    match node:
+        case ast.Constant(value=value):
+            return np.float64(value)  # type: ignore[arg-type, return-value]
+        case ast.Name(id=name):
+            return np.float64(np.pi) if name == "pi" else values[name]  # type: ignore[return-value]
+        case ast.UnaryOp(op=op, operand=operand):
+            inner = _value(operand, values)
+            return -inner if isinstance(op, ast.USub) else inner
+        case ast.BinOp(left=left, op=op, right=right):
+            return OPERATORS[type(op)](_value(left, values), _value(right, values))
+        case ast.Call(func=ast.Name(id=name), args=[argument]):
+            return FUNCTIONS[name](_value(argument, values))
+    raise AssertionError(f"unchecked node {node}")  # `_check` lets nothing else through

@@ -1,0 +1,124 @@
+"""Friction that depends on more than the speed: on the load the gear carries, and on how warm it is.
+
+    τ_f,j = fl_j |τ_rigid,j| tanh(q̇_j/w) + (fvt_j q̇_j + fct_j tanh(q̇_j/w)) ϑ(t)
+
+with ϑ = 1 − exp(−(t − t_start)/T) of a gearbox that warms up with a time constant T, or ϑ = temperature − reference
+where the log holds a temperature.
+
+Source: Bittencourt, Wernholt, Sander-Tavallaey and Brogårdh 2010, "An extended friction model to capture load and
+temperature effects in robot joints", IEEE/RSJ IROS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from frischid.effects.base import WIDTH, Array, Effect, State, Term, is_number
+from frischid.errors import InputError, UnknownNameError
+from frischid.robot import Robot
+
+SOURCES = ("time", "temperature")
+
+
+@dataclass(frozen=True)
+class LoadFriction(Effect):
+    """Coulomb friction that grows with the load, ``fl |τ_rigid| tanh(q̇/width)``.
+
+    Attributes
+    ----------
+    width : float
+        Speed over which the sign is smoothed, rad/s (m/s).
+    """
+
+    id: ClassVar[str] = "load_friction"
+    title: ClassVar[str] = "load-dependent friction"
+    equation: ClassVar[str] = "fl·|τ_rigid|·tanh(v/width)"
+    sentence: ClassVar[str] = "{joint} rubs harder where it carries more: friction that grows with the load"
+    looks_like: ClassVar[str] = "a step at zero speed that is taller in poses and moments of high load"
+    confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "drive_gain", "hysteresis")
+    confirmed_by: ClassVar[str] = "the same slow reversals with the arm stretched out and folded, or with a payload"
+    reference: ClassVar[str] = "Hamon, Gautier and Garrec 2010, IEEE/RSJ IROS"
+
+    dry: ClassVar[bool] = True
+    loaded: ClassVar[bool] = True
+
+    width: float = WIDTH
+
+    def __post_init__(self) -> None:
+        self.require_positive(width="speed in rad/s (m/s)")
+
+    def terms(self, state: State) -> list[Term]:
+        """One column a joint: the size of its load, signed like its speed."""
+        return self.per_joint(
+            state, "fl", "torque", lambda i: np.abs(state.load[:, i]) * np.tanh(state.v[:, i] / self.width), sign=1
+        )
+
+
+@dataclass(frozen=True)
+class ThermalDrift(Effect):
+    """Friction that changes as the joint warms up: by the clock, or by its measured temperature.
+
+    Attributes
+    ----------
+    constant : float
+        Time constant of the warming, s; used when `by` is ``"time"``.
+    by : {"time", "temperature"}
+        ``"temperature"`` reads the log's channels ``temperature_<joint>``, °C.
+    at : float
+        Temperature at which the model's other friction parameters hold, °C.
+    width : float
+        Speed over which the sign is smoothed, rad/s (m/s).
+    """
+
+    id: ClassVar[str] = "thermal_drift"
+    title: ClassVar[str] = "friction that changes with temperature"
+    equation: ClassVar[str] = "(fvt·v + fct·tanh(v/width))·(1 − exp(−t/constant)), or ·(temperature − at)"
+    sentence: ClassVar[str] = (
+        "{joint}'s friction at the end of the log is not what it was at the beginning: it warms up (or cools down)"
+    )
+    looks_like: ClassVar[str] = "the friction's step and slope shrink (or grow) steadily from the beginning to the end"
+    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "coulomb")
+    confirmed_by: ClassVar[str] = "repeat one motion for half an hour from cold; better, log the joint's temperature"
+    reference: ClassVar[str] = "Bittencourt, Wernholt, Sander-Tavallaey and Brogårdh 2010, IEEE/RSJ IROS"
+
+    dry: ClassVar[bool] = True
+    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"constant": (10.0, 30.0, 100.0, 300.0, 1000.0)}
+
+    constant: float = 300.0
+    by: str = "time"
+    at: float = 25.0
+    width: float = WIDTH
+
+    def __post_init__(self) -> None:
+        if self.by not in SOURCES:
+            raise UnknownNameError("source", str(self.by), SOURCES, "thermal_drift: by")
+        if not is_number(self.at):
+            raise InputError(f"thermal_drift: at must be a temperature in °C, got {self.at}")
+        self.require_positive(constant="time in s", width="speed in rad/s (m/s)")
+
+    def channels(self, robot: Robot) -> tuple[str, ...]:
+        """``temperature_<joint>``, if it goes by temperature."""
+        if self.by == "time":
+            return ()
+        return tuple(f"temperature_{name}" for _, name, _ in self.acts_on(robot))
+
+    def terms(self, state: State) -> list[Term]:
+        """Two columns a joint: its speed and its smoothed sign, times how warm it is."""
+        warmth = {i: self._warmth(state, name) for i, name, _ in self.acts_on(state.robot)}
+        mark, per = ("t", "") if self.by == "time" else ("T", "kelvin")
+        return [
+            *self.per_joint(state, f"fv{mark}", f"rate {per}".strip(), lambda i: state.v[:, i] * warmth[i]),
+            *self.per_joint(state, f"fc{mark}", per, lambda i: np.tanh(state.v[:, i] / self.width) * warmth[i]),
+        ]
+
+    def _warmth(self, state: State, joint: str) -> Array:
+        if self.by == "time" or len(state.t) == 0:
+            return np.asarray(-np.expm1(-(state.t - state.start) / self.constant))
+        channel = f"temperature_{joint}"
+        if channel not in state.extra:
+            raise UnknownNameError("channel", channel, state.extra, "the log (thermal_drift by temperature)")
+        return np.asarray(state.extra[channel] - self.at)

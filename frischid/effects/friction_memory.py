@@ -1,0 +1,133 @@
+"""Friction that remembers: before a joint slides, its surfaces bend like a spring.
+
+Dahl's presliding state z follows the path, whatever the speed,
+
+    dz/dq = (1 − z sgn q̇) / distance   ⇒   z_k = s − (s − z_{k−1}) exp(−|Δq_k| / distance),   s = sgn Δq_k,
+
+exact from sample to sample. After a reversal the friction turns over within a few `distance`s instead of at once.
+
+Source: Dahl 1968, "A solid friction model", Aerospace Corporation TOR-0158; Canudas de Wit, Olsson, Åström and
+Lischinsky 1995, IEEE Trans. Automatic Control 40(3) (the LuGre model, whose slow limit this is).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from frischid.effects.base import WIDTH, Array, Effect, State, Term
+
+
+def presliding(t: Array, v: Array, distance: float) -> Array:
+    """Dahl's state along a motion, between −1 and 1.
+
+    The path is the integral of the speed, which carries less noise than differences of positions. What was before the
+    log is unknown: the joint is taken to come from far in the direction of its first movement.
+
+    Parameters
+    ----------
+    t, v : ndarray, shape (N,)
+        Time, s, and speed, rad/s (m/s).
+    distance : float
+        Path over which the friction turns over, rad (m).
+
+    Returns
+    -------
+    ndarray, shape (N,)
+    """
+    path = 0.5 * (v[1:] + v[:-1]) * np.diff(t)
+    moving = np.flatnonzero(np.abs(v) > WIDTH)
+    z = float(np.sign(v[moving[0]])) if len(moving) else 0.0
+    out = [z] * min(len(v), 1)
+    for side, kept in zip(np.sign(path).tolist(), np.exp(-np.abs(path) / distance).tolist(), strict=True):
+        z = side - (side - z) * kept
+        out.append(z)
+    return np.array(out)
+
+
+@dataclass(frozen=True)
+class Hysteresis(Effect):
+    """Dahl friction in place of as much Coulomb friction, ``fh (z − tanh(q̇/width))``.
+
+    With Coulomb friction in the model the two make ``fh z + (fc − fh) tanh(q̇/width)``: a part of the dry friction has
+    memory.
+
+    Attributes
+    ----------
+    distance : float
+        Presliding distance, rad (m).
+    width : float
+        Speed over which the sign is smoothed, rad/s (m/s); as in the model's Coulomb friction.
+    """
+
+    id: ClassVar[str] = "hysteresis"
+    title: ClassVar[str] = "presliding friction with memory"
+    equation: ClassVar[str] = "fh·(z − tanh(v/width)),  dz/dq = (1 − z·sgn v)/distance"
+    sentence: ClassVar[str] = (
+        "{joint}'s dry friction does not turn over at once when it reverses but over some distance: presliding "
+        "friction with memory"
+    )
+    looks_like: ClassVar[str] = "after each reversal an error that depends on the path since, not on the speed"
+    confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "coulomb", "backlash", "cable_hose")
+    confirmed_by: ClassVar[str] = "tiny slow back-and-forth motions of growing size: torque against angle makes loops"
+    reference: ClassVar[str] = "Dahl 1968, Aerospace Corporation TOR-0158; Canudas de Wit et al. 1995, IEEE TAC 40(3)"
+
+    dry: ClassVar[bool] = True
+    memory: ClassVar[bool] = True
+    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"distance": (0.0005, 0.002, 0.006, 0.02, 0.06)}
+
+    distance: float = 0.006
+    width: float = WIDTH
+
+    def __post_init__(self) -> None:
+        self.require_positive(distance="distance in rad (m)", width="speed in rad/s (m/s)")
+
+    def terms(self, state: State) -> list[Term]:
+        """One column a joint: what memory adds to the smoothed sign of the speed."""
+
+        def column(i: int) -> Array:
+            v = state.v[:, i]
+            return np.asarray(presliding(state.t, v, self.distance) - np.tanh(v / self.width))
+
+        return self.per_joint(state, "fh", "", column, sign=1)
+
+
+@dataclass(frozen=True)
+class CableHose(Effect):
+    """A dress pack that is bent along with the joint: a spring whose strands rub, ``kh q + fz z``.
+
+    Attributes
+    ----------
+    distance : float
+        Path over which the rubbing turns over, rad (m): far longer than a gear's.
+    """
+
+    id: ClassVar[str] = "cable_hose"
+    title: ClassVar[str] = "cables and hoses: a spring with hysteresis"
+    equation: ClassVar[str] = "kh·q + fz·z,  dz/dq = (1 − z·sgn v)/distance"
+    sentence: ClassVar[str] = (
+        "{joint} is pulled back like by a spring, and more on the way out than on the way back: cables or hoses bend "
+        "with it"
+    )
+    looks_like: ClassVar[str] = "against angle, a slanted loop"
+    confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis", "counterbalance")
+    confirmed_by: ClassVar[str] = "slow sweeps over the whole range, out and back; once more with the cables taken off"
+    reference: ClassVar[str] = "Wang, Gondokaryono, Munawar and Fischer 2019, IEEE Robotics and Automation Letters 4(4)"
+
+    memory: ClassVar[bool] = True
+    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"distance": (0.1, 0.3, 1.0)}
+
+    distance: float = 0.3
+
+    def __post_init__(self) -> None:
+        self.require_positive(distance="distance in rad (m)")
+
+    def terms(self, state: State) -> list[Term]:
+        """Two columns a joint: its angle, and the state of the rubbing."""
+        return [
+            *self.per_joint(state, "kh", "position", lambda i: state.q[:, i], sign=1),
+            *self.per_joint(state, "fz", "", lambda i: presliding(state.t, state.v[:, i], self.distance), sign=1),
+        ]

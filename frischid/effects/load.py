@@ -1,0 +1,140 @@
+"""What the robot carries and how it stands: an unknown body at a link, and a base that is not level.
+
+A payload adds to the inertial parameters of the link that holds it, so its columns are that link's own: on one log it
+cannot be told from the link, against a model of the robot without it, it can,
+
+    τ = τ_model + Γ_link Δθ_link.
+
+A base tilted by a small rotation φ sees gravity turned the other way, ``g' = g + g × φ``, and torque is linear in g.
+
+Sources: Khalil, Gautier and Lemoine 2007, "Identification of the payload inertial parameters of industrial
+manipulators", IEEE ICRA; Hollerbach, Khalil and Gautier 2016, Springer Handbook of Robotics, chapter 6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.effects.base import Array, Effect, State, Term
+from frischid.effects.dynamics import FELT, RigidDynamics, random_states
+from frischid.robot import LINK_PARAMETERS, LINK_UNITS, Robot
+
+PIECE = 1024  # samples of the whole regressor in memory at once
+
+
+@lru_cache(maxsize=16)
+def _all_unknown(robot: Robot) -> Robot:
+    """The same robot with nothing known outright, so that every rigid parameter has its column."""
+    return Robot.from_dict({**robot.to_dict(), "known": {}})
+
+
+def _link_columns(robot: Robot, joint: str, q: Array, v: Array, a: Array) -> Array:
+    """Torque (N, 10, J) per unit of each inertial parameter of the link behind a joint."""
+    whole, first = _all_unknown(robot), 10 * (robot.numbers[joint] - 1)
+    out = np.empty((len(q), 10, len(robot.joints)))
+    buffer = np.empty((min(PIECE, len(q)), len(robot.all_names), len(robot.joints)))
+    for start in range(0, len(q), PIECE):
+        s = slice(start, start + PIECE)
+        part = buffer[: len(q[s])]
+        whole.regressor(q[s], v[s], a[s], part)
+        out[s] = part[:, first : first + 10]
+    return out
+
+
+@lru_cache(maxsize=256)
+def _felt_parameters(robot: Robot, joint: str) -> NDArray[np.bool_]:
+    """Which inertial parameters of a link which joints feel, (10, J)."""
+    return np.asarray((np.abs(_link_columns(robot, joint, *random_states(robot, 8))) > FELT).any(axis=0))
+
+
+@lru_cache(maxsize=64)
+def _felt_tilts(robot: Robot) -> tuple[int, ...]:
+    """Axes of the base about which a tilt is felt: not the one along gravity, and only if some link's weight turns."""
+    gravity, axes = np.array(robot.gravity), np.eye(3)
+    level = sorted(np.argsort(np.abs(gravity))[:2].tolist())
+    q, body = random_states(robot, 8)[0], RigidDynamics.generic(robot)
+    return tuple(k for k in level if (np.abs(body.gravity_torque(q, np.cross(gravity, axes[k]))) > FELT).any())
+
+
+@dataclass(frozen=True)
+class Payload(Effect):
+    """An unknown rigid body on a link: mass and first moment, or all ten parameters; on the last joint's if none named.
+
+    Its parameters are about the frame of the link's own (``Robot.frames``). Those that no joint feels are left out.
+
+    Attributes
+    ----------
+    full : bool
+        True: the six inertias too.
+    """
+
+    id: ClassVar[str] = "payload"
+    title: ClassVar[str] = "payload: an unknown body on a link"
+    equation: ClassVar[str] = "Γ_link·(dm, dmx, dmy, dmz)  (full: and the six inertias)"
+    sentence: ClassVar[str] = (
+        "something hangs on the link behind {joint} that the model does not know: a payload or tool"
+    )
+    looks_like: ClassVar[str] = "errors that follow the pose on all joints up to that link, most on those nearest to it"
+    confused_with: ClassVar[tuple[str, ...]] = ("gravity_tilt", "drive_gain", "encoder_zero", "joint_spring")
+    confirmed_by: ClassVar[str] = "the same motion with and without it; or weigh it"
+    reference: ClassVar[str] = "Khalil, Gautier and Lemoine 2007, IEEE ICRA"
+
+    change: ClassVar[bool] = True
+
+    full: bool = False
+
+    def acts_on(self, robot: Robot) -> list[tuple[int, str, str]]:
+        """The joints named; the last one when none is."""
+        joints = super().acts_on(robot)
+        return joints if self.joints is not None else joints[-1:]
+
+    def terms(self, state: State) -> list[Term]:
+        """Four columns a link, or ten; felt by the joints that carry it."""
+        return [term for _, name, number in self.acts_on(state.robot) for term in self._of_link(state, name, number)]
+
+    def _of_link(self, state: State, name: str, number: str) -> list[Term]:
+        felt = _felt_parameters(state.robot, name)
+        values = _link_columns(state.robot, name, state.q, state.v, state.a)
+        return [
+            Term(
+                self.column(f"d{LINK_PARAMETERS[k]}", LINK_UNITS[k], name, number),
+                {j: values[:, k, j] for j in np.flatnonzero(felt[k]).tolist()},
+            )
+            for k in range(10 if self.full else 4)
+            if felt[k].any()
+        ]
+
+
+@dataclass(frozen=True)
+class GravityTilt(Effect):
+    """The base stands off level by small angles about two of its axes, those across gravity."""
+
+    id: ClassVar[str] = "gravity_tilt"
+    title: ClassVar[str] = "tilted base"
+    equation: ClassVar[str] = "tilt_x·∂τ/∂g·(g × x) + tilt_y·∂τ/∂g·(g × y)"
+    sentence: ClassVar[str] = (
+        "gravity pulls on {joint} from another direction than the model says: the base is mounted a little off"
+    )
+    looks_like: ClassVar[str] = "errors that follow the pose at any speed, also about a vertical first axis"
+    confused_with: ClassVar[tuple[str, ...]] = ("payload", "encoder_zero", "counterbalance", "offset")
+    confirmed_by: ClassVar[str] = "a spirit level on the base; or turn the stretched arm slowly about its first axis"
+    reference: ClassVar[str] = "Hollerbach, Khalil and Gautier 2016, Springer Handbook of Robotics, chapter 6"
+
+    loaded: ClassVar[bool] = True
+    candidate: ClassVar[Literal["joint", "robot", "never"]] = "robot"
+    change: ClassVar[bool] = True
+
+    def terms(self, state: State) -> list[Term]:
+        """One column for each of the axes about which a tilt is felt, rad."""
+        return [self._about(state, axis) for axis in _felt_tilts(state.robot)]
+
+    def _about(self, state: State, axis: int) -> Term:
+        turned = np.cross(np.array(state.robot.gravity), np.eye(3)[axis])
+        torque = state.rigid.gravity_torque(state.q, turned)
+        rows = {i: torque[:, i] for i, _, _ in self.acts_on(state.robot)}
+        return Term(self.column("tilt_", "rad", state.robot.joints[0], "xyz"[axis]), rows)

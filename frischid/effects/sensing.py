@@ -1,0 +1,109 @@
+"""Channels that do not show what they should: a torque's gain, a delay, an encoder's zero.
+
+    τ_measured,j(t) = (1 + gain_j) τ_j(t − delay_j) ≈ τ_j + gain_j τ_j − delay_j dτ_j/dt
+
+with τ the torque of the reference parameters, and ``q_measured,j = q_j + zero_j``, so that the torque is that of
+another pose, ``τ(q) ≈ τ(q_measured) − ∂τ/∂q_j zero_j``.
+
+Sources: Gautier and Briot 2014, ASME J. Dynamic Systems, Measurement and Control 136(5); Leboutet, Roux, Janot,
+Guadarrama-Olvera and Cheng 2021, "Inertial parameter identification in robotics: a survey", Applied Sciences 11(9);
+Mooring, Roth and Driels 1991, Fundamentals of Manipulator Calibration, Wiley.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+
+from frischid.effects.base import Effect, State, Term, torque_unit
+from frischid.effects.dynamics import felt_slopes
+from frischid.robot import Robot
+
+
+@dataclass(frozen=True)
+class DriveGain(Effect):
+    """A joint's torque channel mis-scaled by ``1 + gain``: a wrong motor constant or gear ratio."""
+
+    id: ClassVar[str] = "drive_gain"
+    title: ClassVar[str] = "mis-scaled torque channel"
+    equation: ClassVar[str] = "gain·τ_model"
+    sentence: ClassVar[str] = (
+        "{joint}'s torque is too large or too small by one factor throughout: its motor constant, current scale or "
+        "gear ratio is off"
+    )
+    looks_like: ClassVar[str] = "the residual is a copy of the torque itself, on this joint only"
+    confused_with: ClassVar[tuple[str, ...]] = ("payload", "load_friction", "time_delay")
+    confirmed_by: ClassVar[str] = "a known weight on the link: the torque must change by what it weighs"
+    reference: ClassVar[str] = "Gautier and Briot 2014, ASME J. Dynamic Systems, Measurement and Control 136(5)"
+
+    loaded: ClassVar[bool] = True
+    change: ClassVar[bool] = True
+
+    def terms(self, state: State) -> list[Term]:
+        """One column a joint: its torque."""
+        return self.per_joint(state, "gain", "torque", lambda i: state.torque[:, i])
+
+
+@dataclass(frozen=True)
+class TimeDelay(Effect):
+    """Torque recorded later than positions: one delay for all joints, or one for each joint named."""
+
+    id: ClassVar[str] = "time_delay"
+    title: ClassVar[str] = "delay between torque and position"
+    equation: ClassVar[str] = "−delay·dτ_model/dt"
+    sentence: ClassVar[str] = (
+        "{joint}'s torque is recorded later (or earlier) than its position: the channels are shifted"
+    )
+    looks_like: ClassVar[str] = "an error like the torque's slope, largest where the torque changes fastest"
+    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "elasticity", "rotor_inertia")
+    confirmed_by: ClassVar[str] = "a sudden step of one joint: compare when the two channels move"
+    reference: ClassVar[str] = "Leboutet, Roux, Janot, Guadarrama-Olvera and Cheng 2021, Applied Sciences 11(9)"
+
+    memory: ClassVar[bool] = True
+    loaded: ClassVar[bool] = True
+
+    @classmethod
+    def candidates(cls, robot: Robot) -> list[list[Self]]:
+        """One delay for all joints, and each joint alone."""
+        return [cls.variants(None), *(cls.variants((name,)) for name in robot.joints)]
+
+    def terms(self, state: State) -> list[Term]:
+        """One column for all joints, or one for each joint named: less the torque's rate."""
+        rate = state.rate(state.torque)
+        if self.joints is not None:
+            return self.per_joint(state, "delay", "torque rate", lambda i: -rate[:, i])
+        column = self.column("delay", "s", state.robot.joints[0], "")
+        return [Term(column, {i: -rate[:, i] for i in range(rate.shape[1])})]
+
+
+@dataclass(frozen=True)
+class EncoderZero(Effect):
+    """A joint's encoder zero is off by a small angle: the arm stands in another pose than the log says."""
+
+    id: ClassVar[str] = "encoder_zero"
+    title: ClassVar[str] = "shifted encoder zero"
+    equation: ClassVar[str] = "−zero·∂τ_rigid/∂q"
+    sentence: ClassVar[str] = (
+        "{joint}'s angle is off by a constant: its encoder was zeroed, or slipped, by a small angle"
+    )
+    looks_like: ClassVar[str] = "errors that follow the pose, on this joint and on those it turns against gravity"
+    confused_with: ClassVar[tuple[str, ...]] = ("gravity_tilt", "payload", "offset")
+    confirmed_by: ClassVar[str] = "drive the joint to its mechanical mark and read the angle"
+    reference: ClassVar[str] = "Mooring, Roth and Driels 1991, Fundamentals of Manipulator Calibration, Wiley"
+
+    loaded: ClassVar[bool] = True
+    change: ClassVar[bool] = True
+
+    def terms(self, state: State) -> list[Term]:
+        """One column a joint whose angle matters at all: less the torque's slope with it."""
+        slope, felt = state.slopes.position, felt_slopes(state.robot)
+        return [
+            Term(
+                self.column("zero", torque_unit(state.robot, j, "torque slope"), name, number),
+                {i: -slope[:, i, j] for i in np.flatnonzero(felt[:, j]).tolist()},
+            )
+            for j, name, number in self.acts_on(state.robot)
+            if felt[:, j].any()
+        ]

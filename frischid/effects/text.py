@@ -1,0 +1,113 @@
+"""Effects as text and as plain data: what the command line reads and the model file holds.
+
+    viscous, coulomb(width=0.02), stribeck(0.1)@elbow+wrist, formula("sin(3*q2)*v1")@shoulder
+
+A value without a name belongs to the effect's first parameter; expressions stand in quotes or between the parentheses
+as they are. `parse_effects` reads back what ``str(effect)`` writes, exactly.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from frischid.effects.base import EFFECTS, Effect
+from frischid.errors import InputError, UnknownNameError
+
+
+def effect_from_dict(data: Mapping[str, Any]) -> Effect:
+    """Inverse of `Effect.to_dict`.
+
+    Raises
+    ------
+    UnknownNameError
+        No such effect, or it has no such parameter.
+    """
+    values = dict(data)
+    kind = _kind(str(values.pop("effect")))
+    known = {f.name: f.default for f in dataclasses.fields(kind)}
+    joints = values.pop("joints", None)
+    for key, value in values.items():
+        if key not in known:
+            raise UnknownNameError("parameter", key, set(known) - {"joints"}, f"effect {kind.id}")
+        number = isinstance(known[key], float) and isinstance(value, int | float) and not isinstance(value, bool)
+        if isinstance(known[key], bool | float | str) and not (number or type(value) is type(known[key])):
+            raise InputError(f"effect {kind.id}: {key} = {value!r}, expected something like {known[key]!r}")
+    return kind(joints=None if joints is None else tuple(joints), **values)
+
+
+def parse_effects(text: str) -> tuple[Effect, ...]:
+    """Read ``"viscous, coulomb(width=0.02), offset@joint1+joint2"``.
+
+    Raises
+    ------
+    InputError
+        The text is malformed; UnknownNameError when a name does not exist.
+    """
+    effects = [_parse_one(item) for item in _split(text, ",") if item.strip()]
+    if len({(e.id, e.joints, str(e) if e.several else "") for e in effects}) < len(effects):
+        raise InputError(f"effects '{text}': the same effect is named twice for the same joints")
+    return tuple(effects)
+
+
+def _kind(name: str) -> type[Effect]:
+    if name not in EFFECTS:
+        raise UnknownNameError("effect", name, EFFECTS)
+    return EFFECTS[name]
+
+
+def _split(text: str, separator: str) -> list[str]:
+    """Split where `separator` stands outside parentheses and quotes."""
+    items, depth, quote = [""], 0, ""
+    for character in text:
+        if quote:
+            quote = "" if character == quote else quote
+        elif character in "\"'":
+            quote = character
+        else:
+            depth += (character == "(") - (character == ")")
+        if character == separator and depth == 0 and not quote:
+            items.append("")
+        else:
+            items[-1] += character
+    return items
+
+
+def _parse_one(text: str) -> Effect:
+    item = text.strip()
+    head, *joints = (part.strip() for part in _split(item, "@"))
+    name, bracket, inside = head.partition("(")
+    if len(joints) > 1 or (bracket and not inside.endswith(")")):
+        raise InputError(f"effect '{item}': write it as name(parameter=value)@joint+joint")
+    kind = _kind(name.strip())
+    values: dict[str, Any] = {"effect": kind.id}
+    for position, pair in enumerate(p.strip() for p in _split(inside.removesuffix(")"), ",") if p.strip()):
+        key, equals, value = (part.strip() for part in pair.partition("="))
+        if not equals:
+            key, value = _nth_parameter(kind, position, item), pair
+        values[key] = _value(value, item)
+    if joints:
+        values["joints"] = [j.strip() for j in joints[0].split("+")]
+    return effect_from_dict(values)
+
+
+def _nth_parameter(kind: type[Effect], position: int, item: str) -> str:
+    names = list(kind().parameters)
+    if position >= len(names):
+        known = ", ".join(names) or "none"
+        raise InputError(f"effect '{item}': {kind.id} has {len(names)} parameters ({known}), this has more values")
+    return names[position]
+
+
+def _value(text: str, item: str) -> float | bool | str:
+    if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'":
+        return text[1:-1]
+    if text.lower() in {"true", "false"}:
+        return text.lower() == "true"
+    try:
+        return float(text)
+    except ValueError:
+        if text:
+            return text
+        raise InputError(f"effect '{item}': a parameter has no value; write name(parameter=value)") from None
