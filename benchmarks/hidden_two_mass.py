@@ -17,6 +17,7 @@ from math import tanh
 import numpy as np
 import pinocchio as pin
 from hidden_physics import STEP, STICK, Array, Path, World, prescribed, rms, rnea
+from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 SUBSTEPS = 4
@@ -51,26 +52,38 @@ def simulated(rigid: World, j: int, gear: Gear) -> tuple[World, Array]:
     ndarray, shape (N, J)
         Torque beyond that.
     """
-    sign = np.tanh(rigid.path.v / (2 * STICK))
-    wanted = prescribed(rigid.model, rigid.robot, rigid.path, rigid.drive, rigid.number, sign)
+    wanted = _smoothed(rigid)
     theta, link, motor = _two_masses(wanted, j, gear)
     seen, true = _replaced(rigid.path, j, theta), _replaced(rigid.path, j, link)
-    sign = np.tanh(seen.v / (2 * STICK))
-    world = prescribed(rigid.model, rigid.robot, seen, rigid.drive, rigid.number, sign)
-    torque = rnea(rigid.model, rigid.robot, true) + rigid.drive.torque(seen, sign)
+    world = prescribed(rigid.model, rigid.robot, seen, rigid.drive, rigid.number, np.tanh(seen.v / (2 * STICK)))
+    torque = rnea(rigid.model, rigid.robot, true) + rigid.drive.torque(seen, world.sign)
     torque[:, j] = motor
     return world, torque - world.base
+
+
+def _smoothed(rigid: World) -> World:
+    """The same world with dry friction as the integrator has it."""
+    sign = np.tanh(rigid.path.v / (2 * STICK))
+    return replace(rigid, base=rigid.load + rigid.drive.torque(rigid.path, sign), sign=sign)
+
+
+def error_size(rigid: World, j: int, gear: Gear) -> float:
+    """Size of what a gear adds to the torque of its own joint."""
+    theta, _, motor = _two_masses(_smoothed(rigid), j, gear)
+    seen = _replaced(rigid.path, j, theta)
+    drive = rigid.drive.torque(seen, np.tanh(seen.v / (2 * STICK)))
+    return slow_size((motor - rnea(rigid.model, rigid.robot, seen)[:, j] - drive[:, j]))
 
 
 def tuned(rigid: World, j: int, gear: Gear, target: float, scale: float) -> Gear:
     """Soften or widen a gear until its torque error on the joint is `target` times `scale`."""
     for _ in range(6):
-        size = slow_size(simulated(rigid, j, gear)[1][:, j]) / scale
+        size = error_size(rigid, j, gear) / scale
         if 0.88 < size / target < 1.14:
             break
-        step = float(np.clip(target / size, 0.2, 5.0))
+        step = float(np.clip(target / size, 0.02, 20.0))
         if gear.gap:
-            gear = replace(gear, gap=gear.gap * step**0.8)
+            gear = replace(gear, gap=gear.gap * step)
         else:
             gear = replace(gear, stiffness=gear.stiffness / step)
     return gear
@@ -81,10 +94,12 @@ def slow_size(torque: Array) -> float:
     return float(rms(sosfiltfilt(butter(4, 10.0, fs=1 / STEP, output="sos"), torque)))
 
 
-def reverses(rigid: World, link_share: float = 0.5) -> Array:
-    """How often the torque through each joint's gear changes its sign, (J,)."""
+def reversing(rigid: World, scale: Array, link_share: float = 0.5) -> NDArray[np.intp]:
+    """Joints through whose gears some torque passes that changes its sign often enough to show play."""
     through = rigid.load + link_share * rigid.drive.coulomb * rigid.sign
-    return np.asarray((np.diff(np.sign(through), axis=0) != 0).sum(axis=0))
+    times = (np.diff(np.sign(through), axis=0) != 0).sum(axis=0)
+    good = np.flatnonzero((times >= 6) & (through.std(axis=0) > 0.15 * scale))
+    return good if len(good) else np.array([int(np.argmax(times))])
 
 
 def elastic(rigid: World, j: int, target: float, scale: float) -> Gear:
@@ -135,7 +150,7 @@ def _two_masses(wanted: World, j: int, gear: Gear) -> tuple[Trace, Trace, Array]
     sag = wanted.load[:, j] / gear.stiffness if not gear.gap else np.zeros(len(path.t))
     speed = np.gradient(sag, STEP)
     near = _replaced(path, j, (path.q[:, j] - sag, path.v[:, j] - speed, path.a[:, j] - np.gradient(speed, STEP)))
-    load = rnea(wanted.model, wanted.robot, near)[:, j]
+    load = (wanted.load if gear.gap else rnea(wanted.model, wanted.robot, near))[:, j]
     K, D, M = _derivatives(wanted, near, j)
     # τ_link = M q̈ + rest, with rest = load − M a_near + K (q − q_near) + D (q̇ − v_near)
     constant = load - M * near.a[:, j] - K * near.q[:, j] - D * near.v[:, j]

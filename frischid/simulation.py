@@ -131,9 +131,12 @@ def torque(robot: Robot, effects: Sequence[Effect], theta: Array, t: Array, q: A
     """Torque of a parameter vector along a motion, (N, J), a chunk at a time."""
     regressor = Regressor(robot, effects)
     parts = []
-    for start in range(0, len(t), 4096):
-        s = slice(start, start + 4096)
-        part = np.einsum("ncj,c->nj", regressor(t[s], q[s], v[s], a[s]), theta)
+    # an effect with memory needs the whole motion at once, and every piece the time at which the log begins
+    chunk = len(t) if any(effect.memory for effect in effects) else 4096
+    for start in range(0, len(t), chunk):
+        s = slice(start, start + chunk)
+        Y = regressor._evaluate(t[s], q[s], v[s], a[s], float(t[0]), {}, {})
+        part = np.einsum("ncj,c->nj", Y, theta)
         known = robot.known_torque(q[s], v[s], a[s])
         parts.append(part if known is None else part + known)
     return np.concatenate(parts)

@@ -134,7 +134,7 @@ def _check_power(node: ast.expr, text: str) -> None:
     """An exponent is a plain number of moderate size."""
     number = node.operand if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub) else node
     value = number.value if isinstance(number, ast.Constant) else None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST_POWER:
+    if type(value) not in (int, float) or not -LARGEST_POWER <= float(value) <= LARGEST_POWER:  # type: ignore[arg-type]
         raise InputError(f"formula '{text}': the exponent after ** must be a number up to {LARGEST_POWER:g}")
 
 

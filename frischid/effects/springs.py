@@ -3,7 +3,7 @@
     τ_j = ks_j q_j,   or   τ_j = bs sin q_j + bc cos q_j + bss sin 2q_j + bcc cos 2q_j
 
 A gas spring or hydraulic cylinder between a link and its base pulls along a line whose lever arm changes with the
-angle; over a turn that is a periodic function, and two harmonics describe it well. The constant part is a torque offset.
+angle; over a turn that is a periodic function, and two harmonics describe it well. Its constant part is an offset.
 
 Source: Arakelian 2016, "Gravity compensation in robotics", Advanced Robotics 30(2).
 """
