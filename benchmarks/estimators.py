@@ -1,20 +1,22 @@
 """Every estimator of frischid on the same noisy logs: bias, error, joint coverage, width of the bounds, processor time.
 
-Two robots: the paper's planar arm along the authors' points (FRISCHID_DATA; a random Fourier motion of the same length
-without), and a UR10 along a random 20 s Fourier motion. White noise σ_q on q, 2σ_q on q̇ and q̈, 1 N·m on the torque. No
-run is discarded; a run in which a method gives no bounds counts as one that does not cover.
+Two robots: the paper's planar arm along the authors' points (FRISCHID_DATA; a random Fourier motion of the same
+length without), and a UR10 along a random 20 s Fourier motion. White noise σ_q on q, 2σ_q on q̇ and q̈, 1 N·m on the
+torque. No run is discarded; a run in which a method gives no bounds counts as one that does not cover.
 
 For each method, over the runs:
 
 - *bias*: the mean error of a parameter in units of its standard deviation over the runs, rms over the parameters;
 - *error*: a parameter's rms error over that of OLS, mean over the parameters, and the worst parameter;
-- *cover*: share of runs in which the box, or the estimate ± Bonferroni t standard errors, holds all parameters at once;
+- *cover*: share of runs in which the box, or the estimate ± Bonferroni t standard errors, holds all parameters at
+  once;
 - *width*: median width of a friction parameter's bounds, as a multiple of its true value, mean over the parameters;
 - *gain*: the classical Frisch box's median width over the method's, in the friction parameter where that is least.
 
-``sensor-wise`` knows nothing of the noise; ``sensor-wise, data sheet`` is told the standard deviations of q, q̇, q̈ to
-within half and one and a half times. ``eiv`` is told them exactly, ``eiv, estimated`` reads them off the log. ``iv``
-makes its reference from the log, ``iv, reference`` has the recorded one.
+``sensor-wise`` knows nothing of the noise; ``sensor-wise, log`` reads an upper limit of it off the log (one and a
+half times `noise_levels`); ``sensor-wise, data sheet`` is told the standard deviations of q, q̇, q̈ to within half
+and one and a half times. ``eiv`` is told them exactly, ``eiv, estimated`` reads them off the log. ``iv`` makes its
+reference from the log, ``iv, reference`` has the recorded one.
 """
 
 from __future__ import annotations
@@ -47,7 +49,7 @@ from frischid.identification import structure
 from frischid.iv import iv
 from frischid.regressor import Regressor, accumulate, stack
 from frischid.selection import select
-from frischid.sensitivity import samples, sensor_moments
+from frischid.sensitivity import noise_limits, samples, sensor_moments
 from frischid.sensorwise import sensorwise
 from frischid.signals import LowPass, Motion
 from frischid.simulation import parameters_of, torque
@@ -192,8 +194,8 @@ def recursed(variant: str) -> Callable[[Noisy], tuple[Array, Box | None]]:
     return run
 
 
-def sensors(limited: bool) -> Callable[[Noisy], tuple[Array, Box | None]]:
-    """Sensor-wise scheme, with or without a data sheet."""
+def sensors(known: str) -> Callable[[Noisy], tuple[Array, Box | None]]:
+    """Sensor-wise scheme, with limits of the noise from nowhere, the log or a data sheet."""
 
     def run(log: Noisy) -> tuple[Array, Box | None]:
         case = log.case
@@ -201,8 +203,13 @@ def sensors(limited: bool) -> Callable[[Noisy], tuple[Array, Box | None]]:
         data = sensor_moments(
             case.regressor, [log.motion], NOTHING, log.joints, case.base, names=log.names, weights=weights
         )
-        sheet = {n: log.levels[n.split()[0]] for n in data.sensors[:-1]} if limited else {}
-        result = sensorwise(data, limits={n: (0.5 * s, 1.5 * s) for n, s in sheet.items()}, confidence=CONFIDENCE)
+        limits: dict[str, tuple[float, float]] = {}
+        if known == "log":
+            limits = noise_limits([log.motion], case.regressor.robot, NOTHING)
+        if known == "sheet":
+            true = {n: log.levels[n.split()[0]] for n in data.sensors[:-1]}
+            limits = {n: (0.5 * s, 1.5 * s) for n, s in true.items()}
+        result = sensorwise(data, limits=limits, confidence=CONFIDENCE)
         return result.theta, result.box
 
     return run
@@ -237,8 +244,9 @@ METHODS: dict[str, Callable[[Noisy], tuple[Array, Box | None]]] = {
     "bbrf strict": recursed("strict"),
     "bbrf undo": recursed("undo"),
     "bbrf calibrated": recursed("calibrated"),
-    "sensor-wise": sensors(False),
-    "sensor-wise, data sheet": sensors(True),
+    "sensor-wise": sensors(""),
+    "sensor-wise, log": sensors("log"),
+    "sensor-wise, data sheet": sensors("sheet"),
     "eiv": likelihood(True),
     "eiv, estimated": likelihood(False),
     "iv": instruments(False),

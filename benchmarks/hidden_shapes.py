@@ -47,6 +47,13 @@ Maker = Callable[[np.random.Generator, World, int], Hidden]
 """Random numbers, the motion to fit, and a joint -> an effect on that joint (or, where it must be, on more)."""
 
 
+def loaded_joint(rng: np.random.Generator, fit: World, scale: Array) -> int:
+    """Draw a joint whose torque owes something to links and gravity, not only to its own drive."""
+    share = fit.load.std(axis=0) / scale
+    good = np.flatnonzero(share > 0.3)
+    return int(rng.choice(good)) if len(good) else int(np.argmax(share))
+
+
 def stribeck(rng: np.random.Generator, fit: World, j: int) -> Hidden:
     """Friction peak at low speed, exponent between 0.7 and 1.8."""
     speed, power = rng.uniform(0.06, 0.25) * rms(fit.path.v)[j], rng.uniform(0.7, 1.8)

@@ -27,7 +27,7 @@ Three points:
 All derivatives are differences over ±√3 standard deviations, the nodes of a three-point Gauss-Hermite rule. Torque
 noise is given, or at least `signals.noise_level`, raised until the weighted squares average one (Mandel and Paule
 1970): what the sensors do not explain is counted as torque noise. Filtered rows F Y are corrected by Y(ẑ) − Y(z̃).
-The standard errors come from the scores' sums over blocks of time, so that correlated residuals are counted.
+The standard errors are a jackknife over blocks of time, so that correlated residuals are counted.
 """
 
 from __future__ import annotations
@@ -204,14 +204,13 @@ def eiv(
             part.linearise(theta, inflation)
         if not given:
             inflation = _inflation(parts, theta)
-        A, b, _ = _equations(parts, inflation, theta)
-        theta, condition = solve_scaled(A, b, names)
+        whole = _equations(parts, inflation).sum(axis=0)
+        theta, condition = solve_scaled(whole[:, :-1], whole[:, -1], names)
         for part in parts:
             part.correct(theta, inflation)
-    A, _, scores = _equations(parts, inflation, theta)
-    D = np.linalg.solve(A, scores.T)
-    B = scores.shape[0]
-    covariance = B / max(1, B - 1) * D @ D.T
+    sums = _equations(parts, inflation)
+    covariance = covariance_of(sums, theta)
+    A, B = sums.sum(axis=0)[:, :-1], len(sums)
     left = np.concatenate([s.tau - np.einsum("kcr,c->kr", s.Y, np.append(theta, 1.0)) for s in stretches])
     used = np.concatenate([s.used for s in stretches])
     sigma = np.sqrt((left**2 * used).sum(axis=0) / np.maximum(used.sum(axis=0), 1))
@@ -255,22 +254,31 @@ def _start(stretches: Sequence[Samples], names: Sequence[str]) -> Array:
     return solve_scaled(A, b, names)[0]
 
 
-def _equations(parts: Sequence[_Stretch], inflation: float, theta: Array) -> tuple[Array, Array, Array]:
-    """Normal equations, and the scores at θ summed over blocks of time (B, p)."""
+def _equations(parts: Sequence[_Stretch], inflation: float) -> Array:
+    """Normal equations [A b] summed over blocks of time, (B, p, p + 1)."""
     total = sum(len(p.data.tau) for p in parts)
-    p = len(theta)
-    A, b, scores = np.zeros((p, p)), np.zeros(p), np.zeros((min(BLOCKS, total), p))
-    first = 0
+    p = len(parts[0].data.dry)
+    sums, first = np.zeros((min(BLOCKS, total), p, p + 1)), 0
     for part in parts:
         assert part.here is not None
-        Y, model = part.here.Y[:, :-1], (part.here.Y - part.here.C)[:, :-1]
-        YW = Y @ part.weights(inflation)
-        A += np.tensordot(YW, model, axes=([0, 2], [0, 2]))
-        b += np.tensordot(YW, part.target(), axes=([0, 2], [0, 1]))
-        block = (first + np.arange(len(Y))) * len(scores) // total
-        np.add.at(scores, block, -np.einsum("kcr,kr->kc", YW, part.residual(theta)))
-        first += len(Y)
-    return A, b, scores
+        YW = part.here.Y[:, :-1] @ part.weights(inflation)
+        right = np.concatenate([(part.here.Y - part.here.C)[:, :-1], part.target()[:, None, :]], axis=1)
+        block = (first + np.arange(len(YW))) * len(sums) // total
+        for number in np.unique(block):
+            s = block == number
+            sums[number] += np.tensordot(YW[s], right[s], axes=([0, 2], [0, 2]))
+        first += len(YW)
+    return sums
+
+
+def covariance_of(sums: Array, theta: Array) -> Array:
+    """Delete-one-block jackknife of ``A θ = b`` from the blocks' [A b], (B, p, p + 1): see `frischid.estimate`."""
+    whole = sums.sum(axis=0)
+    scale = 1.0 / np.sqrt(np.abs(np.diag(whole)))
+    scores = (sums[:, :, -1] - sums[:, :, :-1] @ theta) * scale
+    rest = (whole - sums)[:, :, :-1] * np.outer(scale, scale)
+    changes = scale * np.linalg.solve(rest, scores[:, :, None])[:, :, 0]
+    return np.asarray((len(sums) - 1) / len(sums) * changes.T @ changes)
 
 
 def solve_scaled(A: Array, b: Array, names: Sequence[str]) -> tuple[Array, float]:

@@ -11,7 +11,7 @@ hold exactly. The torque of the URDF's own parameters and friction, and the dist
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -200,6 +200,12 @@ class Excess:
             value += more
             gradient[:, rows] += part_gradient
         return value, gradient
+
+    def wider(self, gap: float) -> Excess:
+        """Return the same with `gap` metres more between bodies."""
+        if self.clearance is None:
+            return self
+        return replace(self, clearance=replace(self.clearance, margin=self.clearance.margin + gap))
 
     def fits(self, states: Array) -> bool:
         """Whether torques and distances hold at all times."""

@@ -25,7 +25,7 @@ from scipy import linalg
 from frischid.errors import IdentifiabilityError
 from frischid.gram import Array, Column, Gram, total
 
-WORST_CONDITION = 1e7  # of the column-scaled regressor; its square leaves two digits in the moments
+WORST_CONDITION = 1e6  # of the column-scaled regressor; its square leaves four digits in the moments
 LEAST_BLOCKS = 10
 JOINTS_SPREAD_FLOOR = 1e-9  # share of a joint's torque below which a residual is rounding, not noise
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +54,8 @@ class Plan:
     cost : float
         Its value at the samples of the final motion.
     history : ndarray, shape (n, 2)
-        Evaluations used, and the best feasible cost by then.
+        Evaluations used, and the best cost by then of a motion that seemed to fit; a step up marks a repair of one that
+        did not between the times that were watched.
     evaluations : int
         Regressors of all N samples that were computed; a gradient counts as all the displaced ones it takes.
     seconds : float
@@ -155,8 +156,7 @@ def plan(
     search = Search(
         family=shape,
         cost=Cost(robot, effects, _instants(family, shape, samples, duration), criterion_of(criterion), seed),
-        # A little wider than asked for, because the search sees the motion at intervals.
-        excess=Excess(robot, limits, replace(space, margin=space.margin + 0.005)),
+        excess=Excess(robot, limits, space),
         duration=duration,
         bounds=bounds,
         budget=budget,

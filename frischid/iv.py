@@ -31,7 +31,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from frischid.eiv import information_of, solve_scaled
+from frischid.eiv import covariance_of, information_of, solve_scaled
 from frischid.errors import InputError
 from frischid.estimate import LEAST_BLOCKS, Estimate
 from frischid.gram import Array
@@ -101,8 +101,7 @@ def iv(
         whole = moments.sum(axis=0)
         previous = theta
         theta, condition = solve_scaled(whole[:, :-1], whole[:, -1], [c.name for c in start.columns])
-        D = np.linalg.solve(whole[:, :-1], (moments[:, :, -1] - moments[:, :, :-1] @ theta).T)
-        covariance = len(moments) / max(1, len(moments) - 1) * D @ D.T
+        covariance = covariance_of(moments, theta)
         if (np.abs(theta - previous) <= SETTLED * np.sqrt(np.diag(covariance))).all():
             break
     if len(moments) < LEAST_BLOCKS:

@@ -26,7 +26,7 @@ from frischid.signals import LowPass, Motion, decimating_filter
 CHUNK = 256  # samples; fits the processor's cache
 EXTRA = 6  # columns filtered beside Y: τ, ones, known torque, q, q̇, q̈
 RESTING = 0.01  # share of a filtered sample's weight that may come from standstill
-MAX_BLOCKS = 64
+LEAST_BLOCKS, MAX_BLOCKS = 16, 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +268,7 @@ def accumulate(regressor: Regressor, motions: Sequence[Motion], lowpass: LowPass
     """Moments of motions in blocks of consecutive time.
 
     Blocks serve cross-validation and standard errors that respect correlation: about `MAX_BLOCKS` of equal length,
-    at least one second each, whatever the length of the logs. No block spans two motions.
+    at least one second each where the logs are long enough for sixteen. No block spans two motions.
 
     Parameters
     ----------
@@ -288,7 +288,8 @@ def accumulate(regressor: Regressor, motions: Sequence[Motion], lowpass: LowPass
 
 
 def _sums(regressor: Regressor, motions: Sequence[Motion], lowpass: LowPass, joints: Sequence[str]) -> Iterator[Gram]:
-    seconds = max(1.0, sum(m.t[-1] - m.t[0] for m in motions) / MAX_BLOCKS)
+    whole = float(sum(m.t[-1] - m.t[0] for m in motions))
+    seconds = max(min(1.0, whole / LEAST_BLOCKS), whole / MAX_BLOCKS)
     for motion in motions:
         _check_torque_present(motion, regressor.robot, joints)
         every = lowpass.decimation(motion.step)

@@ -122,6 +122,8 @@ class Search:
     history: list[tuple[int, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        # Bodies come a little closer between the times that are watched.
+        self.wary = self.excess.wider(0.005)
         e = self.excess.envelope
         coefficients = len(self.family.constant)
         self.grid = np.linspace(0.0, self.duration, int(np.clip(8 * coefficients, 200, 2000)))
@@ -207,7 +209,7 @@ class Search:
         def level(y: Array) -> float:
             X = self.random(y.reshape(-1, J))
             cost = self.cost(self.at_samples @ X)
-            excess, _ = self.excess.loads(self.at_watch @ X, slope=False)
+            excess, _ = self.wary.loads(self.at_watch @ X, slope=False)
             self._record(X, cost, excess < 1e-6)
             return self._level(cost) + STAGES[0][1] * excess
 
@@ -293,7 +295,7 @@ class Search:
             slope = slope / cost
         gradient = np.einsum("onp,onj->pj", self.at_samples, slope)
         if self.bounds == "everywhere":
-            for excess_of, basis in ((self.excess.kinematic, self.at_grid), (self.excess.loads, self.at_watch)):
+            for excess_of, basis in ((self.excess.kinematic, self.at_grid), (self.wary.loads, self.at_watch)):
                 excess, slope = excess_of(basis @ X)
                 value += weight * excess
                 gradient += weight * np.einsum("onp,onj->pj", basis, slope)
@@ -304,7 +306,7 @@ class Search:
         fits = True
         if self.bounds == "everywhere":
             X = self.within(X)
-            fits = self.excess.fits(self.at_watch @ X)
+            fits = self.wary.fits(self.at_watch @ X)
         self._record(X, self.cost(self.at_samples @ X), fits)
 
     def _box(self) -> Box | None:

@@ -44,7 +44,7 @@ STEP = 0.03
 """Displacement of a sensor for differences, as a share of what its channels span: rms of q̇ and q̈, 1 rad (m) of q."""
 
 UNIT = np.ones(1)
-SAME = 1e-8  # relative difference of two channels that is rounding; a clean smooth motion has more
+SAME = 1e-9  # relative difference of two channels that is rounding; a clean smooth motion has more
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,8 @@ def _derived(x: Array, source: Array, taps: Array) -> bool:
         return False
     made = np.convolve(source, taps[::-1], mode="valid")
     inside = x[half : len(x) - half]
-    return bool(np.abs(made - inside).max() <= SAME * max(float(np.abs(inside).max()), 1e-12))
+    rounding = 1e-3 * float(np.abs(taps).sum() * np.abs(source).max()) + float(np.abs(inside).max())
+    return bool(np.abs(made - inside).max() <= SAME * rounding)
 
 
 def sensor_moments(
@@ -225,6 +226,17 @@ def noise_levels(motions: Sequence[Motion], robot: Robot, lowpass: LowPass) -> d
             name = robot.joints[j]
             values.setdefault(f"{TORQUE} {name}", []).append(float(noise_level(motion.tau[:, j])))
     return {name: float(np.median(v)) for name, v in values.items()}
+
+
+def noise_limits(
+    motions: Sequence[Motion], robot: Robot, lowpass: LowPass, margin: float = 1.5
+) -> dict[str, tuple[float, float]]:
+    """Limits for `frischid.sensorwise.sensorwise` where there is no data sheet: at most `margin` times `noise_levels`.
+
+    They hold for errors that are white; an encoder's eccentricity or a late velocity is more than they allow.
+    """
+    levels = noise_levels(motions, robot, lowpass)
+    return {name: (0.0, margin * level) for name, level in levels.items() if not name.startswith(TORQUE)}
 
 
 def samples(

@@ -203,8 +203,12 @@ def compensated(data: SensorMoments, sigma: Mapping[str, float]) -> tuple[Array,
         ) from None
     theta = scale * linalg.cho_solve(factor, scale * M[:-1, -1])
     scores = blocks[:, :-1, -1] - blocks[:, :-1, :-1] @ theta
-    changes = scale[:, None] * linalg.cho_solve(factor, (scores * scale).T)
-    return theta, len(blocks) / max(1, len(blocks) - 1) * changes @ changes.T
+    scaled = np.outer(scale, scale)
+    changes = np.stack(
+        [np.linalg.solve((M - b)[:-1, :-1] * scaled, x * scale) for b, x in zip(blocks, scores, strict=True)]
+    )
+    changes *= scale
+    return theta, (len(blocks) - 1) / len(blocks) * changes.T @ changes
 
 
 def _variance_limits(sensors: tuple[str, ...], limits: Limits) -> tuple[Array, Array]:
@@ -225,6 +229,14 @@ def _exact(data: SensorMoments, theta: Array) -> SensorWise:
     return SensorWise(
         data.names, data.sensors, theta, np.zeros((p, p)), vertices, np.zeros(S), box, box, exact=True, notes=(note,)
     )
+
+
+def _bordered(M: Array, border: Array, rhs: Array) -> Array:
+    """Solve ``M x = rhs`` orthogonally to the null vector in the border; `rhs` in rows (k, n) or one vector (n,)."""
+    whole = border.copy()
+    whole[:-1, :-1] += M
+    padding = [(0, 0)] * (rhs.ndim - 1) + [(0, 1)]
+    return np.asarray(np.linalg.solve(whole, np.pad(rhs, padding).T).T[..., :-1])
 
 
 class _Scheme:
@@ -270,14 +282,15 @@ class _Scheme:
         cost = np.einsum("a,sab,b->s", u, self.sums, u)
         r = blocks @ u
         r -= np.outer(r @ u / (direction @ cost), D @ u)
-        border = np.block([[M, u[:, None]], [u[None, :], np.zeros((1, 1))]])
-        rhs = np.concatenate([-r, (self.sums @ u)], axis=0)  # sampling errors of the blocks, then the gradients
-        moved = np.linalg.solve(border, np.pad(rhs, ((0, 0), (0, 1))).T)[:-1].T
+        rank = np.zeros((len(u) + 1, len(u) + 1))
+        rank[-1, :-1] = rank[:-1, -1] = u
+        gradient = _bordered(M, rank, self.sums @ u)
+        left = np.stack([_bordered(M - b, rank, -s) for b, s in zip(blocks, r, strict=True)])  # without that block
         B, theta = len(r), -u[:-1] / u[-1]
-        bounded = abs(u[-1]) > self.quantile * np.sqrt(B / (B - 1) * (moved[:B, -1] ** 2).sum())
-        change = -(moved[:, :-1] + np.outer(moved[:, -1], theta)) / u[-1]
-        covariance = B / (B - 1) * change[:B].T @ change[:B]
-        return _Point(x, theta, covariance, change[B:].T, cost, bool(bounded))
+        bounded = abs(u[-1]) > self.quantile * np.sqrt((B - 1) / B * (left[:, -1] ** 2).sum())
+        moved, gradient = (-(x[:, :-1] + np.outer(x[:, -1], theta)) / u[-1] for x in (left, gradient))
+        covariance = (B - 1) / B * moved.T @ moved
+        return _Point(x, theta, covariance, gradient.T, cost, bool(bounded))
 
     def corners(self) -> list[_Point | None]:
         """For each sensor, the point of V at which it explains as much as it may and the torque the rest."""

@@ -160,12 +160,18 @@ def whole_regressor(regressor, q, v, a):
     return regressor(np.arange(len(q)) * 0.01, q, v, a)
 
 
+def along(machine, effects):
+    """Regressor along a smooth motion, for what remembers or differentiates: one sample in ten."""
+    t = np.arange(500) * 0.01
+    return Regressor(machine, effects)(t, *random_fourier(machine, 5.0, seed=7)(t))[::10]
+
+
 def random_values(machine, effects, seed=0):
     """Effect parameters that the URDF says nothing of: positive, different, each worth about one N·m (N)."""
     rng = np.random.default_rng(seed)
     columns = [c for effect in effects for c in effect.columns(machine)]
-    Y = whole_regressor(Regressor(machine, effects), *states(machine, 50))[:, len(machine.columns) :]
-    size = np.abs(Y).max(axis=2).mean(axis=0)
+    Y = along(machine, effects)[:, len(machine.columns) :]
+    size = np.maximum(np.abs(Y).max(axis=2).mean(axis=0), 1e-3)  # some effects hardly act on this motion
     return {c.name: float(x / s) for c, x, s in zip(columns, rng.uniform(0.5, 1.5, len(columns)), size, strict=True)}
 
 
@@ -184,7 +190,7 @@ def true_base(found, values=None):
 def misfit(found, truth):
     """Largest torque that one wrong parameter causes, as a share of the torque: free of units."""
     model = found.model
-    Y = whole_regressor(Regressor(model.robot, model.effects), *states(model.robot, 50))[:, list(model.base)]
+    Y = along(model.robot, model.effects)[:, list(model.base)]
     size = np.sqrt((Y**2).mean(axis=(0, 2)))
     torque = np.sqrt((np.einsum("ncj,c->nj", Y, truth) ** 2).mean())
     return float((np.abs(model.estimate.theta - truth) * size / torque).max())

@@ -48,6 +48,7 @@ QUANTITIES = ("q", "v", "a", "load", "tau_model", "temperature")
 VARIABLE = re.compile(rf"({'|'.join(QUANTITIES)})([0-9]*)|t")
 LONGEST = 300  # characters
 LARGEST_POWER = 8.0
+LARGEST_NUMBER = 1e100
 NAMES = f"{', '.join(QUANTITIES)} of the joint itself or with a joint's number (v2), t, pi"
 
 
@@ -101,9 +102,9 @@ class Expression:
 def _check(node: ast.expr, text: str, names: dict[str, None]) -> None:
     """Refuse whatever is not in the language; collect the variables."""
     match node:
-        case ast.Constant(value=value) if type(value) in (int, float):
-            if not abs(value) < 1e100:
-                raise InputError(f"formula '{text}': a number is too large")
+        case ast.Constant() if (number := _number(node)) is not None:
+            if not abs(number) <= LARGEST_NUMBER:
+                raise InputError(f"formula '{text}': numbers are at most {LARGEST_NUMBER:g}")
         case ast.Name(id="pi"):
             pass
         case ast.Name(id=name):
@@ -132,10 +133,16 @@ def _check(node: ast.expr, text: str, names: dict[str, None]) -> None:
 
 def _check_power(node: ast.expr, text: str) -> None:
     """An exponent is a plain number of moderate size."""
-    number = node.operand if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub) else node
-    value = number.value if isinstance(number, ast.Constant) else None
-    if type(value) not in (int, float) or not -LARGEST_POWER <= float(value) <= LARGEST_POWER:  # type: ignore[arg-type]
+    signed = isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub)
+    number = _number(node.operand if isinstance(node, ast.UnaryOp) and signed else node)
+    if number is None or not abs(number) <= LARGEST_POWER:
         raise InputError(f"formula '{text}': the exponent after ** must be a number up to {LARGEST_POWER:g}")
+
+
+def _number(node: ast.expr) -> float | None:
+    """The number a node is; None when it is anything else (a text, True, 2j)."""
+    value = node.value if isinstance(node, ast.Constant) else None
+    return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 def _value(node: ast.expr, values: Mapping[str, Array]) -> Array:

@@ -6,7 +6,8 @@ order in δ the motor feels
     τ = τ_rigid(q − δ e_j) ≈ τ_rigid − (∂τ/∂q_j δ + ∂τ/∂q̇_j δ̇ + M_j δ̈),
 
 with ``δ = load_j / k`` for a spring of stiffness k, and ``δ = g tanh(load_j / w)`` for a gap of ±g that the load
-keeps closed on one side or the other. While the gap is crossed, the motor also carries nothing.
+keeps closed on one side or the other. While the gap is crossed the motor loses the link's inertia and weight, and
+when it is, it is hit: both are in δ̈.
 
 Sources: Spong 1987, ASME J. Dynamic Systems, Measurement and Control 109(4); Nordin and Gutman 2002, "Controlling
 mechanical systems with backlash: a survey", Automatica 38(10).
@@ -77,7 +78,7 @@ class Backlash(Effect):
 
     id: ClassVar[str] = "backlash"
     title: ClassVar[str] = "backlash"
-    equation: ClassVar[str] = "gap·(∂τ_rigid/∂δ)[−tanh(load/w)] − lost·load·exp(−(load/w)²),  w = width·typical load"
+    equation: ClassVar[str] = "gap·(∂τ_rigid/∂δ)[−tanh(load/w)],  w = width·typical load"
     sentence: ClassVar[str] = (
         "{joint} loses its load for a moment whenever the load changes sides, and is hit when it catches it again: "
         "play in its gear"
@@ -97,12 +98,12 @@ class Backlash(Effect):
         self.require_positive(width="share of the joint's typical load")
 
     def terms(self, state: State) -> list[Term]:
-        """Two columns a joint: half the gap, felt by all; and the share of the load that is lost, on its own row."""
-        return [term for joint in self.acts_on(state.robot) for term in self._of_joint(state, *joint)]
-
-    def _of_joint(self, state: State, i: int, name: str, number: str) -> list[Term]:
-        load = state.load[:, i]
-        x = load / max(self.width * float(state.rigid.spread[i]), 1e-12)
-        gap = self.column("gap", torque_unit(state.robot, i, "torque slope"), name, number, sign=1)
-        lost = self.column("lost", torque_unit(state.robot, i, "torque"), name, number, sign=1)
-        return [Term(gap, deflected(state, i, np.tanh(x))), Term(lost, {i: -load * np.exp(-(x**2))})]
+        """One column a joint, half its gap, felt by all."""
+        reach = np.maximum(self.width * state.rigid.spread, 1e-12)
+        return [
+            Term(
+                self.column("gap", torque_unit(state.robot, i, "torque slope"), name, number, sign=1),
+                deflected(state, i, np.tanh(state.load[:, i] / reach[i])),
+            )
+            for i, name, number in self.acts_on(state.robot)
+        ]

@@ -154,7 +154,7 @@ class AsymmetricCoulomb(Effect):
 
     dry: ClassVar[bool] = True
 
-    width: float = 0.02
+    width: float = 0.05
 
     def __post_init__(self) -> None:
         self.require_positive(width="speed in rad/s (m/s)")

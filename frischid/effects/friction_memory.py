@@ -25,7 +25,7 @@ def presliding(t: Array, v: Array, distance: float) -> Array:
     """Dahl's state along a motion, between −1 and 1.
 
     The path is the integral of the speed, which carries less noise than differences of positions. What was before the
-    log is unknown: the joint is taken to come from far in the direction of its first movement.
+    log is unknown: until the joint first moves in earnest it is taken to come from far in that same direction.
 
     Parameters
     ----------
@@ -38,9 +38,11 @@ def presliding(t: Array, v: Array, distance: float) -> Array:
     -------
     ndarray, shape (N,)
     """
+    moving = np.abs(v) > WIDTH
+    first = int(moving.argmax()) if moving.any() else len(v)
     path = 0.5 * (v[1:] + v[:-1]) * np.diff(t)
-    moving = np.flatnonzero(np.abs(v) > WIDTH)
-    z = float(np.sign(v[moving[0]])) if len(moving) else 0.0
+    path[:first] = 0.0
+    z = float(np.sign(v[first])) if moving.any() else 0.0
     out = [z] * min(len(v), 1)
     for side, kept in zip(np.sign(path).tolist(), np.exp(-np.abs(path) / distance).tolist(), strict=True):
         z = side - (side - z) * kept
