@@ -72,12 +72,15 @@ def mjcf(model: Any, drive: Drive, kp: Array, kd: Array) -> str:
         place, inertial = model.jointPlacements[i], model.inertias[i]
         x, y, z, w = pin.Quaternion(place.rotation).coeffs()
         I = inertial.inertia  # noqa: E741
+        spin = f'armature="{drive.rotor[j]:.17g}" damping="{drive.viscous[j]:.17g}"'
+        # Stiff: by default MuJoCo's dry friction brakes over 20 ms.
+        dry = f'frictionloss="{drive.coulomb[j]:.17g}" solreffriction="0.002 1" solimpfriction="0.98 0.999 0.001"'
         return (
             f'<body pos="{_row(place.translation)}" quat="{_row([w, x, y, z])}">'
             f'<inertial pos="{_row(inertial.lever)}" mass="{inertial.mass:.17g}" '
             f'fullinertia="{_row([I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]])}"/>'
-            f'<joint name="j{i}" axis="{_row(axis)}" armature="{drive.rotor[j]:.17g}" damping="{drive.viscous[j]:.17g}" '
-            f'frictionloss="{drive.coulomb[j]:.17g}" solreffriction="0.002 1" solimpfriction="0.98 0.999 0.001"/>{"".join(body(k) for k in children.get(i, []))}</body>'
+            f'<joint name="j{i}" axis="{_row(axis)}" {spin} {dry}/>'
+            f"{''.join(body(k) for k in children.get(i, []))}</body>"
         )
 
     servos = "".join(

@@ -76,7 +76,9 @@ def asymmetric_viscous(rng: np.random.Generator, fit: World, j: int) -> Hidden:
     """Viscous friction in one direction only, with a soft corner."""
     corner, way = rng.uniform(0.0, 0.1) * rms(fit.path.v)[j], rng.choice([-1.0, 1.0])
     return Hidden(
-        lambda w: w.on(j, way * (np.sqrt(w.path.v[:, j] ** 2 + corner**2) + way * w.path.v[:, j]) / 2), (j,), f"{way:+.0f}"
+        lambda w: w.on(j, way * (np.sqrt(w.path.v[:, j] ** 2 + corner**2) + way * w.path.v[:, j]) / 2),
+        (j,),
+        f"{way:+.0f}",
     )
 
 
@@ -169,10 +171,13 @@ def joint_coupling(rng: np.random.Generator, fit: World, j: int) -> Hidden:
 
 
 def thermal_drift(rng: np.random.Generator, fit: World, j: int) -> Hidden:
-    """Friction that falls while the gear warms up, with two time constants; sometimes the temperature is measured."""
+    """Friction that falls while the gear warms up, or grows, with two time constants; temperature sometimes known."""
     fast, slow, share = rng.uniform(3.0, 8.0), rng.uniform(15.0, 60.0), rng.uniform(0.4, 0.8)
-    measured = rng.random() < 0.35
+    measured, falls = rng.random() < 0.35, rng.random() < 0.7
     viscous, coulomb = fit.drive.viscous[j], fit.drive.coulomb[j]
+
+    def friction(w: World) -> Array:
+        return viscous * w.path.v[:, j] + coulomb * w.sign[:, j]
 
     def warmth(w: World) -> Array:
         before = 8.0 if measured and w.number == 1 else 0.0
@@ -184,9 +189,9 @@ def thermal_drift(rng: np.random.Generator, fit: World, j: int) -> Hidden:
         return {f"temperature_{w.robot.joints[j]}": 25.0 + 15.0 * warmth(w) + noise}
 
     return Hidden(
-        lambda w: w.on(j, -warmth(w) * (viscous * w.path.v[:, j] + coulomb * w.sign[:, j])),
+        lambda w: w.on(j, (1 - warmth(w) if falls else warmth(w)) * friction(w)),
         (j,),
-        f"{fast:.0f} s and {slow:.0f} s{', temperature measured' if measured else ''}",
+        f"{'falls' if falls else 'grows'}, {fast:.0f} s and {slow:.0f} s{', temperature measured' if measured else ''}",
         extra=temperature if measured else None,
     )
 

@@ -72,7 +72,7 @@ def error_size(rigid: World, j: int, gear: Gear) -> float:
     theta, _, motor = _two_masses(_smoothed(rigid), j, gear)
     seen = _replaced(rigid.path, j, theta)
     drive = rigid.drive.torque(seen, np.tanh(seen.v / (2 * STICK)))
-    return slow_size((motor - rnea(rigid.model, rigid.robot, seen)[:, j] - drive[:, j]))
+    return float(rms(in_band(motor - rnea(rigid.model, rigid.robot, seen)[:, j] - drive[:, j])))
 
 
 def tuned(rigid: World, j: int, gear: Gear, target: float, scale: float) -> Gear:
@@ -82,16 +82,13 @@ def tuned(rigid: World, j: int, gear: Gear, target: float, scale: float) -> Gear
         if 0.88 < size / target < 1.14:
             break
         step = float(np.clip(target / size, 0.02, 20.0))
-        if gear.gap:
-            gear = replace(gear, gap=gear.gap * step)
-        else:
-            gear = replace(gear, stiffness=gear.stiffness / step)
+        gear = replace(gear, gap=gear.gap * step) if gear.gap else replace(gear, stiffness=gear.stiffness / step)
     return gear
 
 
-def slow_size(torque: Array) -> float:
-    """Size of a torque without the gear's ringing above 10 Hz, which any identification filters out."""
-    return float(rms(sosfiltfilt(butter(4, 10.0, fs=1 / STEP, output="sos"), torque)))
+def in_band(torque: Array) -> Array:
+    """Torque without a gear's ringing above 10 Hz, which any identification filters out, (N,)."""
+    return np.asarray(sosfiltfilt(butter(4, 10.0, fs=1 / STEP, output="sos"), torque))
 
 
 def reversing(rigid: World, scale: Array, link_share: float = 0.5) -> NDArray[np.intp]:

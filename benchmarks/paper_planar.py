@@ -78,7 +78,7 @@ def main() -> None:
     notes3 = [
         "mean ± standard deviation; the paper's estimates are not in this repository's material, its true values are",
         f"'{PAPER}': BBRF and selection as in the authors' code (first half of the log); '{PAPER_WHOLE}': windows to "
-        f"the end; '{CALIBRATED}': least squares in the calibrated box; off / spread: of '{PAPER}'",
+        f"the end; '{CALIBRATED}': least squares in the calibrated box; off / sd: of '{PAPER}'",
         *(f"{name} = {text}" for name, text in zip(arm().names, arm().expressions, strict=True) if name != text),
         friction(tables["table3"]),
     ]
@@ -88,6 +88,8 @@ def main() -> None:
     ]
     publish("Table 4: predicted torque", tables["table4"], None, notes4)
     notes = [
+        "percentages of all runs; parameters covered, and widths (medians), of the boxes that are not empty; "
+        f"'calibrated' has windows of {len(case.t)} rows",
         *statements(runs),
         f"{case.source}; {len(SIGMAS)} × {options.runs} runs in {seconds:.0f} s, none discarded",
     ]

@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 EFFECTS = "viscous, coulomb(width=1e-6), rotor_inertia(coupled=true, ratio=0.1)"
 ROTORS = {"Im1": 12.10, "Im2": 21.18}
 RATE, DURATION, WINDOW, TORQUE_NOISE = 50.0, 99.0, 1000, 1.0
-OLS, PAPER, PAPER_WHOLE, CALIBRATED = "OLS", "paper", "paper, whole log", "calibrated"
+OLS, PAPER, PAPER_WHOLE, CALIBRATED = "OLS", "paper", "paper, all", "calibrated"
 ESTIMATORS = (OLS, PAPER, PAPER_WHOLE, CALIBRATED)
 CLASSICAL, STRICT, CALIBRATED_SHORT = "one-shot Frisch box", "BBRF strict", f"calibrated, window {WINDOW}"
 BOXES = (CLASSICAL, STRICT, PAPER, PAPER_WHOLE, CALIBRATED_SHORT, CALIBRATED)

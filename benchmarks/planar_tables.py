@@ -95,11 +95,11 @@ def table3(runs: Runs) -> Rows:
         for i, name in enumerate(arm().names):
             truth = float(arm().theta[i])
             row: dict[str, Any] = {"parameter": name, "σ_q": f"{sigma:g}", "true": truth}
-            row["paper's true"] = PUBLISHED.get(name, UNKNOWN)
+            row["paper true"] = PUBLISHED.get(name, UNKNOWN)
             for estimator, e in errors.items():
                 row[estimator] = f"{truth + e[:, i].mean():.4f} ± {e[:, i].std(ddof=min(1, len(e) - 1)):.4f}"
-            row["off / spread"] = float(abs(errors[PAPER][:, i].mean()) / max(errors[PAPER][:, i].std(), 1e-12))
-            row["RMS error OLS"] = float(rms[OLS][i])
+            row["off / sd"] = float(abs(errors[PAPER][:, i].mean()) / max(errors[PAPER][:, i].std(), 1e-12))
+            row["OLS rms error"] = float(rms[OLS][i])
             row["paper / OLS"] = float(rms[PAPER][i] / rms[OLS][i])
             rows.append(row)
     return rows
@@ -107,7 +107,7 @@ def table3(runs: Runs) -> Rows:
 
 def friction(rows: Rows) -> str:
     """Whether the friction rows of Table 3 at the paper's noise come out."""
-    worst = max(row["off / spread"] for row in rows if row["parameter"].startswith("f") and row["σ_q"] == "0.001")
+    worst = max(row["off / sd"] for row in rows if row["parameter"].startswith("f") and row["σ_q"] == "0.001")
     return (
         f"friction rows at σ_q = 0.001: mean of '{PAPER}' within {worst:.2f} standard deviations of the paper's true "
         f"values ({'reached' if worst <= 1.0 else 'NOT reached'}: at most 1)"
@@ -134,7 +134,7 @@ def table4(case: Case, runs: Runs) -> Rows:
                 row[f"± {j + 1}"] = float(rmse[:, j].std())
                 row[f"% of torque {j + 1}"] = float(100 * rmse[:, j].mean() / spread[j])
             row["worst sample"] = float(np.abs(error).max())
-            row["measured"] = TORQUE_NOISE
+            row["torque noise"] = TORQUE_NOISE
             row["paper"] = UNKNOWN
             rows.append(row)
     return rows

@@ -401,6 +401,63 @@ def simulate(
 
 
 @main.command()
+@click.argument("robot")
+@click.option("-o", "--output", type=click.Path(), required=True, help="Where the motion (t, q, v, a) goes.")
+@click.option("--duration", default=20.0, show_default=True, help="Seconds.")
+@click.option("--rate", default=100.0, show_default=True, help="Samples a second.")
+@click.option("--family", default="fourier", show_default=True, help="fourier, bspline, or points (quintics).")
+@click.option("--criterion", default="condition", show_default=True, help="condition, d_optimal, or paper (eq. 19).")
+@click.option("--limits", default=0.9, show_default=True, help="Share of the URDF's limits to use.")
+@click.option("--budget", default=30_000, show_default=True, help="Evaluations of the criterion.")
+@click.option("--seed", default=0, show_default=True, help="The same seed gives the same motion.")
+@click.option("--picture", type=click.Path(), help="Draw the motion and the falling cost here (HTML).")
+@_robot_options
+@_effects_option
+@_json_option
+def excite(
+    robot: str,
+    output: str,
+    duration: float,
+    rate: float,
+    family: str,
+    criterion: str,
+    limits: float,
+    budget: int,
+    seed: int,
+    picture: str | None,
+    effects: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Plan a motion that tells the parameters apart, within the robot's limits everywhere."""
+    from frischid import show
+    from frischid.excitation import plan
+    from frischid.model import check_writable
+
+    for path in filter(None, (output, picture)):
+        check_writable(path)
+    machine, _ = _load(robot, options)
+    with _working(as_json) as progress:
+        planned = plan(
+            machine,
+            _effects(effects),
+            duration=duration,
+            family=family,
+            criterion=criterion,
+            envelope=limits,
+            budget=budget,
+            seed=seed,
+            progress=lambda share, best: progress(f"planning: {share:.0%} of the budget, {criterion} {best:.4g}"),
+        )
+    planned.save(output, rate)
+    if picture:
+        from frischid import figures
+
+        figures.save(figures.excitation(planned), picture)
+    _print(show.excitation(planned, output, picture), as_json)
+
+
+@main.command()
 @click.argument("name", required=False)
 @_json_option
 def effects(name: str | None, as_json: bool) -> None:

@@ -429,26 +429,22 @@ class Robot:
         -------
         ndarray, shape (N, J), in units of torque per kg·m² of motor-side rotor inertia
         """
-        model, data, index = self.model, self.data, self.numbers[joint]
-        parent = model.parents[index]
-        chain = [k for k in model.supports[index] if 0 < k < index]
-        slides = {k for k in [*chain, index] if model.joints[k].shortname().startswith("JointModelP")}
-        full_v, full_a = self._full_rates(v), self._full_rates(a)
-        out = np.zeros((len(q), len(self.bodies)))
-        iv = model.joints[index].idx_v
-        rows = zip(out, self.configuration(q), full_v, full_a, strict=True)
-        for target, x, y, z in rows:
-            pin.forwardKinematics(model, data, x, y, z)
-            jacobian = pin.computeJointJacobians(model, data)
-            axis = jacobian[3:, iv] if index not in slides else np.zeros(3)
-            rotation = data.oMi[parent].rotation if parent else np.eye(3)
-            omega = rotation @ data.v[parent].angular if parent else np.zeros(3)
-            alpha = rotation @ data.a[parent].angular if parent else np.zeros(3)
-            target[iv] = ratio**2 * z[iv] + ratio * axis @ alpha
-            rate = z[iv] * axis + y[iv] * np.cross(omega, axis)
-            for k in chain:
-                jv = model.joints[k].idx_v
-                target[jv] = ratio * jacobian[3:, jv] @ rate
+        model, index = self.model, self.numbers[joint]
+        axes = np.empty((len(q), 3, model.nv))
+        for row, x in zip(axes, self.configuration(q), strict=True):
+            row[...] = pin.computeJointJacobians(model, self.data, x)[3:]
+        full_v, full_a = self._full_rates(v)[:, :, None], self._full_rates(a)[:, :, None]
+        chain = [model.joints[k].idx_v for k in model.supports[index] if 0 < k < index]
+        omega, alpha = np.zeros((2, len(q), 3))
+        for k in chain:  # angular velocity and acceleration of the link that carries the motor
+            alpha += axes[:, :, k] * full_a[:, k] + np.cross(omega, axes[:, :, k]) * full_v[:, k]
+            omega += axes[:, :, k] * full_v[:, k]
+        i = model.joints[index].idx_v
+        axis = axes[:, :, i]
+        rate = full_a[:, i] * axis + full_v[:, i] * np.cross(omega, axis)
+        out = np.zeros((len(q), model.nv))
+        out[:, chain] = ratio * np.einsum("nck,nc->nk", axes[:, :, chain], rate)
+        out[:, i] = ratio**2 * full_a[:, i, 0] + ratio * np.einsum("nc,nc->n", axis, alpha)
         return self._project(out, axis=1)
 
 

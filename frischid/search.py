@@ -47,7 +47,7 @@ Progress = Callable[[float, float], None]
 Bounds = Literal["everywhere", "points"]
 
 STEP = 1e-6  # displacement of a sample for the slope of its rows
-STAGES = ((4.0, 1e1), (20.0, 1e2), (100.0, 1e4))  # sharpness and weight of each descent
+STAGES = ((4.0, 1e1), (12.0, 1e2), (40.0, 1e3), (150.0, 1e4))  # sharpness and weight of each descent
 SHARE = 0.05  # of the budget, for the first phase
 POPULATION = 64
 REPAIRS = 3  # most times that what is broken between the grid's times is repaired
@@ -273,16 +273,18 @@ class Search:
                 self._look(last)
 
         # The line search of one round may take twenty gradients, so `maxfun` would not keep to the budget.
+        options = {"maxfun": self.budget, "maxiter": self.budget, "maxcor": 30, "ftol": 1e-10, "gtol": 1e-9}
+        before = np.inf
         with suppress(_SpentError):
-            minimize(
-                level,
-                (X / self.unit).ravel(),
-                jac=True,
-                method="L-BFGS-B",
-                bounds=self._box(),
-                callback=watch,
-                options={"maxfun": self.budget, "maxiter": self.budget, "maxcor": 30, "ftol": 1e-10, "gtol": 1e-9},
-            )
+            while True:
+                z = (last / self.unit).ravel()
+                result = minimize(
+                    level, z, jac=True, method="L-BFGS-B", bounds=self._box(), callback=watch, options=options
+                )
+                # At a kink of a distance the search may stop short; without its memory it often goes on.
+                if not result.fun < before - 1e-3:
+                    break
+                before = result.fun
         self._look(last)
         return last
 

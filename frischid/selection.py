@@ -99,7 +99,11 @@ def select(moments: Array, box: Box, ridge: float = 0.0) -> Selection:
     lower, upper = box.lower / unit, box.upper / unit
     raw, iterations = _proxqp(H, g, lower, upper)
     primal = float(np.maximum(np.maximum(lower - raw, raw - upper), 0.0).max(initial=0.0))
-    phi = _polish(H, g, lower, upper, np.clip(raw, lower, upper))
+    phi = np.clip(raw, lower, upper)
+    for _ in range(p + 1):  # each pass can only change which parameters sit on a bound
+        before, phi = phi, _polish(H, g, lower, upper, phi)
+        if phi is before:
+            break
     dual = _stationarity(H, g, lower, upper, phi)
     if not max(primal, dual) <= KKT_TOLERANCE:  # also catches NaN
         raise FrischidError(
@@ -137,7 +141,7 @@ def _polish(H: Array, g: Array, lower: Array, upper: Array, phi: Array) -> Array
     polished = np.where(below, lower, np.where(above, upper, 0.0))
     polished[free] = np.linalg.solve(H[np.ix_(free, free)], -g[free] - H[free] @ polished)
     polished = np.clip(polished, lower, upper)
-    better = _stationarity(H, g, lower, upper, polished) <= _stationarity(H, g, lower, upper, phi)
+    better = _stationarity(H, g, lower, upper, polished) < _stationarity(H, g, lower, upper, phi)
     return polished if better else phi
 
 

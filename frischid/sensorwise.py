@@ -19,30 +19,28 @@ asks for no orthant: Theorem 1 of the classical scheme is not used.
 
 **Rays.** In direction d the set V is reached at the λ where Σ − λ Σ_s d_s S_s becomes singular, a generalised
 eigenproblem; the axes give one *vertex* a sensor, the torque's being ordinary least squares. V is nearly a flat
-simplex and θ nearly linear on it, so the extremes are found by sequential linear programs: with u = θ̃, c_s = uᵀS_s
-u,
+simplex and θ nearly linear on it, so sequential linear programs find the extremes: with u = θ̃ and c_s = uᵀS_s u,
 
     ∂θ/∂σ_s² = Σ̂_yy⁻¹ (S_s u)_y,      maximise g·σ²  subject to  c·σ² = budget, limits:  a fractional knapsack.
 
-**Sampling.** Along the true direction the sample's θ errs by ``δu = −Σ̂⁺ (δM − δλ D) u`` with D = Σ_s d_s S_s, δλ =
-uᵀδM u / uᵀDu and δM the sampling error of Σ − λ D. Sums over blocks of time longer than the correlation estimate its
-covariance. The bounds are the extremes over V of θ_i ± t·stderr, t by Bonferroni over the p parameters. The variances
-cost nothing: the bounds fail only where the one true direction fails.
+**Sampling.** Along the true direction the sample's θ errs by ``δu = −Σ̂⁺ (δM − δλ D) u`` with D = Σ_s d_s S_s,
+δM the sampling error of Σ − λ D and δλ = uᵀδM u / uᵀDu. Leaving out one block of time after the other, blocks longer
+than the correlation, estimates its covariance. The bounds are the extremes over V of θ_i ± t·stderr, t by Bonferroni
+over the p parameters. The variances cost nothing: the bounds fail only where the one true direction fails.
 
 **When it fails.** Errors so large that fourth-order terms count (0.05 rad is fine, 0.3 rad is not); errors that
 depend on one another and are declared independent (derive q̇ from q and it is one sensor, as `frischid.sensitivity`
 has it); a model error, which no sensor explains: on a real log the bounds then hold for the parameters that explain
 it as noise.
 
-The scheme is frischid's own; it is the Koopmans (1937) and Frisch (1934) idea with a noise covariance of known shape
-and corrected moments in the sense of Nakamura (1990, Biometrika 77) and of SIMEX (Cook and Stefanski 1994, JASA 89).
+The scheme is frischid's own: the idea of Frisch (1934) and Koopmans (1937) with a noise covariance of known shape and
+moments corrected in the sense of Nakamura (1990, Biometrika 77) and of SIMEX (Cook and Stefanski 1994, JASA 89).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy import linalg
@@ -223,9 +221,8 @@ def _variance_limits(sensors: tuple[str, ...], limits: Limits) -> tuple[Array, A
 
 def _exact(data: SensorMoments, theta: Array) -> SensorWise:
     p, S = len(data.names), len(data.sensors)
-    box = Box(data.names, theta, theta)
+    box, vertices = Box(data.names, theta, theta), np.repeat(theta[:, None], S, axis=1)
     note = "the data leave no residual: there is no noise to share out, and all bounds are the one solution"
-    vertices = np.repeat(theta[:, None], S, axis=1)
     return SensorWise(
         data.names, data.sensors, theta, np.zeros((p, p)), vertices, np.zeros(S), box, box, exact=True, notes=(note,)
     )
@@ -253,6 +250,7 @@ class _Scheme:
             raise IdentifiabilityError(
                 "the least noise the limits ask of the sensors is more than the residual; lower their first values"
             )
+        self.size = np.abs(self.sums).max(axis=(1, 2))  # of each sensor's effect, to compare directions
         self.seen: dict[bytes, _Point | None] = {}
 
     def point(self, x: Array) -> _Point | None:
@@ -260,15 +258,10 @@ class _Scheme:
         direction = x - self.lower
         if not direction.any():
             direction = np.append(np.zeros(len(x) - 1), 1.0)  # all limits are used up: the torque takes the rest
-        key = (direction / np.abs(direction * self._unit).max()).round(9).tobytes()
+        key = (direction / np.abs(direction * self.size).max()).round(9).tobytes()
         if key not in self.seen:
             self.seen[key] = self._solve(direction)
         return self.seen[key]
-
-    @cached_property
-    def _unit(self) -> Array:
-        """Size of each sensor's effect, to compare directions whose units differ."""
-        return np.asarray(np.abs(self.sums).max(axis=(1, 2)))
 
     def _solve(self, direction: Array) -> _Point | None:
         D = np.tensordot(direction, self.sums, axes=1)
@@ -341,7 +334,7 @@ class _Scheme:
         variances = np.array([np.nan if c is None else c.x[s] for s, c in enumerate(corners)])
         notes = []
         loose = [n for n, c in zip(data.sensors, corners, strict=True) if c is not None and not c.bounded]
-        if loose or not all(c.bounded for c in points):
+        if not all(c.bounded for c in points):
             notes.append(
                 f"bounds are open: noise of {', '.join(loose) or 'several sensors'} large enough to explain the "
                 "residual would hide the regressor; give data-sheet limits"
@@ -352,8 +345,7 @@ class _Scheme:
                 f"the sensors' noise within its limits leaves a torque residual of {np.sqrt(excess):.3g}, more than "
                 f"the {np.sqrt(self.upper[-1]):.3g} allowed: the model lacks an effect, or the limits are too tight"
             )
-        covariance = middle.covariance * np.outer(unit, unit)
+        best, covariance = middle.theta * unit, middle.covariance * np.outer(unit, unit)
         return SensorWise(
-            data.names, data.sensors, middle.theta * unit, covariance, vertices, variances, hull, box, exact=False,
-            notes=tuple(notes),
-        )  # fmt: skip
+            data.names, data.sensors, best, covariance, vertices, variances, hull, box, exact=False, notes=tuple(notes)
+        )

@@ -16,6 +16,7 @@ from frischid.comparison import Comparison
 from frischid.demo import Demo
 from frischid.diagnosis import Diagnosis
 from frischid.effects import EFFECTS, Effect
+from frischid.excitation import Plan
 from frischid.identification import Examination, Identification
 from frischid.improvement import Step
 from frischid.log import Log
@@ -307,6 +308,29 @@ def history(model: Model) -> Page:
 
 def _change(before: float, after: float) -> str:
     return f"{100 * (after / before - 1):+.1f} %" if before else "–"
+
+
+def excitation(planned: Plan, output: str, picture: str | None) -> Page:
+    """What was planned, and which limits could not be met."""
+    lines = [
+        f"{planned.criterion} {planned.cost:.4g} after {planned.evaluations:,} evaluations in {planned.seconds:.1f} s",
+        *(f"limit not met: {v}" for v in planned.violations),
+        *planned.notes,
+        f"motion of {planned.trajectory.duration:g} s written to {output}",
+    ]
+    if picture:
+        lines.append(f"picture written to {picture}")
+    data = {
+        "criterion": planned.criterion,
+        "cost": planned.cost,
+        "evaluations": planned.evaluations,
+        "seconds": planned.seconds,
+        "violations": [str(v) for v in planned.violations],
+        "notes": list(planned.notes),
+        "output": output,
+        "picture": picture,
+    }
+    return Page(data, lines)
 
 
 def simulated(log: Log, output: str) -> Page:

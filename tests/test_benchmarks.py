@@ -65,10 +65,9 @@ def test_help(script: str) -> None:
 
 
 def test_paper_planar_on_a_fourier_motion(tmp_path: Path) -> None:
-    one, two = (planar(tmp_path / f"{n}.json", "--no-pictures", "--workers", n) for n in ("1", "2"))
-    assert "Fourier" in one["settings"]["motion"]
-    assert all(row["off %"] == "other motion" for row in one["tables"]["table2"])
-    assert one["tables"] == two["tables"], "the figures depend on the number of workers"
+    content = planar(tmp_path / "figures.json", "--no-pictures", "--workers", "2")
+    assert "Fourier" in content["settings"]["motion"]
+    assert all(row["off %"] == "other motion" for row in content["tables"]["table2"])
 
 
 @needs_data

@@ -54,7 +54,7 @@ class RotorInertia(Effect):
     ratio: float = 1.0
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.ratio) or self.ratio == 0:
+        if not is_number(self.ratio) or self.ratio == 0:
             raise InputError(f"rotor_inertia: ratio must be a finite number other than zero, got {self.ratio}")
 
     def terms(self, state: State) -> list[Term]:

@@ -1,0 +1,246 @@
+"""Which hidden effect is it? The diagnosis against a simulator that does not share its equations.
+
+Each case is a robot off its URDF with something hidden in it, small effects of other kinds beside it in half of the
+cases, real encoders' noise, one motion to fit and one held out (see `hidden_cases`). A case is a hit when the first
+finding names the truth, or is one finding for several effects that this log cannot tell apart, the truth among them.
+
+Needs MuJoCo for a fifth of the cases: ``pip install mujoco``.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: processes share the cores
+
+import json
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+from common import parser, publish
+from hidden_cases import EFFECTS, Case, CaseSpec, Truth, build, cases
+
+from frischid.identification import identify
+from frischid.model import write_text
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a diagnosis said, without its types.
+
+    Attributes
+    ----------
+    verdict : {"none", "effect", "contact", "unknown"}
+    ranking : tuple of tuple of str
+        Effects named by each finding, best first; several where they are one finding.
+    joints : tuple of tuple of str
+        Joints of each finding.
+    after : tuple of float
+        Held-out error with each finding added.
+    error, floor : float
+        Held-out error before, and what the sensors alone would leave.
+    added : tuple of tuple of str
+        Effects named by each step of `improve`, where two are hidden.
+    """
+
+    verdict: str
+    ranking: tuple[tuple[str, ...], ...] = ()
+    joints: tuple[tuple[str, ...], ...] = ()
+    after: tuple[float, ...] = ()
+    error: float = float("nan")
+    floor: float = float("nan")
+    added: tuple[tuple[str, ...], ...] = field(default=())
+
+
+Diagnose = Callable[[Case], Outcome]
+
+
+def diagnosed(case: Case) -> Outcome:
+    """Ask frischid: the only function that knows the diagnosis' interface."""
+    from frischid.diagnosis import diagnose, improve  # type: ignore[import-not-found, unused-ignore]
+
+    model = identify(case.robot, case.reference or case.fit, recursion="none").model
+    found = diagnose(model, case.fit, valid=case.valid)
+    steps = improve(model, case.fit, valid=case.valid) if case.spec.kind == "pair" else ()
+    return Outcome(
+        found.verdict,
+        tuple(_names(f) for f in found.findings),
+        tuple(tuple(f.joints or ()) for f in found.findings),
+        tuple(float(f.error_after) for f in found.findings),
+        float(found.error),
+        float(found.noise_floor),
+        tuple(_names(step.finding) for step in steps),
+    )
+
+
+def _names(finding: Any) -> tuple[str, ...]:
+    return tuple(getattr(finding, "names", None) or (finding.effect,))
+
+
+def score(kind: str, truth: Truth, said: Outcome) -> dict[str, Any]:
+    """Hold an outcome against the truth.
+
+    Returns
+    -------
+    dict
+        ``first``: the right answer, for every kind; ``top``: among the first three; ``joints``: at the right joints
+        (None unless it is a hit on joints); ``said``: the answer in a word; ``after``: error once the right effect is
+        added.
+    """
+    first = said.ranking[0] if said.verdict == "effect" and said.ranking else (said.verdict,)
+    where = [k for k, names in enumerate(said.ranking) if set(names) & set(truth.effects)]
+    result: dict[str, Any] = {"said": first[0], "top": bool(where and where[0] < 3), "joints": None, "after": None}
+    if kind == "healthy":
+        # With a background something small is really there: naming it is no false alarm.
+        result["first"] = said.verdict == "none" or bool(set(first) & set(truth.background_effects))
+        return result
+    if kind == "pair":
+        named = {name for names in said.added for name in names}
+        result["first"] = set(truth.effects) <= named
+        result["one"] = bool(set(truth.effects) & named)
+        return result
+    result["first"] = truth.effects[0] in first
+    if kind != "single":
+        return result
+    result["said"] = truth.effects[0] if result["first"] else first[0]
+    if result["first"] and truth.joints[0]:
+        result["joints"] = set(said.joints[0]) == set(truth.joints[0])
+    if where:
+        result["after"] = said.after[where[0]]
+    return result
+
+
+def run(spec: CaseSpec, diagnose: Diagnose = diagnosed) -> dict[str, Any]:
+    """Simulate, diagnose and score one case; what goes wrong is part of the result."""
+    start = time.perf_counter()
+    case = build(spec)
+    built = time.perf_counter()
+    row = {"number": spec.number, "kind": spec.kind, "truth": asdict(case.truth), "error": None}
+    try:
+        said = diagnose(case)
+    except Exception as error:  # a case that crashes is a miss, and must not stop the others
+        said, row["error"] = Outcome("crash"), f"{type(error).__name__}: {error}"
+    row |= score(spec.kind, case.truth, said)
+    seconds = {"build": built - start, "diagnose": time.perf_counter() - built}
+    return row | {"outcome": asdict(said), "seconds": seconds}
+
+
+def run_all(specs: Sequence[CaseSpec], workers: int, diagnose: Diagnose = diagnosed) -> list[dict[str, Any]]:
+    """Run cases in processes of their own, in order."""
+    if workers < 2:
+        return [run(spec, diagnose) for spec in specs]
+    with ProcessPoolExecutor(workers) as pool:
+        return list(pool.map(partial(run, diagnose=diagnose), specs, chunksize=1))
+
+
+Rows = Sequence[dict[str, Any]]
+
+
+def rate(rows: Rows, key: str = "first") -> str:
+    """Share of rows for which `key` is true, and how many there are."""
+    counted = [bool(r[key]) for r in rows if r[key] is not None]
+    return f"{np.mean(counted):4.0%} of {len(counted)}" if counted else "–"
+
+
+def split(rows: Rows) -> dict[str, str]:
+    """First-place rates without background, with one at most half the effect, and with any."""
+    clean = [r for r in rows if not r["truth"]["background"]]
+    dirty = [r for r in rows if r["truth"]["background"]]
+    strong = [r for r in dirty if min(r["truth"]["sizes"], default=0.0) >= 2 * r["truth"]["background"]]
+    return {"clean": rate(clean), "background ≤ half": rate(strong), "any background": rate(dirty)}
+
+
+def tables(rows: Rows) -> dict[str, list[dict[str, Any]]]:
+    """Everything the benchmark prints, by title."""
+    single = [r for r in rows if r["kind"] == "single"]
+    grades = [
+        {"grade": str(g), **split(part), "top three": rate(part, "top"), "joints": rate(part, "joints"), **errors(part)}
+        for g, part in _by(single, lambda r: r["truth"]["grade"])
+    ]
+    effects = [
+        {"effect": e, **{f"grade {g}": rate([r for r in p if r["truth"]["grade"] == g]) for g in (1, 2, 3)}, **split(p)}
+        | {"top three": rate(p, "top"), "joints": rate(p, "joints"), **errors(p)}
+        for e, p in _by(single, lambda r: EFFECTS.index(r["truth"]["effects"][0]), lambda k: EFFECTS[k])
+    ]
+    others = [
+        {"kind": kind, **split(part), "one of two": rate(part, "one") if kind == "pair" else "–"}
+        for kind, part in _by([r for r in rows if r["kind"] != "single"], lambda r: r["kind"])
+    ]
+    seconds = [{"step": k, **_quartiles([r["seconds"][k] for r in rows])} for k in ("build", "diagnose")]
+    return {
+        "Single effects by grade: named first": grades,
+        "Single effects: named first": effects,
+        "Healthy robots without alarm, contact and unknown recognised, both of two effects found": others,
+        "What was said instead": confusions([r for r in rows if r["kind"] != "pair"]),
+        "Seconds a case": seconds,
+    }
+
+
+def errors(rows: Rows) -> dict[str, str]:
+    """Median held-out error before, with the right effect added, and the noise floor, in percent."""
+    known = [r for r in rows if r["after"] is not None]
+    if not known:
+        return {"error % → floor": "–", "after / floor": "–"}
+    before, floor = (np.array([r["outcome"][k] for r in known]) for k in ("error", "floor"))
+    after = np.array([r["after"] for r in known])
+    median = [100 * float(np.median(x)) for x in (before, after, floor)]
+    return {
+        "error % → floor": "{:.2f} → {:.2f} → {:.2f}".format(*median),
+        "after / floor": f"{np.median(after / floor):.2f}",
+    }
+
+
+def confusions(rows: Rows) -> list[dict[str, Any]]:
+    """Truth -> what was said, with counts, right answers left out."""
+    result = []
+    for truth, part in _by(rows, lambda r: (r["truth"]["effects"] or ("none",))[0]):
+        wrong = Counter(r["said"] for r in part if not r["first"])
+        text = ", ".join(f"{name} {count}" for name, count in wrong.most_common())
+        result.append({"truth": truth, "cases": len(part), "wrong": sum(wrong.values()), "said": text or "–"})
+    return result
+
+
+def _by(rows: Rows, key: Callable[[Any], Any], name: Callable[[Any], Any] = lambda k: k) -> list[tuple[Any, list[Any]]]:
+    return [(name(k), list(part)) for k, part in groupby(sorted(rows, key=key), key)]
+
+
+def _quartiles(values: Sequence[float]) -> dict[str, float]:
+    return {"median": float(np.median(values)), "mean": float(np.mean(values)), "longest": float(np.max(values))}
+
+
+def main() -> None:
+    options = parser(__doc__)
+    options.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--count", type=int, help="so many cases, spread over all kinds")
+    options.add_argument(
+        "--only", metavar="EFFECT", help="an effect, or a kind: single, healthy, unknown, contact, pair"
+    )
+    chosen = options.parse_args()
+    specs = cases(chosen.seed, chosen.count, chosen.only)
+    if not specs:
+        options.error(f"no case has '{chosen.only}'; effects are {', '.join(EFFECTS)}")
+    start = time.perf_counter()
+    rows = run_all(specs, chosen.workers)
+    result = tables(rows)
+    for title, table in result.items():
+        if table:
+            publish(title, table, None)
+    for row in rows:
+        if row["error"]:
+            print(f"case {row['number']} crashed: {row['error']}")
+    print(f"{len(rows)} cases, seed {chosen.seed}, {time.perf_counter() - start:.0f} s")
+    if chosen.json is not None:
+        content = {"schema": "frischid.hidden/1", "seed": chosen.seed, "tables": result, "cases": rows}
+        write_text(chosen.json, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,194 @@
+"""Hidden effects at their size: drawn, scaled, and measured against what the baseline model absorbs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from hidden_physics import Array, World, rms
+from hidden_shapes import SHAPES, SMALL, Hidden, loaded_joint
+from hidden_two_mass import elastic, in_band, loose, reversing, simulated
+from hidden_unknown import UNKNOWN
+
+GEARS = ("elasticity", "backlash")
+CHANNELS = ("drive_gain", "time_delay")
+TRIES = 5
+LEAST_VISIBLE = 0.1
+"""Share of an effect that the baseline must leave over; of less, nothing is hidden, and another shape is drawn."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A hidden effect at its size.
+
+    Attributes
+    ----------
+    joints : tuple of int
+        Where; empty for the whole robot.
+    torque : list of ndarray, shape (N, J)
+        In every world.
+    extra : list of mapping of str to ndarray
+        Further channels of every world.
+    size, visible : float
+        Shares of the joint's torque: all of it, and what the baseline model cannot absorb.
+    detail : str
+        For people.
+    """
+
+    joints: tuple[int, ...]
+    torque: list[Array]
+    extra: list[Mapping[str, Array]]
+    size: float
+    visible: float
+    detail: str
+
+
+class Baseline:
+    """What links, viscous and dry friction, offsets and rotors can take over of a torque, below 10 Hz.
+
+    Of a change, the log from before it holds the parameters in their place.
+
+    Parameters
+    ----------
+    worlds : sequence of World
+    scale : ndarray, shape (J,)
+        Standard deviation of each joint's torque.
+    every : int
+        Samples a kept sample.
+    """
+
+    def __init__(self, worlds: Sequence[World], scale: Array, every: int = 50) -> None:
+        self.scale, self.every = scale, every
+        used = [w for w in worlds if w.number != 1]
+        Y = np.concatenate([_regressor(w, every) for w in used]) / scale[:, None]
+        self.shape = Y.shape[:2]
+        U, S, _ = np.linalg.svd(Y.reshape(-1, Y.shape[2]), full_matrices=False)
+        self.span = U[:, S / S[0] > 1e-7]
+
+    def left(self, torque: Array) -> Array:
+        """Share of each joint's torque that stays, (J,), of a torque on the motion to fit (N, J)."""
+        slow = np.stack([in_band(x) for x in torque.T], axis=1)[:: self.every] / self.scale
+        y = np.zeros(self.shape)
+        y[: len(slow)] = slow
+        left = y.ravel() - self.span @ (self.span.T @ y.ravel())
+        return rms(left.reshape(self.shape)[: len(slow)])
+
+
+def _regressor(w: World, every: int) -> Array:
+    """Columns of the baseline model at some samples, (M, J, C)."""
+    q, v, a = (x[::every] for x in (w.path.q, w.path.v, w.path.a))
+    M, J = q.shape
+    rigid = np.empty((M, len(w.robot.columns), J))
+    w.robot.regressor(q, v, a, rigid)
+    drives = [x[:, :, None] * np.eye(J) for x in (v, np.tanh(v / 0.005), np.ones_like(v), a)]
+    return np.concatenate([rigid.transpose(0, 2, 1), *drives], axis=2)
+
+
+def shape(
+    name: str, worlds: Sequence[World], scale: Array, target: float, rng: np.random.Generator, baseline: Baseline
+) -> Part:
+    """Draw an effect that is a torque along the motion, until the baseline leaves enough of it."""
+    fit, best = worlds[0], None
+    for _ in range(TRIES):
+        joint = loaded_joint(rng, fit, scale) if name == "load_friction" else int(rng.integers(len(scale)))
+        part = _scaled((SHAPES | UNKNOWN)[name](rng, fit, joint), worlds, scale, target, baseline)
+        if best is None or part.visible > best.visible:
+            best = part
+        if part.visible > LEAST_VISIBLE * target:
+            break
+    assert best is not None
+    return best
+
+
+def _scaled(hidden: Hidden, worlds: Sequence[World], scale: Array, target: float, baseline: Baseline) -> Part:
+    """Scale an effect and let it act on everything that is not from before the change."""
+    counted = (hidden.size or hidden.torque)(worlds[0])
+    factor = target / float((rms(counted) / scale).max())
+    torque = [factor * hidden.torque(w) if w.number < 2 else np.zeros_like(w.base) for w in worlds]
+    extra = [hidden.extra(w) if hidden.extra else {} for w in worlds]
+    seen = float(baseline.left(torque[0]).max())
+    return Part(hidden.joints, torque, extra, target, seen, f"{hidden.detail} × {factor:.3g}")
+
+
+def gear(
+    name: str, worlds: Sequence[World], scale: Array, target: float, rng: np.random.Generator
+) -> tuple[list[World], Part]:
+    """Put a gear into one joint of a robot whose motions are given."""
+    fit = worlds[0]
+    j = loaded_joint(rng, fit, scale) if name == "elasticity" else int(rng.choice(reversing(fit, scale)))
+    found = (elastic if name == "elasticity" else loose)(fit, j, target, float(scale[j]))
+    made = [simulated(w, j, found) for w in worlds]
+    detail = f"k={found.stiffness:.3g}" + (f", gap={found.gap:.3g}" if found.gap else "")
+    seen, torque = [w for w, _ in made], [x for _, x in made]
+    size = float(rms(in_band(torque[0][:, j]))) / float(scale[j])
+    left = float(Baseline(seen, scale).left(torque[0])[j])
+    return seen, Part((j,), torque, [{}] * len(worlds), size, left, detail)
+
+
+def channel(
+    name: str,
+    worlds: Sequence[World],
+    scale: Array,
+    target: float,
+    rng: np.random.Generator,
+    parts: Sequence[Part],
+    baseline: Baseline,
+) -> Part:
+    """Mis-scale one torque channel, or delay one or all of them."""
+    J = len(scale)
+    whole = [w.base + sum((p.torque[k] for p in parts), np.zeros(1)) for k, w in enumerate(worlds)]
+    j = int(rng.integers(J))
+    if name == "drive_gain":
+        gain = target * rng.choice([-1.0, 1.0]) / float(rms(whole[0])[j] / scale[j])
+        torque, joints, detail = (
+            [w.on(j, gain * x[:, j]) for w, x in zip(worlds, whole, strict=True)],
+            (j,),
+            f"{gain:+.3f}",
+        )
+    else:
+        joints = (j,) if rng.random() < 0.5 else ()
+        rows = np.array(joints or range(J))
+        delay = 0.02
+        for _ in range(4):
+            size = _slow(_late(worlds[0], whole[0], rows, delay), scale)
+            delay *= float(np.clip(target / size, 0.2, 5.0))
+        torque, detail = [_late(w, x, rows, delay) for w, x in zip(worlds, whole, strict=True)], f"{1e3 * delay:.3g} ms"
+    torque = [x if w.number < 2 else np.zeros_like(x) for w, x in zip(worlds, torque, strict=True)]
+    size = float(rms(torque[0])[j] / scale[j]) if name == "drive_gain" else _slow(torque[0], scale)
+    return Part(joints, torque, [{}] * len(worlds), size, float(baseline.left(torque[0]).max()), detail)
+
+
+def _slow(torque: Array, scale: Array) -> float:
+    """Largest share of a joint's torque, without what is faster than any identification looks at."""
+    return float(max(rms(in_band(x)) / s for x, s in zip(torque.T, scale, strict=True)))
+
+
+def _late(w: World, torque: Array, joints: Array, delay: float) -> Array:
+    """What a delay of some joints' torque channel adds to them."""
+    out = np.zeros_like(torque)
+    for j in joints:
+        out[:, j] = np.interp(w.path.t - delay, w.path.t, torque[:, j]) - torque[:, j]
+    return out
+
+
+def background(
+    share: float, avoid: Sequence[str], worlds: Sequence[World], scale: Array, rng: np.random.Generator
+) -> tuple[list[Array], tuple[str, ...]]:
+    """Two to four small effects of other kinds on every joint, together of the given size."""
+    total = [np.zeros_like(w.base) for w in worlds]
+    if not share:
+        return total, ()
+    choices = [n for n in [*SMALL, *UNKNOWN] if n not in avoid]
+    kinds = tuple(str(n) for n in rng.choice(choices, int(rng.integers(2, 5)), replace=False))
+    for j in range(len(scale)):
+        column = [np.zeros(len(w.base)) for w in worlds]
+        for kind in kinds:
+            hidden = (SHAPES | UNKNOWN)[kind](rng, worlds[0], j)
+            weight = rng.uniform(0.5, 1.0) / float(rms(hidden.torque(worlds[0]))[j])
+            for k, w in enumerate(worlds):
+                column[k] += weight * hidden.torque(w)[:, j]
+        factor = share * scale[j] / float(rms(column[0]))
+        for k in range(len(worlds)):
+            total[k][:, j] = factor * column[k]
+    return total, kinds
