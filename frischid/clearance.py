@@ -3,7 +3,8 @@
 The URDF's ``<collision>`` shapes are taken as they are if primitive, and by their convex hull if meshes (never smaller
 than the mesh, and quick to measure). Distances are Coal's (Gilbert, Johnson and Keerthi 1988; negative for overlap).
 Left out are pairs on one body, pairs joined by a joint, and pairs that overlap in nearly every pose, because they were
-drawn so. A mesh that is not found is not checked, and `Clearance.notes` says so.
+drawn so. Between a body and the next but one the gap is often a few millimetres by design: there only overlap counts.
+A mesh that is not found is not checked, and `Clearance.notes` says so.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ class Clearance:
     geometry : pinocchio.GeometryModel
     names : tuple of str
         The pairs, as ``"link2 and link5"``.
-    margin : float
-        Least distance, m.
+    margins : ndarray, shape (pairs,)
+        Least distance of each pair, m.
     notes : tuple of str
         What is not checked, and why.
     """
@@ -47,7 +48,7 @@ class Clearance:
     robot: Robot
     geometry: Any
     names: tuple[str, ...]
-    margin: float
+    margins: Array
     notes: tuple[str, ...]
 
     @classmethod
@@ -67,7 +68,7 @@ class Clearance:
         geometry = _geometry(robot, urdf)
         if geometry.ngeoms == 0:
             notes.append("the URDF has no usable collision shape: neither self-collision nor floor was checked")
-            return cls(robot, geometry, (), margin, tuple(notes))
+            return cls(robot, geometry, (), np.empty(0), tuple(notes))
         weight = np.linalg.norm(robot.gravity)
         if floor is not None and weight > 0:
             half_space = coal.Halfspace(-np.array(robot.gravity) / weight, floor)
@@ -76,10 +77,11 @@ class Clearance:
         if overlapping:
             notes.append(f"overlapping in nearly every pose, so not checked: {', '.join(overlapping)}")
         names = tuple(_pair_name(geometry, pair) for pair in geometry.collisionPairs)
-        return cls(robot, geometry, names, margin, tuple(notes))
+        margins = np.array([0.0 if _next_but_one(robot, geometry, p) else margin for p in geometry.collisionPairs])
+        return cls(robot, geometry, names, margins, tuple(notes))
 
     def nearest(self, q: Array) -> tuple[Array, NDArray[np.intp]]:
-        """Distance and index of the closest pair in each of N poses.
+        """Distance and index of the pair that falls shortest of its margin, in each of N poses.
 
         Parameters
         ----------
@@ -88,7 +90,7 @@ class Clearance:
         Returns
         -------
         distance : ndarray, shape (N,)
-            Metres; infinite where no pair is closer than the margin, because only those are measured.
+            Metres; infinite where every pair keeps its margin, because only those that do not are measured.
         pair : ndarray of int, shape (N,)
         """
         distance, pair = np.full(len(q), np.inf), np.zeros(len(q), dtype=np.intp)
@@ -96,15 +98,16 @@ class Clearance:
             return distance, pair
         model, data, geometry = self.robot.model, self.robot.model.createData(), self.geometry
         space = geometry.createData()
-        for request in space.collisionRequests:
-            request.security_margin = self.margin
+        for request, margin in zip(space.collisionRequests, self.margins, strict=True):
+            request.security_margin = margin
         for k, x in enumerate(self.robot.configuration(q)):
             if not pin.computeCollisions(model, data, geometry, space, x, False):
                 continue
-            close = [i for i, result in enumerate(space.collisionResults) if result.isCollision()]
-            measured = [pin.computeDistance(geometry, space, i).min_distance for i in close]
-            best = int(np.argmin(measured))
-            distance[k], pair[k] = min(measured[best], self.margin), close[best]
+            close = np.array([i for i, result in enumerate(space.collisionResults) if result.isCollision()])
+            measured = np.array([pin.computeDistance(geometry, space, int(i)).min_distance for i in close])
+            worst = int((self.margins[close] - measured).argmax())
+            pair[k] = close[worst]
+            distance[k] = min(measured[worst], self.margins[pair[k]])
         return distance, pair
 
     def distance(self, q: Array, pair: NDArray[np.intp]) -> Array:
@@ -175,6 +178,16 @@ def _convex(shape: Any) -> Any:
 
 def _pair_name(geometry: Any, pair: Any) -> str:
     return f"{geometry.geometryObjects[pair.first].name} and {geometry.geometryObjects[pair.second].name}"
+
+
+def _next_but_one(robot: Robot, geometry: Any, pair: Any) -> bool:
+    """Whether exactly one body lies between the two."""
+    shapes = [geometry.geometryObjects[i] for i in (pair.first, pair.second)]
+    if FLOOR in (shapes[0].name, shapes[1].name):
+        return False
+    parents = robot.model.parents
+    upper, lower = sorted(shape.parentJoint for shape in shapes)
+    return bool(parents[parents[lower]] == upper)
 
 
 def _add_pairs(robot: Robot, geometry: Any) -> list[str]:

@@ -162,9 +162,9 @@ def violations(
                 found.append(Violation("torque", robot.joints[j], t[k], torque[k, j], limit))
     if clearance is not None:
         distance, pair = clearance.nearest(q)
-        for p in np.unique(pair[distance < clearance.margin]):
+        for p in np.unique(pair[np.isfinite(distance)]):
             k = int(np.where(pair == p, distance, np.inf).argmin())
-            found.append(Violation("distance", clearance.names[p], t[k], distance[k], clearance.margin))
+            found.append(Violation("distance", clearance.names[p], t[k], distance[k], float(clearance.margins[p])))
     return found
 
 
@@ -201,11 +201,11 @@ class Excess:
             gradient[:, rows] += part_gradient
         return value, gradient
 
-    def wider(self, gap: float) -> Excess:
-        """Return the same with `gap` metres more between bodies."""
+    def wider(self, factor: float) -> Excess:
+        """Return the same with the margins between bodies `factor` times as wide."""
         if self.clearance is None:
             return self
-        return replace(self, clearance=replace(self.clearance, margin=self.clearance.margin + gap))
+        return replace(self, clearance=replace(self.clearance, margins=factor * self.clearance.margins))
 
     def fits(self, states: Array) -> bool:
         """Whether torques and distances hold at all times."""
@@ -244,11 +244,11 @@ class Excess:
 
     def _distance(self, states: Array, slope: bool) -> tuple[float, NDArray[np.intp], Array]:
         none = np.empty(0, dtype=np.intp)
-        if self.clearance is None:
+        if self.clearance is None or not self.clearance.names:
             return 0.0, none, states[:, none]
         q = states[0]
         distance, pair = self.clearance.nearest(q)
-        excess = np.maximum(self.clearance.margin - distance, 0.0) / 0.1
+        excess = np.maximum(self.clearance.margins[pair] - distance, 0.0) / 0.1
         rows = np.flatnonzero(excess)
         gradient = np.zeros((3, len(rows), q.shape[1]))
         if slope and len(rows):

@@ -27,7 +27,8 @@ from frischid.gram import Array, Column, Gram, total
 
 WORST_CONDITION = 1e6  # of the column-scaled regressor; its square leaves four digits in the moments
 LEAST_BLOCKS = 10
-JOINTS_SPREAD_FLOOR = 1e-9  # share of a joint's torque below which a residual is rounding, not noise
+ROUNDING = 1e-9  # share of a joint's torque below which a residual is rounding, not noise
+LOPSIDED = 1e-3  # a joint's relative residual counts as at least this share of the median joint's
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,8 +158,11 @@ def _variance(whole: Gram, theta: Array) -> Array:
     """Residual variance of each joint; the parameters are shared, so they cost each joint its share of them."""
     share = np.count_nonzero(np.diagonal(whole.moments, axis1=1, axis2=2)[:, :-1], axis=1) * len(theta)
     cost = share / max(1, share.sum())
-    floor = JOINTS_SPREAD_FLOOR**2 * np.maximum(whole.moments[:, -1, -1], 1e-300)
-    return np.asarray(np.maximum(whole.residual_ss(theta), floor) / np.maximum(whole.counts - cost * len(theta), 1.0))
+    torque = np.maximum(whole.moments[:, -1, -1], 1e-300)
+    left = whole.residual_ss(theta)
+    # A joint that happens to fit exactly must not take all the weight and leave the others' parameters undetermined.
+    floor = np.maximum(ROUNDING, LOPSIDED * np.sqrt(np.median(left / torque))) ** 2 * torque
+    return np.asarray(np.maximum(left, floor) / np.maximum(whole.counts - cost * len(theta), 1.0))
 
 
 def _solve(whole: Gram, weights: Array) -> NormalEquations:

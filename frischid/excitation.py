@@ -181,8 +181,8 @@ def plan(
 
 
 def default_size(family: str, duration: float) -> int:
-    """Harmonics up to 1 Hz, two control points a second, or one via point a second; a few at least."""
-    wanted = {"fourier": round(duration), "bspline": round(2 * duration), "points": round(duration) + 1}
+    """Harmonics up to 1.2 Hz, two control points a second, or one via point a second; a few at least."""
+    wanted = {"fourier": round(1.2 * duration), "bspline": round(2 * duration), "points": round(duration) + 1}
     return max(wanted[family], 6)
 
 

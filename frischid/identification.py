@@ -229,7 +229,8 @@ def structure(regressor: Regressor, torque_joints: Sequence[str], seed: int = 0)
     lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
     q = rng.uniform(lower, upper, (N, J))
     v, a = rng.normal(size=(2, N, J))
-    Y = regressor(np.linspace(0.0, 1.0, N), q, v, a * 3.0)
+    # The states are unrelated: far enough apart in time, what effects make of their rates of change stays in proportion.
+    Y = regressor(0.5 * np.arange(N, dtype=np.float64), q, v, a * 3.0)
     index = [robot.joints.index(n) for n in torque_joints]
     return reduce(Y[:, :, index].transpose(0, 2, 1).reshape(-1, C), regressor.columns)
 

@@ -163,7 +163,7 @@ class Regressor:
                 rows = remembered[number]
             else:
                 torque = np.einsum("ncj,c->nj", Y[:, :column], self.reference[:column]) if effect.loaded else none
-                state = State(self.robot, t, q, v, a, load, torque, start, extra)
+                state = State(self.robot, t, q, v, a, load, torque, start, extra, self.reference[:rigid])
                 rows = [dict(term.rows) for term in effect.terms(state)]
             for row in rows:
                 for joint, values in row.items():
@@ -196,7 +196,8 @@ class Regressor:
             )
             load[s] = np.einsum("ncj,c->nj", Y[:, :rigid], static.reference[:rigid])
             torque[s] = np.einsum("ncj,c->nj", Y, static.reference)
-        return State(self.robot, motion.t, motion.q, motion.v, motion.a, load, torque, motion.start, motion.extra)
+        motion_of = (motion.t, motion.q, motion.v, motion.a)
+        return State(self.robot, *motion_of, load, torque, motion.start, motion.extra, static.reference[:rigid])
 
     def blocks(self, motion: Motion, lowpass: LowPass, chunk: int = CHUNK) -> Iterator[Block]:
         """Filtered, decimated pieces of a motion, in order; together they are the same for any `chunk`."""

@@ -123,7 +123,7 @@ class Search:
 
     def __post_init__(self) -> None:
         # Bodies come a little closer between the times that are watched.
-        self.wary = self.excess.wider(0.005)
+        self.wary = self.excess.wider(1.5)
         e = self.excess.envelope
         coefficients = len(self.family.constant)
         self.grid = np.linspace(0.0, self.duration, int(np.clip(8 * coefficients, 200, 2000)))

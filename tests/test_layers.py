@@ -35,7 +35,8 @@ LAYERS = (
     ("diagnosis",),
     ("improvement",),
     ("demo",),
-    ("report", "show"),
+    ("figures", "report"),
+    ("show",),
     ("studio", "cluster"),
     ("cli",),
 )

@@ -127,7 +127,6 @@ class GravityTilt(Effect):
 
     loaded: ClassVar[bool] = True
     candidate: ClassVar[Literal["joint", "robot", "never"]] = "robot"
-    change: ClassVar[bool] = True
 
     def terms(self, state: State) -> list[Term]:
         """One column for each of the axes about which a tilt is felt, rad."""

@@ -39,7 +39,6 @@ class DriveGain(Effect):
     reference: ClassVar[str] = "Gautier and Briot 2014, ASME J. Dynamic Systems, Measurement and Control 136(5)"
 
     loaded: ClassVar[bool] = True
-    change: ClassVar[bool] = True
 
     def terms(self, state: State) -> list[Term]:
         """One column a joint: its torque."""
