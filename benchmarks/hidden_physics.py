@@ -21,7 +21,9 @@ Array = NDArray[np.float64]
 STEP = 1e-3
 """Time step of every simulated world, s."""
 STICK = 2e-3
-"""Speed below which a joint sticks, rad/s."""
+"""Speed below which dry friction changes its direction, rad/s."""
+RESTING = 0.1
+"""Time for which a joint must be so slow to have come to rest, s."""
 
 _LINK = (
     '<link name="{0}"><inertial><origin xyz="{1}"/><mass value="{2}"/>'
@@ -50,7 +52,7 @@ ARMS: dict[str, tuple[str, ...]] = {
     "planar2": (),
     "TwoDofs": (),
     "elbow3": (),
-    "so101": ("gripper",),
+    "so100": (),
     "z1": ("jointGripper",),
     "ur5": (),
     "ur10": (),
@@ -247,14 +249,15 @@ def rnea(model: Any, robot: Robot, path: Path) -> Array:
 
 
 def direction(v: Array) -> Array:
-    """Sign of the speed; a joint at rest keeps part of its last friction, until it breaks away."""
+    """Sign of the speed; a joint that has come to rest keeps part of its last friction, until it breaks away."""
     sign = np.tanh(v / STICK)
     for j in range(v.shape[1]):
-        moving = np.abs(v[:, j]) > 2 * STICK
-        moving[0] = True
-        last = np.maximum.accumulate(np.where(moving, np.arange(len(v)), 0))
-        rest = 0.5 + 0.5 * np.exp(-(np.arange(len(v)) - last) * STEP / 0.2)
-        sign[:, j] = sign[last, j] * rest
+        slow = np.abs(v[:, j]) < 2 * STICK
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], slow.astype(int), [0]])))
+        for start, stop in edges.reshape(-1, 2):
+            if (stop - start) * STEP > RESTING:
+                before = sign[start - 1, j] if start else 0.0
+                sign[start:stop, j] = before * (0.5 + 0.5 * np.exp(-np.arange(stop - start) * STEP / 0.2))
     return sign
 
 

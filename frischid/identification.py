@@ -229,7 +229,7 @@ def structure(regressor: Regressor, torque_joints: Sequence[str], seed: int = 0)
     lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
     q = rng.uniform(lower, upper, (N, J))
     v, a = rng.normal(size=(2, N, J))
-    # The states are unrelated: far enough apart in time, what effects make of their rates of change stays in proportion.
+    # Unrelated states must be far apart in time, or what effects make of their rates of change outgrows all else.
     Y = regressor(0.5 * np.arange(N, dtype=np.float64), q, v, a * 3.0)
     index = [robot.joints.index(n) for n in torque_joints]
     return reduce(Y[:, :, index].transpose(0, 2, 1).reshape(-1, C), regressor.columns)

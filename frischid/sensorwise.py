@@ -329,8 +329,7 @@ class _Scheme:
         spread[[not c.bounded for c in points]] = np.inf
         hull = Box(data.names, theta.min(axis=0) * unit, theta.max(axis=0) * unit)
         box = Box(data.names, (theta - spread).min(axis=0) * unit, (theta + spread).max(axis=0) * unit)
-        nothing = np.full(len(unit), np.nan)
-        vertices = np.stack([nothing if c is None else c.theta * unit for c in corners], axis=1)
+        vertices = np.stack([np.full(len(unit), np.nan) if c is None else c.theta * unit for c in corners], axis=1)
         variances = np.array([np.nan if c is None else c.x[s] for s, c in enumerate(corners)])
         notes = []
         loose = [n for n, c in zip(data.sensors, corners, strict=True) if c is not None and not c.bounded]

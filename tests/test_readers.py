@@ -20,9 +20,7 @@ N = 20
 T = np.arange(N) * 0.1
 A, B = np.sin(T), np.cos(T)
 FORMATS = ("csv", "parquet", "npz")
-UR10E = [
-    f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
-]
+UR10E = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
 
 
 def write_csv(path, columns, header=True, delimiter=","):
@@ -61,9 +59,7 @@ def logs(draw):
     for channel in CHANNELS[1:]:
         present = draw(st.lists(st.booleans(), min_size=J, max_size=J))
         channels[channel] = np.where(present, draw(arrays(float, (n, J), elements=finite)), np.nan)
-    extra = {
-        f'extra {k}, "file"': draw(arrays(float, n, elements=finite)) for k in range(draw(st.integers(0, 2)))
-    }
+    extra = {f'extra {k}, "file"': draw(arrays(float, n, elements=finite)) for k in range(draw(st.integers(0, 2)))}
     return Log(t, tuple(joints), **channels, extra=extra)
 
 
@@ -269,9 +265,7 @@ def test_npz_blocks(tmp_path):
 
 
 def test_mapping_from_toml(tmp_path):
-    path = write_csv(
-        tmp_path / "log.csv", {"stamp": 1000 * (T + 5), "p0": np.rad2deg(A), "w0": B, "i0": A, "p1": B}
-    )
+    path = write_csv(tmp_path / "log.csv", {"stamp": 1000 * (T + 5), "p0": np.rad2deg(A), "w0": B, "i0": A, "p1": B})
     toml = tmp_path / "map.toml"
     toml.write_text("""
         [file]
@@ -469,9 +463,7 @@ def test_measured_currents_become_torques(data):
 
 def test_measured_suspicions(data):
     tiago = warnings_of(read_log(data / "tiago/logs/ident_0_48s.parquet"))
-    assert any(
-        w.startswith("arm_5_joint, arm_6_joint, arm_7_joint: the torque is exactly zero") for w in tiago
-    )
+    assert any(w.startswith("arm_5_joint, arm_6_joint, arm_7_joint: the torque is exactly zero") for w in tiago)
     panda = warnings_of(read_log(data / "panda/logs/traj1_raw_host_time.parquet"))
     assert any("repeat the row before" in w for w in panda)
     assert not any("degrees" in w for w in tiago + panda)
