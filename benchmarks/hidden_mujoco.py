@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from hidden_physics import STEP, STICK, Array, Drive, Path, World, rnea
+from hidden_physics import SMOOTH, STEP, Array, Drive, Path, World, rnea
 
 from frischid.robot import Robot
 
-BANDWIDTH = 2 * np.pi * 6.0
+BANDWIDTH = 2 * np.pi * 12.0
 """Of the position control, rad/s."""
 
 
@@ -55,7 +55,7 @@ def followed(model: Any, robot: Robot, plan: Path, drive: Drive, number: int) ->
     torque = kp * (control - q) - kd * v[:-1] + drive.offset
     # A symplectic step leaves velocities half a step early: centre them on the positions and forces.
     path = Path(plan.t, q, (v[1:] + v[:-1]) / 2, np.diff(v, axis=0) / STEP)
-    return World(model, robot, path, drive, rnea(model, robot, path), torque, np.tanh(path.v / (2 * STICK)), number)
+    return World(model, robot, path, drive, rnea(model, robot, path), torque, np.tanh(path.v / SMOOTH), number)
 
 
 def mjcf(model: Any, drive: Drive, kp: Array, kd: Array) -> str:

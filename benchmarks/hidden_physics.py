@@ -20,10 +20,12 @@ from frischid.trajectory import Quintic, Trajectory, random_fourier
 Array = NDArray[np.float64]
 STEP = 1e-3
 """Time step of every simulated world, s."""
-STICK = 2e-3
-"""Speed below which dry friction changes its direction, rad/s."""
+STICK = 5e-4
+"""Speed below which a joint may stick, rad/s."""
 RESTING = 0.1
-"""Time for which a joint must be so slow to have come to rest, s."""
+"""Time for which it must be so slow to have come to rest, s."""
+SMOOTH = 4e-3
+"""Speed over which dry friction changes its direction in a simulation that integrates it, rad/s."""
 
 _LINK = (
     '<link name="{0}"><inertial><origin xyz="{1}"/><mass value="{2}"/>'
@@ -52,7 +54,7 @@ ARMS: dict[str, tuple[str, ...]] = {
     "planar2": (),
     "TwoDofs": (),
     "elbow3": (),
-    "so100": (),
+    "tiago_no_hand": (),
     "z1": ("jointGripper",),
     "ur5": (),
     "ur10": (),
@@ -67,6 +69,8 @@ def arm(name: str) -> Robot:
     """Load an arm as its user has it."""
     if name == "elbow3":
         return Robot(name="elbow3", source="elbow3", urdf=ELBOW)
+    if name == "tiago_no_hand":
+        return Robot.load(name, joints=[f"arm_{k}_joint" for k in range(1, 6)])
     return Robot.load(name, lock=ARMS[name])
 
 
@@ -114,7 +118,7 @@ def clock(rng: np.random.Generator, duration: float, pauses: int) -> tuple[Array
     slope = (size * 2 * np.pi * frequency * np.cos(angle)).sum(axis=1)
     go, dgo = np.ones_like(t), np.zeros_like(t)
     for k in range(pauses):
-        width, ramp = rng.uniform(0.6, 1.5), 0.4
+        width, ramp = rng.uniform(0.6, 1.5), 0.25
         centre = duration * (k + rng.uniform(0.3, 0.7)) / pauses
         x = np.clip((np.abs(t - centre) - width / 2) / ramp, 0, 1)
         step, dstep = x**3 * (10 - 15 * x + 6 * x**2), 30 * x**2 * (1 - x) ** 2 * np.sign(t - centre) / ramp
@@ -252,7 +256,7 @@ def direction(v: Array) -> Array:
     """Sign of the speed; a joint that has come to rest keeps part of its last friction, until it breaks away."""
     sign = np.tanh(v / STICK)
     for j in range(v.shape[1]):
-        slow = np.abs(v[:, j]) < 2 * STICK
+        slow = np.abs(v[:, j]) < STICK
         edges = np.flatnonzero(np.diff(np.concatenate([[0], slow.astype(int), [0]])))
         for start, stop in edges.reshape(-1, 2):
             if (stop - start) * STEP > RESTING:

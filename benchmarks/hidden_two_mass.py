@@ -16,7 +16,7 @@ from math import tanh
 
 import numpy as np
 import pinocchio as pin
-from hidden_physics import STEP, STICK, Array, Path, World, prescribed, rms, rnea
+from hidden_physics import SMOOTH, STEP, Array, Path, World, prescribed, rms, rnea
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
@@ -55,7 +55,7 @@ def simulated(rigid: World, j: int, gear: Gear) -> tuple[World, Array]:
     wanted = _smoothed(rigid)
     theta, link, motor = _two_masses(wanted, j, gear)
     seen, true = _replaced(rigid.path, j, theta), _replaced(rigid.path, j, link)
-    world = prescribed(rigid.model, rigid.robot, seen, rigid.drive, rigid.number, np.tanh(seen.v / (2 * STICK)))
+    world = prescribed(rigid.model, rigid.robot, seen, rigid.drive, rigid.number, np.tanh(seen.v / SMOOTH))
     torque = rnea(rigid.model, rigid.robot, true) + rigid.drive.torque(seen, world.sign)
     torque[:, j] = motor
     return world, torque - world.base
@@ -63,7 +63,7 @@ def simulated(rigid: World, j: int, gear: Gear) -> tuple[World, Array]:
 
 def _smoothed(rigid: World) -> World:
     """The same world with dry friction as the integrator has it."""
-    sign = np.tanh(rigid.path.v / (2 * STICK))
+    sign = np.tanh(rigid.path.v / SMOOTH)
     return replace(rigid, base=rigid.load + rigid.drive.torque(rigid.path, sign), sign=sign)
 
 
@@ -71,7 +71,7 @@ def error_size(rigid: World, j: int, gear: Gear) -> float:
     """Size of what a gear adds to the torque of its own joint."""
     theta, _, motor = _two_masses(_smoothed(rigid), j, gear)
     seen = _replaced(rigid.path, j, theta)
-    drive = rigid.drive.torque(seen, np.tanh(seen.v / (2 * STICK)))
+    drive = rigid.drive.torque(seen, np.tanh(seen.v / SMOOTH))
     return float(rms(in_band(motor - rnea(rigid.model, rigid.robot, seen)[:, j] - drive[:, j])))
 
 
@@ -161,7 +161,7 @@ def _two_masses(wanted: World, j: int, gear: Gear) -> tuple[Trace, Trace, Array]
     damping = 2 * gear.damping_ratio * np.sqrt(gear.stiffness * inertia * rotor / (inertia + rotor))
     kp = (inertia + rotor) * BANDWIDTH**2
     kd = 1.4 * (inertia + rotor) * BANDWIDTH
-    k, b, h, narrow = gear.stiffness, gear.gap, STEP / SUBSTEPS, 2 * STICK
+    k, b, h, narrow = gear.stiffness, gear.gap, STEP / SUBSTEPS, SMOOTH
     x, dx = float(path.q[0, j]), float(path.v[0, j])
     y, dy = x - float(load[0]) / k - float(np.copysign(b, load[0])), float(near.v[0, j])
     out = []

@@ -58,6 +58,8 @@ class Finding:
         Held-out NRMSE, mean over the joints.
     gain : float
         Log likelihood it adds on held-out data, less its price.
+    removed : float
+        What it takes off the sum of the joints' squared held-out NRMSE: how much of what is wrong it explains.
     share : float
         Of the error above the noise floor on the joints it acts on, the part it removes.
     p_value : float
@@ -76,6 +78,7 @@ class Finding:
     error_before: float
     error_after: float
     gain: float
+    removed: float
     share: float
     p_value: float
     parameters: dict[str, float]
@@ -290,8 +293,9 @@ def rank(
         tried += len(judged)
         if judged:
             best.append(_grouped(evidence, before, sorted(judged, key=lambda b: -b.gain), len(kind.shapes)))
-    best.sort(key=lambda b: -b.gain)
-    return _findings(evidence, floor, before, best, tried)
+    return sorted(
+        _findings(evidence, floor, before, best, tried), key=lambda f: (not f.significant, -f.removed, -f.gain)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,6 +305,7 @@ class _Best:
     projection: Projection
     score: Score
     gain: float
+    ratio: float
     members: tuple[Effect, ...]
 
 
@@ -312,13 +317,16 @@ def _distinct(evidence: Evidence, alternatives: Sequence[Effect]) -> list[Projec
 
 
 def _price(evidence: Evidence, projection: Projection, shapes: int) -> float:
-    independent = float(evidence.effective[list(projection.columns)].sum())
+    independent = float(evidence.counts.sum(axis=0)[list(projection.columns)].sum())
     return float(0.5 * (len(projection.signs) + shapes) * np.log(max(independent, 2.0)))
 
 
 def _judge(evidence: Evidence, before: Array, score: Score, projection: Projection, shapes: int) -> _Best:
-    gain = evidence.log_likelihood(before, score.sse) - _price(evidence, projection, shapes)
-    return _Best(projection, score, gain, (projection.effect,))
+    effective = evidence.effective
+    if evidence.log_likelihood(before, score.sse, effective) > 0:
+        effective = evidence.effective_with(projection)
+    ratio = evidence.log_likelihood(before, score.sse, effective)
+    return _Best(projection, score, ratio - _price(evidence, projection, shapes), ratio, (projection.effect,))
 
 
 def _grouped(evidence: Evidence, before: Array, judged: Sequence[_Best], shapes: int) -> _Best:
@@ -331,9 +339,9 @@ def _grouped(evidence: Evidence, before: Array, judged: Sequence[_Best], shapes:
         scored = evidence.score([merged])
         if scored is None:
             continue
-        gain = evidence.log_likelihood(before, scored[0].sse) - _price(evidence, merged, shapes)
-        if gain > chosen.gain:
-            chosen = _Best(merged, scored[0], gain, (*chosen.members, *other.members))
+        joined = _judge(evidence, before, scored[0], merged, shapes)
+        if joined.gain > chosen.gain:
+            chosen = replace(joined, members=(*chosen.members, *other.members))
     return chosen
 
 
@@ -352,6 +360,7 @@ def _merge(evidence: Evidence, a: Projection, b: Projection) -> Projection:
 
 def _findings(evidence: Evidence, floor: Array, before: Array, best: Sequence[_Best], tried: int) -> list[Finding]:
     error = float(evidence.nrmse(before).mean())
+    best = sorted(best, key=lambda b: -_removed(evidence, before, b))
     confused = _confusions(evidence, best[:5]) if best and best[0].gain > 0 else {}
     findings = []
     for b in best:
@@ -362,8 +371,7 @@ def _findings(evidence: Evidence, floor: Array, before: Array, best: Sequence[_B
         share = float(((kept - after[rows] ** 2).sum()) / max(float(explainable.sum()), 1e-300))
         significance = 1.0
         if b.gain > 0:
-            ratio = 2 * evidence.log_likelihood(before, b.score.sse)
-            chance = float(stats.chi2.sf(ratio, len(b.projection.signs) + len(_shapes_of(b))))
+            chance = float(stats.chi2.sf(2 * b.ratio, len(b.projection.signs) + len(_shapes_of(b))))
             significance = min(1.0, tried * chance) if block_test(evidence, b.projection) < STEADY else 1.0
         kind = type(b.projection.effect)
         joints = tuple(dict.fromkeys(j for e in b.members for j in (e.joints or ())))
@@ -376,6 +384,7 @@ def _findings(evidence: Evidence, floor: Array, before: Array, best: Sequence[_B
                 error,
                 float(after.mean()),
                 b.gain,
+                _removed(evidence, before, b),
                 float(np.clip(share, 0.0, 1.0)),
                 significance,
                 dict(zip(names, map(float, b.score.beta), strict=True)) | _shape(b.projection.effect),
@@ -385,6 +394,10 @@ def _findings(evidence: Evidence, floor: Array, before: Array, best: Sequence[_B
             )
         )
     return findings
+
+
+def _removed(evidence: Evidence, before: Array, best: _Best) -> float:
+    return float((evidence.nrmse(before) ** 2 - evidence.nrmse(best.score.sse) ** 2).sum())
 
 
 def _shapes_of(best: _Best) -> tuple[str, ...]:
@@ -408,7 +421,7 @@ def _confusions(evidence: Evidence, best: Sequence[_Best]) -> dict[str, tuple[st
         if other.gain < 0.5 * top.gain:
             continue
         scored = extended.score([other.projection])
-        given = -np.inf if scored is None else extended.log_likelihood(before, scored[0].sse)
+        given = -np.inf if scored is None else extended.log_likelihood(before, scored[0].sse, extended.effective)
         if given < _price(evidence, other.projection, 0) and other.gain > SAME * top.gain:
             told.setdefault(top.projection.effect.id, []).append(other.projection.effect.id)
             told.setdefault(other.projection.effect.id, []).append(top.projection.effect.id)
@@ -462,5 +475,5 @@ def _with_verdict(findings: Sequence[Finding], verdict: Verdict, error: float) -
         "contact": "something touched the robot for a while: these moments are left out, not modelled",
         "unknown": "something is missing that nothing in the catalogue explains",
     }[verdict]
-    first = Finding(verdict, (), error, error, 0.0, 0.0, 1.0, {}, (), sentence, ())
+    first = Finding(verdict, (), error, error, 0.0, 0.0, 0.0, 1.0, {}, (), sentence, ())
     return (first, *findings)

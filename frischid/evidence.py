@@ -362,7 +362,25 @@ class Evidence:
         """Held-out NRMSE of each joint from its sums of squares over the folds, (J,)."""
         return np.asarray(np.sqrt(sse.sum(axis=0) / self.counts.sum(axis=0)) / self.spread)
 
-    def log_likelihood(self, before: Array, after: Array) -> float:
-        """Held-out log likelihood ratio, in effectively independent samples."""
+    def log_likelihood(self, before: Array, after: Array, effective: Array) -> float:
+        """Held-out log likelihood ratio, in effectively independent samples of each joint (J,)."""
         ratio = np.maximum(before.sum(axis=0), 1e-300) / np.maximum(after.sum(axis=0), 1e-300)
-        return float(0.5 * np.sum(self.effective * np.log(ratio)))
+        return float(0.5 * np.sum(effective * np.log(ratio)))
+
+    def effective_with(self, candidate: Projection) -> Array:
+        """Effectively independent samples of each joint once a candidate is in the model, (J,).
+
+        A slow effect makes the residual correlated over the whole motion, as if there were hardly any evidence; what
+        counts
+        is the correlation of what is left when it is explained.
+        """
+        X, D = self.moments(candidate)
+        fit = self.fit(X, D, candidate, None)
+        effective = self.effective.copy()
+        if fit is None:
+            return effective
+        for row, C in candidate.columns.items():
+            r = self.rows[row]
+            left = r.tau - r.Y @ (self.theta + fit.change) - C @ fit.beta
+            effective[row] = max(effective[row], len(left) / correlation_time(left))
+        return effective
