@@ -131,7 +131,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
 @click.option("--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default.")
 @click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
 @click.option("--velocity", type=click.Choice(["auto", "measured", "derived"]), default="auto")
-@click.option("--estimator", default="wls", help="wls, ols, or frisch (the best point of the box).")
+@click.option("--estimator", default="wls", help="wls, ols, frisch (best point of the box), sensorwise, eiv, iv.")
 @click.option("--bbrf", default="strict", help="Bounding-box recursion: strict, undo, calibrated, or none.")
 @click.option("--window", type=int, help="BBRF window, rows.")
 @click.option("-o", "--output", type=click.Path(), help="Write the model here (JSON).")

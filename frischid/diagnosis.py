@@ -38,6 +38,8 @@ from frischid.regressor import Regressor, nominal_parameters
 
 Verdict = Literal["none", "effect", "contact", "unknown"]
 SIGNIFICANCE = 0.01
+TRIFLE = 0.004  # of a joint's torque: what explains less is not worth a parameter, however significant
+LARGE = 0.015  # of a joint's torque: an error below this is not called unexplained, the floor being an estimate
 STEADY = (
     0.05  # p value of the paired test over blocks of time that a finding must reach, so that no single moment makes it
 )
@@ -88,8 +90,8 @@ class Finding:
 
     @property
     def significant(self) -> bool:
-        """Whether it is more than chance."""
-        return self.gain > 0 and self.p_value < SIGNIFICANCE
+        """Whether it is more than chance, and more than a trifle."""
+        return self.gain > 0 and self.p_value < SIGNIFICANCE and self.removed > TRIFLE**2
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -293,9 +295,9 @@ def rank(
         tried += len(judged)
         if judged:
             best.append(_grouped(evidence, before, sorted(judged, key=lambda b: -b.gain), len(kind.shapes)))
-    return sorted(
-        _findings(evidence, floor, before, best, tried), key=lambda f: (not f.significant, -f.removed, -f.gain)
-    )
+    findings = _findings(evidence, floor, before, best, tried)
+    findings.sort(key=lambda f: (not f.significant, -f.removed, -f.gain))
+    return _simplest_first(findings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -396,6 +398,16 @@ def _findings(evidence: Evidence, floor: Array, before: Array, best: Sequence[_B
     return findings
 
 
+def _simplest_first(findings: list[Finding]) -> list[Finding]:
+    """Among those that explain nearly as much as the best, the one with the fewest parameters comes first."""
+    rivals = [f for f in findings if f.significant and f.removed >= SAME * findings[0].removed]
+    if len(rivals) < 2:
+        return findings
+    first = min(rivals, key=lambda f: (len(f.parameters), -f.removed))
+    named = tuple(dict.fromkeys((*first.confused_with, *(f.effect for f in rivals if f is not first))))
+    return [replace(first, confused_with=named), *(f for f in findings if f is not first)]
+
+
 def _removed(evidence: Evidence, before: Array, best: _Best) -> float:
     return float((evidence.nrmse(before) ** 2 - evidence.nrmse(best.score.sse) ** 2).sum())
 
@@ -461,10 +473,10 @@ def _verdict(evidence: Evidence, floor: Array, findings: Sequence[Finding], cont
         return "contact"
     best = next((f for f in findings if f.significant), None)
     error = evidence.nrmse(evidence.base_sse())
-    worst = float(np.max(error * evidence.spread / floor))
+    unexplained = bool(((error > LARGE) & (error * evidence.spread > 3.0 * floor)).any())
     if best is None:
-        return "unknown" if worst > 3.0 else "none"
-    return "effect" if best.share > 0.25 else "unknown"
+        return "unknown" if unexplained else "none"
+    return "unknown" if best.share < 0.2 and unexplained else "effect"
 
 
 def _with_verdict(findings: Sequence[Finding], verdict: Verdict, error: float) -> tuple[Finding, ...]:

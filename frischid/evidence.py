@@ -376,7 +376,7 @@ class Evidence:
         """
         X, D = self.moments(candidate)
         fit = self.fit(X, D, candidate, None)
-        effective = self.effective.copy()
+        effective: Array = np.array(self.effective, dtype=np.float64)
         if fit is None:
             return effective
         for row, C in candidate.columns.items():

@@ -15,20 +15,24 @@ import numpy as np
 from frischid.bbrf import Recursion, Variant, bbrf
 from frischid.comparison import Comparison, compare
 from frischid.effects import BASELINE, Effect
+from frischid.eiv import eiv
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimate import Estimate, cross_validated, ols, wls
 from frischid.frisch import Box, Simplex, simplex
 from frischid.gram import Array, Gram, total
+from frischid.iv import iv
 from frischid.log import Log, check_motion, check_torque, warnings_of
 from frischid.model import Model
 from frischid.reduction import Reduction, reduce
 from frischid.regressor import Regressor, accumulate, stack
 from frischid.robot import Robot
 from frischid.selection import Selection, select
+from frischid.sensitivity import noise_limits, samples, sensor_moments
+from frischid.sensorwise import sensorwise
 from frischid.signals import LowPass, Motion, choose_lowpass, prepare
 
 MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see
-ESTIMATORS = ("wls", "ols", "frisch")
+ESTIMATORS = ("wls", "ols", "frisch", "sensorwise", "eiv", "iv")
 RECURSIONS = ("strict", "undo", "calibrated", "none")
 
 
@@ -103,8 +107,10 @@ def identify(
     cutoff : float, "auto" or None
         Cut-off of the parallel filter, Hz; None filters nothing.
     velocity : {"auto", "measured", "derived"}
-    estimator : {"wls", "ols", "frisch"}
-        Whose values become the model's. ``"frisch"`` is the paper's: the best point in the Frisch box.
+    estimator : {"wls", "ols", "frisch", "sensorwise", "eiv", "iv"}
+        Whose values become the model's. ``"frisch"`` is the paper's: the best point in the Frisch box. ``"sensorwise"``
+        adds the box of `frischid.sensorwise`, with the sensors' noise limited to what the log shows; ``"eiv"`` and
+        ``"iv"`` are errors-in-variables likelihood and instrumental variables.
     recursion : {"strict", "undo", "calibrated", "none"}
         Variant of the bounding-box recursion.
     window : int, optional
@@ -167,6 +173,11 @@ def identify(
     if estimator == "frisch":
         selection = select(moments, recursed.require_box() if recursed is not None else bounds["frisch"])
         estimate = replace(estimate, theta=selection.theta, estimator="frisch")
+    if estimator in {"sensorwise", "eiv", "iv"}:
+        progress(f"estimator {estimator}")
+        estimate, box = _by_sensors(estimator, regressor, motions, lowpass, rows, reduction, estimate)
+        if box is not None:
+            bounds["sensorwise"] = box
     warnings += [*estimate.notes, *_doubts(triangle, recursed)]
 
     model = Model(
@@ -356,6 +367,28 @@ def _recursion(
     except IdentifiabilityError as error:
         warnings.append(f"BBRF left out: {error}")
         return None
+
+
+def _by_sensors(
+    estimator: str,
+    regressor: Regressor,
+    motions: Sequence[Motion],
+    lowpass: LowPass,
+    rows: Sequence[str],
+    reduction: Reduction,
+    start: Estimate,
+) -> tuple[Estimate, Box | None]:
+    """Estimators that know which sensor the noise comes from."""
+    if estimator == "iv":
+        return iv(regressor, motions, lowpass, reduction.base, start), None
+    if estimator == "eiv":
+        stretches = samples(regressor, motions, lowpass, rows, reduction.base)
+        return eiv(stretches, start.columns, rows), None
+    names = [c.name for c in start.columns]
+    data = sensor_moments(regressor, motions, lowpass, rows, reduction.base, names=names, weights=start.weights)
+    found = sensorwise(data, limits=noise_limits(motions, regressor.robot, lowpass))
+    notes = (*start.notes, *found.notes)
+    return replace(start, theta=found.theta, covariance=found.covariance, estimator=estimator, notes=notes), found.box
 
 
 def _doubts(triangle: Simplex, recursed: Recursion | None) -> list[str]:
