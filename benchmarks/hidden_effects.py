@@ -64,11 +64,12 @@ Diagnose = Callable[[Case], Outcome]
 
 def diagnosed(case: Case) -> Outcome:
     """Ask frischid: the only function that knows the diagnosis' interface."""
-    from frischid.diagnosis import diagnose, improve  # type: ignore[import-not-found, unused-ignore]
+    from frischid.diagnosis import diagnose
+    from frischid.improvement import improve
 
     model = identify(case.robot, case.reference or case.fit, recursion="none").model
     found = diagnose(model, case.fit, valid=case.valid)
-    steps = improve(model, case.fit, valid=case.valid) if case.spec.kind == "pair" else ()
+    steps = improve(model, case.fit, valid=case.valid, most=2)[0] if case.spec.kind == "pair" else []
     return Outcome(
         found.verdict,
         tuple(_names(f) for f in found.findings),
@@ -81,7 +82,7 @@ def diagnosed(case: Case) -> Outcome:
 
 
 def _names(finding: Any) -> tuple[str, ...]:
-    return tuple(getattr(finding, "names", None) or (finding.effect,))
+    return (finding.effect, *finding.confused_with)
 
 
 def score(kind: str, truth: Truth, said: Outcome) -> dict[str, Any]:

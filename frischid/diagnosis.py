@@ -40,9 +40,7 @@ Verdict = Literal["none", "effect", "contact", "unknown"]
 SIGNIFICANCE = 0.01
 TRIFLE = 0.004  # of a joint's torque: what explains less is not worth a parameter, however significant
 LARGE = 0.015  # of a joint's torque: an error below this is not called unexplained, the floor being an estimate
-STEADY = (
-    0.05  # p value of the paired test over blocks of time that a finding must reach, so that no single moment makes it
-)
+STEADY = 0.05  # p value over blocks of time that a finding must reach, so that no single moment makes it
 SAME = 0.9  # a rival that removes this share of what the best removes, and adds nothing to it, is the same finding
 
 
@@ -399,13 +397,16 @@ def _findings(evidence: Evidence, floor: Array, before: Array, best: Sequence[_B
 
 
 def _simplest_first(findings: list[Finding]) -> list[Finding]:
-    """Among those that explain nearly as much as the best, the one with the fewest parameters comes first."""
-    rivals = [f for f in findings if f.significant and f.removed >= SAME * findings[0].removed]
-    if len(rivals) < 2:
+    """Where the best contains a simpler effect that explains nearly as much, the simpler one comes first."""
+    if not findings:
         return findings
-    first = min(rivals, key=lambda f: (len(f.parameters), -f.removed))
-    named = tuple(dict.fromkeys((*first.confused_with, *(f.effect for f in rivals if f is not first))))
-    return [replace(first, confused_with=named), *(f for f in findings if f is not first)]
+    best = findings[0]
+    within = [f for f in findings if f.effect in EFFECTS[best.effect].generalises and f.significant]
+    rivals = [f for f in within if f.removed >= SAME * best.removed]
+    if not rivals:
+        return findings
+    first = replace(rivals[0], confused_with=tuple(dict.fromkeys((*rivals[0].confused_with, best.effect))))
+    return [first, *(f for f in findings if f.effect != first.effect)]
 
 
 def _removed(evidence: Evidence, before: Array, best: _Best) -> float:

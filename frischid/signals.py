@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 DERIVATIVE_BAND = 5.0  # derivatives pass this many times the cut-off; beyond it only noise is left
 QUARTIC = 4
 VELOCITIES = ("auto", "measured", "derived")
+CREEPING = 0.01  # a joint slower than this for a while is not under way, rad/s (m/s)
 LATE_VELOCITY = 0.05  # measured q̇ that differs from dq/dt by more than this share is not used
 
 
@@ -132,16 +133,29 @@ def noise_level(x: Array) -> Array:
     return np.asarray(np.where(spread > 0, spread, np.std(fourth, axis=0)))
 
 
-def standstill(q: Array, step: float) -> NDArray[np.bool_]:
-    """Joints that hold their position: less than `STILL` of travel within half a second around the sample.
+def standstill(q: Array, v: Array, step: float) -> NDArray[np.bool_]:
+    """Joints that hold their position, or stop and go on without reversing.
 
     Dry friction at rest takes any value up to break-away, whatever the speed's noise says; a model with Coulomb
-    friction
-    makes no prediction there. A joint that reverses does not rest.
+    friction makes no prediction there. A joint holds its position when it travels less than `STILL` within half a
+    second around the sample. It stops where it creeps (slower than `CREEPING`, or than a fiftieth of its usual speed
+    if that is less) and slows to a fifth of that, unless the stretch is short and the joint turns round in it: a
+    reversal is motion, and says most about friction.
     """
     window = 2 * round(0.25 / step) + 1
     travel = ndimage.maximum_filter1d(q, window, axis=0) - ndimage.minimum_filter1d(q, window, axis=0)
-    return np.asarray(travel < STILL)
+    still = np.asarray(travel < STILL)
+    for j in range(q.shape[1]):
+        creeping = min(CREEPING, float(np.quantile(np.abs(v[:, j]), 0.9)) / 50)
+        labels, count = ndimage.label(np.abs(v[:, j]) < creeping)
+        for part in ndimage.find_objects(labels, count):
+            slow = part[0]
+            inner = slow.start > 0 and slow.stop < len(v)
+            reverses = inner and v[slow.start - 1, j] * v[slow.stop, j] < 0
+            brief = (slow.stop - slow.start) * step < 0.5
+            if np.abs(v[slow, j]).min() < creeping / 5 and not (reverses and brief):
+                still[slow, j] = True
+    return still
 
 
 def derivative_taps(order: int, step: float, cutoff: float | None) -> Array:
@@ -303,7 +317,7 @@ def _motion(log: Log, lowpass: LowPass, velocity: str, begin: float) -> tuple[Mo
     keep_a = np.where(use_v, source.a_from_v, source.a)
     if velocity != "derived":
         keep_a = np.where(np.isnan(a[inside]).any(axis=0), keep_a, a[inside])
-    still = standstill(q, step)[inside]
+    still = standstill(q[inside], keep_v, step)
     extra = {name: np.interp(t[inside], log.t, values) for name, values in log.extra.items()}
     return Motion(t[inside], q[inside], keep_v, keep_a, tau[inside], still, log.source, begin, extra), notes
 

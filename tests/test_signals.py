@@ -285,7 +285,7 @@ def test_unknown_choice_of_velocity():
 def test_standstill():
     q = np.where(T < 5, 0.0, np.where(T < 10, np.sin(2 * (T - 5)), np.sin(10.0)))[:, None]
     q += 1e-5 * np.random.default_rng(0).normal(size=q.shape)
-    still = standstill(q, 1 / RATE)[:, 0]
+    still = standstill(q, np.gradient(q, 1 / RATE, axis=0), 1 / RATE)[:, 0]
     assert still[T < 4.7].all()
     assert still[T > 10.3].all()
     assert not still[(T > 5.2) & (T < 9.8)].any(), "a reversal is no rest"

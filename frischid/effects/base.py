@@ -146,6 +146,8 @@ class Effect(ABC):
     """Whether it is something that happens to a robot (a payload, a tilt) rather than part of it from the start."""
     several: ClassVar[bool] = False
     """Whether it may come more than once on the same joints, with other parameters."""
+    generalises: ClassVar[tuple[str, ...]] = ()
+    """Effects this one contains: where one of them explains nearly as much, that one is named."""
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     """Values the diagnosis tries for each shape parameter, in order; it refines between neighbours."""
 

@@ -118,6 +118,7 @@ class CableHose(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis", "counterbalance")
     confirmed_by: ClassVar[str] = "slow sweeps over the whole range, out and back; once more with the cables taken off"
     reference: ClassVar[str] = "Wang, Gondokaryono, Munawar and Fischer 2019, IEEE Robotics and Automation Letters 4(4)"
+    generalises: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis")
 
     memory: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"distance": (0.1, 0.3, 1.0)}

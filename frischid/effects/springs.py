@@ -51,6 +51,7 @@ class Counterbalance(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "payload", "cable_hose", "cogging", "gravity_tilt")
     confirmed_by: ClassVar[str] = "hold still all over the joint's range, with the links after it folded and stretched"
     reference: ClassVar[str] = "Arakelian 2016, Advanced Robotics 30(2)"
+    generalises: ClassVar[tuple[str, ...]] = ("joint_spring",)
 
     def terms(self, state: State) -> list[Term]:
         """Four columns for a turning joint, three for a sliding one."""
