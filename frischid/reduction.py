@@ -146,7 +146,7 @@ def reduce(
     norms = np.linalg.norm(root, axis=0)
     # A column of unit norm has no zero row in V1, so θ_n is exactly the null columns.
     # Units differ from one effect to the next, so only a rigid column is measured against its like.
-    rigid = np.array([c.effect == "rigid" for c in columns])
+    rigid = np.array([c.effect == "rigid" for c in columns], dtype=bool)
     largest = norms.max(initial=0.0)
     seen = norms > np.where(rigid, _MISALIGNED * tol * norms.max(initial=0.0, where=rigid), 1e-12 * largest)
     if not seen.any():
