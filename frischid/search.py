@@ -50,6 +50,7 @@ STEP = 1e-6  # displacement of a sample for the slope of its rows
 STAGES = ((4.0, 1e1), (12.0, 1e2), (40.0, 1e3), (150.0, 1e4))  # sharpness and weight of each descent
 SHARE = 0.05  # of the budget, for the first phase
 POPULATION = 64
+ATTEMPTS = 4  # starts, until a motion fits
 REPAIRS = 3  # most times that what is broken between the grid's times is repaired
 RESERVE = 0.1  # of the budget, for that
 WATCH = 4  # rounds of a descent from one look at the true cost to the next
@@ -136,10 +137,12 @@ class Search:
 
     def run(self, seed: int) -> Array:
         """Both phases; returns the coefficients of the best motion that fits, made to fit exactly."""
-        X = self.explore(seed)
-        share = (1.0 - RESERVE) * (self.budget - self.cost.evaluations) / len(STAGES)
-        for stage in STAGES:
-            X = self.descend(X, stage, share)
+        X = self._attempt(seed)
+        for again in range(1, ATTEMPTS):
+            # A motion caught between two bodies stops early, and leaves budget for another start.
+            if self.found is not None or self.cost.evaluations > self.budget / 2:
+                break
+            X = self._attempt(seed + again)
         best = X if self.found is None else self.found
         if self.bounds == "points":
             return best
@@ -156,6 +159,14 @@ class Search:
             last = self.descend(X, STAGES[-1], (self.budget - self.cost.evaluations) / left)
             best = last if self.found is None else self.found
         return self.lighter(self.exactly_within(best), at_fine)
+
+    def _attempt(self, seed: int) -> Array:
+        """Both phases once, with what is left of the budget."""
+        X = self.explore(seed)
+        share = (1.0 - RESERVE) * (self.budget - self.cost.evaluations) / len(STAGES)
+        for stage in STAGES:
+            X = self.descend(X, stage, share)
+        return X
 
     # ------------------------------------------------------------------ feasibility
 
@@ -211,7 +222,7 @@ class Search:
             cost = self.cost(self.at_samples @ X)
             excess, _ = self.wary.loads(self.at_watch @ X, slope=False)
             self._record(X, cost, excess < 1e-6)
-            return self._level(cost) + STAGES[0][1] * excess
+            return self._level(cost) + STAGES[1][1] * excess
 
         result = differential_evolution(
             level,

@@ -1,0 +1,174 @@
+"""A hidden effect is found, named, added, and the error falls; nothing is found where nothing is hidden."""
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from frischid.cli import main
+from frischid.comparison import compare
+from frischid.diagnosis import diagnose
+from frischid.effects import BASELINE, parse_effects
+from frischid.errors import InputError, UnknownNameError
+from frischid.identification import identify
+from frischid.improvement import add, improve, undo
+from frischid.log import Log
+from frischid.model import Model
+from frischid.readers import write_log
+from frischid.robot import Robot
+from frischid.simulation import Noise, simulate
+from frischid.trajectory import random_fourier
+
+UR5 = Robot.load("ur5")
+NOISE = Noise(q=1e-5, tau=0.004)
+DRY = {f"fv{i}": 3.0 for i in range(1, 7)} | {f"fc{i}": 2.0 for i in range(1, 7)} | {f"Ia{i}": 0.3 for i in range(1, 7)}
+
+
+def log_of(seed: int, effects: str = "", seconds: float = 25.0, robot: Robot = UR5, **values: float) -> Log:
+    """A noisy log of a robot that has the baseline effects and some more."""
+    return simulate(
+        robot,
+        random_fourier(robot, seconds, seed=seed, scale=0.8),
+        rate=100.0,
+        effects=(*BASELINE, *parse_effects(effects)),
+        parameters=DRY | values,
+        noise=NOISE,
+        channels=(),
+        seed=seed,
+        name=f"log {seed} {effects}",
+    )
+
+
+@cache
+def healthy() -> Model:
+    return identify(UR5, [log_of(1)], recursion="none").model
+
+
+HIDDEN = [
+    ("stribeck(speed=0.1, exponent=2)@elbow_joint", {"fs3": 3.0}, "stribeck"),
+    ("asymmetric_viscous@wrist_1_joint", {"fva4": 1.0}, "asymmetric_viscous"),
+    ("load_friction@shoulder_lift_joint", {"fl2": 0.1}, "load_friction"),
+    ("joint_spring@wrist_2_joint", {"ks5": 1.0}, "joint_spring"),
+    ("cogging(order=12)@elbow_joint", {"A3": 2.0}, "cogging"),
+]
+
+
+@pytest.mark.parametrize(("effect", "values", "name"), HIDDEN, ids=[h[2] for h in HIDDEN])
+def test_a_hidden_effect_is_named_and_removed(effect, values, name):
+    logs, held_out = [log_of(1, effect, **values)], [log_of(2, effect, **values)]
+    model = identify(UR5, logs, recursion="none").model
+    found = diagnose(model, logs, valid=held_out)
+    assert found.situation == "always"
+    assert found.verdict == "effect"
+    best = found.findings[0]
+    assert name in (best.effect, *best.confused_with)
+    assert effect.partition("@")[2] in best.joints
+    assert best.p_value < 0.01
+    step = add(model, best.members, logs, valid=held_out, finding=best)
+    assert step.error_after < 0.7 * step.error_before
+    assert step.error_after < 1.5 * compare(step.model, held_out).noise_floor
+
+
+def test_a_healthy_robot_raises_no_alarm():
+    found = diagnose(healthy(), [log_of(1)], valid=[log_of(2)])
+    assert found.verdict == "none"
+    assert not any(f.significant for f in found.findings)
+    assert found.error < 2 * found.noise_floor
+
+
+def test_a_payload_is_a_change():
+    last = parse_effects("payload@wrist_3_joint")
+    columns = [c.name for c in last[0].columns(UR5)]
+    truth = dict(zip(columns, (1.5, 0.02, 0.01, 0.09), strict=True))
+    loaded = [log_of(s, "payload@wrist_3_joint", **truth) for s in (3, 4)]
+    found = diagnose(healthy(), loaded[:1], valid=loaded[1:])
+    assert found.situation == "changed"
+    assert found.findings[0].effect == "payload"
+    assert found.findings[0].parameters[columns[0]] == pytest.approx(1.5, rel=0.1)
+
+
+def test_an_outside_force_is_a_contact():
+    log = log_of(2)
+    tau = np.array(log.tau)
+    push = (log.t > 10) & (log.t < 11)
+    tau[push, :3] += np.hanning(push.sum())[:, None] * [25.0, 30.0, 15.0]
+    found = diagnose(healthy(), [log_of(1)], valid=[Log(log.t, log.joints, log.q, tau=tau, source="pushed")])
+    assert found.verdict == "contact"
+    assert found.findings[0].effect == "contact"
+    assert [c.source for c in found.contacts] == ["pushed"]
+    assert 9.5 < found.contacts[0].start < 10.5 < found.contacts[0].stop < 11.5
+
+
+def test_improve_takes_steps_that_can_be_undone():
+    hidden = "asymmetric_viscous@wrist_1_joint, joint_spring@wrist_2_joint"
+    logs, held_out = ([log_of(s, hidden, fva4=1.0, ks5=1.0)] for s in (1, 2))
+    model = identify(UR5, logs, recursion="none").model
+    steps, last = improve(model, logs, valid=held_out, most=3)
+    assert {"asymmetric_viscous", "joint_spring"} <= {s.finding.effect for s in steps}
+    errors = [steps[0].error_before, *(s.error_after for s in steps)]
+    assert (np.diff(errors) < 0).all()
+    assert last.noise_floor > 0
+    final = Model.from_dict(json.loads(json.dumps(steps[-1].model.to_dict())))
+    assert [e["action"] for e in final.history] == ["identify", *["add"] * len(steps)]
+    for _ in steps:
+        final = undo(final)
+    assert final.effects == BASELINE
+    np.testing.assert_allclose(final.estimate.theta, model.estimate.theta)
+    with pytest.raises(InputError, match="no step to undo"):
+        undo(final)
+
+
+def test_names_that_do_not_exist():
+    with pytest.raises(UnknownNameError, match="stribeck"):
+        diagnose(healthy(), [log_of(1)], effects=["stribek"])
+    with pytest.raises(InputError, match="no log"):
+        diagnose(healthy(), [])
+
+
+def test_the_command_line(tmp_path):
+    effect, values = "asymmetric_viscous@wrist_1_joint", {"fva4": 1.0}
+    for seed in (1, 2):
+        write_log(log_of(seed, effect, **values), tmp_path / f"{seed}.parquet")
+    runner = CliRunner()
+    paths = [str(tmp_path / f"{s}.parquet") for s in (1, 2)]
+    model = str(tmp_path / "model.json")
+    assert runner.invoke(main, ["identify", "ur5", paths[0], "--bbrf", "none", "-o", model]).exit_code == 0
+    told = runner.invoke(main, ["diagnose", model, paths[0], "--valid", paths[1], "--json"])
+    assert told.exit_code == 0
+    data = json.loads(told.output)
+    assert data["verdict"] == "effect"
+    first = data["findings"][0]
+    keys = {
+        "effect",
+        "joints",
+        "error_before",
+        "error_after",
+        "gain",
+        "p_value",
+        "parameters",
+        "confused_with",
+        "sentence",
+    }
+    assert keys <= set(first)
+    assert len({f["effect"] for f in data["findings"]}) == len(data["findings"])
+    assert set(data["joints"]["elbow_joint"]) == {"error", "noise_floor"}
+    shown = runner.invoke(main, ["diagnose", model, paths[0], "--valid", paths[1]])
+    assert "an effect is missing" in shown.output
+    new = str(tmp_path / "new.json")
+    added = ["add", model, "asymmetric_viscous", paths[0], "--joints", "wrist_1*", "--valid", paths[1], "-o", new]
+    result = runner.invoke(main, [*added, "--json"])
+    assert result.exit_code == 0, result.output
+    step = json.loads(result.output)
+    assert step["error_after"] < step["error_before"]
+    assert "asymmetric_viscous" in runner.invoke(main, ["history", new]).output
+    old = str(tmp_path / "old.json")
+    assert runner.invoke(main, ["history", new, "--undo", "-o", old]).exit_code == 0
+    assert Model.load(old).effects == BASELINE
+    compared = json.loads(runner.invoke(main, ["compare", new, paths[1], "--json"]).output)
+    assert {"nrmse", "noise_floor", "joints", "conditions"} <= set(compared)
+    assert {"joint", "condition", "ratio", "p_value"} <= set(compared["conditions"][0])
+    wrong = runner.invoke(main, ["add", model, "stribek", paths[0], "-o", new])
+    assert wrong.exit_code == 2
+    assert "stribeck" in wrong.output
