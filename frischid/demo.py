@@ -1,4 +1,8 @@
-"""The whole job on a robot whose truth is known: simulate, identify, look at the error on another motion."""
+"""The whole job on a robot whose truth is known: simulate, identify, look at the error on another motion.
+
+Then the same arm with an effect hidden in it: the model fails, the diagnosis names the effect, it is added, the
+error falls.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frischid.effects import BASELINE
+from frischid.diagnosis import Diagnosis, diagnose
+from frischid.effects import BASELINE, parse_effects
 from frischid.gram import Array
 from frischid.identification import Identification, identify
+from frischid.improvement import Step, add
+from frischid.log import Log
 from frischid.robot import Robot
 from frischid.simulation import Noise, parameters_of, simulate
 from frischid.trajectory import random_fourier
@@ -17,6 +24,8 @@ from frischid.trajectory import random_fourier
 TRUTH = {"Ia1": 0.121, "Ia2": 0.2118, "off1": 0.4, "off2": -0.2}
 """What the URDF does not say of the planar arm: reflected rotor inertias (kg·m²) and torque offsets (N·m)."""
 NOISE = Noise(q=2e-5, tau=0.01)
+HIDDEN, STRENGTH = "joint_spring@joint2", {"ks2": 1.5}
+"""The effect hidden in the second half: a cable that pulls joint 2 back, N·m/rad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +41,18 @@ class Demo:
         Length of each of the two simulated logs.
     rate : float
         Samples a second, Hz.
+    diagnosis : Diagnosis
+        Of the arm with the hidden effect.
+    step : Step
+        The effect that was found, added.
     """
 
     found: Identification
     truth: Array
     seconds: float
     rate: float
+    diagnosis: Diagnosis
+    step: Step
 
 
 def run(seed: int, progress: Callable[[str], None] = lambda _: None) -> Demo:
@@ -52,20 +67,31 @@ def run(seed: int, progress: Callable[[str], None] = lambda _: None) -> Demo:
     """
     robot = Robot.load("planar2")
     seconds, rate = 40.0, 200.0
+
+    def record(hidden: str, extra: dict[str, float]) -> list[Log]:
+        return [
+            simulate(
+                robot,
+                random_fourier(robot, seconds, seed=2 * seed + k, harmonics=16, scale=0.9),
+                rate=rate,
+                effects=(*BASELINE, *parse_effects(hidden)),
+                parameters=TRUTH | extra,
+                noise=NOISE,
+                channels=(),
+                seed=2 * seed + k,
+                name=name,
+            )
+            for k, name in enumerate(("motion A", "motion B (held out)"))
+        ]
+
     progress("simulating two motions of the planar arm")
-    log, held_out = (
-        simulate(
-            robot,
-            random_fourier(robot, seconds, seed=2 * seed + k, harmonics=16, scale=0.9),
-            rate=rate,
-            parameters=TRUTH,
-            noise=NOISE,
-            channels=(),
-            seed=2 * seed + k,
-            name=name,
-        )
-        for k, name in enumerate(("motion A", "motion B (held out)"))
-    )
+    log, held_out = record("", {})
     found = identify(robot, [log], valid=[held_out], progress=progress)
     theta = parameters_of(robot, BASELINE, TRUTH)
-    return Demo(found, np.asarray(found.reduction.mapping @ theta), seconds, rate)
+    progress("hiding an effect in the arm")
+    log, held_out = record(HIDDEN, STRENGTH)
+    model = identify(robot, [log], recursion="none", progress=progress).model
+    diagnosis = diagnose(model, [log], valid=[held_out], progress=progress)
+    best = diagnosis.findings[0]
+    step = add(model, best.members, [log], valid=[held_out], finding=best)
+    return Demo(found, np.asarray(found.reduction.mapping @ theta), seconds, rate, diagnosis, step)

@@ -13,7 +13,7 @@ import numpy as np
 from rich.table import Table
 
 from frischid.comparison import Comparison
-from frischid.demo import Demo
+from frischid.demo import HIDDEN, STRENGTH, Demo
 from frischid.diagnosis import Diagnosis
 from frischid.effects import EFFECTS, Effect
 from frischid.excitation import Plan
@@ -310,6 +310,21 @@ def _change(before: float, after: float) -> str:
     return f"{100 * (after / before - 1):+.1f} %" if before else "–"
 
 
+def _hidden(result: Demo) -> list[Any]:
+    """The second half: what was hidden, what the diagnosis said, how the error fell."""
+    step, best = result.step, result.diagnosis.findings[0]
+    found = ", ".join(f"{k} {v:.4g}" for k, v in best.parameters.items())
+    values = ", ".join(f"{k} {v:.4g}" for k, v in STRENGTH.items())
+    return [
+        f"[bold]A hidden effect.[/bold] The same arm with {HIDDEN} ({values}) that the model knows nothing of. "
+        "frischid diagnose:",
+        *diagnosis(result.diagnosis).parts[:2],
+        f"{best.sentence}. Found: {found}.",
+        f"Added: held-out NRMSE {step.error_before:.4f} → {step.error_after:.4f} "
+        f"({_change(step.error_before, step.error_after)}), noise floor {result.diagnosis.noise_floor:.4f}.",
+    ]
+
+
 def excitation(planned: Plan, output: str, picture: str | None) -> Page:
     """What was planned, and which limits could not be met."""
     lines = [
@@ -400,12 +415,13 @@ def demo(result: Demo, output: str | None) -> Page:
         f"{found.comparison.constant:.4f} of a constant torque."
     )
     parts: list[Any] = [story, _summary(found), parameters(found.model, result.truth.tolist())]
-    parts += [*comparison(found.comparison).parts, verdict, *_warnings(found.warnings)]
+    parts += [*comparison(found.comparison).parts, verdict, *_warnings(found.warnings), "", *_hidden(result)]
     if output:
         parts.append(f"model written to {output}")
     data = _identified(found)
     for row, true in zip(data["parameters"], result.truth, strict=True):
         row["true"] = float(true)
+    data["hidden"] = {"truth": HIDDEN, "diagnosis": result.diagnosis.to_dict(), "error_after": result.step.error_after}
     return Page(data, parts)
 
 
