@@ -196,18 +196,23 @@ class Search:
         return np.asarray((X - constant * middle) * factor + constant * pose)
 
     def lighter(self, X: Array, basis: Array) -> Array:
-        """Shrink all joints together about their middle poses until torques and distances hold at the basis' times."""
+        """Shrink all joints together until torques and distances hold at the basis' times.
+
+        About their middle poses, or towards the middle of their ranges if even standing there is impossible.
+        """
         if self.excess.fits(basis @ X):
             return X
         q = basis[0] @ X
         middle = (q.max(axis=0) + q.min(axis=0)) / 2
-        low, high = 0.0, 1.0
-        for _ in range(10):
-            factor = (low + high) / 2
-            fits = self.excess.fits(basis @ self._about(X, middle, factor, middle))
-            low, high = (factor, high) if fits else (low, factor)
-        # No factor at all: better the motion with its violations named than none.
-        return self._about(X, middle, low, middle) if low > 0.0 else X
+        for pose in (middle, self.excess.envelope.middle):
+            shrunk = [
+                self._about(X, middle, f, middle + (1 - f) * (pose - middle)) for f in np.linspace(0.98, 0.02, 49)
+            ]
+            fitting = next((each for each in shrunk if self.excess.fits(basis @ each)), None)
+            if fitting is not None:
+                return fitting
+        # Better the motion with its violations named than none.
+        return X
 
     # ------------------------------------------------------------------ first phase
 
