@@ -40,6 +40,7 @@ Verdict = Literal["none", "effect", "contact", "unknown"]
 SIGNIFICANCE = 0.01
 TRIFLE = 0.004  # of a joint's torque: what explains less is not worth a parameter, however significant
 LARGE = 0.015  # of a joint's torque: an error below this is not called unexplained, the floor being an estimate
+EXPLAINED = 0.7  # share of the error that a steady effect must remove for bursts not to be contacts
 STEADY = 0.05  # p value over blocks of time that a finding must reach, so that no single moment makes it
 SAME = 0.9  # a rival that removes this share of what the best removes, and adds nothing to it, is the same finding
 
@@ -184,10 +185,13 @@ def diagnose(
     evidence = Evidence(model, everything, prior)
     floor = noise_floor(model, evidence.motions)
     contacts = find_contacts(evidence, floor)
+    findings = rank(evidence, floor, state, effects, progress)
+    if contacts and any(f.significant and f.share > EXPLAINED for f in findings):
+        contacts = []  # a steady effect accounts for the bursts as well
     if contacts:
         progress("evidence without contacts")
         evidence = Evidence(model, everything, prior, [(c.source, c.start, c.stop) for c in contacts])
-    findings = rank(evidence, floor, state, effects, progress)
+        findings = rank(evidence, floor, state, effects, progress)
     error = float(evidence.nrmse(evidence.base_sse()).mean())
     joints = {
         name: {"error": float(e), "noise_floor": float(f)}
