@@ -3,7 +3,8 @@
 The URDF's ``<collision>`` shapes are taken as they are if primitive, and by their convex hull if meshes (never smaller
 than the mesh, and quick to measure). Distances are Coal's (Gilbert, Johnson and Keerthi 1988; negative for overlap).
 Left out are pairs on one body, pairs joined by a joint, and pairs that overlap in nearly every pose, because they were
-drawn so. Between a body and the next but one the gap is often a few millimetres by design: there only overlap counts.
+drawn so. Between a body and the next but one the gap is often a few millimetres by design: there a tenth of the
+margin is kept.
 A mesh that is not found is not checked, and `Clearance.notes` says so.
 """
 
@@ -77,7 +78,9 @@ class Clearance:
         if overlapping:
             notes.append(f"overlapping in nearly every pose, so not checked: {', '.join(overlapping)}")
         names = tuple(_pair_name(geometry, pair) for pair in geometry.collisionPairs)
-        margins = np.array([0.0 if _next_but_one(robot, geometry, p) else margin for p in geometry.collisionPairs])
+        margins = np.array(
+            [margin / 10 if _next_but_one(robot, geometry, p) else margin for p in geometry.collisionPairs]
+        )
         return cls(robot, geometry, names, margins, tuple(notes))
 
     def nearest(self, q: Array) -> tuple[Array, NDArray[np.intp]]:

@@ -397,7 +397,7 @@ def simulate(
             name=output,
         )
         write_log(log, output)
-    _print(show.simulated(log, output), as_json)
+    _print(show.simulated(log, output, any(vars(noise).values())), as_json)
 
 
 @main.command()
@@ -436,6 +436,8 @@ def excite(
 
     for path in filter(None, (output, picture)):
         check_writable(path)
+    if budget < 1:
+        raise InputError(f"--budget must be at least one evaluation, got {budget}")
     machine, _ = _load(robot, options)
     with _working(as_json) as progress:
         planned = plan(

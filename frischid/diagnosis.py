@@ -180,7 +180,7 @@ def diagnose(
             raise UnknownNameError("effect", name, EFFECTS)
     everything = [*logs, *valid]
     progress("evidence")
-    state = _situation(model, everything) if situation == "auto" else situation
+    state = situation_of(model, everything) if situation == "auto" else situation
     prior = prior_of(model, state)
     evidence = Evidence(model, everything, prior)
     floor = noise_floor(model, evidence.motions)
@@ -217,7 +217,7 @@ def diagnose(
 # ---------------------------------------------------------------------- what is known beforehand
 
 
-def _situation(model: Model, logs: Sequence[Log]) -> Literal["always", "changed"]:
+def situation_of(model: Model, logs: Sequence[Log]) -> Literal["always", "changed"]:
     """Changed: logs the model has not seen, predicted much worse than what it was cross-validated to."""
     own = {entry["sha256"] or entry["source"] for event in model.history for entry in event.get("logs", [])}
     if any((log.sha256 or log.source) in own for log in logs):

@@ -159,12 +159,14 @@ def violations(
         for j, k in enumerate(np.abs(torque).argmax(axis=0)):
             if abs(torque[k, j]) > envelope.torque[j] * (1 + ROUNDING):
                 limit = np.copysign(envelope.torque[j], torque[k, j])
-                found.append(Violation("torque", robot.joints[j], t[k], torque[k, j], limit))
+                found.append(Violation("torque", robot.joints[j], float(t[k]), float(torque[k, j]), float(limit)))
     if clearance is not None:
         distance, pair = clearance.nearest(q)
         for p in np.unique(pair[np.isfinite(distance)]):
             k = int(np.where(pair == p, distance, np.inf).argmin())
-            found.append(Violation("distance", clearance.names[p], t[k], distance[k], float(clearance.margins[p])))
+            found.append(
+                Violation("distance", clearance.names[p], float(t[k]), float(distance[k]), float(clearance.margins[p]))
+            )
     return found
 
 
@@ -207,9 +209,9 @@ class Excess:
             return self
         return replace(self, clearance=replace(self.clearance, margins=factor * self.clearance.margins))
 
-    def fits(self, states: Array) -> bool:
+    def fits(self, states: Array, tolerance: float = 0.0) -> bool:
         """Whether torques and distances hold at all times."""
-        return self.loads(states, slope=False)[0] < 1e-6
+        return self.loads(states, slope=False)[0] <= tolerance
 
     def broken(self, states: Array) -> NDArray[np.intp]:
         """Times at which a torque or a distance is not kept."""

@@ -7,6 +7,7 @@ and box → bounding-box recursion → (on request) the best point of the box �
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
 
@@ -32,6 +33,7 @@ from frischid.sensorwise import sensorwise
 from frischid.signals import LowPass, Motion, choose_lowpass, prepare
 
 MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see
+HOPELESS = 0.8  # cross-validated NRMSE above which a joint is not explained but wrong
 ESTIMATORS = ("wls", "ols", "frisch", "sensorwise", "eiv", "iv")
 RECURSIONS = ("strict", "undo", "calibrated", "none")
 
@@ -178,7 +180,7 @@ def identify(
         estimate, box = _by_sensors(estimator, regressor, motions, lowpass, rows, reduction, estimate)
         if box is not None:
             bounds["sensorwise"] = box
-    warnings += [*estimate.notes, *_doubts(triangle, recursed)]
+    warnings += [*estimate.notes, *_moving_but_locked(robot, logs), *_doubts(triangle, recursed)]
 
     model = Model(
         robot,
@@ -195,6 +197,14 @@ def identify(
     progress("comparison")
     held_out = dict(zip(rows, _nrmse(whole, cross_validated(blocks, estimate)), strict=True))
     comparison = compare(model, valid) if valid else None
+    hopeless = [n for n, x in held_out.items() if x > HOPELESS]
+    if hopeless:
+        warnings.insert(
+            0,
+            f"the torque of {', '.join(hopeless)} is hardly predicted at all (cross-validated NRMSE above "
+            f"{HOPELESS}): are "
+            "columns swapped, a sign flipped, an angle in degrees, or a channel dead?",
+        )
     event = {
         "action": "identify",
         "effects": [str(e) for e in effects],
@@ -276,6 +286,8 @@ def examine(robot: Robot, logs: Sequence[Log]) -> list[Examination]:
             "channels": [c for c in ("v", "a", "tau", "current") if chosen.has(c).any()],
             "notes": [*locked, *log.notes],
         }
+        with suppress(InputError):  # a log too short for the filters is for `identify` to refuse
+            facts["notes"] += prepare(chosen, choose_lowpass([log], robot.joints)).notes
         rows = [n for n in robot.joints if chosen.select([n]).has("tau")[0]] or list(robot.joints)
         findings.append(Examination(log.source, facts, tuple(_suspicions(robot, log, rows, strict=False))))
     return findings
@@ -367,6 +379,20 @@ def _recursion(
     except IdentifiabilityError as error:
         warnings.append(f"BBRF left out: {error}")
         return None
+
+
+def _moving_but_locked(robot: Robot, logs: Sequence[Log]) -> list[str]:
+    """Joints the user locked although they move in a log: the model is then of another robot."""
+    moving: dict[str, float] = {}
+    for log in logs:
+        for name in robot.locked:
+            if name in log.joints and (span := float(np.ptp(log.select([name]).q))) > 0.05:
+                moving[name] = max(span, moving.get(name, 0.0))
+    return [
+        f"{name} is locked but moves by {span:.2g} rad (m) in a log: let it move and leave its torque out instead "
+        "(--torque-joints)"
+        for name, span in moving.items()
+    ]
 
 
 def _by_sensors(

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from frischid.comparison import compare
-from frischid.diagnosis import Diagnosis, Finding, diagnose, prior_of
+from frischid.diagnosis import Diagnosis, Finding, diagnose, prior_of, situation_of
 from frischid.effects import Effect, columns_of
 from frischid.errors import InputError
 from frischid.estimate import Estimate
@@ -32,6 +32,8 @@ class Step:
     effect : Effect
     error_before, error_after : float
         Mean NRMSE on the validation logs, or cross-validated on the logs themselves when there are none.
+    measured_on : str
+        What the errors are of.
     finding : Finding or None
         Why, when a diagnosis proposed it.
     """
@@ -40,6 +42,7 @@ class Step:
     effect: Effect
     error_before: float
     error_after: float
+    measured_on: str
     finding: Finding | None
 
 
@@ -63,8 +66,9 @@ def add(
         Data to fit.
     valid : sequence of Log
         Data to measure the error on.
-    situation : {"always", "changed"}
-        ``"always"``: all parameters are fitted again. ``"changed"``: the model's own parameters are kept as a prior,
+    situation : {"auto", "always", "changed"}
+        ``"auto"`` is decided as by `diagnose`. ``"always"``: all parameters are fitted again. ``"changed"``: the
+        model's own parameters are kept as a prior,
         so that what
         changed ends up in the effect.
     finding : Finding, optional
@@ -73,23 +77,30 @@ def add(
     -------
     Step
     """
+    if situation == "auto":
+        situation = situation_of(model, [*logs, *valid])
     together = (*model.effects, *effects)
     columns_of(model.robot, together)  # two effects that describe the same thing are refused before any work
-    before = _error(model, logs, valid, situation)
     new = _refitted(model, together, logs, situation)
-    after = _error(new, logs, valid, situation)
+    if valid or situation == "changed":
+        before, after = (compare(m, valid or logs).nrmse for m in (model, new))
+        measured_on = "held out" if valid else "the fitted logs, with the model as it was and as it is"
+    else:
+        before, after = (_cross_validated(m) for m in (_refitted(model, model.effects, logs, situation), new))
+        measured_on = "cross-validated on the fitted logs"
     event: dict[str, Any] = {
         "action": "add",
         "effects": [str(e) for e in effects],
         "situation": situation,
         "error_before": before,
         "error_after": after,
+        "measured_on": measured_on,
         "sentence": "" if finding is None else finding.sentence,
         "logs": [{"source": log.source, "sha256": log.sha256, "samples": len(log)} for log in logs],
         "held_out_logs": [{"source": log.source, "sha256": log.sha256} for log in valid],
     }
     new = replace(new, history=(*model.history, event), previous=model)
-    return Step(new, effects[0], before, after, finding)
+    return Step(new, effects[0], before, after, measured_on, finding)
 
 
 def improve(
@@ -169,10 +180,8 @@ def undo(model: Model) -> Model:
     return model.previous
 
 
-def _error(model: Model, logs: Sequence[Log], valid: Sequence[Log], situation: Situation) -> float:
-    if valid or situation == "changed":
-        return compare(model, valid or logs).nrmse
-    return float(model.history[-1].get("cross_validated_nrmse", np.nan)) if model.history else np.nan
+def _cross_validated(model: Model) -> float:
+    return float(model.history[-1]["cross_validated_nrmse"])
 
 
 def _refitted(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log], situation: Situation) -> Model:

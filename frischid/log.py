@@ -261,8 +261,8 @@ def check_torque(log: Log, joints: Sequence[str] | None = None) -> None:
     if log.tau is None or not present:
         hint = "" if log.current is None else "; currents become torques by [current_gain] in a mapping file"
         raise InputError(
-            f"{log.source}: no torque column (tau_<joint>) for {', '.join(wanted)}; "
-            f"the log has {', '.join(log.to_table())}{hint}"
+            f"{log.source}: no torque column (tau_<joint>) for {', '.join(wanted)}{hint}; "
+            f"the log has {', '.join(log.to_table())}"
         )
     if not log.tau[:, present].any():
         names = ", ".join(f"tau_{log.joints[j]}" for j in present)

@@ -50,6 +50,7 @@ STEP = 1e-6  # displacement of a sample for the slope of its rows
 STAGES = ((4.0, 1e1), (12.0, 1e2), (40.0, 1e3), (150.0, 1e4))  # sharpness and weight of each descent
 SHARE = 0.05  # of the budget, for the first phase
 POPULATION = 64
+NEARLY = 1e-6  # excess over the wider margins that is none over the true ones
 ATTEMPTS = 4  # starts, until a motion fits
 REPAIRS = 3  # most times that what is broken between the grid's times is repaired
 RESERVE = 0.1  # of the budget, for that
@@ -226,7 +227,7 @@ class Search:
             X = self.random(y.reshape(-1, J))
             cost = self.cost(self.at_samples @ X)
             excess, _ = self.wary.loads(self.at_watch @ X, slope=False)
-            self._record(X, cost, excess < 1e-6)
+            self._record(X, cost, excess <= NEARLY)
             return self._level(cost) + STAGES[1][1] * excess
 
         result = differential_evolution(
@@ -324,7 +325,7 @@ class Search:
         fits = True
         if self.bounds == "everywhere":
             X = self.within(X)
-            fits = self.wary.fits(self.at_watch @ X)
+            fits = self.wary.fits(self.at_watch @ X, NEARLY)
         self._record(X, self.cost(self.at_samples @ X), fits)
 
     def _box(self) -> Box | None:

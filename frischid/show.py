@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 
 from frischid.comparison import Comparison
@@ -109,7 +110,7 @@ def check(findings: Sequence[Examination]) -> Page:
             f"{facts['rate_hz']:.4g} Hz, "
             f"{len(facts['joints'])} joints, channels {channels}"
         )
-        parts += [f"  {n}" for n in facts["notes"]]
+        parts += [f"  {escape(n)}" for n in facts["notes"]]
         parts += _warnings(f.warnings) or ["  nothing suspicious"]
     data = [{"log": f.source, **f.facts, "warnings": list(f.warnings)} for f in findings]
     return Page({"logs": data, "ok": not any(f.warnings for f in findings)}, parts)
@@ -118,8 +119,8 @@ def check(findings: Sequence[Examination]) -> Page:
 def identification(found: Identification, output: str | None) -> Page:
     """Parameters with bounds, and errors."""
     model = found.model
-    parts: list[Any] = [_summary(found), *(f"  {n}" for n in found.notes), parameters(model)]
-    parts += [comparison(found.comparison).parts[0]] if found.comparison else []
+    parts: list[Any] = [_summary(found), *(f"  {escape(n)}" for n in found.notes), parameters(model)]
+    parts += _errors(found.comparison) if found.comparison else []
     parts += [_cross_validation(found), *_warnings(found.warnings)]
     if output:
         parts.append(f"model written to {output}")
@@ -175,6 +176,12 @@ def parameters(model: Model, truth: Sequence[float] | None = None) -> Table:
 
 def comparison(result: Comparison) -> Page:
     """Errors of a model, joint by joint."""
+    parts: list[Any] = [*_errors(result), *_where(result), *_what_is_left(result)]
+    return Page(result.to_dict(), parts)
+
+
+def _errors(result: Comparison) -> list[Any]:
+    """Errors joint by joint, and what was left out of them."""
     where = ", ".join(result.sources)
     table = _table(
         "joint", "RMSE", "NRMSE", "noise floor", "fit %", "bias", "nominal URDF", "constant", "worst error", "at",
@@ -194,8 +201,7 @@ def comparison(result: Comparison) -> Page:
             "undetermined there "
             f"(mean NRMSE with them {result.nrmse_with_rest:.4f})"
         )
-    parts += [*_where(result), *_what_is_left(result)]
-    return Page(result.to_dict(), parts)
+    return parts
 
 
 def _where(result: Comparison) -> list[Any]:
@@ -250,13 +256,24 @@ def diagnosis(result: Diagnosis) -> Page:
     for f in result.findings[:10]:
         where = ", ".join(f.joints) or "robot"
         table.add_row(
-            f.effect, where, f"{f.error_after:.4f}", f"{f.share:.0%}", f"{f.gain:.1f}", f"{f.p_value:.1e}",
+            f.effect, where, f"{f.error_after:.4f}", f"{f.share:.0%}", f"{f.gain:.1f}", "< 1e-16" if f.p_value <
+            1e-16 else f"{f.p_value:.1e}",
             ", ".join(f.confused_with),
         )  # fmt: skip
     parts.append(table)
-    for f in [f for f in result.findings if f.significant][:3]:
-        kind = EFFECTS[f.effect]
-        parts.append(f"{f.sentence}. To confirm: {kind.confirmed_by}")
+    significant = [f for f in result.findings if f.significant]
+    if significant:
+        best = significant[0]
+        found = ", ".join(f"{k} = {v:.4g}" for k, v in best.parameters.items())
+        parts.append(f"{best.sentence}. Found: {found}. To confirm: {EFFECTS[best.effect].confirmed_by}.")
+    if len(significant) > 1:
+        parts.append(
+            "The findings below the first are what each would do alone; many vanish once the first is in the model. "
+            "`frischid improve` adds them one at a time."
+        )
+    parts.append(
+        "removes: share of the error above the noise floor on its joints; gain: held-out log likelihood less its price"
+    )
     return Page(result.to_dict(), parts)
 
 
@@ -269,7 +286,10 @@ def added(step: Step, output: str) -> Page:
         "error_after": step.error_after,
         "model": output,
     }
-    fall = f"NRMSE {step.error_before:.4f} → {step.error_after:.4f} ({_change(step.error_before, step.error_after)})"
+    fall = (
+        f"NRMSE {step.error_before:.4f} → {step.error_after:.4f} ({_change(step.error_before, step.error_after)}), "
+        f"{step.measured_on}"
+    )
     return Page(data, [f"{step.effect} added: {fall}", f"effects now: {names}", f"model written to {output}"])
 
 
@@ -348,7 +368,7 @@ def excitation(planned: Plan, output: str, picture: str | None) -> Page:
     return Page(data, lines)
 
 
-def simulated(log: Log, output: str) -> Page:
+def simulated(log: Log, output: str, noisy: bool) -> Page:
     """Where a simulated log went."""
     data = {
         "output": output,
@@ -357,7 +377,8 @@ def simulated(log: Log, output: str) -> Page:
         "rate_hz": log.rate,
         "joints": list(log.joints),
     }
-    return Page(data, [f"{output}: {len(log)} samples of {len(log.joints)} joints, {log.duration:.4g} s"])
+    exact = "" if noisy else "; no noise (see --noise-q, --noise-tau)"
+    return Page(data, [f"{output}: {len(log)} samples of {len(log.joints)} joints, {log.duration:.4g} s{exact}"])
 
 
 def catalogue() -> Page:
@@ -446,7 +467,7 @@ def _cross_validation(found: Identification) -> str:
 
 
 def _warnings(warnings: Sequence[str]) -> list[str]:
-    return [f"[yellow]warning:[/yellow] {w}" for w in warnings]
+    return [f"[yellow]warning:[/yellow] {escape(w)}" for w in warnings]
 
 
 def _table(*columns: str, title: str | None = None) -> Table:
@@ -467,7 +488,7 @@ def _table(*columns: str, title: str | None = None) -> Table:
         "equation",
     }
     for column in columns:
-        table.add_column(column, justify="left" if column in words else "right", no_wrap=column in {"value", "joint"})
+        table.add_column(column, justify="left" if column in words else "right", overflow="fold")
     return table
 
 

@@ -290,5 +290,8 @@ def columns_of(robot: Robot, effects: Sequence[Effect]) -> tuple[Column, ...]:
     names = [c.name for c in columns]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
-        raise InputError(f"parameter {twice} comes twice: two effects describe the same thing on the same joint")
+        raise InputError(
+            f"parameter {twice} comes twice: the model has such an effect already, or two effects describe the same "
+            "thing on the same joint"
+        )
     return tuple(columns)
