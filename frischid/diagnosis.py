@@ -336,7 +336,7 @@ def _judge(evidence: Evidence, before: Array, score: Score, projection: Projecti
 def _grouped(evidence: Evidence, before: Array, judged: Sequence[_Best], shapes: int) -> _Best:
     """Add further joints to the best place of an effect while each pays for itself."""
     chosen = judged[0]
-    for other in judged[1:]:
+    for other in judged[1:] if not chosen.projection.effect.single else ():
         if other.gain <= 0 or chosen.gain <= 0:
             break
         merged = _merge(evidence, chosen.projection, other.projection)

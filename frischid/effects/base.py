@@ -146,6 +146,8 @@ class Effect(ABC):
     """Whether it is something that happens to a robot (a payload, a tilt) rather than part of it from the start."""
     several: ClassVar[bool] = False
     """Whether it may come more than once on the same joints, with other parameters."""
+    single: ClassVar[bool] = False
+    """Whether it acts in one place only: the diagnosis then does not add further joints to it."""
     generalises: ClassVar[tuple[str, ...]] = ()
     """Effects this one contains: where one of them explains nearly as much, that one is named."""
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {}

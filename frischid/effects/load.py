@@ -84,6 +84,7 @@ class Payload(Effect):
     confirmed_by: ClassVar[str] = "the same motion with and without it; or weigh it"
     reference: ClassVar[str] = "Khalil, Gautier and Lemoine 2007, IEEE ICRA"
 
+    single: ClassVar[bool] = True
     change: ClassVar[bool] = True
 
     full: bool = False
