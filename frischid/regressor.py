@@ -153,23 +153,39 @@ class Regressor:
         """Y of some samples; effects with memory come from `remembered` where it holds them."""
         Y = np.empty((len(t), len(self.columns), len(self.robot.joints))) if out is None else out
         rigid = len(self.robot.columns)
-        self.robot.regressor(q, v, a, Y[:, :rigid])
-        Y[:, rigid:] = 0.0
-        none = np.zeros((len(t), len(self.robot.joints))) if self.loaded or remembered or self.effects else q
+        none = np.zeros((len(t), len(self.robot.joints)))
+        if self.loaded:
+            self.robot.regressor(q, v, a, Y[:, :rigid])
         load = np.einsum("ncj,c->nj", Y[:, :rigid], self.reference[:rigid]) if self.loaded else none
+        written: list[tuple[int, int, Array]] = []
         column = rigid
         for number, effect in enumerate(self.effects):
             if number in remembered:
                 rows = remembered[number]
             else:
-                torque = np.einsum("ncj,c->nj", Y[:, :column], self.reference[:column]) if effect.loaded else none
+                torque = self._torque_of(Y, written, column) if effect.loaded else none
                 state = State(self.robot, t, q, v, a, load, torque, start, extra, self.reference[:rigid])
                 rows = [dict(term.rows) for term in effect.terms(state)]
-            for row in rows:
-                for joint, values in row.items():
-                    Y[:, column, joint] = values
-                column += 1
+            written += [(column + k, joint, values) for k, row in enumerate(rows) for joint, values in row.items()]
+            column += len(rows)
+        # Chunk by chunk, so that a sample's columns are all written while they are in the processor's cache.
+        for first in range(0, len(t), 2 * CHUNK):
+            s = slice(first, first + 2 * CHUNK)
+            if not self.loaded:
+                self.robot.regressor(q[s], v[s], a[s], Y[s, :rigid])
+            Y[s, rigid:] = 0.0
+            for k, joint, values in written:
+                Y[s, k, joint] = values[s]
         return Y
+
+    def _torque_of(self, Y: Array, written: Sequence[tuple[int, int, Array]], columns: int) -> Array:
+        """Torque of the reference parameters over the rigid columns and the effects' columns before `columns`."""
+        rigid = len(self.robot.columns)
+        torque = np.einsum("ncj,c->nj", Y[:, :rigid], self.reference[:rigid])
+        for k, joint, values in written:
+            if k < columns:
+                torque[:, joint] += self.reference[k] * values
+        return np.asarray(torque)
 
     def remember(self, motion: Motion) -> dict[int, list[dict[int, Array]]]:
         """Columns of effects with memory over a whole motion: effect's place -> for each column, joint -> values."""

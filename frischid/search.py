@@ -207,7 +207,7 @@ class Search:
         middle = (q.max(axis=0) + q.min(axis=0)) / 2
         for pose in (middle, self.excess.envelope.middle):
             shrunk = [
-                self._about(X, middle, f, middle + (1 - f) * (pose - middle)) for f in np.linspace(0.98, 0.02, 49)
+                self._about(X, middle, f, middle + (1 - f) * (pose - middle)) for f in np.linspace(0.95, 0.05, 19)
             ]
             fitting = next((each for each in shrunk if self.excess.fits(basis @ each)), None)
             if fitting is not None:
