@@ -199,7 +199,13 @@ class Robot:
                 joint = model.joints[model.getJointId(name)]
                 value = [math.cos(angle), math.sin(angle)] if joint.nq == 2 else [angle]
                 reference[joint.idx_q : joint.idx_q + joint.nq] = value
-            model = pin.buildReducedModel(model, [model.getJointId(n) for n in angles], reference)
+            try:
+                model = pin.buildReducedModel(model, [model.getJointId(n) for n in angles], reference)
+            except ValueError as error:
+                raise InputError(
+                    f"{self.source}: Pinocchio cannot lock {', '.join(angles)}: {error}; does a link of the URDF have "
+                    "the name of the joint? Rename one of them"
+                ) from error
         if model.nv == 0:
             raise InputError(f"{self.source}: no joint is left to move; the URDF has none, or all are locked")
         model.gravity.linear = np.array(self.gravity)
