@@ -144,11 +144,7 @@ def identify(
     warnings = [f"{log.source}: {w}" for log in logs for w in _suspicions(robot, log, rows, strict=True)]
     lowpass = choose_lowpass(logs, rows) if cutoff == "auto" else LowPass(cutoff)
     notes.append(_filtering(lowpass))
-    motions: list[Motion] = []
-    for log in logs:
-        prepared = prepare(log.select(robot.joints), lowpass, velocity=velocity)
-        motions += prepared.motions
-        notes += [*log.notes, *prepared.notes]
+    motions = _motions(robot, logs, lowpass, velocity, notes)
 
     progress("regressor and moments")
     regressor = Regressor(robot, effects, reference)
@@ -197,24 +193,9 @@ def identify(
     progress("comparison")
     held_out = dict(zip(rows, _nrmse(whole, cross_validated(blocks, estimate)), strict=True))
     comparison = compare(model, valid) if valid else None
-    hopeless = [n for n, x in held_out.items() if x > HOPELESS]
-    if hopeless:
-        warnings.insert(
-            0,
-            f"the torque of {', '.join(hopeless)} is hardly predicted at all (cross-validated NRMSE above "
-            f"{HOPELESS}): are "
-            "columns swapped, a sign flipped, an angle in degrees, or a channel dead?",
-        )
-    event = {
-        "action": "identify",
-        "effects": [str(e) for e in effects],
-        "logs": [{"source": log.source, "sha256": log.sha256, "samples": len(log)} for log in logs],
-        "cross_validated_nrmse": float(np.mean(list(held_out.values()))),
-        "held_out_nrmse": None if comparison is None else comparison.nrmse,
-        "held_out_logs": [{"source": log.source, "sha256": log.sha256} for log in valid],
-        "notes": list(dict.fromkeys(notes)),
-        "warnings": list(dict.fromkeys(warnings)),
-    }
+    warnings = list(dict.fromkeys([*_hopeless(held_out), *warnings]))
+    notes = list(dict.fromkeys(notes))
+    event = _event(effects, logs, valid, held_out, comparison) | {"notes": notes, "warnings": warnings}
     model = replace(model, history=(event,))
     return Identification(
         model,
@@ -225,9 +206,48 @@ def identify(
         held_out,
         comparison,
         int(whole.counts.max()),
-        tuple(dict.fromkeys(notes)),
-        tuple(dict.fromkeys(warnings)),
+        tuple(notes),
+        tuple(warnings),
     )
+
+
+def _motions(robot: Robot, logs: Sequence[Log], lowpass: LowPass, velocity: str, notes: list[str]) -> list[Motion]:
+    """Every log prepared on its own; what was done to it goes into `notes`."""
+    motions: list[Motion] = []
+    for log in logs:
+        prepared = prepare(log.select(robot.joints), lowpass, velocity=velocity)
+        motions += prepared.motions
+        notes += [*log.notes, *prepared.notes]
+    return motions
+
+
+def _hopeless(held_out: Mapping[str, float]) -> list[str]:
+    """Warn of joints whose torque the model does not explain even on what it was fitted to."""
+    names = [n for n, x in held_out.items() if x > HOPELESS]
+    if not names:
+        return []
+    return [
+        f"the torque of {', '.join(names)} is hardly predicted at all (cross-validated NRMSE above {HOPELESS}): are "
+        "columns swapped, a sign flipped, an angle in degrees, or a channel dead?"
+    ]
+
+
+def _event(
+    effects: Sequence[Effect],
+    logs: Sequence[Log],
+    valid: Sequence[Log],
+    held_out: Mapping[str, float],
+    comparison: Comparison | None,
+) -> dict[str, Any]:
+    """Entry of the model's history."""
+    return {
+        "action": "identify",
+        "effects": [str(e) for e in effects],
+        "logs": [{"source": log.source, "sha256": log.sha256, "samples": len(log)} for log in logs],
+        "cross_validated_nrmse": float(np.mean(list(held_out.values()))),
+        "held_out_nrmse": None if comparison is None else comparison.nrmse,
+        "held_out_logs": [{"source": log.source, "sha256": log.sha256} for log in valid],
+    }
 
 
 def structure(regressor: Regressor, torque_joints: Sequence[str], seed: int = 0) -> Reduction:
