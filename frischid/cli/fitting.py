@@ -1,0 +1,144 @@
+"""From a robot and its logs to a model, and the model against further logs."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import click
+
+from frischid.cli.arguments import (
+    cutoff_of,
+    effects_of,
+    effects_option,
+    json_option,
+    load,
+    map_option,
+    matching,
+    read,
+    robot_options,
+    show_page,
+    valid_option,
+    working,
+)
+from frischid.cli.group import main
+
+
+@main.command()
+@click.argument("robot", required=False)
+@robot_options
+@effects_option
+@json_option
+def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) -> None:
+    """What a robot is: joints, limits, and the parameters that can be identified.
+
+    ROBOT is a URDF file or the name of one that example-robot-data ships; without it, the names are listed.
+    """
+    from frischid.identification import structure
+    from frischid.regressor import Regressor
+    from frischid.robot import robot_names
+    from frischid.show import fitting as show
+
+    if robot is None:
+        show_page(show.robots(list(robot_names())), as_json)
+        return
+    machine, _ = load(robot, options)
+    regressor = Regressor(machine, effects_of(effects))
+    with working(as_json) as progress:
+        progress("base parameters")
+        reduction = structure(regressor, machine.joints)
+    show_page(show.robot(machine, regressor, reduction), as_json)
+
+
+@main.command()
+@click.argument("robot")
+@click.argument("logs", nargs=-1, required=True)
+@robot_options
+@map_option
+@json_option
+def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool, **options: Any) -> None:
+    """Whether logs can be used with a robot, and what is suspicious in them. Exit code 1 if anything is."""
+    from frischid.identification import examine
+    from frischid.show import fitting as show
+
+    machine, data = load(robot, options, logs, mapping)
+    findings = examine(machine, data)
+    show_page(show.check(findings), as_json)
+    sys.exit(1 if any(f.warnings for f in findings) else 0)
+
+
+@main.command()
+@click.argument("robot")
+@click.argument("logs", nargs=-1, required=True)
+@valid_option
+@robot_options
+@effects_option
+@map_option
+@click.option("--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default.")
+@click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
+@click.option("--velocity", type=click.Choice(["auto", "measured", "derived"]), default="auto")
+@click.option("--estimator", default="wls", help="wls, ols, frisch (best point of the box), sensorwise, eiv, iv.")
+@click.option("--bbrf", default="strict", help="Bounding-box recursion: strict, undo, calibrated, or none.")
+@click.option("--window", type=int, help="BBRF window, rows.")
+@click.option("-o", "--output", type=click.Path(), help="Write the model here (JSON).")
+@json_option
+def identify(
+    robot: str,
+    logs: tuple[str, ...],
+    valid: tuple[str, ...],
+    effects: str | None,
+    mapping: str | None,
+    torque_joints: str | None,
+    cutoff: str,
+    velocity: str,
+    estimator: str,
+    bbrf: str,
+    window: int | None,
+    output: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Identify a robot's parameters from logs: values, bounds, and the error on logs that were not fitted."""
+    from frischid.identification import identify as run
+    from frischid.model import check_writable
+    from frischid.show import fitting as show
+
+    if output:
+        check_writable(output)
+    with working(as_json) as progress:
+        progress("reading logs")
+        machine, data = load(robot, options, logs, mapping)
+        found = run(
+            machine,
+            data,
+            valid=read(valid, machine, mapping),
+            effects=effects_of(effects),
+            torque_joints=matching(torque_joints, machine.joints),
+            cutoff=cutoff_of(cutoff),
+            velocity=velocity,
+            estimator=estimator,
+            recursion=bbrf,
+            window=window,
+            progress=progress,
+        )
+    if output:
+        found.model.save(output)
+    show_page(show.identification(found, output), as_json)
+
+
+@main.command()
+@click.argument("model")
+@click.argument("logs", nargs=-1, required=True)
+@map_option
+@json_option
+def compare(model: str, logs: tuple[str, ...], mapping: str | None, as_json: bool) -> None:
+    """Measured torque against the model's, joint by joint."""
+    from frischid.comparison import compare as run
+    from frischid.model import Model
+    from frischid.show import fitting as show
+
+    loaded = Model.load(model)
+    with working(as_json) as progress:
+        progress("comparing")
+        comparison = run(loaded, read(logs, loaded.robot, mapping))
+    show_page(show.comparison(comparison), as_json)

@@ -1,0 +1,148 @@
+"""Logs of simulated robots, and motions to run on real ones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from frischid.cli.arguments import (
+    channels_of,
+    effects_of,
+    effects_option,
+    json_option,
+    load,
+    number,
+    pairs,
+    robot_options,
+    show_page,
+    working,
+)
+from frischid.cli.group import main
+from frischid.errors import InputError
+
+
+@main.command()
+@click.argument("robot")
+@click.option("-o", "--output", type=click.Path(), required=True, help="Log to write: .parquet, .csv or .npz.")
+@click.option("--duration", default=30.0, show_default=True, help="Seconds.")
+@click.option("--rate", default=100.0, show_default=True, help="Samples a second.")
+@click.option(
+    "--points", type=click.Path(), help="Log of points (t, q, v, a) to join by quintics, instead of a random motion."
+)
+@robot_options
+@effects_option
+@click.option("--set", "values", multiple=True, metavar="NAME=VALUE", help="True value of a parameter; repeatable.")
+@click.option("--noise-q", default=0.0, help="Noise of the positions, rad (m).")
+@click.option("--noise-v", default=0.0, help="Noise of the velocities.")
+@click.option("--noise-a", default=0.0, help="Noise of the accelerations.")
+@click.option("--noise-tau", default=0.0, help="Noise of the torques, as a share of each joint's spread.")
+@click.option("--quantum", default=0.0, help="Resolution of the encoders, rad (m).")
+@click.option("--channels", default="v,a", help="Derivatives the log holds: v,a or v or none.")
+@click.option("--seed", default=0, show_default=True, help="Of the motion and the noise.")
+@json_option
+def simulate(
+    robot: str,
+    output: str,
+    duration: float,
+    rate: float,
+    points: str | None,
+    effects: str | None,
+    values: tuple[str, ...],
+    channels: str,
+    seed: int,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Record a log of a simulated robot, with noise, for trying things out."""
+    from frischid.model import check_writable
+    from frischid.readers import read_log, write_log
+    from frischid.show import motions as show
+    from frischid.simulation import Noise
+    from frischid.simulation import simulate as run
+    from frischid.trajectory import Quintic, random_fourier
+
+    check_writable(output)
+    names = {"noise_q": "q", "noise_v": "v", "noise_a": "a", "noise_tau": "tau", "quantum": "quantum"}
+    noise = Noise(**{short: options.pop(long) for long, short in names.items()})
+    machine, _ = load(robot, options)
+    with working(as_json) as progress:
+        progress("simulating")
+        motion: Any = random_fourier(machine, duration, seed=seed)
+        if points:
+            given = read_log(points, machine.joints).select(machine.joints)
+            if given.v is None or given.a is None:
+                raise InputError(f"{points}: points to join by quintics need v_<joint> and a_<joint> columns too")
+            motion = Quintic(given.t, given.q, given.v, given.a)
+        log = run(
+            machine,
+            motion,
+            rate=rate,
+            effects=effects_of(effects),
+            parameters={k: number(k, v) for k, v in pairs(values).items()},
+            noise=noise,
+            channels=channels_of(channels),
+            seed=seed,
+            name=output,
+        )
+        write_log(log, output)
+    show_page(show.simulated(log, output, any(vars(noise).values())), as_json)
+
+
+@main.command()
+@click.argument("robot")
+@click.option("-o", "--output", type=click.Path(), required=True, help="Where the motion (t, q, v, a) goes.")
+@click.option("--duration", default=20.0, show_default=True, help="Seconds.")
+@click.option("--rate", default=100.0, show_default=True, help="Samples a second.")
+@click.option("--family", default="fourier", show_default=True, help="fourier, bspline, or points (quintics).")
+@click.option("--criterion", default="condition", show_default=True, help="condition, d_optimal, or paper (eq. 19).")
+@click.option("--limits", default=0.9, show_default=True, help="Share of the URDF's limits to use.")
+@click.option("--budget", default=30_000, show_default=True, help="Evaluations of the criterion.")
+@click.option("--seed", default=0, show_default=True, help="The same seed gives the same motion.")
+@click.option("--picture", type=click.Path(), help="Draw the motion and the falling cost here (HTML).")
+@robot_options
+@effects_option
+@json_option
+def excite(
+    robot: str,
+    output: str,
+    duration: float,
+    rate: float,
+    family: str,
+    criterion: str,
+    limits: float,
+    budget: int,
+    seed: int,
+    picture: str | None,
+    effects: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Plan a motion that tells the parameters apart, within the robot's limits everywhere."""
+    from frischid.excitation import plan
+    from frischid.model import check_writable
+    from frischid.show import motions as show
+
+    for path in filter(None, (output, picture)):
+        check_writable(path)
+    if budget < 1:
+        raise InputError(f"--budget must be at least one evaluation, got {budget}")
+    machine, _ = load(robot, options)
+    with working(as_json) as progress:
+        planned = plan(
+            machine,
+            effects_of(effects),
+            duration=duration,
+            family=family,
+            criterion=criterion,
+            envelope=limits,
+            budget=budget,
+            seed=seed,
+            progress=lambda share, best: progress(f"planning: {share:.0%} of the budget, {criterion} {best:.4g}"),
+        )
+    planned.save(output, rate)
+    if picture:
+        from frischid import figures
+
+        figures.save(figures.excitation(planned), picture)
+    show_page(show.excitation(planned, output, picture), as_json)

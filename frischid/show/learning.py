@@ -1,0 +1,96 @@
+"""The catalogue and the demonstration, as pages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from frischid.demo import HIDDEN, STRENGTH, Demo
+from frischid.effects import EFFECTS, Effect
+from frischid.show.fitting import comparison, identified, parameters, summary
+from frischid.show.improving import diagnosis
+from frischid.show.page import Page, change, table_of, warning_lines
+
+
+def catalogue() -> Page:
+    """Every effect in a line."""
+    table = table_of("effect", "what", "equation")
+    for name, kind in EFFECTS.items():
+        table.add_row(name, kind.title, kind.equation)
+    return Page([_effect_data(kind) for kind in EFFECTS.values()], [table])
+
+
+def effect(kind: type[Effect]) -> Page:
+    """One effect's page."""
+    data = _effect_data(kind)
+    lines = [
+        f"[bold]{kind.id}[/bold]: {kind.title}",
+        f"  equation      {kind.equation}",
+        f"  in words      {kind.sentence.format(joint='the joint')}",
+        f"  looks like    {kind.looks_like}",
+        f"  confused with {', '.join(kind.confused_with)}",
+        f"  confirmed by  {kind.confirmed_by}",
+        f"  source        {kind.reference}",
+        f"  parameters    {', '.join(f'{k} (default {v})' for k, v in data['parameters'].items()) or 'none'}",
+    ]
+    return Page(data, lines)
+
+
+def _effect_data(kind: type[Effect]) -> dict[str, Any]:
+    return {
+        "effect": kind.id,
+        "title": kind.title,
+        "equation": kind.equation,
+        "sentence": kind.sentence,
+        "looks_like": kind.looks_like,
+        "confused_with": list(kind.confused_with),
+        "confirmed_by": kind.confirmed_by,
+        "reference": kind.reference,
+        "parameters": kind().parameters,
+    }
+
+
+def _hidden(result: Demo) -> list[Any]:
+    """The second half: what was hidden, what the diagnosis said, how the error fell."""
+    step, best = result.step, result.diagnosis.findings[0]
+    found = ", ".join(f"{k} {v:.4g}" for k, v in best.parameters.items())
+    values = ", ".join(f"{k} {v:.4g}" for k, v in STRENGTH.items())
+    return [
+        f"[bold]A hidden effect.[/bold] The same arm with {HIDDEN} ({values}) that the model knows nothing of. "
+        "frischid diagnose:",
+        *diagnosis(result.diagnosis).parts[:2],
+        f"{best.sentence}. Found: {found}.",
+        f"Added: held-out NRMSE {step.error_before:.4f} → {step.error_after:.4f} "
+        f"({change(step.error_before, step.error_after)}), noise floor {result.diagnosis.noise_floor:.4f}.",
+    ]
+
+
+def demo(result: Demo, output: str | None) -> Page:
+    """The demonstration, with the truth beside every estimate."""
+    found = result.found
+    assert found.comparison is not None  # the demonstration always holds a motion out
+    within = np.abs(found.model.estimate.theta - result.truth) <= 2 * found.model.estimate.stderr
+    story = (
+        f"A planar arm with known parameters made two motions of {result.seconds:g} s, recorded at {result.rate:g} "
+        "Hz with noisy "
+        "positions and torques. The parameters were identified on motion A; motion B was only predicted."
+    )
+    verdict = (
+        f"{int(within.sum())} of {len(within)} true values lie within two standard errors. Held-out error on motion "
+        "B: NRMSE "
+        f"{found.comparison.nrmse:.4f}, against {found.comparison.nominal:.4f} of the URDF alone and "
+        f"{found.comparison.constant:.4f} of a constant torque."
+    )
+    parts: list[Any] = [story, summary(found), parameters(found.model, result.truth.tolist())]
+    parts += [*comparison(found.comparison).parts, verdict, *warning_lines(found.warnings), "", *_hidden(result)]
+    if output:
+        parts.append(f"model written to {output}")
+    data = identified(found)
+    for row, true in zip(data["parameters"], result.truth, strict=True):
+        row["true"] = float(true)
+    data["hidden"] = {"truth": HIDDEN, "diagnosis": result.diagnosis.to_dict(), "error_after": result.step.error_after}
+    return Page(data, parts)
+
+
+# ---------------------------------------------------------------------- pieces
