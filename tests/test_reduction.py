@@ -277,7 +277,8 @@ def test_a_spectrum_without_a_gap_still_gives_an_answer(seed, slope, noise):
     r = reduce(W, numbered(15))
     assert r.rank == len(r.base) == len(r.mapping)
     assert np.isfinite(r.mapping).all()
-    assert explains(W, r) < 1e-3
+    # Not the torque of one θ: without a gap a random θ may ask for little but what was left out.
+    assert np.linalg.norm(W - W[:, r.base] @ r.mapping, 2) < 1e-3 * np.linalg.norm(W, 2)
 
 
 def test_a_wide_root_is_as_good_as_a_tall_one():
