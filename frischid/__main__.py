@@ -1,0 +1,5 @@
+"""``python -m frischid`` is the command line."""
+
+from frischid.cli import main
+
+main()
