@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from frischid.log import Log as Log
     from frischid.mapping import LogMap as LogMap
     from frischid.model import Model as Model
+    from frischid.readers import read_chunks as read_chunks
     from frischid.readers import read_log as read_log
     from frischid.readers import write_log as write_log
     from frischid.robot import Robot as Robot
@@ -49,6 +50,7 @@ _HOME = {
     "Log": "log",
     "LogMap": "mapping",
     "Model": "model",
+    "read_chunks": "readers",
     "read_log": "readers",
     "write_log": "readers",
     "Robot": "robot",

@@ -38,7 +38,7 @@ class UnknownNameError(InputError):
         close = close_names(name, options)
         listing = ", ".join(close or options[:40]) or "(none)"
         more = f" (+{len(options) - 40} more)" if not close and len(options) > 40 else ""
-        lead = "did you mean" if close else f"known {kind}s"
+        lead = "did you mean" if close else "the names are"
         others = f"; all: {', '.join(options)}" if close and len(options) <= 40 else ""
         place = f" in {where}" if where else ""
         super().__init__(f"unknown {kind} '{name}'{place}; {lead}: {listing}{more}{others}")

@@ -79,6 +79,10 @@ class LogMap:
         Column of the stamps, its unit (s, ms, us, ns), and whether to subtract the first stamp.
     header, delimiter, columns
         Whether a CSV's first line names the columns, what separates them, and the names if it does not.
+    joints
+        Whose columns those of 2-D arrays (an NPZ file's) are, in their order.
+    topic
+        Of a bag with several topics of joint states.
     angle_unit : {"rad", "deg"}
         Of all positions, velocities and accelerations.
     default : mapping of str to str
@@ -96,6 +100,8 @@ class LogMap:
     header: bool = True
     delimiter: str | None = None
     columns: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
+    topic: str | None = None
     angle_unit: str = "rad"
     default: Mapping[str, str] = field(default_factory=lambda: {c: f"{c}_{{joint}}" for c in CHANNELS})
     tau_from: str | None = None
@@ -144,7 +150,7 @@ class LogMap:
             if joint.setdefault(name, {}).setdefault("current_gain", gain) != gain:
                 raise InputError(f"{source}: joint {name} has two different current gains")
         return cls(
-            **file | {"columns": tuple(file.get("columns", ()))},
+            **file | {key: tuple(file.get(key, ())) for key in ("columns", "joints")},
             default={**cls().default, **default},
             tau_from=tau_from,
             joint={name: JointMap(**table) for name, table in joint.items()},
@@ -185,6 +191,8 @@ FILE_RULES: dict[str, Rule] = {
     "header": BOOL,
     "delimiter": (lambda x: isinstance(x, str) and len(x.encode()) == 1, "one character"),
     "columns": (_is_names, "a list of different names"),
+    "joints": (_is_names, "a list of different names"),
+    "topic": (lambda x: isinstance(x, str) and x != "", "the name of a topic"),
     "angle_unit": _one_of("rad", "deg"),
 }
 DEFAULT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, TEMPLATE) | {"tau_from": TAU_FROM}

@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from frischid.bags import bag_form, bag_tables, is_bag, read_bag
 from frischid.errors import InputError, UnknownNameError, close_names
-from frischid.log import CHANNELS, Array, Log, check_times, check_values, is_usable
+from frischid.log import CHANNELS, FEWEST_SAMPLES, Array, Log, check_times, check_values, is_usable
 from frischid.mapping import SECONDS, UNITS, JointMap, LogMap
-from frischid.tables import Table, read_table, write_table
+from frischid.tables import Table, joined, read_table, read_tables, write_table
 
 SETPOINT = re.compile(r"(?:des|desired|ref|reference|cmd|command|target)_(.+)")
 
@@ -28,7 +29,7 @@ def read_log(
     joints: Sequence[str] | None = None,
     mapping: LogMap | Mapping[str, Any] | str | Path | None = None,
 ) -> Log:
-    """Read a CSV (.csv, .tsv, .txt), Parquet or NPZ file.
+    """Read a CSV (.csv, .tsv, .txt), Parquet or NPZ file, a ROS bag (.bag, .db3, a ROS 2 folder) or MCAP file.
 
     Parameters
     ----------
@@ -49,13 +50,97 @@ def read_log(
         The file, a column or a value is not usable; the message says which and where.
     """
     path = Path(path)
+    form = _form(path, joints, mapping)
+    table = read_bag(path, form, joints) if is_bag(path) else read_table(path, form)
+    return _log(table, form, joints, _first(table, form), digest=_digest(path))
+
+
+def read_chunks(
+    path: str | Path,
+    joints: Sequence[str] | None = None,
+    mapping: LogMap | Mapping[str, Any] | str | Path | None = None,
+    *,
+    samples: int = 65_536,
+) -> Iterator[Log]:
+    """Read a long file as consecutive logs of about `samples` samples; only one of them is in memory.
+
+    Parameters
+    ----------
+    path, joints, mapping
+        As for `read_log`. An NPZ file is read as a whole, the others are not.
+    samples : int
+
+    Yields
+    ------
+    Log
+        Together they hold every sample once; their stamps go on from one to the next. `Log.sha256` is not computed.
+
+    Raises
+    ------
+    InputError
+        As for `read_log`, when the chunk that holds the fault is reached.
+    """
+    path = Path(path)
+    form = _form(path, joints, mapping)
+    if samples < FEWEST_SAMPLES:
+        raise InputError(f"a chunk needs at least {FEWEST_SAMPLES} samples, got {samples}")
+    tables = bag_tables(path, form, joints, samples) if is_bag(path) else read_tables(path, form, samples)
+    start, last = None, -np.inf
+    for table in _none_too_short(tables):
+        start = _first(table, form) if start is None else start
+        log = _log(table, form, joints, start)
+        if log.t[0] <= last:
+            raise InputError(
+                f"{path}: time does not increase at {table.place(0)}: {log.t[0]!s} after {last!s}; remove the repeated "
+                "rows, or split the log where the clock was set back"
+            )
+        last = float(log.t[-1])
+        yield log
+
+
+def _form(path: Path, joints: Sequence[str] | None, mapping: Any) -> LogMap:
+    """The mapping, checked against the robot; stamps of a bag are nanoseconds whatever it says."""
     form = LogMap.of(mapping)
     for name in form.joint:
         if joints is not None and name not in joints:
             raise UnknownNameError("joint", name, joints, form.source)
-    table = read_table(path, form)
-    notes: list[str] = []
-    time, t = _time(table, form, notes)
+    return bag_form(form) if is_bag(path) else form
+
+
+def _none_too_short(tables: Iterator[Table]) -> Iterator[Table]:
+    """Tables whose last, if it is too short for a log, is joined to the one before."""
+    held: Table | None = None
+    for table in tables:
+        if held is not None and table.rows < FEWEST_SAMPLES:
+            held = joined([held, table])
+            continue
+        if held is not None:
+            yield held
+        held = table
+    if held is not None:
+        yield held
+
+
+def _first(table: Table, form: LogMap) -> Any:
+    """First stamp as it stands in the file; what it is subtracted from must keep every digit."""
+    name = _time_name(table, form)
+    return table.values(name)[:1]
+
+
+def _digest(path: Path) -> str:
+    """Hash of a file; of a folder, that of its files one after the other in the order of their names."""
+    digest = hashlib.sha256()
+    for part in sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]:
+        with part.open("rb") as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()
+
+
+def _log(table: Table, form: LogMap, joints: Sequence[str] | None, start: Any, digest: str | None = None) -> Log:
+    """A table's rows as a log, its time counted from `start` where the mapping says so."""
+    notes = list(table.notes)
+    time, t = _time(table, form, start, notes)
     mapped, ignored = _columns_of_joints(table, form, joints, notes)
     channels = {channel: np.full((t.size, len(mapped)), np.nan) for channel in CHANNELS}
     for j, (joint, columns) in enumerate(mapped.items()):
@@ -64,9 +149,7 @@ def read_log(
     used = {time, *ignored}.union(*(columns.values() for columns in mapped.values()))
     taken = {"t"} | {f"{channel}_{joint}" for channel in CHANNELS for joint in mapped}
     extra = _extra(table, used, taken, notes)
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return Log(t, tuple(mapped), **channels, extra=extra, source=str(path), sha256=digest, notes=tuple(notes))
+    return Log(t, tuple(mapped), **channels, extra=extra, source=table.source, sha256=digest, notes=tuple(notes))
 
 
 def write_log(log: Log, path: str | Path) -> None:
@@ -77,21 +160,25 @@ def write_log(log: Log, path: str | Path) -> None:
     write_table(log.to_table(), Path(path))
 
 
-def _time(table: Table, form: LogMap, notes: list[str]) -> tuple[str, Array]:
-    """Name of the time column and the stamps [s]."""
+def _time_name(table: Table, form: LogMap) -> str:
     if isinstance(form.time, str) and form.time not in table.names:
         raise InputError(
             f"{table.source}: no time column '{form.time}'; the columns are {', '.join(table.names)}; "
             "rename one to 't', or name it as time = ... under [file] in a mapping file"
         )
-    name = table.find(form.time)
+    return table.find(form.time)
+
+
+def _time(table: Table, form: LogMap, start: Any, notes: list[str]) -> tuple[str, Array]:
+    """Name of the time column and the stamps [s]."""
+    name = _time_name(table, form)
     raw = table.values(name)
     # Nanoseconds since 1970 do not fit a double: the start is subtracted while they are still integers.
-    t = np.asarray(raw - raw[:1] if form.zero_time else raw, dtype=np.float64) / SECONDS[form.time_unit]
+    t = np.asarray(raw - start if form.zero_time else raw, dtype=np.float64) / SECONDS[form.time_unit]
     check_times(t, table.source, table.place, name)
     if form.zero_time or form.time_unit != "s" or name != "t":
-        start = f", starting from zero ({raw[0]} subtracted)" if form.zero_time else ""
-        notes.append(f"t = {name} [{form.time_unit}] in seconds{start}")
+        zeroed = f", starting from zero ({start[0]} subtracted)" if form.zero_time else ""
+        notes.append(f"t = {name} [{form.time_unit}] in seconds{zeroed}")
     return name, t
 
 

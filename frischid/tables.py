@@ -1,7 +1,7 @@
 """File formats: CSV, Parquet and NPZ, each as one table of named columns, and back.
 
 Nothing here knows what a column means; a `Table` only says which of its columns are numbers, why the others
-are not, and where in the file a row lies.
+are not, and where in the file a row lies. Long files come as several tables of consecutive rows.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ import os
 import zipfile
 import zlib
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -28,6 +29,9 @@ from frischid.errors import InputError, UnknownNameError, close_names
 from frischid.log import CHANNELS, Array, Place, row_place
 from frischid.mapping import LogMap
 
+MUJOCO = {"qpos": "q", "qvel": "v", "qacc": "a", "qfrc_actuator": "tau", "time": "t"}
+CSV = (".csv", ".tsv", ".txt")
+
 
 @dataclass(frozen=True)
 class Table:
@@ -39,6 +43,12 @@ class Table:
     unusable: Mapping[str, str]
     place: Place = row_place
     named: bool = True
+    notes: tuple[str, ...] = ()
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(next(iter(self.numeric.values()), ()))
 
     def find(self, reference: str | int) -> str:
         """Name of a column given by name, or by number from 0."""
@@ -55,30 +65,84 @@ class Table:
         return self.numeric[name]
 
 
+def joined(tables: Sequence[Table]) -> Table:
+    """One table of consecutive ones."""
+    first = tables[0]
+    unusable = {name: why for table in tables for name, why in table.unusable.items()}
+    names = [name for name in first.names if name not in unusable]
+    columns = {name: np.concatenate([table.numeric[name] for table in tables]) for name in names}
+    return replace(first, numeric=columns, unusable=unusable, notes=tables[-1].notes)
+
+
 def read_table(path: Path, form: LogMap) -> Table:
     """Read a CSV (.csv, .tsv, .txt), Parquet or NPZ file as a table; `form` says what a CSV looks like."""
-    readers = dict.fromkeys((".csv", ".tsv", ".txt"), _read_csv) | {
-        ".parquet": _read_parquet,
-        ".npz": _read_npz,
-    }
+    readers = dict.fromkeys(CSV, _read_csv) | {".parquet": _read_parquet, ".npz": _read_npz}
+    kind = _kind(path)
+    with _reading(path, kind):
+        return readers[kind](path, form)
+
+
+def read_tables(path: Path, form: LogMap, rows: int) -> Iterator[Table]:
+    """Read such a file as tables of about `rows` consecutive rows; an NPZ file is in memory as a whole."""
+    kind = _kind(path)
+    with _reading(path, kind):
+        if kind == ".npz":
+            whole = _read_npz(path, form)
+            for start in range(0, whole.rows, rows):
+                part = {name: x[start : start + rows] for name, x in whole.numeric.items()}
+                yield replace(whole, numeric=part, place=_after(start, whole.place))
+        elif kind == ".parquet":
+            start = 0
+            for batch in pa.parquet.ParquetFile(path).iter_batches(batch_size=rows):
+                yield _from_arrow(pa.table(batch), path, _after(start, row_place))
+                start += batch.num_rows
+        else:
+            yield from _csv_tables(path, form, rows)
+
+
+def _after(start: int, place: Place) -> Place:
+    return lambda row: place(start + row)
+
+
+def _kind(path: Path) -> str:
+    """Suffix of a file that can be read, or an error that says why it cannot."""
+    supported = ", ".join((*CSV, ".parquet", ".npz", ".bag", ".db3", ".mcap"))
     if path.is_dir():
-        raise InputError(f"{path}: is a folder; give one file ({', '.join(readers)})")
+        raise InputError(f"{path}: is a folder; give one file ({supported}), or the folder of a ROS 2 bag")
     if not path.exists():
         close = close_names(path.name, (p.name for p in path.parent.glob("*")))
         hint = f"; did you mean {', '.join(close)}?" if close else ""
+        if not path.parent.is_dir():
+            hint = f", and no folder {path.parent}; check the path"
         raise InputError(f"{path}: there is no such file{hint}")
-    if path.suffix.lower() not in readers:
-        raise InputError(f"{path}: cannot read '{path.suffix}' files; supported are {', '.join(readers)}")
+    kind = path.suffix.lower()
+    if kind not in (*CSV, ".parquet", ".npz"):
+        raise InputError(f"{path}: cannot read '{path.suffix}' files; supported are {supported}")
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty")
+    return kind
+
+
+@contextmanager
+def _reading(path: Path, kind: str) -> Iterator[None]:
     try:
-        return readers[path.suffix.lower()](path, form)
+        yield
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, pa.ArrowException) as error:
-        kind = path.suffix.lower()[1:]
-        raise InputError(f"{path}: cannot be read as {kind} ({error}); was it copied completely?") from error
+        raise InputError(f"{path}: cannot be read as {kind[1:]} ({error}); was it copied completely?") from error
 
 
-def _read_csv(path: Path, form: LogMap) -> Table:
+@dataclass(frozen=True)
+class Layout:
+    """How a CSV file is written: its separator, its columns, and how many lines come before the first row."""
+
+    delimiter: str
+    names: Sequence[str]
+    skip: int
+    named: bool
+
+
+def csv_layout(path: Path, form: LogMap) -> Layout:
+    """Look at the first line of a CSV file."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         before, line = next(((k, line) for k, line in enumerate(file) if line.strip()), (0, ""))
     # The separator is whichever of the usual ones the first line has most of.
@@ -96,13 +160,51 @@ def _read_csv(path: Path, form: LogMap) -> Table:
         raise InputError(
             f"{path}: line {before + 1} holds {len(cells)} cells, {form.source} names {len(names)} columns"
         )
-    skip = before + 1 if form.header else before
-    options = pa.csv.ReadOptions(column_names=names, skip_rows=skip)
+    return Layout(delimiter, names, before + 1 if form.header else before, form.header or bool(form.columns))
+
+
+def _read_csv(path: Path, form: LogMap) -> Table:
+    layout = csv_layout(path, form)
+    with _telling_the_line(path, layout):
+        arrow = pa.csv.read_csv(path, *_options(layout))
+    return _from_arrow(arrow, path, _line_place(path, layout.skip), named=layout.named)
+
+
+def _csv_tables(path: Path, form: LogMap, rows: int) -> Iterator[Table]:
+    """A CSV file block by block. Types are those of the first block: whole numbers there may be others later."""
+    layout = csv_layout(path, form)
+    options, parsing = _options(layout)
+    options.block_size = max(1 << 16, rows * (path.stat().st_size // _lines_guess(path)))
+    with _telling_the_line(path, layout):
+        kinds = pa.csv.open_csv(path, options, parsing).schema
+        time = form.time if isinstance(form.time, str) else layout.names[form.time]
+        loose = [f.name for f in kinds if f.name != time and (pa.types.is_integer(f.type) or pa.types.is_null(f.type))]
+        convert = pa.csv.ConvertOptions(column_types=dict.fromkeys(loose, pa.float64()))
+        place, start = _line_place(path, layout.skip), 0
+        for batch in pa.csv.open_csv(path, options, parsing, convert):
+            yield _from_arrow(pa.table(batch), path, _after(start, place), named=layout.named)
+            start += batch.num_rows
+
+
+def _lines_guess(path: Path) -> int:
+    """About how many lines a file has, from its first ones."""
+    with path.open("rb") as file:
+        head = file.read(1 << 16)
+    return max(1, round(path.stat().st_size / max(1.0, len(head) / max(1, head.count(b"\n")))))
+
+
+def _options(layout: Layout) -> tuple[Any, Any]:
+    options = pa.csv.ReadOptions(column_names=list(layout.names), skip_rows=layout.skip)
+    return options, pa.csv.ParseOptions(delimiter=layout.delimiter)
+
+
+@contextmanager
+def _telling_the_line(path: Path, layout: Layout) -> Iterator[None]:
     try:
-        arrow = pa.csv.read_csv(path, options, pa.csv.ParseOptions(delimiter=delimiter))
+        yield
     except pa.ArrowInvalid as error:
-        raise InputError(f"{path}: {_ragged_line(path, delimiter, len(names), skip) or error}") from error
-    return _from_arrow(arrow, path, _line_place(path, skip), named=form.header or bool(form.columns))
+        wrong = _ragged_line(path, layout.delimiter, len(layout.names), layout.skip)
+        raise InputError(f"{path}: {wrong or error}") from error
 
 
 def _is_number(cell: str) -> bool:
@@ -174,16 +276,18 @@ def _read_npz(path: Path, form: LogMap) -> Table:
         raise InputError(f"{path}: is not an NPZ archive; write it with numpy.savez or frischid.write_log")
     with np.load(path, allow_pickle=False) as file:
         arrays = dict(file.items())
-    joints = arrays.pop("joints").tolist() if arrays.get("joints", np.empty(0)).dtype.kind == "U" else []
-    for channel in CHANNELS:
-        if arrays.get(channel, np.empty(0)).ndim == 2:
-            block = arrays.pop(channel)
-            if block.shape[1] != len(joints):
-                raise InputError(
-                    f"{path}: {channel} has {block.shape[1]} columns, but the string array 'joints' names "
-                    f"{len(joints)}: {', '.join(joints) or '(none)'}"
-                )
-            arrays |= {f"{channel}_{joint}": block[:, j] for j, joint in enumerate(joints)}
+    notes = _mujoco_names(arrays)
+    joints = arrays.pop("joints").tolist() if arrays.get("joints", np.empty(0)).dtype.kind == "U" else list(form.joints)
+    for name in [name for name, x in arrays.items() if x.ndim == 2]:
+        if arrays[name].shape[1] == len(joints):
+            block = arrays.pop(name)
+            arrays |= {f"{name}_{joint}": block[:, j] for j, joint in enumerate(joints)}
+        elif name in CHANNELS:
+            raise InputError(
+                f"{path}: {name} has {arrays[name].shape[1]} columns, but the string array 'joints' names "
+                f"{len(joints)}: {', '.join(joints) or '(none)'}; store such an array, or list the columns' joints in "
+                "order as joints = [...] under [file] in a mapping file"
+            )
     # The length most columns have is the log's.
     shape = Counter(x.shape for x in arrays.values() if x.ndim == 1).most_common(1)
     if not shape:
@@ -194,7 +298,17 @@ def _read_npz(path: Path, form: LogMap) -> Table:
             unusable[name] = f"it has type {values.dtype} and shape {values.shape}"
         else:
             numeric[name] = values
-    return Table(str(path), tuple(arrays), numeric, unusable)
+    return Table(str(path), tuple(arrays), numeric, unusable, notes=notes)
+
+
+def _mujoco_names(arrays: dict[str, NDArray[Any]]) -> tuple[str, ...]:
+    """Give arrays named as MuJoCo names them (qpos, qvel, qacc, qfrc_actuator, time) our names; say which."""
+    renamed = (
+        {old: new for old, new in MUJOCO.items() if old in arrays and new not in arrays} if "qpos" in arrays else {}
+    )
+    for old, new in renamed.items():
+        arrays[new] = np.squeeze(arrays.pop(old)) if new == "t" else arrays.pop(old)
+    return (f"MuJoCo's {', '.join(renamed)} taken as {', '.join(renamed.values())}",) if renamed else ()
 
 
 def write_table(table: Mapping[str, Array], path: Path) -> None:

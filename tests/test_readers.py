@@ -482,3 +482,19 @@ def test_measured_defects_are_never_repaired(data, tmp_path):
     shorter.write_text("\n".join(line for line in lines if line.startswith("3") and "00000000" not in line))
     log = read_log(shorter, UR10E, mapping)
     assert any("gaps in the time stamps" in warning for warning in warnings_of(log))
+
+
+def test_mujoco_arrays(tmp_path):
+    path, rng = tmp_path / "rollout.npz", np.random.default_rng(0)
+    arrays = {name: rng.normal(size=(40, 3)) for name in ("qpos", "qvel", "qacc", "qfrc_actuator", "ctrl")}
+    np.savez(path, time=np.arange(40)[:, None] * 0.002, **arrays)
+    refused(["q has 3 columns", "joints = [...] under [file]"], path)
+    log = read_log(path, ["c", "a", "b"], {"file": {"joints": ["a", "b", "c"]}})
+    assert log.joints == ("c", "a", "b")
+    np.testing.assert_array_equal(log.q, arrays["qpos"][:, [2, 0, 1]])
+    np.testing.assert_array_equal(log.tau, arrays["qfrc_actuator"][:, [2, 0, 1]])
+    np.testing.assert_array_equal(log.extra["ctrl_b"], arrays["ctrl"][:, 1])
+    assert any("MuJoCo's qpos" in note for note in log.notes)
+    np.savez(path, time=np.arange(40) * 0.002, joints=np.array(["a", "b", "c"]), **arrays)
+    motor = read_log(path, mapping={"default": {"tau": "ctrl_{joint}"}})
+    np.testing.assert_array_equal(motor.tau, arrays["ctrl"])

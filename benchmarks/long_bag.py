@@ -1,0 +1,67 @@
+"""A joint-state stream of any size read in bounded memory: python benchmarks/long_bag.py [GiB]  (1 by default).
+
+Writes an MCAP file of a 7-joint arm at 1 kHz (not compressed, so that its size is that of the stream), reads it back in
+chunks and sums the moments of positions and torques. Prints the file's size, the time, and how far the process's
+resident memory rose while reading.
+"""
+
+import argparse
+import itertools
+import resource
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from bag_files import mcap_ros2
+
+from frischid.log import Log
+from frischid.readers import read_chunks
+
+JOINTS = tuple(f"panda_joint{k}" for k in range(1, 8))
+PIECE = 20_000
+
+
+def piece(number: int) -> Log:
+    rng = np.random.default_rng(number)
+    t = (number * PIECE + np.arange(PIECE)) * 1e-3
+    q, v, tau = rng.normal(size=(3, PIECE, 7))
+    return Log(t, JOINTS, q, v=v, tau=tau)
+
+
+def peak() -> float:
+    """Largest resident memory so far, MiB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def main() -> None:
+    """Write, read, print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("gib", type=float, nargs="?", default=1.0, help="size of the stream, GiB")
+    gib = parser.parse_args().gib
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "long.mcap"
+        mcap_ros2(None, path, pieces=[piece(0)], compressed=False)
+        pieces = max(2, round(gib * 2**30 / path.stat().st_size))
+        mcap_ros2(None, path, pieces=(piece(k) for k in range(pieces)), compressed=False)
+        list(itertools.islice((len(log) for log in read_chunks(path, JOINTS)), 2))  # what the first chunks need stays
+        before, start = peak(), time.perf_counter()
+        rows, moments = 0, np.zeros((14, 14))
+        for log in read_chunks(path, JOINTS):
+            z = np.hstack([log.q, log.tau])
+            rows, moments = rows + len(log), moments + z.T @ z
+        seconds = time.perf_counter() - start
+        assert rows == pieces * PIECE
+        assert np.allclose(np.diag(moments) / rows, 1.0, atol=0.02)
+        print(
+            f"{path.stat().st_size / 2**30:.2f} GiB, {rows} messages: {seconds:.0f} s "
+            f"({1e6 * seconds / rows:.0f} µs a message), resident memory rose by {peak() - before:.1f} MiB "
+            f"to {peak():.0f} MiB"
+        )
+
+
+if __name__ == "__main__":
+    main()
