@@ -28,13 +28,12 @@ from scipy import stats
 from frischid.contact import Contact, find_contacts
 from frischid.effects import EFFECTS, Effect
 from frischid.errors import InputError, UnknownNameError
-from frischid.evidence import Evidence, Prior, Projection, Score
+from frischid.evidence import Evidence, Projection, Score
 from frischid.gram import Array
-from frischid.identification import structure
 from frischid.log import Log
 from frischid.model import Model
 from frischid.noise import noise_floor
-from frischid.regressor import Regressor, nominal_parameters
+from frischid.prior import Prior, identified, nominal
 
 Verdict = Literal["none", "effect", "contact", "unknown"]
 SIGNIFICANCE = 0.01
@@ -239,34 +238,7 @@ def situation_of(model: Model, logs: Sequence[Log]) -> Literal["always", "change
 
 def prior_of(model: Model, situation: str) -> Prior:
     """The identification itself for a robot that changed; otherwise a weak belief in the URDF."""
-    if situation == "changed":
-        return Prior(model.estimate.theta, model.estimate.information)
-    regressor = Regressor(model.robot, model.effects, model.reference)
-    mapping = structure(regressor, model.joints).mapping
-    spread = _doubt(model, regressor)
-    covariance = mapping @ (spread[:, None] ** 2 * mapping.T)
-    mean = mapping @ nominal_parameters(model.robot, model.effects)
-    scale = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(scale, scale) + 1e-6 * np.eye(len(scale))
-    return Prior(mean, np.linalg.inv(correlation) / np.outer(scale, scale))
-
-
-def _doubt(model: Model, regressor: Regressor) -> Array:
-    """How far each parameter may be from the URDF's: half its mass, a tenth of a metre, and no idea of friction."""
-    nominal = dict(zip(model.robot.all_names, model.robot.nominal, strict=True))
-    bodies = model.robot.numbers.values()
-    largest = max(nominal[f"m{i}"] for i in bodies) or 1.0
-    spread = np.empty(len(regressor.columns))
-    for k, column in enumerate(regressor.columns):
-        if column.effect != "rigid":
-            torque = max(model.robot.limits.effort[np.isfinite(model.robot.limits.effort)].max(initial=10.0), 10.0)
-            spread[k] = 10 * torque
-            continue
-        body = column.name.lstrip("mxyzI")
-        mass = 0.5 * nominal[f"m{body}"] + 0.1 * largest
-        length = {"m": 1.0, "mx": 0.15, "my": 0.15, "mz": 0.15}.get(column.name.rstrip("0123456789"), 0.05)
-        spread[k] = mass * length
-    return spread
+    return identified(model) if situation == "changed" else nominal(model)
 
 
 # ---------------------------------------------------------------------- ranking

@@ -27,19 +27,12 @@ from frischid.effects import Effect
 from frischid.gram import Array
 from frischid.log import Log
 from frischid.model import Model
+from frischid.prior import Prior, reference_of
 from frischid.regressor import Regressor
 from frischid.signals import Motion, decimating_filter, prepare
 
 Indices = NDArray[np.intp]
 IN_SPAN = 1e-5  # share of a candidate's norm left by the base columns below which it is one of them
-
-
-@dataclass(frozen=True, eq=False)
-class Prior:
-    """Gaussian knowledge of the base parameters: mean (p,) and precision (p, p)."""
-
-    mean: Array
-    precision: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +110,7 @@ class Evidence:
     ) -> None:
         self.model, self.prior = model, prior
         self.joints = model.joints
-        self.regressor = Regressor(model.robot, model.effects, model.reference)
+        self.regressor = Regressor(model.robot, model.effects, reference_of(model))
         self.motions: list[Motion] = []
         folds: list[int] = []
         for number, log in enumerate(logs):

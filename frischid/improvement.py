@@ -17,6 +17,7 @@ from frischid.evidence import Evidence
 from frischid.identification import identify
 from frischid.log import Log
 from frischid.model import Model
+from frischid.prior import reference_of
 
 Situation = Literal["auto", "always", "changed"]
 
@@ -199,14 +200,6 @@ def _refitted(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log], si
         )
         return replace(found.model, lowpass=model.lowpass)
     return _changed(model, effects, logs)
-
-
-def reference_of(model: Model) -> dict[str, float]:
-    """Values of the regressor's columns that reproduce a model's torque: the base columns', zero for all others."""
-    if model.reference is not None:
-        return dict(model.reference)
-    columns = columns_of(model.robot, model.effects)
-    return {columns[i].name: float(x) for i, x in zip(model.base, model.estimate.theta, strict=True)}
 
 
 def _changed(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log]) -> Model:

@@ -29,6 +29,7 @@ LAYERS = (
         "comparison",
         "conditions",
         "noise",
+        "prior",
         "evidence",
         "contact",
     ),

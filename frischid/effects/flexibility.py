@@ -5,9 +5,13 @@ order in δ the motor feels
 
     τ = τ_rigid(q − δ e_j) ≈ τ_rigid − (∂τ/∂q_j δ + ∂τ/∂q̇_j δ̇ + M_j δ̈),
 
-with ``δ = load_j / k`` for a spring of stiffness k, and ``δ = g tanh(load_j / w)`` for a gap of ±g that the load
-keeps closed on one side or the other. While the gap is crossed the motor loses the link's inertia and weight, and
-when it is, it is hit: both are in δ̈.
+with ``δ = load_j / k`` for a spring of stiffness k. In a gap of ±g the load keeps the link on one side, ``δ = ±g``,
+until it changes its sign; then nothing holds the link and it falls to the other side,
+
+    δ̈ = load_j / M_jj   while |δ| < g,
+
+and stops there. While it falls the motor loses its inertia and weight, and when it arrives, the motor is hit: both are
+in δ̈.
 
 Sources: Spong 1987, ASME J. Dynamic Systems, Measurement and Control 109(4); Nordin and Gutman 2002, "Controlling
 mechanical systems with backlash: a survey", Automatica 38(10).
@@ -66,19 +70,65 @@ class Elasticity(Effect):
         ]
 
 
+def play(t: Array, load: Array, inertia: Array, gap: float) -> Array:
+    """How far a link lies from the middle of its gear's play.
+
+    Parameters
+    ----------
+    t, load, inertia : ndarray, shape (N,)
+        Time, s; torque the link needs, N·m (N); its inertia about the joint, kg·m² (kg).
+    gap : float
+        Half the play, rad (m).
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        Between −gap and gap.
+    """
+    pull, step = load / np.maximum(inertia, 1e-9 * inertia.max(initial=1e-300)), np.diff(t, prepend=t[:1])
+    out = np.empty(len(t))
+    here, side = 0, float(np.sign(load[0]) or 1.0) if len(t) else 1.0
+    while here < len(t):
+        loose = np.flatnonzero(side * load[here:] < 0)
+        free = here + (int(loose[0]) if len(loose) else len(t) - here)
+        out[here:free] = side * gap
+        fall, here = _fall(pull, step, free, side * gap)
+        out[free:here] = fall
+        if here < len(t):
+            side = float(np.sign(fall[-1]))
+    return np.clip(out, -gap, gap)
+
+
+def _fall(pull: Array, step: Array, start: int, position: float, piece: int = 256) -> tuple[Array, int]:
+    """Free motion from rest at one end of the play until an end is reached; it, and the sample after."""
+    found, speed = [], 0.0
+    limit = abs(position)
+    while start < len(pull):
+        part = slice(start, start + piece)
+        v = speed + np.cumsum(pull[part] * step[part])
+        x = position + np.cumsum(v * step[part])
+        out = np.flatnonzero(np.abs(x) >= limit)
+        if len(out):
+            found.append(x[: out[0] + 1])
+            return np.concatenate(found), start + int(out[0]) + 1
+        found.append(x)
+        start, position, speed = start + len(x), float(x[-1]), float(v[-1])
+    return np.concatenate(found) if found else np.empty(0), start
+
+
 @dataclass(frozen=True)
 class Backlash(Effect):
-    """Play in a gear: around the load's reversal the link crosses the gap, and the motor loses its load meanwhile.
+    """Play in a gear: when the load changes sides the link crosses the gap, and the motor loses its load meanwhile.
 
     Attributes
     ----------
-    width : float
-        Load over which the gap is crossed, as a share of the joint's typical load (`RigidDynamics.spread`).
+    size : float
+        Half the play for which the link's fall is calculated, rad (m); the parameter, the play found, should agree.
     """
 
     id: ClassVar[str] = "backlash"
     title: ClassVar[str] = "backlash"
-    equation: ClassVar[str] = "gap·(∂τ_rigid/∂δ)[−tanh(load/w)],  w = width·typical load"
+    equation: ClassVar[str] = "gap·(∂τ_rigid/∂δ)[−δ/size],  δ″ = load/M while |δ| < size, else δ = ±size"
     sentence: ClassVar[str] = (
         "{joint} loses its load for a moment whenever the load changes sides, and is hit when it catches it again: "
         "play in its gear"
@@ -90,20 +140,24 @@ class Backlash(Effect):
 
     memory: ClassVar[bool] = True
     loaded: ClassVar[bool] = True
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"width": (0.02, 0.1, 0.3)}
+    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"size": (0.0003, 0.001, 0.003, 0.01, 0.03)}
 
-    width: float = 0.1
+    size: float = 0.003
 
     def __post_init__(self) -> None:
-        self.require_positive(width="share of the joint's typical load")
+        self.require_positive(size="angle in rad (distance in m)")
 
     def terms(self, state: State) -> list[Term]:
         """One column a joint, half its gap, felt by all."""
-        reach = np.maximum(self.width * state.rigid.spread, 1e-12)
         return [
             Term(
                 self.column("gap", torque_unit(state.robot, i, "torque slope"), name, number, sign=1),
-                deflected(state, i, np.tanh(state.load[:, i] / reach[i])),
+                deflected(state, i, self._place(state, i)),
             )
             for i, name, number in self.acts_on(state.robot)
         ]
+
+    def _place(self, state: State, joint: int) -> Array:
+        """Where in its gap the link is, -1 to 1."""
+        inertia = state.slopes.acceleration[:, joint, joint]
+        return play(state.t, state.load[:, joint], inertia, self.size) / self.size

@@ -39,7 +39,7 @@ class Formula(Effect):
     equation: ClassVar[str] = "c·expression(q, v, a, load, tau_model, temperature, t)"
     sentence: ClassVar[str] = "{joint} needs torque that follows a formula of your own"
     looks_like: ClassVar[str] = "whatever the formula says"
-    confused_with: ClassVar[tuple[str, ...]] = ("counterbalance", "cogging", "quadratic_viscous")
+    confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "cogging", "quadratic_viscous")
     confirmed_by: ClassVar[str] = "a motion on which the formula's variables change independently of one another"
     reference: ClassVar[str] = "Brunton, Proctor and Kutz 2016, PNAS 113(15)"
 

@@ -115,7 +115,7 @@ class CableHose(Effect):
         "with it"
     )
     looks_like: ClassVar[str] = "against angle, a slanted loop"
-    confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis", "counterbalance")
+    confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis")
     confirmed_by: ClassVar[str] = "slow sweeps over the whole range, out and back; once more with the cables taken off"
     reference: ClassVar[str] = "Wang, Gondokaryono, Munawar and Fischer 2019, IEEE Robotics and Automation Letters 4(4)"
     generalises: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis")

@@ -122,7 +122,7 @@ class GravityTilt(Effect):
         "gravity pulls on {joint} from another direction than the model says: the base is mounted a little off"
     )
     looks_like: ClassVar[str] = "errors that follow the pose at any speed, also about a vertical first axis"
-    confused_with: ClassVar[tuple[str, ...]] = ("payload", "encoder_zero", "counterbalance", "offset")
+    confused_with: ClassVar[tuple[str, ...]] = ("payload", "encoder_zero", "joint_spring", "offset")
     confirmed_by: ClassVar[str] = "a spirit level on the base; or turn the stretched arm slowly about its first axis"
     reference: ClassVar[str] = "Hollerbach, Khalil and Gautier 2016, Springer Handbook of Robotics, chapter 6"
 

@@ -87,7 +87,7 @@ class Cogging(Effect):
         "{joint}'s torque ripples with its angle: cogging of the motor's magnets, or the teeth of the gear"
     )
     looks_like: ClassVar[str] = "a regular wave when the residual is drawn against angle, the same in both directions"
-    confused_with: ClassVar[tuple[str, ...]] = ("counterbalance", "joint_spring", "payload")
+    confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "payload")
     confirmed_by: ClassVar[str] = "one slow turn at constant speed, sampled well above N times the speed"
     reference: ClassVar[str] = "Holtz and Springob 1996, IEEE Trans. Industrial Electronics 43(2)"
 

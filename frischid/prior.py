@@ -1,0 +1,117 @@
+"""What is believed before the data: the URDF's parameters, and how far the truth may be from them.
+
+    θ ~ N(θ_URDF, P),   P = diag(spread²);      base parameters θ_b = K θ ~ N(K θ_URDF, K P Kᵀ)
+
+and what standard parameters to believe once the base parameters are identified with covariance Σ, the others being
+none of the data's business (the conditional mean of a Gaussian):
+
+    θ* = θ_URDF + P Kᵀ (K P Kᵀ + Σ)⁻¹ (θ_b − K θ_URDF).
+
+Sources: Rasmussen and Williams 2006, Gaussian Processes for Machine Learning, appendix A.2; Gautier and Venture 2013,
+"Identification of standard dynamic parameters of robots with positive definite inertia matrix", IEEE/RSJ IROS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from frischid.effects import columns_of
+from frischid.effects.dynamics import RigidDynamics, random_states
+from frischid.gram import Array
+from frischid.identification import structure
+from frischid.model import Model
+from frischid.regressor import Regressor, nominal_parameters
+
+MASS = 0.5  # a link's mass may be off by this share of it
+LEVER, GYRATION = 0.15, 0.05  # m and m²: what a mass that is off may do to first moments and inertias
+ANYTHING = 10.0  # friction may be so many times the largest torque: nothing is known of it
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Gaussian knowledge of the base parameters: mean (p,) and precision (p, p)."""
+
+    mean: Array
+    precision: Array
+
+
+def identified(model: Model) -> Prior:
+    """The identification itself, for a robot that may have changed since."""
+    return Prior(model.estimate.theta, model.estimate.information)
+
+
+def nominal(model: Model) -> Prior:
+    """A weak belief in the URDF."""
+    mapping, mean, spread = _standard(model)
+    covariance = mapping @ (spread[:, None] ** 2 * mapping.T)
+    scale = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(scale, scale) + 1e-6 * np.eye(len(scale))
+    return Prior(mapping @ mean, np.linalg.inv(correlation) / np.outer(scale, scale))
+
+
+def believed(model: Model) -> Mapping[str, float]:
+    """Standard parameters closest to the URDF's that the identified base parameters leave possible.
+
+    Returns
+    -------
+    dict of str to float
+        Parameter -> value, for every column of the model's regressor.
+    """
+    mapping, mean, spread = _standard(model)
+    carried = mapping * spread**2
+    S = carried @ mapping.T + model.estimate.covariance
+    scale = np.sqrt(np.diag(S))
+    factor = linalg.cho_factor(S / np.outer(scale, scale) + 1e-9 * np.eye(len(S)))
+    gain = linalg.cho_solve(factor, (model.estimate.theta - mapping @ mean) / scale) / scale
+    names = (c.name for c in columns_of(model.robot, model.effects))
+    return dict(zip(names, map(float, mean + carried.T @ gain), strict=True))
+
+
+def reference_of(model: Model) -> Mapping[str, float] | None:
+    """What effects that depend on the load are to take it from: what the model was made with, or what it found."""
+    if model.reference is None and not any(effect.loaded for effect in model.effects):
+        return believed(model)
+    return model.reference
+
+
+def _standard(model: Model) -> tuple[Array, Array, Array]:
+    """Regrouping (p, C) of the model's base parameters, and the URDF's value and spread of every column (C,)."""
+    regressor = Regressor(model.robot, model.effects, model.reference)
+    found = structure(regressor, model.joints)
+    mapping = found.mapping
+    if found.base != model.base:  # columns taken in by hand, of a change
+        mapping = np.linalg.pinv(mapping[:, model.base]) @ mapping
+    return mapping, np.asarray(nominal_parameters(model.robot, model.effects)), _spread(model, regressor)
+
+
+def _spread(model: Model, regressor: Regressor) -> Array:
+    """How far each parameter may be from the URDF's."""
+    robot = model.robot
+    values = dict(zip(robot.all_names, robot.nominal, strict=True))
+    largest = max(values[f"m{i}"] for i in robot.numbers.values()) or 1.0
+    effort = robot.limits.effort[np.isfinite(robot.limits.effort)]
+    anything = ANYTHING * max(float(effort.max(initial=0.0)), 10.0)
+    rotors = dict(zip(robot.joints, _inertia(model), strict=True))
+    spread = np.empty(len(regressor.columns))
+    for k, column in enumerate(regressor.columns):
+        if column.effect == "rotor_inertia":
+            spread[k] = rotors[column.joint]
+        elif column.effect != "rigid":
+            spread[k] = anything
+        else:
+            kind, body = column.name.rstrip("0123456789"), column.name.lstrip("mxyzI")
+            length = {"m": 1.0, "mx": LEVER, "my": LEVER, "mz": LEVER}.get(kind, GYRATION)
+            spread[k] = (MASS * values[f"m{body}"] + 0.1 * largest) * length
+    return spread
+
+
+def _inertia(model: Model) -> Array:
+    """Typical inertia of the links about each joint, kg·m² (kg), (J,): a rotor weighs about as much, or less."""
+    robot = model.robot
+    slopes = RigidDynamics.of(robot, None).slopes(*random_states(robot, 16))
+    typical = np.abs(np.einsum("njj->nj", slopes.acceleration)).mean(axis=0)
+    return np.asarray(np.maximum(typical, 0.01 * typical.max() + 1e-9))
