@@ -1,12 +1,15 @@
 """Contacts: an outside force for a while, an event to be kept out, not an effect to be added.
 
 A contact leaves residuals that are large on some stretch of a few tenths of a second to a few seconds, in a log that is
-otherwise explained. The residual's energy, smoothed over a quarter of a second and measured in robust units
-(median absolute deviation) of each joint, is compared with what the rest of the log shows.
+otherwise explained. As it also bends the fit of everything else, it is looked for in turns: the residual's energy,
+smoothed over a quarter of a second and measured in robust units (median absolute deviation) of each joint, shows the
+bursts; without them the parameters are fitted again, until the bursts stay the same (a trimmed estimate: Rousseeuw
+and Leroy 1987, Robust Regression and Outlier Detection, Wiley).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +19,12 @@ from frischid.evidence import Evidence
 from frischid.gram import Array
 
 SMOOTH = 0.25  # s
-HIGH, LOW = 30.0, 6.0  # squared robust units, summed over joints, at which a burst is seen and where it ends
-LONGEST = 0.15  # of a log may be bursts; more is not an event
-SHARE = 0.6  # of the squared residual must lie in the bursts
+HIGH, LOW = 30.0, 6.0  # squared robust units at which a burst is seen and where it ends
+SMALL = 0.004  # of a joint's torque: its robust unit is not taken smaller, or every reversal is a burst
+AROUND = 0.1  # s left out on both sides of a burst, where it fades below the noise
+LONGEST, MOST = 0.3, 4  # share of a log that may be bursts, and how many of them; more is not an event
+CONTRAST = 10.0  # mean energy inside the bursts over that outside
+ROUNDS = 5
 
 
 @dataclass(frozen=True)
@@ -44,8 +50,13 @@ class Contact:
     strength: float
 
 
+def stretches(contacts: Sequence[Contact]) -> list[tuple[str, float, float]]:
+    """What `Evidence.without` is to leave out."""
+    return [(c.source, c.start, c.stop) for c in contacts]
+
+
 def find_contacts(evidence: Evidence, floor: Array) -> list[Contact]:
-    """Bursts of residual that no steady effect would leave.
+    """Bursts of residual that the rest of the log does not show.
 
     Parameters
     ----------
@@ -58,12 +69,36 @@ def find_contacts(evidence: Evidence, floor: Array) -> list[Contact]:
     list of Contact
     """
     found: list[Contact] = []
-    residuals = [r for _, r in evidence.residuals()]
-    scale = np.array([max(1.4826 * float(np.median(np.abs(r))), f) for r, f in zip(residuals, floor, strict=True)])
-    inside = energy = 0.0
+    rest = evidence
+    for _ in range(ROUNDS):
+        new, contrast = _bursts(evidence, rest, floor)
+        if not _events(evidence, new):
+            return []
+        if stretches(new) == stretches(found):
+            break
+        found = new
+        rest = evidence.without(stretches(found))
+    return found if contrast > CONTRAST else []
+
+
+def _events(evidence: Evidence, found: Sequence[Contact]) -> bool:
+    """Few and short enough, in every log, to be events."""
+    for source in {c.source for c in found}:
+        here = [c for c in found if c.source == source]
+        length = sum(t[-1] - t[0] for m, t in zip(evidence.motions, evidence.times, strict=True) if m.source == source)
+        if len(here) > MOST or sum(c.stop - c.start for c in here) > LONGEST * length:
+            return False
+    return bool(found)
+
+
+def _bursts(evidence: Evidence, rest: Evidence, floor: Array) -> tuple[list[Contact], float]:
+    """Bursts over all rows under the parameters of the rest, and their energy over that of what is between."""
+    residuals = [r.tau - r.Y @ rest.theta for r in evidence.rows]
+    quiet = [1.4826 * float(np.median(np.abs(x))) for _, x in rest.residuals()]
+    scale = np.maximum(np.maximum(quiet, floor), SMALL * evidence.spread)
+    found: list[Contact] = []
+    inside, outside = [], []
     offsets = np.zeros(len(residuals), int)
-    spans = 0.0
-    length = 0.0
     for number, (motion, t) in enumerate(zip(evidence.motions, evidence.times, strict=True)):
         z = np.zeros((len(t), len(residuals)))
         for row, rows in enumerate(evidence.rows):
@@ -74,17 +109,18 @@ def find_contacts(evidence: Evidence, floor: Array) -> list[Contact]:
         smooth = ndimage.uniform_filter1d(z**2, max(1, round(SMOOTH / step)), axis=0)
         total = smooth.max(axis=1)
         labels, count = ndimage.label(total > LOW)
-        energy += float((z**2).sum())
-        length += len(t)
+        burst = np.zeros(len(t), bool)
         for label in range(1, count + 1):
             where = np.flatnonzero(labels == label)
-            if total[where].max() < HIGH or t[where[-1]] - t[where[0]] < SMOOTH:
+            if total[where].max() < HIGH:
                 continue
-            inside += float((z[where] ** 2).sum())
-            spans += len(where)
+            start, stop = float(t[where[0]]) - AROUND, float(t[where[-1]]) + AROUND
+            burst |= (t >= start) & (t <= stop)
             joints = [evidence.joints[j] for j in np.flatnonzero(smooth[where].max(axis=0) > LOW)]
-            strength = float(np.sqrt(total[where].max()))
-            found.append(Contact(motion.source, float(t[where[0]]), float(t[where[-1]]), joints, strength))
-    if not found or spans > LONGEST * length or inside < SHARE * energy or len(found) > 3 * len(evidence.times):
-        return []
-    return found
+            found.append(Contact(motion.source, start, stop, joints, float(np.sqrt(total[where].max()))))
+        inside.append(total[burst])
+        outside.append(total[~burst])
+    between = np.concatenate(outside)
+    if not found or not len(between):
+        return found, 0.0
+    return found, float(np.concatenate(inside).mean() / max(float(between.mean()), 1e-12))

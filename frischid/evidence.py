@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from frischid.conditions import correlation_time
-from frischid.effects import Effect
+from frischid.effects import Effect, State, Term
 from frischid.gram import Array
 from frischid.log import Log
 from frischid.model import Model
@@ -32,6 +32,7 @@ from frischid.regressor import Regressor
 from frischid.signals import Motion, decimating_filter, prepare
 
 Indices = NDArray[np.intp]
+SCREENED = 10  # shapes of one effect that are judged in full
 IN_SPAN = 1e-5  # share of a candidate's norm left by the base columns below which it is one of them
 
 
@@ -101,13 +102,9 @@ class Evidence:
     logs : sequence of Log
         Every log is a fold; a single log is cut into four.
     prior : Prior
-    exclude : sequence of (source, start, stop)
-        Stretches of time kept out, s.
     """
 
-    def __init__(
-        self, model: Model, logs: Sequence[Log], prior: Prior, exclude: Sequence[tuple[str, float, float]] = ()
-    ) -> None:
+    def __init__(self, model: Model, logs: Sequence[Log], prior: Prior) -> None:
         self.model, self.prior = model, prior
         self.joints = model.joints
         self.regressor = Regressor(model.robot, model.effects, reference_of(model))
@@ -118,17 +115,20 @@ class Evidence:
             self.motions += prepared
             folds += [number] * len(prepared)
         self._states = [self.regressor.state(m) for m in self.motions]
+        self._row = {j: row for row, j in enumerate(model.torque_index)}
+        self._filtered: dict[str, tuple[list[dict[int, Array]], tuple[int, ...]]] = {}
         self._filters = [
             decimating_filter(model.lowpass.taps(m.step), len(m.t), model.lowpass.decimation(m.step))
             for m in self.motions
         ]
-        self.rows = self._rows(folds, len(logs), exclude)
+        self.rows = self._rows(folds, len(logs))
+        self._sparse = [_at(state, t) for state, t in zip(self._states, self.times, strict=True)]
         self.folds = 1 + max(int(r.fold.max()) for r in self.rows)
         self._weigh()
 
     # ------------------------------------------------------------------ rows
 
-    def _rows(self, folds: Sequence[int], logs: int, exclude: Sequence[tuple[str, float, float]]) -> list[JointRows]:
+    def _rows(self, folds: Sequence[int], logs: int) -> list[JointRows]:
         base = list(self.model.base)
         index = self.model.torque_index
         Y: list[list[Array]] = [[] for _ in index]
@@ -142,9 +142,6 @@ class Evidence:
             pieces = list(self.regressor.blocks(motion, self.model.lowpass))
             t = np.concatenate([p.t for p in pieces])
             used = np.concatenate([p.used for p in pieces])
-            for source, start, stop in exclude:
-                if source == motion.source:
-                    used[(t >= start) & (t <= stop)] = False
             self.times.append(t)
             parts = np.minimum(4 * np.arange(len(t)) // len(t), 3) if logs == 1 else np.full(len(t), number)
             seconds = blocks + ((t - t[0]) / max(1.0, 12 / (self.model.lowpass.cutoff or 12))).astype(int)
@@ -168,31 +165,26 @@ class Evidence:
         ]
 
     def _weigh(self) -> None:
-        """Residual spread, correlation time and moments of the base model; counts of effective samples."""
+        """Moments, and from the base model's residuals: their spread, correlation time, effective samples."""
         J = len(self.rows)
         self.counts = np.array([[np.count_nonzero(r.fold == f) for r in self.rows] for f in range(self.folds)])
         self.spread = np.array([r.tau.std() for r in self.rows])
-        sigma = self.spread.copy()
-        self.correlation = np.ones(J)
+        self.G = np.stack([self._moments(f) for f in range(self.folds)])
+        sigma, self.correlation = self.spread.copy(), np.ones(J)
         for _ in range(4):
             self.omega = 1.0 / (np.maximum(sigma, 1e-9 * self.spread) ** 2 * self.correlation)
-            self._moments()
+            self.systems = [self._solve(f) for f in (*range(self.folds), None)]
+            self.theta = self.systems[-1][1]
             residuals = [r.tau - r.Y @ self.theta for r in self.rows]
             sigma = np.array([x.std() for x in residuals])
             self.correlation = np.array([correlation_time(x) for x in residuals])
         self.sigma = sigma
         self.effective = self.counts.sum(axis=0) / self.correlation
 
-    def _moments(self) -> None:
-        p = self.rows[0].Y.shape[1]
-        self.G = np.zeros((self.folds, len(self.rows), p + 1, p + 1))
-        for j, r in enumerate(self.rows):
-            Z = np.column_stack([r.Y, r.tau])
-            for f in range(self.folds):
-                part = Z[r.fold == f]
-                self.G[f, j] = part.T @ part
-        self.systems = [self._solve(f) for f in (*range(self.folds), None)]
-        self.theta = self.systems[-1][1]
+    def _moments(self, fold: int) -> Array:
+        """Moments of [Y τ] of every joint in one part of the data, (J, p + 1, p + 1)."""
+        parts = [np.column_stack([r.Y, r.tau])[r.fold == fold] for r in self.rows]
+        return np.stack([Z.T @ Z for Z in parts])
 
     def _solve(self, left_out: int | None) -> tuple[tuple[Array, bool], Array]:
         train = [f for f in range(self.folds) if f != left_out]
@@ -207,24 +199,45 @@ class Evidence:
 
     def project(self, effects: Sequence[Effect]) -> list[Projection]:
         """Filtered columns of candidate effects over all rows."""
-        index = {j: row for row, j in enumerate(self.model.torque_index)}
-        found: list[list[dict[int, Array]]] = []
-        signs: list[tuple[int, ...]] = []
-        for state, F in zip(self._states, self._filters, strict=True):
-            per_effect = []
-            for effect in effects:
+        fresh = [effect for effect in effects if str(effect) not in self._filtered]
+        for effect in fresh:
+            signs: tuple[int, ...] = ()
+            columns: list[dict[int, Array]] = []
+            for state, F in zip(self._states, self._filters, strict=True):
                 terms = effect.terms(state)
-                if len(signs) < len(effects):
-                    signs.append(tuple(term.column.sign for term in terms))
-                columns: dict[int, list[Array]] = {}
-                for k, term in enumerate(terms):
-                    for j, values in term.rows.items():
-                        if j in index:
-                            columns.setdefault(index[j], [np.zeros(len(state.t))] * len(terms))
-                            columns[index[j]] = [*columns[index[j]][:k], values, *columns[index[j]][k + 1 :]]
-                per_effect.append({row: F @ np.column_stack(x) for row, x in columns.items()})
-            found.append(per_effect)
-        return [self._collect(effect, [m[e] for m in found], signs[e]) for e, effect in enumerate(effects)]
+                signs = tuple(term.column.sign for term in terms)
+                columns.append({row: np.asarray(F @ C) for row, C in self._columns(terms, len(state.t)).items()})
+            self._filtered[str(effect)] = columns, signs
+        return [self._collect(effect, *self._filtered[str(effect)]) for effect in effects]
+
+    def _columns(self, terms: Sequence[Term], samples: int) -> dict[int, Array]:
+        """Columns of an effect's terms by row of the fitted joints, (samples, k)."""
+        columns: dict[int, Array] = {}
+        for k, term in enumerate(terms):
+            for j, values in term.rows.items():
+                if j in self._row:
+                    columns.setdefault(self._row[j], np.zeros((samples, len(terms))))[:, k] = values
+        return columns
+
+    def screened(self, effects: Sequence[Effect], keep: int = SCREENED) -> Sequence[Effect]:
+        """Those of many shapes of one effect that best fit what is left, judged by unfiltered columns at the rows."""
+        if len(effects) <= 2 * keep or any(effect.memory for effect in effects):
+            return effects
+        left = dict(self.residuals())
+        gains = [self._rough_gain(effect, left) for effect in effects]
+        best = sorted(np.argsort(gains)[::-1][:keep].tolist())
+        return [effects[i] for i in best]
+
+    def _rough_gain(self, effect: Effect, left: Mapping[int, Array]) -> float:
+        found = [self._columns(effect.terms(state), len(state.t)) for state in self._sparse]
+        gain = 0.0
+        for row in found[0]:
+            picked = [m[row][keep] for m, keep in zip(found, self.rows[row].picked, strict=True)]
+            C = np.concatenate(picked)
+            C = C - C.mean(axis=0)
+            fitted = C @ np.linalg.lstsq(C, left[row], rcond=1e-6)[0]
+            gain += self.omega[row] * float(left[row] @ fitted)
+        return gain
 
     def _collect(self, effect: Effect, per_motion: Sequence[Mapping[int, Array]], signs: tuple[int, ...]) -> Projection:
         rows = sorted({row for m in per_motion for row in m})
@@ -286,7 +299,8 @@ class Evidence:
         """The shape that fits best in sample, and its fit."""
         fits = [self.fit(X, D, c, left_out) for (X, D), c in zip(moments, candidates, strict=True)]
         possible = [(i, fit) for i, fit in enumerate(fits) if fit is not None]
-        return max(possible, key=lambda x: x[1].gain, default=None)
+        price = np.log(max(float(self.counts.sum(axis=0).max()), 2.0))
+        return max(possible, key=lambda x: x[1].gain - price * len(candidates[x[0]].signs), default=None)
 
     def fit(
         self, X: Mapping[int, Array], D: Mapping[int, Array], candidate: Projection, left_out: int | None
@@ -324,6 +338,30 @@ class Evidence:
         for row in X:
             sse[row] += 2 * d @ X[row][fold] @ beta + beta @ D[row][fold] @ beta
         return np.asarray(np.maximum(sse, 0.0))
+
+    def believing(self, prior: Prior) -> Evidence:
+        """The same rows under another prior."""
+        new = object.__new__(Evidence)
+        new.__dict__.update(self.__dict__)
+        new.prior = prior
+        new._weigh()
+        return new
+
+    def without(self, stretches: Sequence[tuple[str, float, float]]) -> Evidence:
+        """The same evidence with some stretches of time left out: (source, start, stop) each, s."""
+        new = object.__new__(Evidence)
+        new.__dict__.update(self.__dict__)
+        new.rows = []
+        for r in self.rows:
+            kept = []
+            for motion, t, picked in zip(self.motions, self.times, r.picked, strict=True):
+                inside = [(t[picked] >= a) & (t[picked] <= b) for source, a, b in stretches if source == motion.source]
+                kept.append(~np.any(inside, axis=0) if inside else np.ones(len(picked), bool))
+            keep = np.concatenate(kept)
+            left = [p[k] for p, k in zip(r.picked, kept, strict=True)]
+            new.rows.append(JointRows(r.Y[keep], r.tau[keep], r.fold[keep], r.block[keep], left))
+        new._weigh()
+        return new
 
     def extended(self, candidate: Projection) -> Evidence:
         """The same rows with a candidate's columns taken into the base."""
@@ -377,3 +415,10 @@ class Evidence:
             left = r.tau - r.Y @ (self.theta + fit.change) - C @ fit.beta
             effective[row] = max(effective[row], len(left) / correlation_time(left))
         return effective
+
+
+def _at(state: State, t: Array) -> State:
+    """A motion's state at some of its samples."""
+    k = np.clip(np.searchsorted(state.t, t - 1e-9), 0, len(state.t) - 1)
+    parts = {name: getattr(state, name)[k] for name in ("t", "q", "v", "a", "load", "torque")}
+    return replace(state, **parts, extra={name: x[k] for name, x in state.extra.items()})

@@ -15,7 +15,8 @@ import numpy as np
 
 from frischid.bbrf import Recursion, Variant, bbrf
 from frischid.comparison import Comparison, compare
-from frischid.effects import BASELINE, Effect
+from frischid.effects import BASELINE, Coulomb, Effect
+from frischid.effects.base import WIDTH
 from frischid.eiv import eiv
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimate import Estimate, cross_validated, ols, wls
@@ -33,6 +34,9 @@ from frischid.sensorwise import sensorwise
 from frischid.signals import LowPass, Motion, choose_lowpass, prepare
 
 MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see
+WIDTHS = (0.001, 0.002, WIDTH, 0.01)  # rad/s (m/s)
+SAMPLE = 6000  # samples on which the width of dry friction's sign is chosen
+DECISIVE = 0.98  # share of the default's error below which another width is worth leaving it
 HOPELESS = 0.8  # cross-validated NRMSE above which a joint is not explained but wrong
 ESTIMATORS = ("wls", "ols", "frisch", "sensorwise", "eiv", "iv")
 RECURSIONS = ("strict", "undo", "calibrated", "none")
@@ -82,7 +86,7 @@ def identify(
     logs: Sequence[Log],
     *,
     valid: Sequence[Log] = (),
-    effects: Sequence[Effect] = BASELINE,
+    effects: Sequence[Effect] | None = None,
     torque_joints: Sequence[str] | None = None,
     cutoff: float | Literal["auto"] | None = "auto",
     velocity: str = "auto",
@@ -102,8 +106,9 @@ def identify(
         Logs to fit, each a recording of its own.
     valid : sequence of Log
         Logs to measure the error on.
-    effects : sequence of Effect
-        What acts besides the rigid links.
+    effects : sequence of Effect, optional
+        What acts besides the rigid links. By default `BASELINE`, with the speed over which dry friction changes its
+        direction chosen by cross-validation.
     torque_joints : sequence of str, optional
         Joints whose torque is fitted; all with a torque channel by default.
     cutoff : float, "auto" or None
@@ -145,6 +150,9 @@ def identify(
     lowpass = choose_lowpass(logs, rows) if cutoff == "auto" else LowPass(cutoff)
     notes.append(_filtering(lowpass))
     motions = _motions(robot, logs, lowpass, velocity, notes)
+
+    if effects is None:
+        effects = _baseline(robot, motions, lowpass, rows, notes)
 
     progress("regressor and moments")
     regressor = Regressor(robot, effects, reference)
@@ -219,6 +227,29 @@ def _motions(robot: Robot, logs: Sequence[Log], lowpass: LowPass, velocity: str,
         motions += prepared.motions
         notes += [*log.notes, *prepared.notes]
     return motions
+
+
+def _baseline(
+    robot: Robot, motions: Sequence[Motion], lowpass: LowPass, rows: Sequence[str], notes: list[str]
+) -> tuple[Effect, ...]:
+    """The baseline effects, with the width of dry friction's sign that predicts best a part of the data left out."""
+    share = min(1.0, SAMPLE / sum(len(m.t) for m in motions))
+    parts = [m.middle(share) for m in motions]
+    errors: dict[float, float] = {}
+    for width in WIDTHS:
+        effects = tuple(replace(e, width=width) if isinstance(e, Coulomb) else e for e in BASELINE)
+        regressor = Regressor(robot, effects)
+        reduction = structure(regressor, rows)
+        blocks = [g.select(reduction.base) for g in accumulate(regressor, parts, lowpass, rows)]
+        blocks = [replace(g, columns=reduction.base_columns()) for g in blocks]
+        if len(blocks) < 2 or total(blocks).rows < 2 * reduction.rank:
+            return BASELINE
+        errors[width] = float(np.mean(_nrmse(total(blocks), cross_validated(blocks, wls(blocks)))))
+    best = min(errors, key=lambda width: errors[width])
+    if errors[best] > DECISIVE * errors[WIDTH]:
+        best = WIDTH
+    notes.append(f"dry friction changes its direction over ±{best:g} rad/s (m/s), chosen by cross-validation")
+    return tuple(replace(e, width=best) if isinstance(e, Coulomb) else e for e in BASELINE)
 
 
 def _hopeless(held_out: Mapping[str, float]) -> list[str]:

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from frischid.comparison import compare
-from frischid.diagnosis import Diagnosis, Finding, diagnose, prior_of, situation_of
+from frischid.diagnosis import Diagnosis, Finding, Situation, diagnose, gathered
 from frischid.effects import Effect, columns_of
 from frischid.errors import InputError
 from frischid.estimate import Estimate
-from frischid.evidence import Evidence
 from frischid.identification import identify
 from frischid.log import Log
 from frischid.model import Model
 from frischid.prior import reference_of
-
-Situation = Literal["auto", "always", "changed"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +76,7 @@ def add(
     Step
     """
     if situation == "auto":
-        situation = situation_of(model, [*logs, *valid])
+        situation = gathered(model, [*logs, *valid])[1]
     together = (*model.effects, *effects)
     columns_of(model.robot, together)  # two effects that describe the same thing are refused before any work
     new = _refitted(model, together, logs, situation)
@@ -155,7 +152,7 @@ def searched(
         if not effect.shapes or "(" in text:
             chosen.append(effect)
             continue
-        evidence = Evidence(model, logs, prior_of(model, "changed" if situation == "changed" else "always"))
+        evidence, _ = gathered(model, logs, "changed" if situation == "changed" else "always")
         places = [(n,) for n in effect.joints or model.joints] if effect.candidate == "joint" else [effect.joints]
         for place in places:
             projections = [p for p in evidence.project(effect.variants(place)) if p.columns]
@@ -203,7 +200,7 @@ def _refitted(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log], si
 
 
 def _changed(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log]) -> Model:
-    evidence = Evidence(model, logs, prior_of(model, "changed"))
+    evidence, _ = gathered(model, logs, "changed")
     new = effects[len(model.effects) :]
     columns = columns_of(model.robot, effects)
     added = [c for e in new for c in e.columns(model.robot)]

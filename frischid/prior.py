@@ -95,11 +95,11 @@ def _spread(model: Model, regressor: Regressor) -> Array:
     largest = max(values[f"m{i}"] for i in robot.numbers.values()) or 1.0
     effort = robot.limits.effort[np.isfinite(robot.limits.effort)]
     anything = ANYTHING * max(float(effort.max(initial=0.0)), 10.0)
-    rotors = dict(zip(robot.joints, _inertia(model), strict=True))
+    rotor = _inertia(model)
     spread = np.empty(len(regressor.columns))
     for k, column in enumerate(regressor.columns):
         if column.effect == "rotor_inertia":
-            spread[k] = rotors[column.joint]
+            spread[k] = rotor
         elif column.effect != "rigid":
             spread[k] = anything
         else:
@@ -109,9 +109,7 @@ def _spread(model: Model, regressor: Regressor) -> Array:
     return spread
 
 
-def _inertia(model: Model) -> Array:
-    """Typical inertia of the links about each joint, kg·m² (kg), (J,): a rotor weighs about as much, or less."""
-    robot = model.robot
-    slopes = RigidDynamics.of(robot, None).slopes(*random_states(robot, 16))
-    typical = np.abs(np.einsum("njj->nj", slopes.acceleration)).mean(axis=0)
-    return np.asarray(np.maximum(typical, 0.01 * typical.max() + 1e-9))
+def _inertia(model: Model) -> float:
+    """Largest typical inertia of the links about a joint, kg·m² (kg): no rotor is likely to weigh much more."""
+    slopes = RigidDynamics.of(model.robot, None).slopes(*random_states(model.robot, 16))
+    return float(np.abs(np.einsum("njj->nj", slopes.acceleration)).mean(axis=0).max()) + 1e-9

@@ -25,6 +25,7 @@ from frischid.signals import LowPass, Motion, decimating_filter
 
 CHUNK = 256  # samples; fits the processor's cache
 EXTRA = 6  # columns filtered beside Y: τ, ones, known torque, q, q̇, q̈
+DRIVES = ("rigid", "rotor_inertia", "offset")  # columns that are not friction
 RESTING = 0.01  # share of a filtered sample's weight that may come from standstill
 LEAST_BLOCKS, MAX_BLOCKS = 16, 64
 
@@ -204,7 +205,8 @@ class Regressor:
         values = dict(zip((c.name for c in self.columns), self.reference, strict=True))
         static.reference = np.array([values[c.name] for c in static.columns])
         rigid = len(self.robot.columns)
-        load, torque = np.empty((2, *motion.q.shape))
+        load, torque, drag = np.empty((3, *motion.q.shape))
+        rubs = [k for k, c in enumerate(static.columns) if c.effect not in DRIVES]
         for start in range(0, len(motion.t), CHUNK):
             s = slice(start, start + CHUNK)
             Y = static._evaluate(
@@ -212,8 +214,9 @@ class Regressor:
             )
             load[s] = np.einsum("ncj,c->nj", Y[:, :rigid], static.reference[:rigid])
             torque[s] = np.einsum("ncj,c->nj", Y, static.reference)
+            drag[s] = np.einsum("ncj,c->nj", Y[:, rubs], static.reference[rubs])
         motion_of = (motion.t, motion.q, motion.v, motion.a)
-        return State(self.robot, *motion_of, load, torque, motion.start, motion.extra, static.reference[:rigid])
+        return State(self.robot, *motion_of, load, torque, motion.start, motion.extra, static.reference[:rigid], drag)
 
     def blocks(self, motion: Motion, lowpass: LowPass, chunk: int = CHUNK) -> Iterator[Block]:
         """Filtered, decimated pieces of a motion, in order; together they are the same for any `chunk`."""

@@ -15,7 +15,7 @@ no end is padded. A gap in the stamps ends one stretch of motion and begins anot
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -103,6 +103,13 @@ class Motion:
     def step(self) -> float:
         """Time between samples, s."""
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
+
+    def middle(self, share: float) -> Motion:
+        """A stretch from the middle, of so much of its length."""
+        half = max(2, round(0.5 * share * len(self.t)))
+        kept = slice(max(0, len(self.t) // 2 - half), len(self.t) // 2 + half)
+        parts = {name: getattr(self, name)[kept] for name in ("t", "q", "v", "a", "tau", "still")}
+        return replace(self, **parts, extra={name: x[kept] for name, x in self.extra.items()})
 
 
 @dataclass(frozen=True)
@@ -231,9 +238,8 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
     lowpass : LowPass
         Sets the band of the derivatives.
     velocity : {"auto", "measured", "derived"}
-        Which q̇ (and from it q̈) to use where the log holds one. ``"auto"`` takes per joint the less noisy one,
-        unless the
-        measured one disagrees with the positions.
+        Which q̇ and q̈ to use where the log holds them. ``"auto"`` takes per joint what is nearer the truth: a measured
+        one only where it differs from the positions' by less than their own noise makes it.
 
     Returns
     -------
@@ -316,7 +322,8 @@ def _motion(log: Log, lowpass: LowPass, velocity: str, begin: float) -> tuple[Mo
     keep_v = np.where(use_v, v[inside], source.v)
     keep_a = np.where(use_v, source.a_from_v, source.a)
     if velocity != "derived":
-        keep_a = np.where(np.isnan(a[inside]).any(axis=0), keep_a, a[inside])
+        use_a = log.has("a") if velocity == "measured" else source.better(a[inside])
+        keep_a = np.where(use_a, a[inside], keep_a)
     still = standstill(q[inside], keep_v, step)
     extra = {name: np.interp(t[inside], log.t, values) for name, values in log.extra.items()}
     return Motion(t[inside], q[inside], keep_v, keep_a, tau[inside], still, log.source, begin, extra), notes
@@ -367,16 +374,24 @@ class _Derivatives:
         off = np.sqrt(np.mean((measured - derived) ** 2, axis=0)) / scale
         with np.errstate(invalid="ignore"):
             lag = -np.sum((measured - derived) * acceleration, axis=0) / (np.sum(acceleration**2, axis=0) + 1e-300)
-        # a comes from the same channel as v: compare the noise each leaves on the filtered acceleration
-        from_v = noise_level(self.v_measured) * np.linalg.norm(np.convolve(smooth, self.taps[0]))
-        from_q = noise_level(self.q) * np.linalg.norm(np.convolve(smooth, self.taps[1]))
         late = present & (off > LATE_VELOCITY)
         notes = [
             f"{log.source}: measured velocity of {log.joints[j]} differs from its positions' slope by {off[j]:.0%}"
             f" (it lags {lag[j]:.3g} s): derived from the positions instead"
             for j in np.flatnonzero(late)
         ]
-        return present & ~late & (from_v < from_q), notes
+        return present & ~late & self.better(self.a_from_v), notes
+
+    def better(self, acceleration: Array) -> NDArray[np.bool_]:
+        """Per joint, whether an acceleration is nearer the truth, in the filter's band, than that of the positions.
+
+        The mean square of the difference of the two is e² + n², with e its own error (noise, and a tachometer's lag)
+        and n the noise of the positions' second derivative, which is known: e < n if the difference is below √2 n.
+        """
+        smooth = self.lowpass.taps(self.step)
+        difference = _correlate(smooth, acceleration - self.a)
+        noise = noise_level(self.q) * np.linalg.norm(np.convolve(smooth, self.taps[1]))
+        return np.asarray(np.sqrt(np.mean(difference**2, axis=0)) < np.sqrt(2) * noise)
 
 
 def _correlate(taps: Array, x: Array) -> Array:

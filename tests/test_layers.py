@@ -30,6 +30,7 @@ LAYERS = (
         "conditions",
         "noise",
         "prior",
+        "ranking",
         "evidence",
         "contact",
     ),

@@ -267,9 +267,14 @@ def test_measured_velocity_is_used_when_it_is_the_better_one():
     np.testing.assert_array_equal(ignored.a, derived.a)
 
 
-def test_measured_acceleration_is_used():
-    motion = motion_of(log_of(T, np.sin(T), a=np.full(T.size, 7.0)), LowPass(5.0))
-    assert (motion.a == 7.0).all()
+def test_measured_acceleration_is_used_where_it_is_nearer_the_truth():
+    wrong = log_of(T, np.sin(T), a=np.full(T.size, 7.0))
+    assert (motion_of(wrong, LowPass(5.0), velocity="measured").a == 7.0).all()
+    assert motion_of(wrong, LowPass(5.0)).a[:, 0] == pytest.approx(-np.sin(motion_of(wrong, LowPass(5.0)).t), abs=1e-3)
+    rough = np.sin(T) + 1e-3 * np.random.default_rng(0).normal(size=T.size)
+    exact = log_of(T, rough, a=-np.sin(T))
+    motion = motion_of(exact, LowPass(5.0))
+    assert (motion.a[:, 0] == np.interp(motion.t, T, -np.sin(T))).all()
 
 
 def test_unknown_choice_of_velocity():

@@ -112,7 +112,7 @@ def identify(
             machine,
             data,
             valid=read(valid, machine, mapping),
-            effects=effects_of(effects),
+            effects=None if effects is None else effects_of(effects),
             torque_joints=matching(torque_joints, machine.joints),
             cutoff=cutoff_of(cutoff),
             velocity=velocity,

@@ -55,6 +55,8 @@ class State:
         Other channels of the log, for example ``temperature_<joint>``.
     reference : ndarray, shape (R,), optional
         Reference values of ``robot.columns``, those `load` is made of; None: the URDF's own.
+    drag : ndarray, shape (N, J), optional
+        Torque of the reference's friction, part of `torque`; None: not known, taken as none.
     """
 
     robot: Robot
@@ -67,6 +69,7 @@ class State:
     start: float = 0.0
     extra: Mapping[str, Array] = dataclasses.field(default_factory=dict)
     reference: Array | None = None
+    drag: Array | None = None
 
     @classmethod
     def empty(cls, robot: Robot) -> State:
@@ -78,6 +81,11 @@ class State:
     def rigid(self) -> RigidDynamics:
         """Rigid-body dynamics of the reference parameters, for states other than the measured ones."""
         return RigidDynamics.of(self.robot, self.reference)
+
+    def passed(self, joint: int, rubbing: float) -> Array:
+        """Torque (N,) that passes through a joint's gear, when this share of its friction is behind the gear."""
+        load = self.load[:, joint]
+        return load if self.drag is None else load + rubbing * self.drag[:, joint]
 
     @cached_property
     def slopes(self) -> Slopes:
@@ -150,6 +158,8 @@ class Effect(ABC):
     """Whether it acts in one place only: the diagnosis then does not add further joints to it."""
     generalises: ClassVar[tuple[str, ...]] = ()
     """Effects this one contains: where one of them explains nearly as much, that one is named."""
+    least: ClassVar[float] = 0.0
+    """Size of its parameters below which the effect is not worth its name, however significant."""
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     """Values the diagnosis tries for each shape parameter, in order; it refines between neighbours."""
 

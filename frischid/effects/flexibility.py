@@ -25,7 +25,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from frischid.effects.base import Array, Effect, State, Term, torque_unit
+from frischid.effects.base import Array, Effect, State, Term, is_number, torque_unit
+from frischid.errors import InputError
+
+
+def require_share(effect: str, rubbing: float) -> None:
+    """Raise InputError unless this can be a share of the friction."""
+    if not is_number(rubbing) or rubbing < 0:
+        raise InputError(f"{effect}: rubbing must be a share of the friction, 0 or more, got {rubbing}")
 
 
 def deflected(state: State, joint: int, deflection: Array) -> dict[int, Array]:
@@ -41,7 +48,13 @@ def deflected(state: State, joint: int, deflection: Array) -> dict[int, Array]:
 
 @dataclass(frozen=True)
 class Elasticity(Effect):
-    """Flexible transmission seen from the motor: the link lags by its load times the compliance ``ce = 1/k``."""
+    """Flexible transmission seen from the motor: the link lags by its load times the compliance ``ce = 1/k``.
+
+    Attributes
+    ----------
+    rubbing : float
+        Share of the joint's friction that acts behind the transmission, on the link.
+    """
 
     id: ClassVar[str] = "elasticity"
     title: ClassVar[str] = "joint elasticity"
@@ -58,13 +71,19 @@ class Elasticity(Effect):
 
     memory: ClassVar[bool] = True
     loaded: ClassVar[bool] = True
+    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"rubbing": (0.0, 0.5, 1.0)}
+
+    rubbing: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_share(self.id, self.rubbing)
 
     def terms(self, state: State) -> list[Term]:
         """One column a joint, felt by all."""
         return [
             Term(
                 self.column("ce", torque_unit(state.robot, i, "torque slope torque"), name, number, sign=1),
-                deflected(state, i, state.load[:, i]),
+                deflected(state, i, state.passed(i, self.rubbing)),
             )
             for i, name, number in self.acts_on(state.robot)
         ]
@@ -85,7 +104,7 @@ def play(t: Array, load: Array, inertia: Array, gap: float) -> Array:
     ndarray, shape (N,)
         Between −gap and gap.
     """
-    pull, step = load / np.maximum(inertia, 1e-9 * inertia.max(initial=1e-300)), np.diff(t, prepend=t[:1])
+    pull, step = load / np.maximum(inertia, 0.05 * np.abs(inertia).max(initial=1e-300)), np.diff(t, prepend=t[:1])
     out = np.empty(len(t))
     here, side = 0, float(np.sign(load[0]) or 1.0) if len(t) else 1.0
     while here < len(t):
@@ -124,6 +143,8 @@ class Backlash(Effect):
     ----------
     size : float
         Half the play for which the link's fall is calculated, rad (m); the parameter, the play found, should agree.
+    rubbing : float
+        Share of the joint's friction that acts behind the gear, on the link.
     """
 
     id: ClassVar[str] = "backlash"
@@ -140,12 +161,17 @@ class Backlash(Effect):
 
     memory: ClassVar[bool] = True
     loaded: ClassVar[bool] = True
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"size": (0.0003, 0.001, 0.003, 0.01, 0.03)}
+    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
+        "size": (0.0003, 0.001, 0.003, 0.01, 0.03),
+        "rubbing": (0.0, 0.5),
+    }
 
     size: float = 0.003
+    rubbing: float = 0.0
 
     def __post_init__(self) -> None:
         self.require_positive(size="angle in rad (distance in m)")
+        require_share(self.id, self.rubbing)
 
     def terms(self, state: State) -> list[Term]:
         """One column a joint, half its gap, felt by all."""
@@ -160,4 +186,4 @@ class Backlash(Effect):
     def _place(self, state: State, joint: int) -> Array:
         """Where in its gap the link is, -1 to 1."""
         inertia = state.slopes.acceleration[:, joint, joint]
-        return play(state.t, state.load[:, joint], inertia, self.size) / self.size
+        return play(state.t, state.passed(joint, self.rubbing), inertia, self.size) / self.size

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -99,6 +99,11 @@ class ThermalDrift(Effect):
         if not is_number(self.at):
             raise InputError(f"thermal_drift: at must be a temperature in °C, got {self.at}")
         self.require_positive(constant="time in s", width="speed in rad/s (m/s)")
+
+    @classmethod
+    def variants(cls, joints: tuple[str, ...] | None) -> list[Self]:
+        """By the clock with every time constant, and by the measured temperature."""
+        return [*super().variants(joints), cls(joints=joints, by="temperature")]
 
     def channels(self, robot: Robot) -> tuple[str, ...]:
         """``temperature_<joint>``, if it goes by temperature."""

@@ -61,6 +61,7 @@ class TimeDelay(Effect):
     reference: ClassVar[str] = "Leboutet, Roux, Janot, Guadarrama-Olvera and Cheng 2021, Applied Sciences 11(9)"
 
     memory: ClassVar[bool] = True
+    least: ClassVar[float] = 1e-3  # s: a period of the usual torque loop
     loaded: ClassVar[bool] = True
 
     @classmethod

@@ -1,0 +1,351 @@
+"""Candidates judged against each other, because a real robot hides more than one thing.
+
+1.  Every effect in every place and shape is scored alone, on data it was not fitted to:
+
+        Δ log L = ½ Σ_j n_j/ℓ_j · log(SSE_j before / SSE_j after)  −  ½ k log n
+
+    with n_j/ℓ_j the *effectively independent* samples of joint j and k the parameters it costs.
+2.  They enter together, the one that removes most first, as long as the best of the rest passes; then each that
+    entered is held against every other in its place.
+3.  What an effect is worth is what the error rises by when it alone is taken away again: what others can explain as
+    well is not counted for it. The ranking is by that.
+
+So a hidden effect is found beside a background of small ones, and what merely resembles it does not share its rank.
+Source of step 2: Orthogonal least squares, Chen, Billings and Luo 1989, Int. J. Control 50(5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from frischid.effects import Coulomb, Effect
+from frischid.evidence import Evidence, Projection, Score
+from frischid.gram import Array
+
+TOGETHER = 6  # effects in one place each that may enter together
+POOL = 40  # candidates that go on after the first round
+SIGNIFICANCE = 0.01
+TRIFLE = 0.004  # of a joint's torque: what explains less is not worth a parameter, however significant
+STEADY = 0.05  # p value over blocks of time that a finding must reach, so that no single moment makes it
+SAME = 0.9  # a rival that removes this share of what the best removes, and adds nothing to it, is the same finding
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """One effect in one place, in the shape that fits best.
+
+    Attributes
+    ----------
+    projection : Projection
+    score : Score
+    ratio : float
+        Log likelihood ratio on held-out data.
+    price : float
+        What its parameters cost.
+    removed : float
+        What it takes off the sum of the joints' squared held-out NRMSE.
+    """
+
+    projection: Projection
+    score: Score
+    ratio: float
+    price: float
+    removed: float
+
+    @property
+    def effect(self) -> Effect:
+        """The effect, in its place and shape."""
+        return self.projection.effect
+
+    @property
+    def gain(self) -> float:
+        """Log likelihood it adds, less its price."""
+        return self.ratio - self.price
+
+    @property
+    def costs(self) -> int:
+        """Its parameters: coefficients and shapes."""
+        return len(self.projection.signs) + len(type(self.effect).shapes)
+
+    def chance(self, tried: int) -> float:
+        """P value of a likelihood ratio at least this large, corrected for what was tried (Bonferroni)."""
+        if self.gain <= 0:
+            return 1.0
+        return min(1.0, tried * float(stats.chi2.sf(2 * self.ratio, self.costs)))
+
+
+@dataclass(frozen=True, eq=False)
+class Ranked:
+    """An effect at all its places.
+
+    Attributes
+    ----------
+    places : tuple of Judged
+        The best first, each as it is alone.
+    together : Projection
+        All places at once.
+    score : Score
+        Of all places at once.
+    gain, removed, unique : float
+        Log likelihood less its price, what it takes off the summed squared NRMSE alone, and beside the others.
+    p_value : float
+    entered : bool
+        Whether it is one of those that explain the data together.
+    rivals : tuple of str
+        Effects that explain these data as well.
+    """
+
+    places: tuple[Judged, ...]
+    together: Projection
+    score: Score
+    gain: float
+    removed: float
+    unique: float
+    p_value: float
+    entered: bool
+    rivals: tuple[str, ...] = ()
+
+    @property
+    def kind(self) -> type[Effect]:
+        """The effect's class."""
+        return type(self.together.effect)
+
+
+def ranking(
+    evidence: Evidence, kinds: Iterable[type[Effect]], progress: Callable[[str], None] = lambda _: None
+) -> list[Ranked]:
+    """Every effect that can act on this robot, the one that explains most first."""
+    pool: list[Judged] = []
+    for kind in kinds:
+        progress(f"trying {kind.id}")
+        for alternatives in kind.candidates(evidence.model.robot):
+            projections = distinct(evidence, alternatives)
+            if projections and (found := judged(evidence, projections)) is not None:
+                pool.append(found)
+    tried = len(pool)
+    progress("judging them against each other")
+    chosen, full = _together(evidence, pool, tried)
+    unique = {id(c): _worth(evidence, chosen, c, full) for c in chosen}
+    return _ranked(evidence, pool, chosen, unique, tried)
+
+
+def distinct(evidence: Evidence, alternatives: Sequence[Effect]) -> list[Projection]:
+    """Projections of the shapes of one candidate that are not in the model, whose columns have a row here."""
+    present = {c.name for c in evidence.regressor.columns}
+    measured = set.intersection(*({*m.extra} for m in evidence.motions))
+    robot = evidence.model.robot
+    fresh = [
+        effect
+        for effect in (as_dry(effect, evidence.model.effects) for effect in alternatives)
+        if measured.issuperset(effect.channels(robot))
+        and not any(column.name in present for column in effect.columns(robot))
+    ]
+    found = evidence.project(evidence.screened(fresh))
+    return [p for p in found if p.columns and all(np.isfinite(x).all() for x in p.columns.values())]
+
+
+def as_dry(effect: Effect, known: Sequence[Effect]) -> Effect:
+    """The effect with the sign of the speed smoothed as the model's dry friction has it."""
+    width = next((e.width for e in known if isinstance(e, Coulomb)), None)
+    if width is None or "width" not in effect.parameters:
+        return effect
+    return type(effect)(joints=effect.joints, **effect.parameters | {"width": width})
+
+
+def judged(evidence: Evidence, projections: Sequence[Projection]) -> Judged | None:
+    """One candidate in its best shape, held against the evidence; None when the model's columns span it."""
+    scored = evidence.score(projections)
+    if scored is None:
+        return None
+    score, projection = scored
+    before = evidence.base_sse()
+    effective = evidence.effective
+    ratio = evidence.log_likelihood(before, score.sse, effective)
+    if ratio > 0:
+        ratio = evidence.log_likelihood(before, score.sse, evidence.effective_with(projection))
+    rows = float(evidence.counts.sum(axis=0)[list(projection.columns)].sum())
+    costs = len(projection.signs) + len(type(projection.effect).shapes)
+    price = 0.5 * costs * float(np.log(max(rows, 2.0)))
+    return Judged(projection, score, ratio, price, removed(evidence, before, score.sse))
+
+
+def removed(evidence: Evidence, before: Array, after: Array) -> float:
+    """What is taken off the sum over joints of the squared held-out NRMSE."""
+    return float((evidence.nrmse(before) ** 2 - evidence.nrmse(after) ** 2).sum())
+
+
+# ---------------------------------------------------------------------- several at once
+
+
+def _together(evidence: Evidence, pool: Sequence[Judged], tried: int) -> tuple[list[Judged], Evidence]:
+    """Candidates that explain the data together, and the evidence with all of them in the model."""
+    rest = sorted((c for c in pool if c.gain > 0), key=lambda c: -c.removed)[:POOL]
+    chosen: list[Judged] = []
+    now = evidence
+    while rest and len(chosen) < TOGETHER:
+        fresh = [(c, j) for c in rest if (j := judged(now, [c.projection])) is not None and _passes(now, j, tried)]
+        if not fresh:
+            break
+        best = max(fresh, key=lambda pair: pair[1].removed)[0]
+        chosen.append(best)
+        rest = [c for c, _ in fresh if c is not best and not _excluded(c, best)]
+        now = now.extended(best.projection)
+    return _exchanged(evidence, pool, chosen, now)
+
+
+def _passes(evidence: Evidence, candidate: Judged, tried: int) -> bool:
+    if candidate.removed < TRIFLE**2 or candidate.chance(tried) > SIGNIFICANCE:
+        return False
+    if np.abs(candidate.score.beta).max() < type(candidate.effect).least:
+        return False
+    return block_test(evidence, candidate.projection) < STEADY
+
+
+def _excluded(candidate: Judged, chosen: Judged) -> bool:
+    """An effect that acts in one place only is not looked for in another."""
+    return type(candidate.effect) is type(chosen.effect) and candidate.effect.single
+
+
+def _exchanged(
+    evidence: Evidence, pool: Sequence[Judged], chosen: list[Judged], full: Evidence
+) -> tuple[list[Judged], Evidence]:
+    """Hold every chosen candidate against all others in its place, once round."""
+    if len(chosen) < 2:
+        return chosen, full
+    likely = sorted((c for c in pool if c.gain > 0), key=lambda c: -c.removed)[:POOL]
+    for k in range(len(chosen)):
+        without = _extended(evidence, [c for i, c in enumerate(chosen) if i != k])
+        others = [c for c in likely if c is chosen[k] or all(c is not x for x in chosen)]
+        scored = [(c, j) for c in others if (j := judged(without, [c.projection])) is not None]
+        if not scored:
+            continue
+        best = max(scored, key=lambda pair: pair[1].removed)[0]
+        if best is not chosen[k]:
+            chosen[k] = best
+            full = without.extended(best.projection)
+    return chosen, full
+
+
+def _extended(evidence: Evidence, chosen: Iterable[Judged]) -> Evidence:
+    for c in chosen:
+        evidence = evidence.extended(c.projection)
+    return evidence
+
+
+def _worth(evidence: Evidence, chosen: Sequence[Judged], one: Judged, full: Evidence) -> float:
+    """What the summed squared NRMSE rises by when one of those chosen is taken away."""
+    without = _extended(evidence, [c for c in chosen if c is not one])
+    return removed(evidence, without.base_sse(), full.base_sse())
+
+
+# ---------------------------------------------------------------------- effects
+
+
+def _ranked(
+    evidence: Evidence, pool: Sequence[Judged], chosen: Sequence[Judged], unique: dict[int, float], tried: int
+) -> list[Ranked]:
+    """Gather places into effects and put them in order: those that entered, by their worth; then the others."""
+    found = []
+    for kind in dict.fromkeys(type(c.effect) for c in pool):
+        entered = [c for c in chosen if type(c.effect) is kind]
+        places = sorted(entered, key=lambda c: -unique[id(c)]) or _best_places(
+            evidence, [c for c in pool if type(c.effect) is kind]
+        )
+        worth = max((unique[id(c)] for c in entered), default=0.0)
+        found.append(_joined(evidence, places, worth, tried, bool(entered)))
+    found.sort(key=lambda r: (not r.entered, -r.unique, r.p_value > SIGNIFICANCE, -r.removed, -r.gain))
+    return _told_apart(evidence, found)
+
+
+def _best_places(evidence: Evidence, places: Sequence[Judged]) -> list[Judged]:
+    """The best place of an effect, and further ones while each pays for itself."""
+    ordered = sorted(places, key=lambda c: -c.gain)
+    best = ordered[:1]
+    if ordered[0].gain > 0 and not ordered[0].effect.single:
+        best += [c for c in ordered[1:] if c.gain > 0 and c.removed > TRIFLE**2]
+    return best
+
+
+def _joined(evidence: Evidence, places: Sequence[Judged], worth: float, tried: int, entered: bool) -> Ranked:
+    """All places of an effect as one candidate."""
+    together = places[0].projection
+    for place in places[1:]:
+        together = merged(evidence, together, place.projection)
+    whole = places[0] if len(places) == 1 else judged(evidence, [together])
+    if whole is None or len(places) == 1 or whole.gain <= places[0].gain:
+        places, whole = places[:1], places[0]
+    worthy = np.abs(whole.score.beta).max(initial=0.0) >= type(whole.effect).least
+    steady = worthy and whole.gain > 0 and (entered or block_test(evidence, whole.projection) < STEADY)
+    return Ranked(
+        tuple(places),
+        whole.projection,
+        whole.score,
+        whole.gain,
+        whole.removed,
+        worth,
+        min(place.chance(tried) for place in places) if steady else 1.0,
+        entered,
+    )
+
+
+def merged(evidence: Evidence, a: Projection, b: Projection) -> Projection:
+    """Two places of an effect as one candidate."""
+    columns = {}
+    for row in {*a.columns, *b.columns}:
+        n = len(evidence.rows[row].tau)
+        left = a.columns.get(row, np.zeros((n, len(a.signs))))
+        right = b.columns.get(row, np.zeros((n, len(b.signs))))
+        columns[row] = np.column_stack([left, right])
+    return Projection(a.effect, columns, (*a.signs, *b.signs))
+
+
+def _told_apart(evidence: Evidence, found: list[Ranked]) -> list[Ranked]:
+    """Name the rivals of the best: those that remove nearly as much alone, and add nothing to it."""
+    if not found or not found[0].entered:
+        return found
+    top, given = found[0], evidence.extended(found[0].together)
+    rivals = []
+    for other in found[1:]:
+        if other.removed < SAME * top.removed or other.gain <= 0:
+            continue
+        after = judged(given, [other.together])
+        if after is None or after.gain <= 0 or after.removed < 0.1 * top.removed:
+            rivals.append(other)
+    names = {type(r.together.effect).id for r in rivals}
+    simpler = [r for r in rivals if r.kind.id in top.kind.generalises]
+    first = simpler[0] if simpler else top
+    rest = [r for r in found if r is not first]
+    names |= {top.kind.id}
+    result = [replace(first, rivals=tuple(sorted(names - {first.kind.id})), entered=True)]
+    for r in rest:
+        result.append(replace(r, rivals=(first.kind.id,)) if r in rivals or (r is top and simpler) else r)
+    return result
+
+
+def block_test(evidence: Evidence, projection: Projection) -> float:
+    """P value of a paired one-sided t test over blocks of time: the held-out squared error is smaller."""
+    X, D = evidence.moments(projection)
+    gains: dict[int, float] = {}
+    for fold in range(evidence.folds):
+        fit = evidence.fit(X, D, projection, fold)
+        if fit is None:
+            return 1.0
+        theta = evidence.systems[fold][1]
+        for row, r in enumerate(evidence.rows):
+            part = r.fold == fold
+            before = r.tau[part] - r.Y[part] @ theta
+            after = before - r.Y[part] @ fit.change
+            if row in projection.columns:
+                after = after - projection.columns[row][part] @ fit.beta
+            difference = evidence.omega[row] * (before**2 - after**2)
+            blocks, where = np.unique(r.block[part], return_inverse=True)
+            for b, g in zip(blocks, np.bincount(where, difference), strict=True):
+                gains[int(b)] = gains.get(int(b), 0.0) + float(g)
+    g = np.array(list(gains.values()))
+    if len(g) < 3 or not g.std() > 0:
+        return 1.0
+    return float(stats.t.sf(g.mean() / (g.std(ddof=1) / np.sqrt(len(g))), len(g) - 1))
