@@ -17,6 +17,7 @@ from frischid.gram import Array
 from frischid.identification import Identification, identify
 from frischid.improvement import Step, add
 from frischid.log import Log
+from frischid.model import Model
 from frischid.robot import Robot
 from frischid.simulation import Noise, parameters_of, simulate
 from frischid.trajectory import random_fourier
@@ -45,6 +46,10 @@ class Demo:
         Of the arm with the hidden effect.
     step : Step
         The effect that was found, added.
+    model : Model
+        Of the arm with the hidden effect, before it was added.
+    logs : tuple of Log
+        Two motions of that arm; the second was held out.
     """
 
     found: Identification
@@ -53,6 +58,8 @@ class Demo:
     rate: float
     diagnosis: Diagnosis
     step: Step
+    model: Model
+    logs: tuple[Log, ...]
 
 
 def run(seed: int, progress: Callable[[str], None] = lambda _: None) -> Demo:
@@ -94,4 +101,5 @@ def run(seed: int, progress: Callable[[str], None] = lambda _: None) -> Demo:
     diagnosis = diagnose(model, [log], valid=[held_out], progress=progress)
     best = diagnosis.findings[0]
     step = add(model, best.members, [log], valid=[held_out], finding=best)
-    return Demo(found, np.asarray(found.reduction.mapping @ theta), seconds, rate, diagnosis, step)
+    truth = np.asarray(found.reduction.mapping @ theta)
+    return Demo(found, truth, seconds, rate, diagnosis, step, model, (log, held_out))

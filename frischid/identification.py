@@ -39,6 +39,7 @@ SAMPLE = 6000  # samples on which the width of dry friction's sign is chosen
 DECISIVE = 0.98  # share of the default's error below which another width is worth leaving it
 HOPELESS = 0.8  # cross-validated NRMSE above which a joint is not explained but wrong
 ESTIMATORS = ("wls", "ols", "frisch", "sensorwise", "eiv", "iv")
+RECORDED = 40  # steps of the recursion kept with the model
 RECURSIONS = ("strict", "undo", "calibrated", "none")
 
 
@@ -197,6 +198,7 @@ def identify(
         whole.sums[:, -1] / whole.counts,
         bounds,
         reference,
+        recursion=None if recursed is None else _record(recursed, estimate),
     )
     progress("comparison")
     held_out = dict(zip(rows, _nrmse(whole, cross_validated(blocks, estimate)), strict=True))
@@ -430,6 +432,27 @@ def _recursion(
     except IdentifiabilityError as error:
         warnings.append(f"BBRF left out: {error}")
         return None
+
+
+def _record(recursed: Recursion, estimate: Estimate) -> dict[str, Any]:
+    """How the bounds closed in, few enough steps to be kept with the model: the first ones, then ever fewer."""
+    count = len(recursed.steps)
+    rows = np.unique(np.round(np.geomspace(1, max(count, 1), RECORDED)).astype(int) - 1)[: max(count, 0)]
+    emptied = recursed.emptied
+    return {
+        "names": list(recursed.names),
+        "units": [c.unit for c in estimate.columns],
+        "variant": recursed.variant,
+        "windows": recursed.windows,
+        "emptied": None if emptied is None else {"parameter": emptied.parameter, "window": emptied.window},
+        "steps": recursed.steps[rows].tolist(),
+        "lower": [_digits(recursed.lower[i]) for i in rows],
+        "upper": [_digits(recursed.upper[i]) for i in rows],
+    }
+
+
+def _digits(values: Array) -> list[float | None]:
+    return [float(f"{x:.6g}") if np.isfinite(x) else None for x in values]
 
 
 def _moving_but_locked(robot: Robot, logs: Sequence[Log]) -> list[str]:

@@ -58,6 +58,9 @@ class Model:
         What was done, oldest first, in plain JSON values.
     previous : Model, optional
         The model before the last step of its history.
+    recursion : dict, optional
+        How BBRF's bounds closed in: ``names``, ``units``, ``variant``, ``windows``, ``steps``, ``lower``, ``upper``
+        (steps × p, null where open), ``emptied``; plain JSON values.
     """
 
     robot: Robot
@@ -72,6 +75,7 @@ class Model:
     reference: Mapping[str, float] | None = None
     history: tuple[Mapping[str, Any], ...] = ()
     previous: Model | None = None
+    recursion: Mapping[str, Any] | None = None
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -137,6 +141,7 @@ class Model:
             "covariance": e.covariance.tolist(),
             "information": e.information.tolist(),
             "previous": None if self.previous is None else _without_robot(self.previous.to_dict()),
+            "recursion": None if self.recursion is None else dict(self.recursion),
         }
 
     def _parameter(self, i: int) -> dict[str, Any]:
@@ -210,6 +215,7 @@ class Model:
             data["reference"],
             tuple(data["history"]),
             None if data["previous"] is None else cls.from_dict({**data["previous"], "robot": data["robot"]}),
+            data.get("recursion"),
         )
 
     def save(self, path: str | Path) -> None:

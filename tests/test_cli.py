@@ -233,13 +233,14 @@ def test_effects():
 
 def test_demo(tmp_path):
     path = tmp_path / "model.json"
-    data = data_of("demo", "-o", path)
+    data = data_of("demo", "-o", path, "--report", tmp_path / "page.html")
     within = [abs(p["value"] - p["true"]) <= 3 * p["stderr"] for p in data["parameters"]]
     assert sum(within) >= len(within) - 1
     assert data["comparison"]["nrmse"] < 0.01
     assert path.exists()
-    text = run("demo", "--seed", 3).stdout
-    for words in ("true", "± s.e.", "Held-out error on motion B"):
+    assert "<!doctype html>" in (tmp_path / "page.html").read_text(encoding="utf-8")[:20]
+    text = run("demo", "--seed", 3, "--report", tmp_path / "again.html").stdout
+    for words in ("true", "± s.e.", "Held-out error on motion B", "again.html"):
         assert words in text
 
 
@@ -382,6 +383,7 @@ def test_the_output_folder_must_exist(logs, tmp_path, monkeypatch):
 def test_output_is_refused_before_the_work(tmp_path, monkeypatch):
     monkeypatch.setattr("frischid.demo.run", lambda *_, **__: pytest.fail("worked for nothing"))
     refused(["there is no folder"], "demo", "-o", tmp_path / "none" / "model.json")
+    refused(["there is no folder"], "demo", "--report", tmp_path / "none" / "page.html")
     monkeypatch.setattr("frischid.simulation.simulate", lambda *_, **__: pytest.fail("worked for nothing"))
     refused(["there is no folder"], "simulate", "planar2", "-o", tmp_path / "none" / "log.csv")
 

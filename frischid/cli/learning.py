@@ -25,17 +25,22 @@ def effects(name: str | None, as_json: bool) -> None:
 @main.command()
 @click.option("--seed", default=0, show_default=True, help="Of the motions and the noise.")
 @click.option("-o", "--output", type=click.Path(), help="Write the model here (JSON).")
+@click.option(
+    "--report", "page", type=click.Path(), default="frischid-demo.html", show_default=True, help="Where the page goes."
+)
 @json_option
-def demo(seed: int, output: str | None, as_json: bool) -> None:
-    """The whole job on a simulated planar arm: simulate, identify, compare with the truth."""
+def demo(seed: int, output: str | None, page: str, as_json: bool) -> None:
+    """The whole job on a simulated planar arm: simulate, identify, compare with the truth, write the report."""
     from frischid.demo import run
     from frischid.model import check_writable
+    from frischid.report import report
     from frischid.show import learning as show
 
-    if output:
-        check_writable(output)
+    for path in filter(None, (output, page)):
+        check_writable(path)
     with working(as_json) as progress:
         result = run(seed, progress)
+        report(result.model, result.logs, page, diagnosis=result.diagnosis, truth=result.truth, progress=progress)
     if output:
         result.found.model.save(output)
-    show_page(show.demo(result, output), as_json)
+    show_page(show.demo(result, output, page), as_json)

@@ -66,7 +66,7 @@ def _hidden(result: Demo) -> list[Any]:
     ]
 
 
-def demo(result: Demo, output: str | None) -> Page:
+def demo(result: Demo, output: str | None, page: str) -> Page:
     """The demonstration, with the truth beside every estimate."""
     found = result.found
     assert found.comparison is not None  # the demonstration always holds a motion out
@@ -86,9 +86,11 @@ def demo(result: Demo, output: str | None) -> Page:
     parts += [*comparison(found.comparison).parts, verdict, *warning_lines(found.warnings), "", *_hidden(result)]
     if output:
         parts.append(f"model written to {output}")
+    parts.append(f"report on the arm with the hidden effect written to {page}: open it in a browser")
     data = identified(found)
     for row, true in zip(data["parameters"], result.truth, strict=True):
         row["true"] = float(true)
+    data["report"] = page
     data["hidden"] = {"truth": HIDDEN, "diagnosis": result.diagnosis.to_dict(), "error_after": result.step.error_after}
     return Page(data, parts)
 

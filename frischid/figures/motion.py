@@ -1,18 +1,13 @@
-"""Figures, made once and shown wherever they are needed: Plotly, self-contained, offline."""
+"""A planned motion."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from frischid.excitation import Plan
-from frischid.model import write_text
-
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")  # Okabe and Ito
-DASHES = ("solid", "dash", "dot", "dashdot")
+from frischid.figures.style import COLOURS, DASHES
 
 
 def excitation(plan: Plan, rate: float = 50.0) -> go.Figure:
@@ -48,8 +43,3 @@ def excitation(plan: Plan, rate: float = 50.0) -> go.Figure:
     figure.update_xaxes(title_text="evaluations", row=4, col=1)
     figure.update_layout(template="plotly_white", height=1100, margin={"l": 70, "r": 20, "t": 60, "b": 50})
     return figure
-
-
-def save(figure: go.Figure, path: str | Path) -> None:
-    """Write a figure as one HTML file that opens offline."""
-    write_text(Path(path), figure.to_html(include_plotlyjs=True, full_html=True))

@@ -1,0 +1,144 @@
+"""Where a model fails: the matrix of joints and conditions, and the residual against what it might depend on."""
+
+from __future__ import annotations
+
+import numpy as np
+import plotly.graph_objects as go
+
+from frischid.comparison import Comparison
+from frischid.figures.style import SCALE, VERMILION, WORDS, Drawing, drawing, plain, short, units_of
+from frischid.gram import Array
+from frischid.prediction import Prediction
+
+ORDER = (
+    "near reversal", "slow", "fast", "forwards", "backwards", "low angles", "middle angles", "high angles",
+    "high load", "high acceleration", "beginning", "end",
+)  # fmt: skip
+CERTAIN = 0.01
+BINS = 16
+CELLS = 20
+QUANTILES = (5, 25, 50, 75, 95)
+
+
+def matrix(comparison: Comparison) -> Drawing:
+    """Joint by condition: error under it as a multiple of the joint's average, a star where it is more than chance."""
+    joints = list(comparison.joints)
+    found = {(c.joint, c.condition): c for c in comparison.residuals.conditions()}
+    order = [name for name in ORDER if any((j, name) in found for j in joints)]
+    ratio = np.array([[found[j, n].ratio if (j, n) in found else np.nan for j in joints] for n in order])
+    text = [
+        ["" if (c := found.get((j, n))) is None else f"{c.ratio:.1f}{'*' * (c.p_value < CERTAIN)}" for j in joints]
+        for n in order
+    ]
+    names = short(joints)
+    figure = go.Figure(
+        go.Heatmap(
+            z=plain(ratio.reshape(len(order), len(joints))), x=names, y=order, text=text, texttemplate="%{text}",
+            colorscale=SCALE, zmin=1.0, zmax=max(2.0, float(np.nanmax(ratio, initial=1.0))), xgap=2, ygap=2,
+            showscale=False, hovertemplate="%{x}, %{y}: %{z:.2f} × its average<extra></extra>",
+        )
+    )  # fmt: skip
+    figure.update_yaxes(autorange="reversed", showgrid=False, automargin=True)
+    figure.update_xaxes(showgrid=False, automargin=True, tickangle=-40 if sum(map(len, names)) > 40 else 0)
+    certain = sorted((c for c in found.values() if c.p_value < CERTAIN), key=lambda c: -c.ratio)
+    labels = dict(zip(joints, names, strict=True))
+    reading = (
+        f"{labels[certain[0].joint]}, {certain[0].condition}: {certain[0].ratio:.1f} × its average."
+        if certain
+        else "No condition stands out: the error is about the same everywhere."
+    )
+    return drawing(
+        "Error under each condition, as a multiple of the joint's average (* more than chance, p < 0.01)",
+        reading, figure, 90 + 30 * max(len(order), 2), margin={"l": 116, "r": 8, "t": 10, "b": 70},
+    )  # fmt: skip
+
+
+def against(prediction: Prediction, joint: str, variable: str, sliding: bool = False) -> Drawing:
+    """Residual of a joint against one variable: median and spread in bins of equally many samples.
+
+    Parameters
+    ----------
+    prediction : Prediction
+    joint : str
+    variable : {"q", "v", "a", "load", "t"}
+    sliding : bool
+        Whether the joint is prismatic.
+    """
+    j = prediction.joints.index(joint)
+    x, r = values_of(prediction, j, variable)
+    centre, spread = binned(x, r)
+    figure = go.Figure()
+    bands = ((0, 4, "rgba(213,94,0,0.15)", "90 % of samples"), (1, 3, "rgba(213,94,0,0.35)", "half of them"))
+    for low, high, colour, name in bands:
+        figure.add_scatter(
+            x=plain(np.concatenate([centre, centre[::-1]])), y=plain(np.concatenate([spread[high], spread[low][::-1]])),
+            fill="toself", fillcolor=colour, line={"width": 0}, mode="lines", name=name, hoverinfo="skip",
+        )  # fmt: skip
+    figure.add_scatter(
+        x=plain(centre), y=plain(spread[2]), name="median", mode="lines+markers", marker={"size": 5},
+        line={"color": VERMILION, "width": 1.8},
+    )  # fmt: skip
+    units = units_of(sliding)
+    figure.update_xaxes(title_text=f"{WORDS[variable]}, {units[variable]}")
+    figure.update_yaxes(title_text=f"residual, {units['load']}", zeroline=True)
+    reading = "No sample of this joint is in motion."
+    if len(centre):
+        half = spread[3] - spread[1]
+        widest = int(half.argmax())
+        times = half[widest] / max(float(np.median(half)), 1e-300)
+        reading = (
+            f"Median from {spread[2].min():.2g} to {spread[2].max():.2g} {units['load']}; spread widest around "
+            f"{centre[widest]:.2g} {units[variable]}, {times:.1f} × the usual."
+        )
+    return drawing(
+        f"Residual against {WORDS[variable]}", reading, figure, 250, showlegend=False,
+        margin={"l": 64, "r": 10, "t": 8, "b": 46},
+    )  # fmt: skip
+
+
+def plane(prediction: Prediction, joint: str, sliding: bool = False) -> Drawing:
+    """Rms residual of a joint over position and velocity."""
+    j = prediction.joints.index(joint)
+    (q, r), (v, _) = values_of(prediction, j, "q"), values_of(prediction, j, "v")
+    if len(q) == 0:
+        q, v, r = np.zeros((3, 1))
+    count, rows, columns = np.histogram2d(v, q, bins=CELLS)
+    total, _, _ = np.histogram2d(v, q, bins=(rows, columns), weights=r**2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rms = np.where(count > 0, np.sqrt(total / count), np.nan)
+    units = units_of(sliding)
+    figure = go.Figure(
+        go.Heatmap(
+            z=plain(rms), x=plain((columns[1:] + columns[:-1]) / 2), y=plain((rows[1:] + rows[:-1]) / 2),
+            colorscale=SCALE, zmin=0, colorbar={"title": {"text": units["load"]}, "thickness": 10, "outlinewidth": 0},
+            hovertemplate="q %{x:.3g}, q̇ %{y:.3g}: rms %{z:.3g}<extra></extra>",
+        )
+    )  # fmt: skip
+    figure.update_xaxes(title_text=f"position q, {units['q']}", showgrid=False)
+    figure.update_yaxes(title_text=f"velocity q̇, {units['v']}", showgrid=False)
+    worst = np.unravel_index(np.nanargmax(rms), rms.shape)
+    where = (
+        f"q {(columns[worst[1]] + columns[worst[1] + 1]) / 2:.2g}, q̇ {(rows[worst[0]] + rows[worst[0] + 1]) / 2:.2g}"
+    )
+    return drawing(
+        "Rms residual over position and velocity",
+        f"Darkest where the model misses most: {float(np.nanmax(rms)):.2g} {units['load']} around {where}.",
+        figure, 250, margin={"l": 64, "r": 8, "t": 8, "b": 46},
+    )  # fmt: skip
+
+
+def values_of(prediction: Prediction, j: int, variable: str) -> tuple[Array, Array]:
+    """A variable and the residual of a joint over the samples in motion, (N,) each."""
+    used = prediction.used[:, j]
+    source = {"load": prediction.fitted, "q": prediction.q, "v": prediction.v, "a": prediction.a}
+    x = prediction.t if variable == "t" else source[variable][:, j]
+    return x[used], prediction.residual[used, j]
+
+
+def binned(x: Array, y: Array, bins: int = BINS) -> tuple[Array, Array]:
+    """Quantiles of y in bins of equally many samples of x: centres (B,), quantiles (5, B)."""
+    if len(x) == 0:
+        return np.zeros(0), np.zeros((len(QUANTILES), 0))
+    order = np.array_split(np.argsort(x, kind="stable"), max(1, min(bins, len(x) // 5)))
+    centre = np.array([np.median(x[part]) for part in order])
+    return centre, np.array([np.percentile(y[part], QUANTILES) for part in order]).T

@@ -1,0 +1,80 @@
+"""The error falls: a model's history as a staircase."""
+
+from __future__ import annotations
+
+import plotly.graph_objects as go
+
+from frischid.figures.style import BLUE, FAINT, GREEN, Drawing, drawing
+from frischid.model import Model
+
+
+def steps_of(model: Model) -> list[tuple[str, float | None, float]]:
+    """What was done, and the error before and after it; steps without an error are passed over."""
+    found: list[tuple[str, float | None, float]] = []
+    for event in model.history:
+        after = event.get("error_after", event.get("held_out_nrmse"))
+        after = event.get("cross_validated_nrmse") if after is None else after
+        if after is None:
+            continue
+        effects = event.get("effects", [])
+        name = event["action"] if event["action"] == "identify" else " + ".join(_kinds(effects)) or event["action"]
+        found.append((name, event.get("error_before"), float(after)))
+    return found
+
+
+def _kinds(effects: list[str]) -> list[str]:
+    """Identifiers alone: what an effect is, not its shape and joints."""
+    return list(dict.fromkeys(e.split("(")[0].split("@")[0] for e in effects))
+
+
+def staircase(model: Model, floor: float) -> Drawing:
+    """Held-out error after each step, with the error the sensors alone would leave.
+
+    Parameters
+    ----------
+    model : Model
+    floor : float
+        Noise floor, NRMSE.
+    """
+    steps = steps_of(model)
+    x: list[float | None] = []
+    y: list[float | None] = []
+    for i, (_, before, after) in enumerate(steps):
+        if i > 0 and before is not None:
+            joined = abs(before - steps[i - 1][2]) < 1e-9
+            # Measured on other data than the step before: the stair is broken, not joined.
+            x += [i - 0.5] if joined else [None, i - 0.5]
+            y += [before] if joined else [None, before]
+        x += [i - 0.5, i + 0.5]
+        y += [after, after]
+    figure = go.Figure()
+    figure.add_scatter(x=x, y=y, mode="lines", line={"color": BLUE, "width": 3}, name="held-out error")
+    figure.add_scatter(
+        x=list(range(len(steps))), y=[s[2] for s in steps], mode="markers+text", showlegend=False,
+        text=[f"{s[2]:.4f}" for s in steps], textposition="top center", marker={"size": 8, "color": BLUE},
+        cliponaxis=False,
+    )  # fmt: skip
+    figure.add_scatter(
+        x=[-0.5, len(steps) - 0.5], y=[floor, floor], mode="lines", name=f"noise floor {floor:.4f}",
+        line={"color": GREEN, "dash": "dash", "width": 2},
+    )  # fmt: skip
+    figure.update_xaxes(
+        automargin=True, tickvals=list(range(len(steps))), ticktext=[_wrapped(s[0]) for s in steps],
+        showgrid=False, tickcolor=FAINT,
+        range=[-0.6, max(len(steps), 2) - 0.4],
+    )  # fmt: skip
+    top = max([floor, *(s[2] for s in steps), *(s[1] or 0.0 for s in steps)], default=1.0)
+    figure.update_yaxes(title_text="NRMSE", range=[0, 1.2 * top])
+    if len(steps) > 1:
+        first, last = steps[1][1] or steps[0][2], steps[-1][2]
+        added = len(steps) - 1
+        reading = (
+            f"{added} effect{'s' * (added > 1)} added: {first:.4f} → {last:.4f}, {last / floor:.1f} × the noise floor."
+        )
+    else:
+        reading = "Nothing has been added to this model yet: one step, and how far it is from the noise floor."
+    return drawing("Error after each step, as a share of the torque's spread (NRMSE)", reading, figure, 320)
+
+
+def _wrapped(name: str) -> str:
+    return name.replace("_", "<br>").replace(" + ", " +<br>")

@@ -1,0 +1,73 @@
+"""What is missing: a residual, and what a candidate effect would explain of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import plotly.graph_objects as go
+
+from frischid.figures.failure import binned
+from frischid.figures.style import BLUE, MEASURED, VERMILION, WORDS, Drawing, drawing, plain, thinned, units_of
+from frischid.shapes import Shape
+
+
+def shape(found: Shape, title: str, sliding: bool = False) -> Drawing:
+    """Residual of the joint a finding helps most, with the finding's fitted shape on it.
+
+    Parameters
+    ----------
+    found : Shape
+    title : str
+        Of the effect, in words.
+    sliding : bool
+        Whether the joint is prismatic.
+    """
+    units = units_of(sliding)
+    figure = _along(found) if found.stretch else _over(found)
+    figure.update_xaxes(title_text=f"{WORDS[found.variable]}, {units[found.variable]}")
+    figure.update_yaxes(title_text=f"residual, {units['load']}")
+    how = "Blue follows the residual where it is right" if found.stretch else "Diamonds on the blue line are explained"
+    reading = f"{how}: {title} accounts for {100 * max(found.explained, 0.0):.0f} % of this joint's squared residual."
+    where = f"a stretch of {Path(found.stretch).name}" if found.stretch else f"residual against {WORDS[found.variable]}"
+    return drawing(f"{found.joint}: {where}", reading, figure, 300)
+
+
+def _along(found: Shape) -> go.Figure:
+    """Over time: two curves."""
+    keep = thinned(found.residual, found.added)
+    curves = (
+        ("residual", found.residual, {"color": MEASURED, "width": 2.6}),
+        (f"what {found.effect} adds", found.added, {"color": BLUE, "width": 1.4}),
+    )
+    figure = go.Figure()
+    for name, values, line in curves:
+        figure.add_scatter(x=plain(found.x[keep]), y=plain(values[keep]), mode="lines", name=name, line=line)
+    return figure
+
+
+def _over(found: Shape) -> go.Figure:
+    """Over a variable: samples, their median, and the effect's median and spread."""
+    order = np.argsort(found.x, kind="stable")
+    x, r, added = found.x[order], found.residual[order], found.added[order]
+    keep = thinned(r, points=900)
+    figure = go.Figure()
+    figure.add_scatter(
+        x=plain(x[keep]), y=plain(r[keep]), mode="markers", name="residual", marker={"size": 3, "color": MEASURED}
+    )
+    centre, spread = binned(x, r, 24)
+    figure.add_scatter(
+        x=plain(centre), y=plain(spread[2]), name="its median", mode="markers",
+        marker={"size": 8, "symbol": "diamond-open", "color": VERMILION, "line": {"width": 2}},
+    )  # fmt: skip
+    centre, spread = binned(x, added, 40)
+    figure.add_scatter(
+        x=plain(np.concatenate([centre, centre[::-1]])), y=plain(np.concatenate([spread[4], spread[0][::-1]])),
+        fill="toself", fillcolor="rgba(0,114,178,0.2)", line={"width": 0}, mode="lines", showlegend=False,
+        hoverinfo="skip",
+    )  # fmt: skip
+    figure.add_scatter(
+        x=plain(centre), y=plain(spread[2]), name=f"what {found.effect} adds", line={"color": BLUE, "width": 2.2},
+        mode="lines",
+    )  # fmt: skip
+    return figure

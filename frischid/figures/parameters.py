@@ -1,0 +1,173 @@
+"""Parameters: bounds of all methods side by side, their correlation, and BBRF's bounds as they close in.
+
+Parameters have different units and their bounds differ in width by factors of a thousand. They share an axis when each
+is measured in its own standard errors from its own value, d = (θ − θ̂) / s.e., on a scale that is linear within one
+standard error and logarithmic beyond: sign(d) log₁₀(1 + |d|).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+
+from frischid.figures.style import BLUE, COLOURS, GREEN, INK, MEASURED, PURPLE, Drawing, drawing, plain
+from frischid.gram import Array
+from frischid.model import Model
+
+WORDS = {"frisch": "classical Frisch", "bbrf": "BBRF", "sensorwise": "sensor-wise Frisch"}
+LOOKS = {"frisch": (COLOURS[5], 11.0), "bbrf": (COLOURS[4], 7.5), "sensorwise": (PURPLE, 5.0)}
+"""Widest and lightest first, so that one lies on the other and they differ in grey by thickness."""
+FURTHEST = 6.0  # decades of standard errors that are drawn
+
+
+def scaled(d: Array) -> Array:
+    """Linear within a standard error, logarithmic beyond."""
+    return np.asarray(np.clip(np.sign(d) * np.log10(1 + np.abs(d)), -FURTHEST, FURTHEST))
+
+
+def intervals(model: Model, nominal: Array | None = None, truth: Array | None = None) -> Drawing:
+    """Bounds of every parameter by every method, and the nominal or true value where it is known.
+
+    Parameters
+    ----------
+    model : Model
+    nominal, truth : ndarray, shape (p,), optional
+        Base parameters of the URDF, and of a simulated robot.
+    """
+    e = model.estimate
+    names = [c.name for c in e.columns]
+    unit = np.where(e.stderr > 0, e.stderr, 1.0)
+    figure = go.Figure()
+    for method, box in model.bounds.items():
+        low, high = scaled((box.lower - e.theta) / unit), scaled((box.upper - e.theta) / unit)
+        colour, width = LOOKS.get(method, (COLOURS[3], 5.0))
+        _bars(figure, names, low, high, WORDS.get(method, method), colour, width)
+    two = np.full(len(names), float(scaled(np.array(2.0))))
+    _bars(figure, names, -two, two, "± 2 standard errors", INK, 2.0)
+    marks = (("URDF", nominal, "circle-open", MEASURED), ("true value", truth, "cross", GREEN))
+    for name, values, symbol, colour in marks:
+        if values is not None:
+            d = (np.asarray(values, dtype=float) - e.theta) / unit
+            figure.add_scatter(
+                x=plain(scaled(d)), y=names, mode="markers", name=name,
+                marker={"symbol": symbol, "size": 8, "color": colour, "line": {"width": 1.5}},
+            )  # fmt: skip
+    ticks = [-1e4, -1e2, -1e1, -2.0, 0.0, 2.0, 1e1, 1e2, 1e4]
+    figure.update_xaxes(
+        tickvals=[float(scaled(np.array(x))) for x in ticks],
+        ticktext=["−10⁴", "−100", "−10", "−2", "0", "2", "10", "100", "10⁴"],
+        title_text="distance from the estimate, standard errors",
+    )
+    figure.update_yaxes(
+        range=[len(names) - 0.4, -0.6], tickfont={"size": 10}, showgrid=False, tickmode="array", tickvals=names
+    )
+    reading = "The shorter the bar, the better the parameter is known. " + _widths(model, unit)
+    layout = {"margin": {"l": 70, "r": 10, "t": 56, "b": 44}}
+    return drawing("Bounds of every parameter around its estimate", reading, figure, 120 + 17 * len(names), **layout)
+
+
+def _bars(
+    figure: go.Figure, names: Sequence[str], low: Array, high: Array, name: str, colour: str, width: float
+) -> None:
+    x = np.column_stack([low, high, np.full(len(names), np.nan)]).ravel()
+    y = [n for name_ in names for n in (name_, name_, None)]
+    figure.add_scatter(
+        x=plain(x), y=y, mode="lines", name=name, line={"color": colour, "width": width}, hoverinfo="name"
+    )
+
+
+def _widths(model: Model, unit: Array) -> str:
+    parts = []
+    for method, box in model.bounds.items():
+        half = (box.upper - box.lower) / 2 / unit
+        known = half[np.isfinite(half)]
+        if len(known) == 0:
+            parts.append(f"{WORDS.get(method, method)} bounds nothing")
+            continue
+        share = "" if len(known) == len(half) else f" ({len(half) - len(known)} open)"
+        parts.append(f"{WORDS.get(method, method)} ± {np.median(known):.3g} standard errors in the median{share}")
+    return "; ".join(parts) + "." if parts else "This model keeps standard errors alone."
+
+
+def correlation(model: Model) -> Drawing:
+    """Correlation of the parameters' estimation errors."""
+    e = model.estimate
+    scale = np.where(e.stderr > 0, e.stderr, 1.0)
+    rho = np.clip(e.covariance / np.outer(scale, scale), -1, 1)
+    names = [c.name for c in e.columns]
+    figure = go.Figure(
+        go.Heatmap(
+            z=plain(np.round(rho, 3)), x=names, y=names, zmin=-1, zmax=1, xgap=0.5, ygap=0.5,
+            colorscale=[[0, "#0072b2"], [0.5, "#f4f4f4"], [1, "#d55e00"]],
+            colorbar={"title": {"text": "ρ"}, "thickness": 10, "outlinewidth": 0},
+            hovertemplate="%{x}, %{y}: %{z:.2f}<extra></extra>",
+        )
+    )  # fmt: skip
+    small = {"size": 9 if len(names) <= 30 else 7}
+    figure.update_yaxes(autorange="reversed", tickfont=small, showgrid=False)
+    figure.update_xaxes(tickfont=small, tickangle=-90, showgrid=False)
+    off = np.abs(rho - np.diag(np.diag(rho)))
+    i, k = sorted(int(n) for n in np.unravel_index(int(off.argmax()), off.shape))
+    reading = (
+        f"Most alike to these logs: {names[i]} and {names[k]} (ρ = {rho[i, k]:.2f}). "
+        f"Pairs above 0.9, of which one gains what the other loses: {int((off > 0.9).sum() // 2)}."
+    )
+    height = max(320, 90 + (13 if len(names) <= 30 else 9) * len(names))
+    return drawing("Correlation of the estimates", reading, figure, height, margin={"l": 60, "r": 6, "t": 10, "b": 60})
+
+
+def closing(model: Model, most: int = 6) -> list[Drawing]:
+    """BBRF's bounds over the windows, of the parameters whose bounds close in most (the paper's Figure 3)."""
+    record = recursion_of(model)
+    if record is None:
+        return []
+    lower, upper = (np.array(record[k], dtype=float) for k in ("lower", "upper"))
+    if len(lower) < 2:
+        return []
+    with np.errstate(invalid="ignore"):
+        first = np.array([_first_finite(w) for w in (upper - lower).T])
+        ratio = np.where(first > 0, (upper - lower)[-1] / first, np.inf)
+    chosen = [int(i) for i in np.argsort(ratio, kind="stable")[:most] if np.isfinite(ratio[i])]
+    values = dict(zip((c.name for c in model.estimate.columns), model.estimate.theta, strict=True))
+    drawings = []
+    for i in chosen:
+        name = record["names"][i]
+        final = float((upper - lower)[-1, i])
+        middle = float((upper + lower)[-1, i]) / 2
+        figure = go.Figure()
+        for side, dash, bound in (("upper bound", "solid", upper), ("lower bound", "dash", lower)):
+            figure.add_scatter(
+                x=[s + 1 for s in record["steps"]], y=plain(bound[:, i]), name=side, mode="lines",
+                line={"color": BLUE, "dash": dash, "width": 2, "shape": "hv"},
+            )  # fmt: skip
+        if name in values:
+            figure.add_hline(y=float(values[name]), line={"color": MEASURED, "dash": "dot"})
+        figure.update_xaxes(title_text="windows looked at", type="log", dtick=1)
+        # The first windows' bounds are a thousand times wider: the axis shows the end of the way.
+        figure.update_yaxes(title_text=f"{name}, {record['units'][i]}", range=[middle - 5 * final, middle + 5 * final])
+        drawings.append(
+            drawing(
+                f"{name}: BBRF's bounds close in",
+                f"From {first[i]:.3g} to {final:.3g} {record['units'][i]} wide; dotted: the estimate.",
+                figure, 240, margin={"l": 70, "r": 8, "t": 30, "b": 46},
+            )
+        )  # fmt: skip
+    return drawings
+
+
+def recursion_of(model: Model) -> dict[str, Any] | None:
+    """The recursion's record of this model, or of the one it was refitted from."""
+    at: Model | None = model
+    while at is not None:
+        if at.recursion is not None:
+            return dict(at.recursion)
+        at = at.previous
+    return None
+
+
+def _first_finite(width: Array) -> float:
+    finite = width[np.isfinite(width)]
+    return float(finite[0]) if len(finite) else np.nan

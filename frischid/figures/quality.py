@@ -1,0 +1,67 @@
+"""Data quality: how far each joint moved within its limits, and how loud each channel's noise is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import plotly.graph_objects as go
+
+from frischid.figures.style import BLUE, COLOURS, MEASURED, Drawing, drawing, plain, short
+from frischid.quality import Quality
+from frischid.robot import Robot
+
+
+def reach(robot: Robot, logs: Sequence[Quality]) -> Drawing:
+    """Positions each joint reached, within what the URDF allows."""
+    names = short(list(robot.joints))
+    low = np.min([q.lower for q in logs], axis=0)
+    high = np.max([q.upper for q in logs], axis=0)
+    limits = robot.limits
+    figure = go.Figure()
+    for name, a, b, colour, width in (
+        ("allowed", limits.lower, limits.upper, MEASURED, 3.0),
+        ("reached", low, high, BLUE, 9.0),
+    ):
+        finite = np.isfinite(a) & np.isfinite(b)
+        x = np.column_stack([np.where(finite, a, np.nan), np.where(finite, b, np.nan), np.full(len(names), np.nan)])
+        y = [n for name_ in names for n in (name_, name_, None)]
+        figure.add_scatter(
+            x=plain(x.ravel()), y=y, mode="lines+markers", name=name, line={"color": colour, "width": width},
+            marker={"symbol": "line-ns-open", "size": 12, "color": colour},
+        )  # fmt: skip
+    unit = "rad" if not robot.prismatic.any() else "rad (m)"
+    figure.update_xaxes(title_text=f"position, {unit}")
+    figure.update_yaxes(autorange="reversed", showgrid=False, automargin=True)
+    with np.errstate(invalid="ignore"):
+        share = (high - low) / (limits.upper - limits.lower)
+    bounded = np.isfinite(limits.upper - limits.lower) & (limits.upper > limits.lower)
+    if bounded.any():
+        k = int(np.where(bounded, share, np.inf).argmin())
+        reading = (
+            f"{names[k]} uses least of its range, {100 * share[k]:.0f} %: what it could show elsewhere is unknown."
+        )
+    else:
+        reading = "The URDF limits no position, so there is nothing to compare the range with."
+    return drawing("Positions reached", reading, figure, 140 + 26 * len(names))
+
+
+def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -> Drawing:
+    """White noise of torque or position, joint by joint, one mark a log."""
+    names = short(list(robot.joints))
+    word = {"tau": "torque", "q": "position"}[channel]
+    unit = {"tau": ("N·m", "N·m (N)"), "q": ("rad", "rad (m)")}[channel][bool(robot.prismatic.any())]
+    figure = go.Figure()
+    for number, log in enumerate(logs):
+        figure.add_scatter(
+            x=plain(log.noise[channel]), y=names, mode="markers", showlegend=False, name=f"log {number + 1}",
+            marker={"color": COLOURS[1] if channel == "tau" else BLUE, "size": 9, "line": {"width": 1.5},
+                    "symbol": "circle-open" if channel == "tau" else "diamond-open"},
+        )  # fmt: skip
+    figure.update_xaxes(title_text=f"noise of the {word}, {unit}", rangemode="tozero", exponentformat="power")
+    figure.update_yaxes(autorange="reversed", automargin=True)
+    level = np.nanmedian([q.noise[channel] for q in logs], axis=0)
+    k = int(np.nanargmax(level))
+    reading = f"{names[k]} is the noisiest, {level[k]:.2g} {unit}; one mark a log, before any filter."
+    return drawing(f"White noise of the measured {word}", reading, figure, 140 + 26 * len(names))

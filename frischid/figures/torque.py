@@ -1,0 +1,159 @@
+"""Measured against model: one joint, torque above, residual below, on the same time axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+from plotly.subplots import make_subplots
+
+from frischid.comparison import Comparison
+from frischid.contact import Contact
+from frischid.figures.style import (
+    BLUE,
+    FAINT,
+    INK,
+    MEASURED,
+    SHADE,
+    VERMILION,
+    Drawing,
+    drawing,
+    plain,
+    short,
+    thinned,
+)
+from frischid.gram import Array
+from frischid.prediction import Prediction
+
+APART = 0.02  # of the whole, between two logs that stand side by side
+EXCLUDED = "#f3d9b1"
+
+
+def measured(
+    prediction: Prediction,
+    comparison: Comparison,
+    joint: str,
+    contacts: Sequence[Contact] = (),
+    unit: str = "N·m",
+    at: float | None = None,
+) -> Drawing:
+    """Torque, band, residual, standstills, excluded parts and the worst moment of one joint.
+
+    Parameters
+    ----------
+    prediction : Prediction
+    comparison : Comparison
+        On the same logs.
+    joint : str
+    contacts : sequence of Contact
+        Stretches kept out of everything else.
+    unit : str
+        Of the torque.
+    at : float, optional
+        A moment to mark, s on the figure's axis.
+    """
+    j = prediction.joints.index(joint)
+    positions, apart = side_by_side(prediction)
+    x = prediction.t + positions[prediction.log]
+    used, residual = prediction.used[:, j], prediction.residual[:, j]
+    left = np.where(used, residual, np.nan)
+    keep = thinned(prediction.measured[:, j], prediction.fitted[:, j], left)
+    broken = _breaks(prediction.log[keep])
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.66, 0.34], vertical_spacing=0.05)
+    _band(figure, x[keep], prediction.lower[keep, j], prediction.upper[keep, j], prediction.log[keep], "band")
+    curves = (
+        ("measured", prediction.measured[:, j], {"color": MEASURED, "width": 2.6}, 1),
+        ("model", prediction.fitted[:, j], {"color": BLUE, "width": 1.2}, 1),
+        ("residual", left, {"color": VERMILION, "width": 1.0}, 2),
+    )
+    for name, values, line, row in curves:
+        figure.add_scatter(
+            x=plain(np.insert(x[keep], broken, np.nan)), y=plain(np.insert(values[keep], broken, np.nan)),
+            name=name, line=line, mode="lines", row=row, col=1, hovertemplate="%{x:.2f} s: %{y:.4g} " + unit,
+        )  # fmt: skip
+    _shade(figure, x, ~used, SHADE, "at rest")
+    excluded = np.zeros(len(x), bool)
+    for c in contacts:
+        inside = np.array([prediction.sources[k] == c.source for k in prediction.log])
+        absolute = prediction.t + np.array(prediction.starts)[prediction.log]
+        excluded |= inside & (absolute >= c.start) & (absolute <= c.stop) & (joint in c.joints)
+    _shade(figure, x, excluded, EXCLUDED, "contact")
+    reading = _worst(figure, comparison, prediction, joint, x, left, unit)
+    for start in positions[1:]:
+        figure.add_vline(x=float(start - apart / 2), line={"color": FAINT, "width": 1, "dash": "dot"})
+    if at is not None:
+        figure.add_vline(x=at, line={"color": INK, "width": 1.5})
+    figure.update_yaxes(title_text=f"torque, {unit}", row=1, col=1)
+    figure.update_yaxes(title_text=f"residual, {unit}", row=2, col=1)
+    several = len(prediction.sources) > 1
+    figure.update_xaxes(title_text=f"time, s{' (logs side by side)' if several else ''}", row=2, col=1)
+    name = short(list(prediction.joints))[j]
+    return drawing(f"{name}: measured torque against the model's", reading, figure, 340)
+
+
+def side_by_side(prediction: Prediction) -> tuple[Array, float]:
+    """Where each log begins on a common axis, (logs,), and how far apart two of them stand, s."""
+    ends = np.array([prediction.t[prediction.log == k].max(initial=0.0) for k in range(len(prediction.sources))])
+    apart = APART * float(ends.sum())
+    return np.concatenate([[0.0], np.cumsum(ends + apart)[:-1]]), apart
+
+
+def _breaks(log: NDArray[np.intp]) -> NDArray[np.intp]:
+    return np.flatnonzero(np.diff(log)) + 1
+
+
+def _band(figure: go.Figure, x: Array, low: Array, high: Array, log: NDArray[np.intp], name: str) -> None:
+    """One closed outline a log."""
+    xs: list[Array] = []
+    ys: list[Array] = []
+    for number in np.unique(log):
+        part = log == number
+        xs += [x[part], x[part][::-1], np.array([np.nan])]
+        ys += [high[part], low[part][::-1], np.array([np.nan])]
+    figure.add_scatter(
+        x=plain(np.concatenate(xs)), y=plain(np.concatenate(ys)), fill="toself", fillcolor="rgba(86,180,233,0.45)",
+        line={"width": 0}, mode="lines", name=name, hoverinfo="skip", row=1, col=1,
+    )  # fmt: skip
+
+
+def _shade(figure: go.Figure, x: Array, inside: NDArray[np.bool_], colour: str, name: str) -> None:
+    """Shade stretches of time behind both panels, as one path."""
+    if not inside.any():
+        return
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
+    step = float(np.median(np.diff(x))) / 2
+    path = "".join(
+        f"M{x[a] - step:.4g},0L{x[b - 1] + step:.4g},0L{x[b - 1] + step:.4g},1L{x[a] - step:.4g},1Z"
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+    )
+    figure.add_shape(type="path", path=path, xref="x", yref="paper", fillcolor=colour, line={"width": 0}, layer="below")
+    figure.add_scatter(
+        x=[None], y=[None], mode="markers", marker={"symbol": "square", "size": 12, "color": colour}, name=name,
+        row=1, col=1,
+    )  # fmt: skip
+
+
+def _worst(
+    figure: go.Figure, comparison: Comparison, prediction: Prediction, joint: str, x: Array, left: Array, unit: str
+) -> str:
+    """Mark the worst moment, and say what the figure shows."""
+    fit = comparison.joints[joint]
+    error = np.where(np.isnan(left), -1.0, np.abs(left))
+    k = int(error.argmax())
+    figure.add_scatter(
+        x=[float(x[k])], y=[float(left[k])], mode="markers", name="worst", row=2, col=1,
+        marker={"symbol": "x", "size": 9, "color": INK},
+    )  # fmt: skip
+    j = prediction.joints.index(joint)
+    where = f" of {_name(prediction.sources[prediction.log[k]])}" if len(prediction.sources) > 1 else ""
+    return (
+        f"The model misses {100 * fit.nrmse:.1f} % of this joint's torque (rms {fit.rmse:.3g} {unit}; sensors alone "
+        f"{100 * fit.noise_floor:.1f} %). Worst at {prediction.t[k]:.2f} s{where}: measured "
+        f"{prediction.measured[k, j]:.3g}, model {prediction.fitted[k, j]:.3g} {unit}."
+    )
+
+
+def _name(source: str) -> str:
+    return source.replace("\\", "/").rsplit("/", 1)[-1]

@@ -1,0 +1,119 @@
+"""What a log is worth: its clock, the noise of each channel, what was done to it, and how much of the robot it moves.
+
+Noise is read off the log itself by fourth differences (`frischid.signals.noise_level`); excitation is the range, the
+speed and the acceleration each joint reaches, beside the limits of the URDF, and the share of time it rests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from frischid.gram import Array
+from frischid.log import Log, warnings_of
+from frischid.model import Model
+from frischid.signals import noise_level, prepare
+
+
+@dataclass(frozen=True, eq=False)
+class Quality:
+    """One log under a model's filter; arrays have one entry for each of the robot's J joints.
+
+    Attributes
+    ----------
+    source : str
+    samples : int
+    seconds, rate : float
+        s, Hz of the median step.
+    steps : (float, float)
+        Shortest and longest time between samples, s.
+    gaps : int
+        Steps longer than five times the median.
+    kept : float
+        Seconds left after trimming and splitting.
+    noise : dict of str to ndarray, shape (J,)
+        Standard deviation of the white noise of ``q`` and ``tau`` (rad, N·m; m, N), ``v`` where measured.
+    lower, upper : ndarray, shape (J,)
+        Positions reached.
+    speed, acceleration : ndarray, shape (J,)
+        Largest absolute values reached.
+    resting : ndarray, shape (J,)
+        Share of the samples at rest.
+    notes, warnings : tuple of str
+        What was done to the log, and what is suspicious in it.
+    """
+
+    source: str
+    samples: int
+    seconds: float
+    rate: float
+    steps: tuple[float, float]
+    gaps: int
+    kept: float
+    noise: dict[str, Array]
+    lower: Array
+    upper: Array
+    speed: Array
+    acceleration: Array
+    resting: Array
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        values = {k: x.tolist() if isinstance(x, np.ndarray) else x for k, x in vars(self).items()}
+        noise = {k: [None if np.isnan(s) else float(s) for s in x] for k, x in self.noise.items()}
+        return values | {"noise": noise, "notes": list(self.notes), "warnings": list(self.warnings)}
+
+
+def quality(model: Model, logs: Sequence[Log]) -> list[Quality]:
+    """Judge logs as the model's filter sees them.
+
+    Parameters
+    ----------
+    model : Model
+    logs : sequence of Log
+
+    Returns
+    -------
+    list of Quality
+        One a log.
+    """
+    return [_judge(model, log) for log in logs]
+
+
+def _judge(model: Model, log: Log) -> Quality:
+    chosen = log.select(model.robot.joints)
+    prepared = prepare(chosen, model.lowpass, velocity=model.velocity)
+    motions = prepared.motions
+    step = np.diff(log.t)
+    limits = model.robot.limits
+    channels = {"q": "q", "tau": "tau"} | ({"v": "v"} if chosen.v is not None else {})
+    noise = {}
+    for name, channel in channels.items():
+        # A measured velocity may have been replaced by one derived from q: its own noise is in the log alone.
+        parts = [chosen.v] if channel == "v" else [getattr(m, channel) for m in motions]
+        weight = np.array([len(x) for x in parts if x is not None], dtype=float)
+        levels = np.array([noise_level(x) for x in parts if x is not None])
+        noise[name] = np.sqrt((weight[:, None] * levels**2).sum(axis=0) / weight.sum())
+    stacked = {k: np.concatenate([getattr(m, k) for m in motions]) for k in ("q", "v", "a", "still")}
+    return Quality(
+        log.source,
+        len(log),
+        log.duration,
+        log.rate,
+        (float(step.min()), float(step.max())),
+        int((step > 5 * np.median(step)).sum()),
+        float(sum(m.t[-1] - m.t[0] for m in motions)),
+        noise,
+        stacked["q"].min(axis=0),
+        stacked["q"].max(axis=0),
+        np.abs(stacked["v"]).max(axis=0),
+        np.abs(stacked["a"]).max(axis=0),
+        stacked["still"].mean(axis=0),
+        (*log.notes, *prepared.notes),
+        tuple(warnings_of(chosen, limits.velocity, np.stack([limits.lower, limits.upper], axis=1))),
+    )

@@ -1,0 +1,108 @@
+"""The report: one HTML file that can be sent to a colleague and opens offline.
+
+It reads top-down: the verdict, measured against model, where it fails, what is missing, how the error fell, parameters,
+data. The figures are those of `frischid.figures`; plotly.js is embedded once, and a content security policy in the page
+forbids every address outside the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from importlib import metadata, resources
+from pathlib import Path
+from string import Template
+from typing import Literal
+
+from plotly.offline import get_plotlyjs
+
+from frischid.diagnosis import Diagnosis
+from frischid.gram import Array
+from frischid.log import Log
+from frischid.model import Model, check_writable, write_text
+from frischid.report.html import esc
+from frischid.report.sections import sections
+from frischid.report.study import Study, study
+
+__all__ = ["Study", "page", "report", "study"]
+
+
+def report(
+    model: Model,
+    logs: Sequence[Log],
+    path: str | Path,
+    *,
+    diagnosis: Diagnosis | None = None,
+    situation: Literal["auto", "always", "changed"] = "auto",
+    truth: Array | None = None,
+    model_path: str = "model.json",
+    progress: Callable[[str], None] = lambda _: None,
+) -> Study:
+    """Write a report on a model along some logs.
+
+    Parameters
+    ----------
+    model : Model
+    logs : sequence of Log
+        At least one. Those the model was fitted to are told from the others by its history.
+    path : str or Path
+        Of the HTML file; it appears under its name only when complete.
+    diagnosis : Diagnosis, optional
+        Of this model on these logs, when there is one already.
+    situation : {"auto", "always", "changed"}
+        See `frischid.diagnosis.diagnose`.
+    truth : ndarray, shape (p,), optional
+        True base parameters of a simulated robot.
+    model_path : str
+        Name of the model's file in the commands the page proposes.
+    progress : callable
+        Told what is being done.
+
+    Returns
+    -------
+    Study
+        What the page shows.
+
+    Raises
+    ------
+    InputError
+        A log lacks a joint or its torque, or the file cannot be written.
+    """
+    check_writable(path)
+    found = study(model, logs, diagnosis=diagnosis, situation=situation, truth=truth, progress=progress)
+    progress("writing the page")
+    write_text(Path(path), page(found, model_path))
+    return found
+
+
+def page(found: Study, model_path: str = "model.json") -> str:
+    """One self-contained HTML page."""
+    chapters = sections(found, model_path)
+    warnings = len(found.warnings())
+    said = f"{warnings} warning{'s' * (warnings != 1)}" if warnings else "no warnings"
+    body = "".join(
+        f'<section id="{anchor}"><h2>{number}. {esc(heading)}</h2>{content}</section>'
+        for number, (anchor, heading, content) in enumerate(chapters, start=1)
+    )
+    # Template fills in one pass, so that a "$" in plotly.js or in a log's name is never taken for a name.
+    return Template(_part("page.html")).substitute(
+        title=esc(f"{found.model.robot.name}: {said}"),
+        heading=esc(found.model.robot.name),
+        said=esc(said),
+        made=esc(_made(found)),
+        nav="".join(f'<a href="#{anchor}">{esc(heading)}</a>' for anchor, heading, _ in chapters),
+        body=body,
+        style=_part("page.css"),
+        plotly=get_plotlyjs(),
+        script=_part("page.js"),
+    )
+
+
+def _made(found: Study) -> str:
+    names = ", ".join(Path(log.source).name for log in found.logs)
+    day = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    return f"{names} · frischid {metadata.version('frischid')} · {day}"
+
+
+def _part(name: str) -> str:
+    return resources.files("frischid.report").joinpath(name).read_text(encoding="utf-8")

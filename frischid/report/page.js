@@ -1,0 +1,55 @@
+"use strict";
+// Draws the page's figures when they come into view, in the colours of the reader's choice of light or dark.
+(() => {
+  const DARK = {
+    "#222222": "#e6e8ea", "#555555": "#a7adb5", "#e2e2e2": "#343941", "#ececec": "#2b2f37", "#f3d9b1": "#54401f",
+    "#0072b2": "#56b4e9", "#d55e00": "#ff8f45", "#000000": "#f0f0f0", "#808080": "#9b9b9b", "#f4f4f4": "#2b2f37",
+    "#fdfdfd": "#1c1f25", "#fde0c0": "#5b3512", "#e8873a": "#d27427", "#8c3a00": "#ffd0a1"
+  };
+  const wanted = window.matchMedia("(prefers-color-scheme: dark)");
+  const plots = [...document.querySelectorAll(".plot")];
+  const data = new Map(plots.map((p) => [p, p.querySelector("script").textContent]));
+  const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d"] };
+  let printing = false;
+
+  function draw(plot) {
+    const dark = wanted.matches && !printing;
+    const text = dark ? data.get(plot).replace(/#[0-9a-f]{6}/g, (c) => DARK[c] || c) : data.get(plot);
+    const spec = JSON.parse(text);
+    delete spec.layout.width;
+    const names = spec.data[0] && spec.data[0].type === "heatmap" && spec.layout.xaxis.tickangle !== -90 && spec.data[0].x;
+    if (Array.isArray(names)) {
+      // Joints' names stand upright only where they have to.
+      spec.layout.xaxis.tickangle = 7.5 * names.join("").length > plot.clientWidth - 160 ? -60 : 0;
+    }
+    if (plot.clientWidth < 480) {
+      // A small screen: narrower margins, fewer ticks, and no toolbar over the curves.
+      spec.layout.font = { size: 11 };
+      config.displayModeBar = false;
+    }
+    plot.querySelectorAll("script").forEach((s) => s.remove());
+    Plotly.react(plot, spec.data, spec.layout, config);
+    plot.dataset.drawn = dark ? "dark" : "light";
+  }
+
+  const seen = new IntersectionObserver((entries) => {
+    for (const e of entries) {
+      if (e.isIntersecting) { seen.unobserve(e.target); draw(e.target); }
+    }
+  }, { rootMargin: "600px" });
+  plots.forEach((p) => seen.observe(p));
+
+  wanted.addEventListener("change", () => plots.filter((p) => p.dataset.drawn).forEach(draw));
+  window.addEventListener("beforeprint", () => {
+    printing = true;
+    document.querySelectorAll("details").forEach((d) => { d.dataset.was = d.open ? "1" : ""; d.open = true; });
+    document.body.style.width = "700px";
+    plots.forEach(draw);
+  });
+  window.addEventListener("afterprint", () => {
+    printing = false;
+    document.body.style.width = "";
+    document.querySelectorAll("details").forEach((d) => { d.open = d.dataset.was === "1"; });
+    plots.filter((p) => p.dataset.drawn).forEach(draw);
+  });
+})();

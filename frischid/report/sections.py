@@ -1,0 +1,340 @@
+"""The report's seven chapters, from the verdict down to the data."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frischid import figures
+from frischid.diagnosis import Finding
+from frischid.effects import EFFECTS
+from frischid.report.html import esc, folded, items, number, plot, plots, table
+from frischid.report.study import Study, missing
+from frischid.shapes import shape_of
+
+SHOWN = 6  # findings drawn; the others stand in the ranking
+VARIABLES = ("q", "v", "a", "load", "t")
+
+
+def sections(study: Study, model_path: str) -> list[tuple[str, str, str]]:
+    """Anchor, heading and HTML of every chapter."""
+    return [
+        ("verdict", "The verdict", verdict(study, model_path)),
+        ("torque", "Measured against model", torque(study)),
+        ("fails", "Where it fails", fails(study)),
+        ("missing", "What is missing", lacking(study)),
+        ("history", "The error falls", history(study)),
+        ("parameters", "Parameters", parameters(study)),
+        ("data", "Data quality", data(study)),
+    ]
+
+
+def unit_of(study: Study, joint: str) -> str:
+    """Unit of a joint's torque or force."""
+    return "N" if sliding(study, joint) else "N·m"
+
+
+def sliding(study: Study, joint: str) -> bool:
+    """Whether a joint is prismatic."""
+    robot = study.model.robot
+    return bool(robot.prismatic[robot.joints.index(joint)])
+
+
+# ---------------------------------------------------------------------- 1
+
+
+def verdict(study: Study, model_path: str) -> str:
+    """How good, what is wrong, what to do next; then the warnings."""
+    c = study.verdict
+    count = len(study.held_out) or len(study.logs)
+    plural = "logs" if count > 1 else "log"
+    where = f"On {count} {plural} it has never seen" if study.held_out else f"On {count} {plural} it was fitted to"
+    worst = max(c.joints, key=lambda n: c.joints[n].nrmse)
+    good = (
+        f"{where}, the model misses <strong>{100 * c.nrmse:.1f} %</strong> of the torque's spread (NRMSE "
+        f"{c.nrmse:.4f}, mean over {len(c.joints)} joints). The URDF alone misses {100 * c.nominal:.0f} %, a constant "
+        f"torque {100 * c.constant:.0f} %, and the sensors' noise alone would leave {100 * c.noise_floor:.1f} %."
+    )
+    wrong = f"Worst is {esc(worst)}, of which it misses {100 * c.joints[worst].nrmse:.1f} %. "
+    wrong += f"Condition that stands out most: {esc(figures.matrix(study.verdict).reading)} "
+    wrong += f"{esc(missing(study.diagnosis))}." if study.diagnosis is not None else ""
+    said = study.warnings()
+    listing = f'<h3>{_count(said)}</h3><div class="warnings">{items(said)}</div>' if said else "<p>No warnings.</p>"
+    return f'<p class="lead">{good} {wrong} {_next(study, model_path)}</p>{listing}'
+
+
+def _count(warnings: Sequence[str]) -> str:
+    return f"{len(warnings)} warning{'s' * (len(warnings) != 1)}"
+
+
+def _next(study: Study, model_path: str) -> str:
+    """What to do next."""
+    diagnosis = study.diagnosis
+    best = next((f for f in diagnosis.findings if f.significant), None) if diagnosis is not None else None
+    if diagnosis is not None and diagnosis.verdict == "unknown":
+        return "Next: look below at where the residual lies, and try a formula of your own in the studio."
+    if best is not None and best.members:
+        where = f" --joints {','.join(best.joints)}" if best.joints else ""
+        command = f"frischid add {shlex.quote(Path(model_path).name)} {best.effect}{where} LOG... -o better.json"
+        return f"Next: add it, held-out {best.error_before:.4f} → {best.error_after:.4f}: <code>{esc(command)}</code>"
+    if study.weak:
+        return (
+            f"Next: {len(study.weak)} parameters are hardly known ({esc(', '.join(study.weak[:4]))}"
+            f"{' …' * (len(study.weak) > 4)}); plan a motion that shows them with <code>frischid excite</code>."
+        )
+    return "Next: nothing needs to be done; record another kind of motion to test the model further."
+
+
+# ---------------------------------------------------------------------- 2
+
+
+def torque(study: Study) -> str:
+    """One figure a joint, and the errors as a table."""
+    contacts = study.diagnosis.contacts if study.diagnosis is not None else ()
+    drawings = [
+        figures.measured(study.prediction, study.comparison, n, contacts, unit_of(study, n)) for n in study.model.joints
+    ]
+    rows = []
+    for name, j in study.comparison.joints.items():
+        texts = [number(j.rmse), unit_of(study, name), *(f"{x:.4f}" for x in (j.nrmse, j.noise_floor))]
+        rows.append([esc(name), *texts, f"{j.fit:.1f}", number(j.bias), f"{j.nominal:.3f}", f"{j.constant:.3f}"])
+    headings = ["joint", "rms error", "", "NRMSE", "noise floor", "fit %", "bias", "URDF", "constant"]
+    rest = study.comparison.resting
+    note = (
+        f"<p>{100 * rest:.1f} % of the samples are left out because the joint rests: dry friction is undetermined "
+        f"there (NRMSE with them {study.comparison.nrmse_with_rest:.4f}).</p>"
+        if rest > 0
+        else ""
+    )
+    caption = "Errors joint by joint; NRMSE is the rms error over the torque's standard deviation"
+    key = (
+        f"<p>Band: what the model's own uncertainty allows ({esc(study.prediction.band)}). Grey: the joint rests. "
+        "Orange: a contact. Dotted: the next log begins.</p>"
+    )
+    return table(headings, rows, caption=caption) + note + key + "".join(plot(d) for d in drawings)
+
+
+# ---------------------------------------------------------------------- 3
+
+
+def fails(study: Study) -> str:
+    """The matrix, then each joint's residual against what it might depend on; the worst joint is open."""
+    c = study.comparison
+    conditions = sorted((x for x in c.residuals.conditions() if x.p_value < 0.01), key=lambda x: -x.ratio)
+    lines = [f"{x.joint}, {x.condition}: {x.ratio:.1f} × its average" for x in conditions[:3]]
+    left = c.residuals.structure()
+    worst = max(c.joints, key=lambda n: c.joints[n].nrmse)
+    parts = [items(lines) if lines else "", plot(figures.matrix(c))]
+    for name, fit in c.joints.items():
+        on = [figures.style.WORDS[v] for v, p in left[name].depends_on.items() if p < 0.01]
+        says = f"depends on {', '.join(on)}" if on else "depends on nothing that shows"
+        slides = sliding(study, name)
+        drawings = [figures.against(study.prediction, name, v, slides) for v in VARIABLES]
+        drawings.append(figures.plane(study.prediction, name, slides))
+        summary = f"<strong>{esc(name)}</strong> misses {100 * fit.nrmse:.1f} %; its residual {esc(says)}"
+        parts.append(folded(summary, plots(drawings), opened=name == worst))
+    return "".join(parts)
+
+
+# ---------------------------------------------------------------------- 4
+
+
+def lacking(study: Study) -> str:
+    """Ranked findings with their evidence."""
+    diagnosis = study.diagnosis
+    if diagnosis is None:
+        return "<p>The model was not diagnosed on these logs.</p>"
+    taken = "changed since it was identified" if diagnosis.situation == "changed" else "was always as it is"
+    head = (
+        f"<p>{esc(missing(diagnosis))}. Taken as: the robot {taken}. Each effect is refitted with all base parameters "
+        f"and judged on data it was not fitted to: held-out NRMSE {diagnosis.error:.4f} without any, "
+        f"{diagnosis.noise_floor:.4f} from the sensors alone.</p>"
+    )
+    contacts = [
+        f"Contact in {Path(c.source).name} from {c.start:.2f} to {c.stop:.2f} s on {', '.join(c.joints)}: left out"
+        for c in diagnosis.contacts
+    ]
+    significant = [f for f in diagnosis.findings if f.significant]
+    cards = "".join(_card(study, i, f) for i, f in enumerate(significant[:SHOWN], start=1))
+    more = (
+        "<p>The findings below the first are what each would do alone; many vanish once the first is in the model.</p>"
+        if len(significant) > 1
+        else ""
+    )
+    rows = [
+        [esc(f.effect), esc(", ".join(f.joints) or "robot"), f"{f.error_after:.4f}", f"{100 * f.share:.0f} %",
+         number(f.gain, 3), "&lt; 1e−16" if f.p_value < 1e-16 else number(f.p_value, 2),
+         esc(", ".join(f.confused_with))]
+        for f in diagnosis.findings if f.members
+    ]  # fmt: skip
+    headings = ["effect", "where", "NRMSE after", "removes", "gain", "p", "confused with"]
+    ranking = table(headings, rows, words=2, caption="removes: share of the error above the noise floor on its joints")
+    return head + (items(contacts) if contacts else "") + more + cards + folded("The whole ranking", ranking)
+
+
+def _card(study: Study, rank: int, finding: Finding) -> str:
+    kind = EFFECTS.get(finding.effect)
+    if kind is None:
+        return f"<article><h3>{rank}. {esc(finding.sentence)}</h3></article>"
+    found = ", ".join(f"{k} = {number(v)}" for k, v in list(finding.parameters.items())[:12])
+    confused = ", ".join(finding.confused_with) or "nothing on these logs"
+    p = "below 1e−16" if finding.p_value < 1e-16 else number(finding.p_value, 2)
+    facts = [
+        ("Evidence", f"held-out NRMSE {finding.error_before:.4f} → {finding.error_after:.4f}; removes "
+         f"{100 * finding.share:.0f} % of what is above the noise floor on its joints; log likelihood gained "
+         f"{finding.gain:.0f}, chance {p}"),
+        ("Effect", f"{finding.effect}: {kind.title}"),
+        ("Found", found),
+        ("Could be", f"{confused} (in general: {', '.join(kind.confused_with)})"),
+        ("Tell apart", f"record {kind.confirmed_by}"),
+    ]  # fmt: skip
+    listing = "".join(f"<dt>{k}</dt><dd>{esc(v)}</dd>" for k, v in facts)
+    shape = shape_of(study.diagnosis, finding, study.prediction) if study.diagnosis is not None else None
+    picture = "" if shape is None else plot(figures.shape(shape, kind.title, sliding(study, shape.joint)))
+    heading = f"{rank}. {finding.sentence}"
+    return f"<article><h3>{esc(heading)}</h3><dl>{listing}</dl>{picture}</article>"
+
+
+# ---------------------------------------------------------------------- 5
+
+
+def history(study: Study) -> str:
+    """The staircase and its steps."""
+    floor = study.diagnosis.noise_floor if study.diagnosis is not None else study.verdict.noise_floor
+    rows = []
+    for i, event in enumerate(study.model.history):
+        after = event.get("error_after", event.get("held_out_nrmse"))
+        on = event.get("measured_on", "held out" if after is not None else "cross-validated on the fitted logs")
+        after = event.get("cross_validated_nrmse") if after is None else after
+        listed = ", ".join(event.get("effects", ()))
+        before = event.get("error_before")
+        rows.append([str(i), esc(event["action"]), esc(listed), number(before), number(after), esc(on)])
+    headings = ["step", "action", "effects", "before", "after", "NRMSE measured on"]
+    return plot(figures.staircase(study.model, floor)) + table(headings, rows, words=3, caption="Steps of the model")
+
+
+# ---------------------------------------------------------------------- 6
+
+
+def parameters(study: Study) -> str:
+    """Bounds, values, correlation, regrouping, and BBRF over the windows."""
+    model, e = study.model, study.model.estimate
+    intro = (
+        f"<p>{len(e.theta)} base parameters, estimator {esc(e.estimator)}, condition number {number(e.condition, 3)}. "
+        + (f"{len(study.weak)} are known to no better than half their value. " if study.weak else "")
+        + (f"Sign impossible: {esc(', '.join(study.impossible))}." if study.impossible else "Every known sign holds.")
+        + "</p>"
+    )
+    known = [("true", study.truth), ("URDF", study.nominal)]
+    given = [(name, values) for name, values in known if values is not None]
+    rows = []
+    for i, column in enumerate(e.columns):
+        flags = []
+        if column.sign * e.theta[i] < 0:
+            flags.append("impossible sign")
+        if column.name in study.weak:
+            flags.append("hardly known")
+        boxes = [f"{number(b.lower[i], 3)} … {number(b.upper[i], 3)}" for b in model.bounds.values()]
+        values = [number(float(x[i])) for _, x in given]
+        row = [esc(column.name), number(e.theta[i]), number(e.stderr[i], 2), esc(column.unit)]
+        rows.append([*row, *values, *boxes, esc(", ".join(flags)), esc(model.expressions[i])])
+    methods = [f"{figures.parameters.WORDS.get(k, k)} box" for k in model.bounds]
+    headings = ["parameter", "value", "± s.e.", "unit", *(n for n, _ in given), *methods, "flags", "stands for"]
+    listing = table(headings, rows, caption="Base parameters; R marks one that others are regrouped into")
+    listing = f'<div class="wide">{listing}</div>'
+    closing = figures.closing(model)
+    record = figures.parameters.recursion_of(model)
+    return (
+        intro
+        + plot(figures.intervals(model, study.nominal, study.truth))
+        + listing
+        + plot(figures.correlation(model))
+        + _regrouping(study)
+        + "<h3>The bounding-box recursion</h3>"
+        + _recursion(record)
+        + plots(closing)
+    )
+
+
+def _regrouping(study: Study) -> str:
+    reduction = study.reduction
+    if reduction is None:
+        return ""
+    names = [c.name for c in reduction.columns]
+    groups = (
+        ("identifiable alone", reduction.absolute),
+        ("only in combination", reduction.linear),
+        ("not at all", reduction.none),
+    )
+    rows = [[esc(k), str(len(x)), esc(", ".join(names[i] for i in x))] for k, x in groups]
+    caption = f"{len(names)} parameters, rank {reduction.rank}"
+    return folded(
+        "Regrouping: which parameters the torque depends on", table(["", "count", "parameters"], rows, 3, caption)
+    )
+
+
+def _recursion(record: dict[str, Any] | None) -> str:
+    if record is None:
+        return "<p>The model was identified without it (<code>frischid identify --bbrf</code>).</p>"
+    emptied = record["emptied"]
+    text = f"Variant {esc(record['variant'])}, {record['windows']} windows. "
+    if isinstance(emptied, dict):
+        text += (
+            f"The bounds of {esc(emptied['parameter'])} crossed at window {emptied['window']}: the windows contradict "
+            "one another, and the recursion gives no box. Drawn is how far it came."
+        )
+    return f"<p>{text}</p>"
+
+
+# ---------------------------------------------------------------------- 7
+
+
+def data(study: Study) -> str:
+    """Logs, what was done to them, noise and excitation."""
+    rows = []
+    for q in study.qualities:
+        short, long = (1e3 * s for s in q.steps)
+        role = "held out" if q.source in study.held_out else "fitted"
+        texts = [str(q.samples), number(q.seconds), number(q.rate), f"{number(short, 3)} … {number(long, 3)}"]
+        rows.append([esc(Path(q.source).name), role, *texts, str(q.gaps), number(q.kept)])
+    headings = ["log", "role", "samples", "seconds", "Hz", "step, ms", "gaps", "seconds kept"]
+    done = _grouped(study)
+    lowpass = study.model.lowpass
+    cut = f"{lowpass.cutoff:g} Hz" if lowpass.cutoff else "nothing"
+    done.insert(0, f"low-pass: {cut} ({lowpass.reason}), velocity: {study.model.velocity}")
+    robot = study.model.robot
+    speed, acceleration = (np.max([getattr(q, k) for q in study.qualities], axis=0) for k in ("speed", "acceleration"))
+    rest = np.average([q.resting for q in study.qualities], axis=0, weights=[q.kept for q in study.qualities])
+    moved = []
+    for i, n in enumerate(robot.joints):
+        units = ("m/s", "m/s²") if robot.prismatic[i] else ("rad/s", "rad/s²")
+        noise = [number(float(np.nanmedian([q.noise[c][i] for q in study.qualities])), 2) for c in ("q", "tau")]
+        fastest = f"{number(speed[i], 3)} {units[0]}", f"{number(acceleration[i], 3)} {units[1]}"
+        moved.append([esc(n), *fastest, f"{100 * rest[i]:.0f} %", *noise])
+    excited = table(
+        ["joint", "fastest", "largest acceleration", "at rest", "noise of q, rad (m)", "noise of torque, N·m (N)"],
+        moved, caption=f"Excitation; condition number of the regression {study.model.estimate.condition:.3g}",
+    )  # fmt: skip
+    drawings = [figures.reach(robot, study.qualities)]
+    drawings += [figures.noise(robot, study.qualities, "tau"), figures.noise(robot, study.qualities, "q")]
+    return (
+        table(headings, rows, words=2, caption="The logs")
+        + "<h3>What was filtered, trimmed and dropped</h3>" + items(done) + excited + plots(drawings)
+    )  # fmt: skip
+
+
+def _grouped(study: Study) -> list[str]:
+    """What was done, each note once with the logs it holds for."""
+    found: dict[str, list[str]] = {}
+    for q in study.qualities:
+        for note in q.notes:
+            found.setdefault(note.removeprefix(f"{q.source}: "), []).append(Path(q.source).name)
+    every = len(study.qualities)
+    return [
+        f"{note} ({f'all {every} logs' if len(logs) == every else ', '.join(logs)})" if every > 1 else note
+        for note, logs in found.items()
+    ]

@@ -1,0 +1,176 @@
+"""Everything a report shows, computed once: the model along the logs, where it fails, what is missing, the data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from frischid.comparison import Comparison, compare
+from frischid.diagnosis import Diagnosis, diagnose
+from frischid.errors import InputError
+from frischid.gram import Array
+from frischid.identification import HOPELESS, structure
+from frischid.log import Log
+from frischid.model import Model
+from frischid.prediction import Prediction, predict
+from frischid.quality import Quality, quality
+from frischid.reduction import Reduction
+from frischid.regressor import Regressor, nominal_parameters
+
+WEAK = 0.5  # relative standard error above which a parameter is hardly known
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A model on some logs.
+
+    Attributes
+    ----------
+    model : Model
+    logs : tuple of Log
+    held_out : tuple of str
+        Sources of the logs the model was not fitted to.
+    prediction : Prediction
+        Along all logs, in their order.
+    comparison : Comparison
+        On all logs.
+    verdict : Comparison
+        On the logs that were held out, where there are any; on all of them otherwise.
+    diagnosis : Diagnosis or None
+    qualities : tuple of Quality
+    reduction : Reduction or None
+        Which parameters are identifiable; None when it is not that of the model (another version made it).
+    nominal, truth : ndarray, shape (p,), or None
+        Base parameters of the URDF, and of a simulated robot.
+    """
+
+    model: Model
+    logs: tuple[Log, ...]
+    held_out: tuple[str, ...]
+    prediction: Prediction
+    comparison: Comparison
+    verdict: Comparison
+    diagnosis: Diagnosis | None
+    qualities: tuple[Quality, ...]
+    reduction: Reduction | None
+    nominal: Array | None
+    truth: Array | None
+
+    @property
+    def impossible(self) -> list[str]:
+        """Parameters whose sign is known and not the estimate's."""
+        e = self.model.estimate
+        return [c.name for c, x in zip(e.columns, e.theta, strict=True) if c.sign * x < 0]
+
+    @property
+    def weak(self) -> list[str]:
+        """Parameters known to no better than half their value."""
+        e = self.model.estimate
+        return [c.name for c, x, s in zip(e.columns, e.theta, e.stderr, strict=True) if s > WEAK * abs(x)]
+
+    def warnings(self) -> list[str]:
+        """What should make a reader doubt, most serious first."""
+        found = []
+        if not self.held_out:
+            found.append("Every log here was used to fit the model: its error on new motion is larger than shown.")
+        hopeless = [n for n, j in self.verdict.joints.items() if j.nrmse > HOPELESS]
+        if hopeless:
+            found.append(
+                f"The torque of {', '.join(hopeless)} is hardly predicted at all: are columns swapped, a sign "
+                "flipped, or a channel dead?"
+            )
+        worse = [n for n, j in self.verdict.joints.items() if j.nominal < j.nrmse and n not in hopeless]
+        if worse:
+            found.append(f"The URDF's own parameters predict {', '.join(worse)} better than this model does.")
+        if self.diagnosis is not None and self.diagnosis.verdict != "none":
+            found.append(f"{missing(self.diagnosis)}.")
+        if self.impossible:
+            found.append(f"Physically impossible sign: {', '.join(self.impossible)}. A known sign is violated.")
+        identified: Mapping[str, Any] = next((e for e in reversed(self.model.history) if "warnings" in e), {})
+        of_logs = [f"{Path(q.source).name}: {w}" for q in self.qualities for w in q.warnings]
+        earlier = [self._brief(w) for w in identified.get("warnings", ())]
+        found += [f"At identification: {w}" for w in earlier if w not in of_logs]
+        return list(dict.fromkeys([*found, *of_logs]))
+
+    def _brief(self, text: str) -> str:
+        """A message with the names of its logs instead of their paths."""
+        for event in self.model.history:
+            for log in event.get("logs", ()):
+                text = text.replace(log["source"], Path(log["source"]).name)
+        return text
+
+
+def missing(diagnosis: Diagnosis) -> str:
+    """What a diagnosis says, in one clause."""
+    significant = [f for f in diagnosis.findings if f.significant]
+    if diagnosis.verdict == "contact":
+        return f"Something touched the robot {len(diagnosis.contacts)} times; these moments are left out"
+    if diagnosis.verdict == "unknown":
+        return "Something is missing that nothing in the catalogue explains"
+    if not significant:
+        return "Nothing is missing that these logs can show"
+    best = significant[0]
+    return f"Missing: {best.effect} on {', '.join(best.joints) or 'the whole robot'}"
+
+
+def study(
+    model: Model,
+    logs: Sequence[Log],
+    *,
+    diagnosis: Diagnosis | None = None,
+    diagnosed: bool = True,
+    situation: Literal["auto", "always", "changed"] = "auto",
+    truth: Array | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Study:
+    """Compute what a report shows.
+
+    Parameters
+    ----------
+    model : Model
+    logs : sequence of Log
+        Those the model was fitted to are told from the others by its history.
+    diagnosis : Diagnosis, optional
+        Of this model on these logs, when there is one already.
+    diagnosed : bool
+        Whether to diagnose when there is none.
+    situation : {"auto", "always", "changed"}
+        See `frischid.diagnosis.diagnose`.
+    truth : ndarray, shape (p,), optional
+        True base parameters of a simulated robot.
+    progress : callable
+        Told what is being done.
+    """
+    if not logs:
+        raise InputError("there is no log to report on")
+    progress("comparing")
+    fitted = {x["sha256"] or x["source"] for event in model.history for x in event.get("logs", ())}
+    held = [log for log in logs if (log.sha256 or log.source) not in fitted]
+    comparison = compare(model, logs)
+    prediction = predict(model, logs)
+    if diagnosis is None and diagnosed:
+        diagnosis = diagnose(model, logs, situation=situation, progress=progress)
+    progress("parameters")
+    reduction = _reduction(model)
+    return Study(
+        model,
+        tuple(logs),
+        tuple(log.source for log in held),
+        prediction,
+        comparison,
+        compare(model, held) if held and len(held) < len(logs) else comparison,
+        diagnosis,
+        tuple(quality(model, logs)),
+        reduction,
+        None if reduction is None else np.asarray(reduction.mapping @ nominal_parameters(model.robot, model.effects)),
+        truth,
+    )
+
+
+def _reduction(model: Model) -> Reduction | None:
+    reduction = structure(Regressor(model.robot, model.effects, model.reference), model.joints)
+    return reduction if reduction.base == model.base else None

@@ -1,0 +1,144 @@
+"""What is drawn: no peak is lost, every axis has its unit, bands hold what they promise."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from frischid import figures
+from frischid.comparison import compare
+from frischid.effects import parse_effects
+from frischid.figures.parameters import recursion_of, scaled
+from frischid.figures.style import POINTS, thinned
+from frischid.identification import identify
+from frischid.model import Model
+from frischid.prediction import predict
+from frischid.quality import quality
+from frischid.robot import Robot
+from frischid.shapes import correlation_ratio
+from frischid.simulation import Noise, simulate
+from frischid.trajectory import random_fourier
+
+
+@pytest.fixture(scope="module")
+def case():
+    """A model of the planar arm with two logs."""
+    robot = Robot.load("planar2")
+    logs = [
+        simulate(robot, random_fourier(robot, 20.0, seed=k), rate=100.0, noise=Noise(q=1e-5, tau=0.01), channels=(),
+                 seed=k, name=f"log {k}")
+        for k in (0, 1)
+    ]  # fmt: skip
+    model = identify(robot, logs[:1], valid=logs[1:]).model
+    return model, logs, predict(model, logs), compare(model, logs)
+
+
+@given(st.integers(0, 20_000), st.integers(0, 20_000), st.integers(2, 20_001))
+def test_a_peak_of_one_sample_is_always_drawn(up, down, size):
+    up, down = up % size, down % size
+    x = np.sin(np.arange(size) / 100.0)
+    x[down], x[up] = -5.0, 7.0
+    other = np.full(size, np.nan)
+    keep = thinned(x, other)
+    assert len(keep) <= POINTS
+    assert up in keep
+    assert up == down or down in keep
+    assert (np.diff(keep) > 0).all()
+
+
+def test_short_names():
+    assert figures.short(["panda_joint1", "panda_joint2"]) == ["joint1", "joint2"]
+    assert figures.short(["shoulder_pan_joint", "elbow_joint"]) == ["shoulder_pan", "elbow"]
+    assert figures.short(["arm_1_joint", "arm_2_joint"]) == ["arm_1", "arm_2"]
+    assert figures.short(["only_joint"]) == ["only_joint"]
+
+
+def test_prediction_is_the_model_and_its_band_the_parameters(case):
+    model, logs, prediction, comparison = case
+    for j, name in enumerate(prediction.joints):
+        used = prediction.used[:, j]
+        rms = np.sqrt(np.mean(prediction.residual[used, j] ** 2))
+        assert rms == pytest.approx(comparison.joints[name].rmse)
+    assert (prediction.lower <= prediction.fitted).all()
+    assert (prediction.fitted <= prediction.upper).all()
+    assert prediction.sources == ("log 0", "log 1")
+    # a parameter moved by 1.9 standard errors along the covariance's own direction stays inside
+    block = next(model.blocks(logs[:1]))[0]
+    Y = block.Y[:, list(model.base)]
+    direction = model.estimate.covariance @ Y[5, :, 0]
+    step = 1.9 * direction / np.sqrt(Y[5, :, 0] @ direction)
+    moved = prediction.fitted[5, 0] + Y[5, :, 0] @ step
+    assert prediction.lower[5, 0] < moved < prediction.upper[5, 0]
+
+
+def drawn(model, logs, prediction, comparison):
+    """One of each figure."""
+    data, robot = quality(model, logs), model.robot
+    yield figures.measured(prediction, comparison, "joint1")
+    yield figures.matrix(comparison)
+    yield from (figures.against(prediction, "joint2", v) for v in ("q", "v", "a", "load", "t"))
+    yield figures.plane(prediction, "joint1")
+    yield figures.staircase(model, comparison.noise_floor)
+    yield figures.intervals(model, model.estimate.theta)
+    yield figures.correlation(model)
+    yield from figures.closing(model)
+    yield figures.reach(robot, data)
+    yield from (figures.noise(robot, data, channel) for channel in ("tau", "q"))
+
+
+def test_every_figure_has_title_units_and_a_reading(case):
+    for drawing in drawn(*case):
+        layout = json.loads(drawing.figure.to_json())["layout"]
+        assert drawing.title
+        assert drawing.reading.endswith(".")
+        assert len(drawing.reading) < 300
+        named = [a["title"]["text"] for k, a in layout.items() if k[1:5] == "axis" and "text" in a.get("title", {})]
+        quantities = ("window", "NRMSE")  # what has no unit
+        assert all("," in t or t.startswith(quantities) for t in named), named
+
+
+def test_recursion_is_kept_with_the_model(case, tmp_path):
+    model = case[0]
+    model.save(tmp_path / "model.json")
+    record = recursion_of(Model.load(tmp_path / "model.json"))
+    assert record == recursion_of(model)
+    assert len(record["steps"]) == len(record["lower"]) <= 40
+    assert record["steps"] == sorted(set(record["steps"]))
+    old = json.loads((tmp_path / "model.json").read_text())
+    del old["recursion"]
+    assert Model.from_dict(old).recursion is None
+
+
+def test_scale_keeps_order_and_is_finite():
+    x = np.array([-np.inf, -1e9, -3.0, 0.0, 0.5, 2.0, np.inf])
+    assert (np.diff(scaled(x)) >= 0).all()
+    assert np.isfinite(scaled(x)).all()
+
+
+def test_correlation_ratio_knows_a_function():
+    x = np.linspace(-1, 1, 2000)
+    assert correlation_ratio(x, x**2) > 0.95
+    assert correlation_ratio(x, np.random.default_rng(0).normal(size=2000)) < 0.05
+    assert correlation_ratio(x, np.zeros(2000)) == 0.0
+
+
+def test_quality_sees_the_noise_that_was_put_in(case):
+    model, logs, *_ = case
+    for q in quality(model, logs):
+        assert q.noise["q"] == pytest.approx(1e-5, rel=0.2)
+        assert q.samples == 2001
+        assert q.gaps == 0
+        assert not q.warnings
+        json.dumps(q.to_dict(), allow_nan=False)
+
+
+def test_effects_are_named_in_the_staircase(case):
+    from frischid.improvement import add
+
+    model, logs, *_ = case
+    step = add(model, parse_effects("joint_spring@joint2"), logs[:1], valid=logs[1:])
+    picture = figures.staircase(step.model, 0.001)
+    assert list(picture.figure.layout.xaxis.ticktext) == ["identify", "joint<br>spring"]
+    assert picture.reading.startswith("1 effect added")

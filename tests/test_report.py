@@ -1,0 +1,216 @@
+"""The report: whole, offline, drawn, readable on a large and a small screen; and honest about what it was shown."""
+
+import os
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import needs_browser, opened
+
+from frischid.comparison import compare
+from frischid.effects import BASELINE, parse_effects
+from frischid.errors import InputError
+from frischid.identification import identify
+from frischid.readers import read_log
+from frischid.report import page, report, study
+from frischid.robot import Robot
+from frischid.simulation import Noise, simulate
+from frischid.trajectory import random_fourier
+
+DATA = os.environ.get("FRISCHID_DATA")
+SECTIONS = ("verdict", "torque", "fails", "missing", "history", "parameters", "data")
+LARGEST = 6_000_000  # bytes
+UR10E = {
+    "current_gain": {
+        "shoulder_pan_joint": 11.97, "shoulder_lift_joint": 11.98, "elbow_joint": 9.84,
+        "wrist_1_joint": 10.75, "wrist_2_joint": 10.69, "wrist_3_joint": 10.68,
+    }
+}  # fmt: skip
+
+
+def recorded(effects=(), extra=None, name="log", seed=0, robot="planar2", rate=100.0, seconds=20.0):
+    """A log of a simulated arm."""
+    machine = Robot.load(robot)
+    motion = random_fourier(machine, seconds, seed=seed)
+    return simulate(
+        machine, motion, rate=rate, effects=(*BASELINE, *effects), parameters=extra or {},
+        noise=Noise(q=1e-5, tau=0.01), channels=(), seed=seed, name=name,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def spring(tmp_path_factory):
+    """Report on an arm with a hidden spring, and what it shows."""
+    hidden = parse_effects("joint_spring@joint2")
+    logs = [recorded(hidden, {"ks2": 4.0}, name, seed) for seed, name in enumerate(("fit <b>&", "held out"))]
+    model = identify(Robot.load("planar2"), logs[:1]).model
+    path = tmp_path_factory.mktemp("report") / "page.html"
+    return path, report(model, logs, path, situation="always")
+
+
+def joint_reports(folder):
+    """Model and logs of the real robots, by name."""
+    data = Path(folder)
+    robot = Robot.load(data / "panda/panda.urdf")
+    logs = [read_log(data / f"panda/logs/{n}.parquet", robot.joints) for n in ("ident_0_14s", "valid_14_21s")]
+    yield "panda", identify(robot, logs[:1], valid=logs[1:], recursion="none").model, logs
+    robot = Robot.load(data / "ur10e/ur10e.urdf")
+    names = ["ident_20s_5harm", "ident_20s_10harm", "unloaded_50s_14harm"]
+    logs = [read_log(data / f"ur10e/logs/{n}.parquet", robot.joints, UR10E) for n in names]
+    yield "ur10e", identify(robot, logs[:2], valid=logs[2:], recursion="none").model, logs
+
+
+def unroll(page):
+    """Scroll through the page so that every visible figure is drawn."""
+    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    bottom, at = 1, 0
+    while at < bottom:
+        page.evaluate(f"window.scrollTo({{top: {at}, behavior: 'instant'}})")
+        page.wait_for_timeout(80)
+        at, bottom = at + 700, page.evaluate("document.body.scrollHeight")
+    page.wait_for_function("[...document.querySelectorAll('.plot')].every(p => p.dataset.drawn)")
+
+
+DRAWN = """() => [...document.querySelectorAll('.plot')].map(p => ({
+  label: p.getAttribute('aria-label'),
+  marks: [...p.querySelectorAll('.scatterlayer path, .heatmaplayer image')].filter(
+    m => { const b = m.getBoundingClientRect(); return b.width + b.height > 4; }).length,
+  width: p.getBoundingClientRect().right,
+  cut: [...p.querySelectorAll('svg text')].filter(t => {
+    if (!t.textContent || getComputedStyle(t).visibility == 'hidden') return false;
+    const b = t.getBoundingClientRect(), o = p.getBoundingClientRect();
+    return b.width && (b.left < o.left - 3 || b.right > o.right + 3 || b.bottom > o.bottom + 3 || b.top < o.top - 3);
+  }).map(t => t.textContent),
+}))"""
+
+
+def check(path, width, scheme):
+    """Open a report and look at all of it."""
+    with opened(path.as_uri(), width=width, scheme=scheme) as seen:
+        unroll(seen.page)
+        assert seen.complaints == []
+        assert seen.outside == []
+        assert [s.get_attribute("id") for s in seen.page.query_selector_all("section")] == list(SECTIONS)
+        assert seen.page.evaluate("document.documentElement.scrollWidth") <= width
+        plots = seen.page.evaluate(DRAWN)
+        for plot in plots:
+            assert plot["marks"], plot["label"]
+            assert plot["width"] <= width, plot["label"]
+            assert plot["cut"] == [], plot["label"]
+        assert {p.get_attribute("data-drawn") for p in seen.page.query_selector_all(".plot")} == {scheme}
+        return plots
+
+
+@needs_browser
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (390, "dark")])
+def test_the_page_is_drawn_whole_and_alone(spring, width, scheme):
+    assert len(check(spring[0], width, scheme)) > 20
+
+
+@needs_browser
+@pytest.mark.skipif(not DATA, reason="FRISCHID_DATA is not set")
+def test_real_robots(tmp_path):
+    for name, model, logs in joint_reports(DATA):
+        path = tmp_path / f"{name}.html"
+        shown = report(model, logs, path)
+        assert shown.verdict.nrmse < 0.12
+        assert path.stat().st_size < LARGEST
+        check(path, *{"panda": (1280, "dark"), "ur10e": (390, "light")}[name])
+
+
+@needs_browser
+def test_it_prints_every_figure_in_light_colours(spring, tmp_path):
+    with opened(spring[0].as_uri(), scheme="dark") as seen:
+        seen.page.pdf(path=tmp_path / "page.pdf", format="A4")
+        assert (tmp_path / "page.pdf").stat().st_size > 50_000
+        seen.page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+        drawn = {p.get_attribute("data-drawn") for p in seen.page.query_selector_all(".plot")}
+        assert drawn == {"light"}
+        assert seen.complaints == []
+
+
+class Tags(HTMLParser):
+    """Elements of a page, and what they refer to."""
+
+    def __init__(self):
+        super().__init__()
+        self.scripts, self.links = 0, []
+
+    def handle_starttag(self, tag, attrs):
+        self.scripts += tag == "script" and not dict(attrs).get("type")
+        self.links += [v for k, v in attrs if k in ("src", "href", "data", "action")]
+
+
+def test_the_file_refers_to_nothing_outside_and_holds_plotly_once(spring):
+    text = spring[0].read_text(encoding="utf-8")
+    tags = Tags()
+    tags.feed(text)
+    assert all(link.startswith(("#", "data:")) for link in tags.links)
+    assert tags.scripts == 2  # plotly.js and the page's own
+    assert text.count("* plotly.js v") == 1
+    assert "default-src 'none'" in text
+
+
+def test_verdict_names_the_spring_and_counts_the_warnings(spring):
+    text = spring[0].read_text(encoding="utf-8")
+    warnings = spring[1].warnings()
+    assert f"<title>planar2: {len(warnings)} warning" in text
+    assert "Missing: joint_spring on joint2" in text
+    assert "frischid add model.json joint_spring --joints joint2 LOG... -o better.json" in text
+    assert "On 1 log it has never seen" in text
+    start = text.index('id="missing"')
+    for words in ("Evidence", "Could be", "Tell apart", "what joint_spring adds"):
+        assert words in text[start:]
+
+
+def test_names_from_files_are_escaped(spring):
+    text = spring[0].read_text(encoding="utf-8")
+    assert "fit <b>&" not in text
+    assert "fit &lt;b&gt;&amp;" in text
+
+
+def test_error_figures_are_the_comparisons(spring):
+    shown = spring[1]
+    held_out = compare(shown.model, shown.logs[1:])
+    assert shown.held_out == ("held out",)
+    assert shown.verdict.nrmse == held_out.nrmse
+    assert f"NRMSE {held_out.nrmse:.4f}" in spring[0].read_text(encoding="utf-8")
+
+
+def test_fitted_logs_alone_are_a_warning():
+    log = recorded()
+    model = identify(log_robot := Robot.load("planar2"), [log]).model
+    shown = study(model, [log], diagnosed=False, truth=model.estimate.theta)
+    assert log_robot.joints == model.joints
+    assert "Every log here was used to fit the model" in shown.warnings()[0]
+    text = page(shown)
+    assert "The model was not diagnosed" in text
+    assert "<th scope=\"col\">true</th>" in text  # fmt: skip
+
+
+def test_a_minute_of_seven_joints_stays_small(tmp_path):
+    log = recorded(robot="panda", rate=1000.0, seconds=60.0)
+    machine = Robot.load("panda", joints=[f"panda_joint{i}" for i in range(1, 8)])
+    log = log.select(machine.joints)
+    model = identify(machine, [log], cutoff=None, recursion="none", effects=parse_effects("viscous, coulomb")).model
+    shown = study(model, [log], diagnosed=False)
+    assert len(shown.prediction.t) > 59_000
+    assert len(page(shown).encode()) < LARGEST
+    worst = np.abs(np.where(shown.prediction.used, shown.prediction.residual, 0.0)).max(axis=0)
+    assert worst == pytest.approx([abs(j.worst.measured - j.worst.predicted) for j in shown.comparison.joints.values()])
+
+
+def test_bad_output_is_said_before_the_work(tmp_path):
+    with pytest.raises(InputError, match="there is no folder"):
+        report(None, [], tmp_path / "none" / "page.html")
+    with pytest.raises(InputError, match="no log"):
+        report(None, [], tmp_path / "page.html")
+
+
+def test_numbers_of_json_specs_do_not_end_the_script(spring):
+    text = spring[0].read_text(encoding="utf-8")
+    specs = re.findall(r'<script type="application/json">(.*?)</script>', text, flags=re.DOTALL)
+    assert len(specs) > 20
+    assert not any("<" in s for s in specs)
