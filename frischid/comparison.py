@@ -20,7 +20,7 @@ from frischid.gram import Array
 from frischid.log import Log, check_torque
 from frischid.model import Model
 from frischid.noise import noise_floor
-from frischid.regressor import nominal_parameters
+from frischid.regressor import Block, nominal_parameters
 from frischid.signals import prepare
 
 
@@ -170,7 +170,7 @@ class _Sums:
         return np.asarray(np.sqrt(np.maximum(self.tau2 / self.count - (self.tau / self.count) ** 2, 0.0)))
 
 
-def compare(model: Model, logs: Sequence[Log]) -> Comparison:
+def compare(model: Model, logs: Sequence[Log], evaluated: Sequence[tuple[Block, Array]] | None = None) -> Comparison:
     """Predict logs and measure the error.
 
     Parameters
@@ -178,6 +178,8 @@ def compare(model: Model, logs: Sequence[Log]) -> Comparison:
     model : Model
     logs : sequence of Log
         At least one; each must hold position and torque of the model's joints.
+    evaluated : sequence of (Block, ndarray), optional
+        ``model.blocks(logs)``, where the caller has it already.
 
     Returns
     -------
@@ -198,7 +200,7 @@ def compare(model: Model, logs: Sequence[Log]) -> Comparison:
             raise InputError(f"{log.source}: no torque column (tau_<joint>) for {', '.join(missing)}")
     nominal = nominal_parameters(model.robot, model.effects)
     moving, everything = _Sums(len(index)), _Sums(len(index))
-    blocks = list(model.blocks(logs))
+    blocks = list(model.blocks(logs)) if evaluated is None else evaluated
     for block, fitted in blocks:
         known = block.known[:, index]
         guess = np.einsum("ncj,c->nj", block.Y[:, :, index], nominal)

@@ -21,6 +21,7 @@ from frischid.errors import InputError
 from frischid.gram import Array
 from frischid.log import Log
 from frischid.model import Model
+from frischid.regressor import Block
 
 NORMAL = 1.96  # standard errors that hold 95 %
 
@@ -71,7 +72,9 @@ class Prediction:
         return self.measured - self.fitted
 
 
-def predict(model: Model, logs: Sequence[Log]) -> Prediction:
+def predict(
+    model: Model, logs: Sequence[Log], evaluated: Sequence[Sequence[tuple[Block, Array]]] | None = None
+) -> Prediction:
     """Evaluate a model along logs.
 
     Parameters
@@ -79,6 +82,8 @@ def predict(model: Model, logs: Sequence[Log]) -> Prediction:
     model : Model
     logs : sequence of Log
         At least one; each must hold position and torque of the model's joints.
+    evaluated : sequence of sequence of (Block, ndarray), optional
+        ``model.blocks([log])`` of each log, where the caller has it already.
 
     Returns
     -------
@@ -93,7 +98,7 @@ def predict(model: Model, logs: Sequence[Log]) -> Prediction:
     }
     numbers: list[NDArray[np.intp]] = []
     for number, log in enumerate(logs):
-        for block, fitted in model.blocks([log]):
+        for block, fitted in model.blocks([log]) if evaluated is None else evaluated[number]:
             known = block.known[:, index]
             low, high = band(block.Y[:, list(model.base)][:, :, index], fitted[:, index])
             torques = (block.tau[:, index], fitted[:, index], low, high)

@@ -1,4 +1,4 @@
-"""A model to look at: the report that is sent to a colleague."""
+"""A model to look at: the report that is sent to a colleague, the studio to work in."""
 
 from __future__ import annotations
 
@@ -30,3 +30,43 @@ def report(model: str, logs: tuple[str, ...], mapping: str | None, situation: An
         data = read(logs, loaded.robot, mapping)
         study = run(loaded, data, output, situation=situation, model_path=model, progress=progress)
     show_page(show.report(study, output), as_json)
+
+
+@main.command()
+@click.argument("model")
+@click.argument("logs", nargs=-1, required=True)
+@map_option
+@click.option(
+    "-o", "--output", type=click.Path(), help="Where the page saves the model; MODEL with -studio by default."
+)
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--port", default=8080, show_default=True, help="The next free one when it is taken.")
+@json_option
+def studio(
+    model: str,
+    logs: tuple[str, ...],
+    mapping: str | None,
+    output: str | None,
+    host: str,
+    port: int,
+    as_json: bool,
+) -> None:
+    """A page to work in: the robot moves along the log, a click adds what is missing, and the error falls."""
+    import time
+    from pathlib import Path
+
+    from frischid.model import Model
+    from frischid.show import seeing as show
+    from frischid.studio import studio as run
+
+    loaded = Model.load(model)
+    path = output or str(Path(model).with_name(f"{Path(model).stem}-studio.json"))
+    with working(as_json) as progress:
+        progress("reading logs")
+        running = run(loaded, read(logs, loaded.robot, mapping), path, host=host, port=port)
+    show_page(show.studio(running.address, path, host), as_json)
+    try:
+        while True:
+            time.sleep(3600)
+    except KeyboardInterrupt:
+        running.stop()

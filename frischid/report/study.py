@@ -150,8 +150,9 @@ def study(
     progress("comparing")
     fitted = {x["sha256"] or x["source"] for event in model.history for x in event.get("logs", ())}
     held = [log for log in logs if (log.sha256 or log.source) not in fitted]
-    comparison = compare(model, logs)
-    prediction = predict(model, logs)
+    evaluated = [list(model.blocks([log])) for log in logs]
+    comparison = compare(model, logs, [b for part in evaluated for b in part])
+    prediction = predict(model, logs, evaluated)
     if diagnosis is None and diagnosed:
         diagnosis = diagnose(model, logs, situation=situation, progress=progress)
     progress("parameters")

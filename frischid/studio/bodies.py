@@ -1,0 +1,143 @@
+"""Bodies to draw: the URDF's own where they can be read, simple ones from the kinematics where they cannot.
+
+A link's picture is the first of these that can be read here: its visual geometry, its collision geometry, rods from
+its joint to each joint that hangs on it. So every URDF shows something, and a missing mesh costs one link and not the robot.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from importlib import metadata, util
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frischid.gram import Array
+from frischid.robot import Robot
+
+READABLE = {".stl", ".obj", ".ply", ".glb", ".gltf", ".off"} | ({".dae"} if util.find_spec("collada") else set())
+SIMPLE = "0.72 0.75 0.79 1"
+
+
+def urdf_of(robot: Robot) -> Any:
+    """A yourdfpy URDF in which every link with a body can be drawn.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    yourdfpy.URDF
+    """
+    import yourdfpy
+
+    tree = ET.fromstring(robot.urdf)
+    folders = _folders(robot)
+    children = _children(tree)
+    radius = size_of(tree)
+    for link in tree.findall("link"):
+        own = list(_readable(link, "visual", folders)) or list(_readable(link, "collision", folders))
+        for kind in ("visual", "collision"):
+            for element in link.findall(kind):
+                link.remove(element)
+        name = str(link.get("name"))
+        link.extend(own or _simple(children.get(name, []), _centre(link), radius))
+    text = ET.tostring(tree)
+    return yourdfpy.URDF.load(BytesIO(text), filename_handler=yourdfpy.urdf.filename_handler_null, force_mesh=True)
+
+
+def size_of(tree: ET.Element) -> float:
+    """Radius of the simple bodies, m: a fraction of the usual distance between joints."""
+    offsets = [float(np.linalg.norm(_xyz(joint.find("origin")))) for joint in tree.findall("joint")]
+    usual = [x for x in offsets if x > 1e-3]
+    return float(np.clip(0.12 * np.median(usual), 0.004, 0.08)) if usual else 0.03
+
+
+def _folders(robot: Robot) -> list[Path]:
+    """Where packages and relative file names may lie."""
+    here = Path(robot.source)
+    folders = list(here.resolve().parents) if here.exists() else []
+    folders += [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
+    try:
+        share = metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share")
+    except metadata.PackageNotFoundError:
+        return folders
+    return [*folders, Path(str(share))]
+
+
+def _found(filename: str, folders: list[Path]) -> Path | None:
+    """The file behind ``package://``, ``file://``, a relative or an absolute name."""
+    plain = filename.removeprefix("file://").removeprefix("package://")
+    package = plain.partition("/")
+    for folder in folders:
+        # A package is a folder of that name, or this very folder if it is called so.
+        for path in (folder / plain, folder / package[2] if folder.name == package[0] else None):
+            if path is not None and path.is_file():
+                return path
+    return Path(plain) if Path(plain).is_file() else None
+
+
+def _readable(link: ET.Element, kind: str, folders: list[Path]) -> Iterator[ET.Element]:
+    """Geometry elements of a link that can be drawn, as visuals, with the paths of their files."""
+    for element in link.findall(kind):
+        mesh = element.find("geometry/mesh")
+        if mesh is not None:
+            path = _found(str(mesh.get("filename")), folders)
+            if path is None or path.suffix.lower() not in READABLE:
+                continue
+            mesh.set("filename", str(path))
+        element.tag = "visual"
+        element.attrib.pop("name", None)
+        yield element
+
+
+def _children(tree: ET.Element) -> dict[str, list[Array]]:
+    """For each link the origins of the joints that hang on it."""
+    found: dict[str, list[Array]] = {}
+    for joint in tree.findall("joint"):
+        parent = joint.find("parent")
+        if parent is not None:
+            found.setdefault(str(parent.get("link")), []).append(_xyz(joint.find("origin")))
+    return found
+
+
+def _centre(link: ET.Element) -> Array | None:
+    inertial = link.find("inertial")
+    return None if inertial is None else _xyz(inertial.find("origin"))
+
+
+def _xyz(origin: ET.Element | None) -> Array:
+    text = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
+    return np.array([float(x) for x in text.split()])
+
+
+def _simple(ends: list[Array], centre: Array | None, radius: float) -> list[ET.Element]:
+    """Rods from the joint to where the link goes on; a last link reaches twice as far as its centre of mass."""
+    if not ends:
+        if centre is None:
+            return []
+        ends = [2 * centre]
+    rods = [_visual(end / 2, _rpy(end), "cylinder", radius, float(np.linalg.norm(end))) for end in ends
+            if np.linalg.norm(end) > radius]  # fmt: skip
+    return [_visual(np.zeros(3), "0 0 0", "sphere", 1.25 * radius, 0.0), *rods]
+
+
+def _rpy(direction: Array) -> str:
+    """Angles that turn z to a direction."""
+    x, y, z = direction / np.linalg.norm(direction)
+    return f"0 {math.acos(min(1.0, max(-1.0, z))):.9g} {math.atan2(y, x):.9g}"
+
+
+def _visual(position: Array, rpy: str, shape: str, radius: float, length: float) -> ET.Element:
+    visual = ET.Element("visual")
+    ET.SubElement(visual, "origin", xyz=" ".join(f"{x:.9g}" for x in position), rpy=rpy)
+    size = {"radius": f"{radius:.6g}"} | ({"length": f"{length:.9g}"} if shape == "cylinder" else {})
+    ET.SubElement(ET.SubElement(visual, "geometry"), shape, size)
+    ET.SubElement(ET.SubElement(visual, "material", name="body"), "color", rgba=SIMPLE)
+    return visual

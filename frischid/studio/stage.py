@@ -1,0 +1,153 @@
+"""The robot in space, in one tab: it takes the pose of a moment of the logs, and its joints the colour of the error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from viser import ClientHandle
+from viser import transforms as tf
+from viser.extras import ViserUrdf
+
+from frischid.figures.torque import side_by_side
+from frischid.gram import Array
+from frischid.prediction import Prediction
+from frischid.robot import Robot
+from frischid.studio.bench import Bench
+from frischid.studio.bodies import urdf_of
+
+Colouring = Literal["over all logs", "at this moment"]
+AROUND = 0.25  # s on either side of a moment over which the error is averaged
+COOL, HOT = np.array([150.0, 170.0, 190.0]), np.array([213.0, 94.0, 0.0])
+CHOSEN = (20, 20, 20)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Poses along the logs, side by side on one axis of time; shared by all tabs.
+
+    Attributes
+    ----------
+    x : ndarray, shape (N,)
+        Time on the common axis, s, ascending.
+    q : ndarray, shape (N, J)
+        Positions of the robot's joints, rad (m).
+    """
+
+    x: Array
+    q: Array
+
+    @classmethod
+    def of(cls, bench: Bench) -> Track:
+        """Positions as recorded, over the axis of the figures."""
+        robot = bench.state.model.robot
+        starts, _ = side_by_side(bench.state.prediction)
+        logs = [*bench.fit, *bench.valid]
+        x = np.concatenate([log.t - log.t[0] + start for log, start in zip(logs, starts, strict=True)])
+        order = np.argsort(x, kind="stable")  # a log's end, which the filter trims, may reach into the next
+        q = np.concatenate([log.select(robot.joints).q for log in logs])
+        return cls(x[order], q[order])
+
+    def at(self, x: float) -> Array:
+        """Positions at a moment, (J,)."""
+        return np.asarray(self.q[min(int(np.searchsorted(self.x, x)), len(self.x) - 1)])
+
+
+class Stage:
+    """One tab's scene.
+
+    Parameters
+    ----------
+    client : viser.ClientHandle
+    bench : Bench
+    track : Track
+    chosen : callable
+        Told the name of a joint that was clicked.
+    """
+
+    def __init__(self, client: ClientHandle, bench: Bench, track: Track, chosen: Callable[[str], None]) -> None:
+        self.client, self.bench, self.track = client, bench, track
+        robot: Robot = bench.state.model.robot
+        self.urdf = urdf_of(robot)
+        self.drawn = ViserUrdf(client, self.urdf, root_node_name="/robot")
+        self.top = max(0.02, max(j.nrmse for j in bench.state.comparison.joints.values()))
+        size = float(self.urdf.scene.scale) if self.urdf.scene.geometry else 1.0
+        self.markers: dict[str, Any] = {}
+        for name in bench.state.model.joints:
+            marker = client.scene.add_cylinder(f"/joints/{name}", radius=0.05 * size, height=0.075 * size)
+            marker.on_click(partial(_clicked, chosen, name))
+            self.markers[name] = marker
+        self.turns = {name: _turn(self.urdf.joint_map[name].axis) for name in self.markers}
+        client.scene.configure_default_lights(cast_shadow=False)  # half of the drawing, where no GPU helps
+        self.label = client.scene.add_label("/chosen", "")
+        client.scene.add_grid("/floor", width=4 * size, height=4 * size, cell_size=size / 5, section_size=size)
+        self._names = tuple(self.urdf.actuated_joint_names)
+        self._fixed = {**dict.fromkeys(self._names, 0.0), **robot.locked}
+        self.urdf.update_cfg(self._configuration(0.0))
+        self._look(size)
+
+    def _look(self, size: float) -> None:
+        low, high = self.urdf.scene.bounds if self.urdf.scene.geometry else (np.zeros(3), np.ones(3))
+        middle = (low + high) / 2
+        # In this order: moving the camera takes what it looks at along.
+        self.client.camera.position = tuple(middle + size * np.array([0.8, -0.9, 0.6]))
+        self.client.camera.look_at = tuple(middle)
+
+    def pose(self, x: float, joint: str, colouring: Colouring) -> None:
+        """Show a moment."""
+        errors = self.errors(x, colouring)
+        with self.client.atomic():
+            self.drawn.update_cfg(self._configuration(x))
+            for name, marker in self.markers.items():
+                pose = self.urdf.get_transform(self.urdf.joint_map[name].child)
+                marker.position = tuple(pose[:3, 3])
+                marker.wxyz = tf.SO3.from_matrix(pose[:3, :3] @ self.turns[name]).wxyz
+                marker.color = colour_of(errors[name], self.top)
+                if name == joint:
+                    self.label.position = tuple(pose[:3, 3])
+            self.label.text = f"{joint}: misses {100 * errors[joint]:.1f} %"
+
+    def _configuration(self, x: float) -> Array:
+        values = self._fixed | dict(zip(self.bench.state.model.robot.joints, self.track.at(x), strict=True))
+        return np.array([values[n] for n in self._names])
+
+    def errors(self, x: float, colouring: Colouring) -> dict[str, float]:
+        """Error of each joint as a share of its torque's spread."""
+        joints = self.bench.state.comparison.joints
+        if colouring == "over all logs":
+            return {name: j.nrmse for name, j in joints.items()}
+        near = moment(self.bench.state.prediction, x)
+        residual = (
+            np.abs(self.bench.state.prediction.residual[near]).mean(axis=0) if near.any() else np.zeros(len(joints))
+        )
+        return {name: float(r / j.std) for (name, j), r in zip(joints.items(), residual, strict=True)}
+
+
+def _clicked(chosen: Callable[[str], None], name: str, _: object) -> None:
+    chosen(name)
+
+
+def moment(prediction: Prediction, x: float) -> NDArray[np.bool_]:
+    """Samples around a moment of the common axis, (M,)."""
+    starts, _ = side_by_side(prediction)
+    return np.asarray(np.abs(prediction.t + starts[prediction.log] - x) < AROUND)
+
+
+def colour_of(error: float, top: float) -> tuple[int, int, int]:
+    """Blue-grey where the model is right, vermilion where it misses as much as it did at worst."""
+    share = float(np.clip(error / top, 0.0, 1.0))
+    r, g, b = (int(x) for x in COOL + share * (HOT - COOL))
+    return r, g, b
+
+
+def _turn(axis: Array | None) -> Array:
+    """Rotation that lays a cylinder, whose axis is z, along a joint's axis."""
+    z = np.array([1.0, 0.0, 0.0]) if axis is None else np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    helper = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    x = np.cross(helper, z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])

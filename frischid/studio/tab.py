@@ -1,0 +1,286 @@
+"""One browser tab: what it shows of the bench, and what its buttons ask of it.
+
+Every tab has its own moment, joint and playing; the model is the bench's and the same in all of them. A button carries
+the revision it was made for, so that a click on yesterday's finding changes nothing.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from viser import ClientHandle
+
+from frischid import figures
+from frischid.diagnosis import Finding
+from frischid.effects import EFFECTS
+from frischid.figures import Drawing
+from frischid.figures.history import steps_of
+from frischid.report.study import missing
+from frischid.studio.bench import Bench, State, message_of
+from frischid.studio.stage import Stage, Track
+
+SHOWN = 6
+VARIABLES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "load", "time": "t"}
+EVERY = "every joint"
+GLANCE = 0.4  # s
+FRAME = 0.05  # s between two poses of a robot that plays
+WIDTH = 430  # pixels of each panel
+
+
+@dataclass(eq=False)
+class _Place:
+    """Where a figure goes: words above and below it, and the figure once it is there."""
+
+    title: Any
+    reading: Any
+    figure: Any = None
+
+
+class Tab:
+    """What one browser tab shows.
+
+    Parameters
+    ----------
+    client : viser.ClientHandle
+    bench : Bench
+    track : Track
+    """
+
+    def __init__(self, client: ClientHandle, bench: Bench, track: Track) -> None:
+        self.client, self.bench, self.track = client, bench, track
+        self._lock = threading.RLock()
+        joints = list(bench.state.model.joints)
+        worst = max(bench.state.comparison.joints.items(), key=lambda item: item[1].nrmse)[0]
+        gui = client.gui
+        gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        gui.set_panel_label(f"frischid: {bench.state.model.robot.name}")
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(WIDTH)
+        self._later: list[Callable[[], None]] = []
+        self._curves(gui, joints, worst)
+        self._work(gui, joints)
+        self.stage = Stage(client, bench, track, self._choose)
+        self._drawn: State | None = None
+        self._headline(bench.state)
+        self.pose()
+        # plotly.js holds the browser up for a second: let it draw robot and words before.
+        client.flush()
+        time.sleep(GLANCE)
+        for add in self._later:
+            add()
+        self.refresh()
+
+    # ------------------------------------------------------------------ what is on the page
+
+    def _curves(self, gui: Any, joints: Sequence[str], worst: str) -> None:
+        """Left: motion, the joint's torque, the staircase."""
+        panel = gui.add_panel()
+        with panel.add_tab("Motion") as motion:
+            self.play = gui.add_button("Play")
+            end = round(float(self.track.x[-1]), 2)
+            self.time = gui.add_slider("Time, s", 0.0, end, 0.01, 0.0)
+            self.joint = gui.add_dropdown("Joint", tuple(joints), initial_value=worst)
+            self.colouring = gui.add_dropdown("Colours show the error", ("over all logs", "at this moment"))
+            self.torque = self._figure(gui, motion, 0.78)
+            self.stairs = self._figure(gui, motion, 0.5)
+        panel.dock_left()
+        panel.set_width(WIDTH)
+        self.playing = False
+        self.play.on_click(self._toggle)
+        self.time.on_update(lambda event: self.pose() if event.client is not None else None)
+        self.joint.on_update(lambda _: self._joint_changed())
+        self.colouring.on_update(lambda _: self.pose())
+
+    def _work(self, gui: Any, joints: Sequence[str]) -> None:
+        """Right: the verdict, the findings, where it fails, and what to keep."""
+        self.headline = gui.add_markdown("")
+        self.doing = gui.add_markdown("", visible=False)
+        self.bar = gui.add_progress_bar(0.0, animated=True, visible=False)
+        group = gui.add_tab_group()
+        with group.add_tab("Missing"):
+            self.undo = gui.add_button("Undo the last step", color="gray")
+            self.findings = gui.add_folder("Findings")
+            with gui.add_folder("A formula of your own"):
+                self.formula = gui.add_text(
+                    "τ =  c ·", "sin(q)", hint="q, v, a, load, t, or of a joint: v2; sin(3*q2)*v1"
+                )
+                self.where = gui.add_dropdown("On", (EVERY, *joints))
+                self.use = gui.add_button("Add this formula", color="gray")
+        with group.add_tab("Fails where") as fails:
+            self.matrix = self._figure(gui, fails, 1.05)
+            self.variable = gui.add_dropdown("Residual against", tuple(VARIABLES), initial_value="velocity")
+            self.against = self._figure(gui, fails, 0.65)
+        with group.add_tab("Keep"):
+            self.save = gui.add_button("Save the model")
+            self.export = gui.add_button("Export the report", color="gray")
+            self.kept = gui.add_markdown("")
+        self._listed: list[Any] = []
+        self.undo.on_click(lambda _: self._change(lambda: self.bench.undo(self._revision())))
+        self.use.on_click(lambda _: self._change(self._formula))
+        self.variable.on_update(lambda _: self._residual())
+        self.save.on_click(lambda _: self._attempt(lambda: self._said("Model", self.bench.save())))
+        self.export.on_click(lambda _: self._attempt(lambda: self._said("Report", self.bench.export())))
+
+    def _figure(self, gui: Any, place: Any, aspect: float) -> _Place:
+        """A title, a reading, and between them room for a figure `aspect` times as high as wide."""
+        import plotly.graph_objects as go
+
+        title, reading = gui.add_markdown(""), gui.add_markdown("")
+        made = _Place(title, reading)
+
+        def add() -> None:
+            with place:
+                between = (title.order + reading.order) / 2
+                config = {"displayModeBar": False}
+                made.figure = gui.add_plotly(go.Figure(), aspect=aspect, config=config, order=between)
+
+        self._later.append(add)
+        return made
+
+    # ------------------------------------------------------------------ showing
+
+    def refresh(self) -> None:
+        """Show the bench's state, as far as it is another than what is shown."""
+        with self._lock:
+            state, before = self.bench.state, self._drawn
+            if state is before:
+                return
+            self._drawn = state
+            if before is None or before.revision != state.revision:
+                self._headline(state)
+                self._torque()
+                self._show(self.stairs, figures.staircase(state.model, state.comparison.noise_floor))
+                self._show(self.matrix, figures.matrix(state.comparison))
+                self._residual()
+                self.undo.disabled = state.model.previous is None
+                if before is not None:
+                    self.pose()
+            self._list(state)
+
+    def progress(self, text: str, share: float) -> None:
+        """Show what the bench is doing; an empty text when it is doing nothing."""
+        self.doing.visible = self.bar.visible = bool(text)
+        self.doing.content = plain(f"{text} …")
+        self.bar.value = 100 * share
+
+    def pose(self) -> None:
+        """Put the robot where it was at the slider's time."""
+        self.stage.pose(float(self.time.value), str(self.joint.value), self.colouring.value)
+
+    def step(self) -> None:
+        """Let the robot move on, if it plays."""
+        if self.playing:
+            after = float(self.time.value) + FRAME
+            self.time.value = after if after < self.time.max else 0.0
+            self.pose()
+
+    def _headline(self, state: State) -> None:
+        kind = "held-out" if self.bench.valid else "fitted"
+        steps = steps_of(state.model)
+        fall = ""
+        if len(steps) > 1 and (before := steps[-1][1]) is not None:
+            fall = f"\n\nLast step, **{steps[-1][0]}**: {before:.4f} → **{steps[-1][2]:.4f}** ({_measured_on(state)})."
+        self.headline.content = plain(
+            f"The model misses **{100 * state.error:.1f} %** of the torque's spread (NRMSE {state.error:.4f}, "
+            f"{kind} logs; sensors alone {100 * state.comparison.noise_floor:.1f} %).{fall}"
+        )
+
+    def _torque(self) -> None:
+        state, joint = self.bench.state, str(self.joint.value)
+        contacts = () if state.diagnosis is None else state.diagnosis.contacts
+        unit = "N" if self._sliding(joint) else "N·m"
+        self._show(self.torque, figures.measured(state.prediction, state.comparison, joint, contacts, unit))
+
+    def _residual(self) -> None:
+        joint, variable = str(self.joint.value), VARIABLES[str(self.variable.value)]
+        self._show(self.against, figures.against(self.bench.state.prediction, joint, variable, self._sliding(joint)))
+
+    def _show(self, place: _Place, drawing: Drawing) -> None:
+        place.title.content = plain(f"**{drawing.title}**")
+        place.figure.figure = drawing.figure.update_layout(height=None)
+        place.reading.content = plain(drawing.reading)
+
+    def _list(self, state: State) -> None:
+        """The findings, each with its button; rebuilt, because they are others after every step."""
+        for handle in self._listed:
+            handle.remove()
+        self._listed = []
+        with self.findings:
+            if state.diagnosis is None:
+                self._listed.append(
+                    self.client.gui.add_markdown(plain(state.problem or "Looking for what is missing …"))
+                )
+                return
+            self._listed.append(self.client.gui.add_markdown(plain(f"{missing(state.diagnosis)}.")))
+            passing = [f for f in state.diagnosis.findings if f.significant and f.members]
+            for finding in passing[:SHOWN]:
+                self._offer(finding, state.revision)
+
+    def _offer(self, finding: Finding, revision: int) -> None:
+        button = self.client.gui.add_button(
+            f"Add {finding.effect}: {finding.error_before:.4f} → {finding.error_after:.4f}"
+        )
+        button.on_click(lambda _: self._change(lambda: self.bench.add(finding.members, revision, finding)))
+        confused = f" Could also be {', '.join(finding.confused_with)}." if finding.confused_with else ""
+        text = f"{finding.sentence}. To be sure, record {EFFECTS[finding.effect].confirmed_by}.{confused}"
+        self._listed += [button, self.client.gui.add_markdown(plain(text))]
+
+    # ------------------------------------------------------------------ doing
+
+    def _revision(self) -> int:
+        """Of the state this tab shows, which a click is meant for."""
+        return -1 if self._drawn is None else self._drawn.revision
+
+    def _change(self, job: Callable[[], Any]) -> None:
+        """Change the model, then look for what is missing next."""
+        if self._attempt(job):
+            self.bench.look()
+
+    def _attempt(self, job: Callable[[], Any]) -> bool:
+        """Do it, or say why not."""
+        try:
+            job()
+        except Exception as error:  # whatever fails, the page stays and says so
+            self.client.add_notification("Not done", message_of(error), color="red", auto_close_seconds=20.0)
+            return False
+        return True
+
+    def _formula(self) -> None:
+        where = None if self.where.value == EVERY else [str(self.where.value)]
+        self.bench.add_formula(str(self.formula.value), where, self._revision())
+
+    def _said(self, what: str, path: Any) -> None:
+        self.kept.content = plain(f"{what} written to {path}.")
+
+    def _toggle(self, _: Any) -> None:
+        self.playing = not self.playing
+        self.play.label = "Pause" if self.playing else "Play"
+
+    def _choose(self, joint: str) -> None:
+        self.joint.value = joint
+        self._joint_changed()
+
+    def _joint_changed(self) -> None:
+        with self._lock:
+            self._torque()
+            self._residual()
+        self.pose()
+
+    def _sliding(self, joint: str) -> bool:
+        robot = self.bench.state.model.robot
+        return bool(robot.prismatic[robot.joints.index(joint)])
+
+
+def _measured_on(state: State) -> str:
+    return str(state.model.history[-1].get("measured_on", "cross-validated"))
+
+
+def plain(text: str) -> str:
+    """Text for viser's markdown, which takes braces and angle brackets for code."""
+    for sign, code in (("<", "&lt;"), ("{", "&#123;"), ("}", "&#125;")):
+        text = text.replace(sign, code)
+    return text.replace("_", "\\_")
