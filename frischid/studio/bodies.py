@@ -1,7 +1,8 @@
 """Bodies to draw: the URDF's own where they can be read, simple ones from the kinematics where they cannot.
 
 A link's picture is the first of these that can be read here: its visual geometry, its collision geometry, rods from
-its joint to each joint that hangs on it. So every URDF shows something, and a missing mesh costs one link and not the robot.
+its joint to each joint that hangs on it. So every URDF shows something, and a missing mesh costs one link and not the
+robot.
 """
 
 from __future__ import annotations
