@@ -50,7 +50,7 @@ def urdf_of(robot: Robot) -> Any:
         name = str(link.get("name"))
         link.extend(own or _simple(children.get(name, []), _centre(link), radius))
     text = ET.tostring(tree)
-    return yourdfpy.URDF.load(BytesIO(text), filename_handler=yourdfpy.urdf.filename_handler_null, force_mesh=True)
+    return yourdfpy.URDF.load(BytesIO(text), filename_handler=yourdfpy.urdf.filename_handler_null)
 
 
 def size_of(tree: ET.Element) -> float:

@@ -1,0 +1,294 @@
+"""The studio: the bench alone, then the page in a real browser: load, play, add, see the error fall, undo, save."""
+
+import re
+import threading
+import time
+
+import numpy as np
+import pytest
+from browser import SOLID, needs_browser, opened
+from cases import MIXED, made
+from click.testing import CliRunner
+
+from frischid.cli import main
+from frischid.effects import BASELINE, parse_effects
+from frischid.errors import InputError
+from frischid.identification import identify
+from frischid.model import Model
+from frischid.robot import Robot
+from frischid.simulation import Noise, simulate
+from frischid.trajectory import random_fourier
+
+pytest.importorskip("viser", reason="the extra frischid[studio] is not installed")
+
+from frischid.studio import bench as bench_module  # needs viser
+from frischid.studio import studio
+from frischid.studio.bench import Bench
+from frischid.studio.bodies import urdf_of
+from frischid.studio.stage import Track, colour_of
+from frischid.studio.tab import plain
+
+SPRING = parse_effects("joint_spring@joint2")
+
+
+@pytest.fixture(scope="module")
+def case():
+    """A model of an arm with a spring it does not know, and two logs."""
+    robot = Robot.load("planar2")
+    logs = [
+        simulate(
+            robot, random_fourier(robot, 20.0, seed=seed), rate=100.0, effects=(*BASELINE, *SPRING),
+            parameters={"ks2": 4.0}, noise=Noise(q=1e-5, tau=0.01), channels=(), seed=seed, name=f"log {seed}",
+        )
+        for seed in (0, 1)
+    ]  # fmt: skip
+    return identify(robot, logs[:1], recursion="none").model, logs
+
+
+@pytest.fixture
+def bench(case, tmp_path):
+    return Bench(*case, tmp_path / "model.json")
+
+
+# ---- the bench
+
+
+def test_logs_are_told_apart_by_the_history(bench, case):
+    model, logs = case
+    assert bench.fit == logs[:1]
+    assert bench.valid == logs[1:]
+    other = Bench(model, logs[1:], bench.output)
+    assert other.fit == logs[1:]
+    assert other.valid == []
+
+
+def test_add_undo_save_export(bench):
+    seen = []
+    stop = bench.listen(lambda: seen.append(bench.state.revision))
+    before = bench.state
+    bench.diagnose()
+    best = bench.state.diagnosis.findings[0]
+    assert best.effect == "joint_spring"
+    after = bench.add(best.members, 0, best)
+    assert after.error < 0.1 * before.error
+    assert after.model.history[-1]["error_after"] == pytest.approx(after.error)
+    assert after.diagnosis is None
+    undone = bench.undo(after.revision)
+    assert undone.model is before.model
+    assert undone.error == before.error
+    assert Model.load(bench.save()).history[-1]["action"] == "identify"
+    assert bench.export().read_text(encoding="utf-8").startswith("<!doctype html>")
+    stop()
+    bench.add_formula("q", ["joint2"], undone.revision)
+    assert bench.state.error < 0.1 * before.error
+    assert seen == [0, 1, 2]
+
+
+def test_a_failure_leaves_everything_as_it_was(bench, monkeypatch):
+    before = bench.state
+    for wrong in ("import os", "q +", "1/(q - q)", "banana"):
+        with pytest.raises(InputError, match="formula"):
+            bench.add_formula(wrong, None, 0)
+    with pytest.raises(InputError, match="no step to undo"):
+        bench.undo(0)
+
+    def broken(*_, **__):
+        raise RuntimeError("out of luck")
+
+    monkeypatch.setattr(bench_module, "add", broken)
+    with pytest.raises(RuntimeError, match="out of luck"):
+        bench.add(SPRING, 0)
+    assert bench.state is before
+    assert "the model is as it was" in bench_module.message_of(RuntimeError("x"))
+    monkeypatch.undo()
+    assert bench.add(SPRING, 0).revision == 1
+
+
+def test_two_at_once_do_not_corrupt(bench, monkeypatch):
+    entered, leave, real = threading.Event(), threading.Event(), bench_module.add
+
+    def slow(*args, **options):
+        entered.set()
+        leave.wait(20)
+        return real(*args, **options)
+
+    monkeypatch.setattr(bench_module, "add", slow)
+    first = threading.Thread(target=lambda: bench.add(SPRING, 0))
+    first.start()
+    assert entered.wait(20)
+    with pytest.raises(InputError, match="busy: refitting with joint_spring"):
+        bench.undo(0)
+    leave.set()
+    first.join()
+    with pytest.raises(InputError, match="changed in another tab"):
+        bench.add(SPRING, 0)
+    assert [e["action"] for e in bench.state.model.history] == ["identify", "add"]
+
+
+def test_a_diagnosis_of_an_older_model_is_dropped(bench, monkeypatch):
+    real = bench_module.diagnose
+
+    def overtaken(model, *args, **options):
+        monkeypatch.setattr(bench_module, "diagnose", real)
+        bench.add(SPRING, 0)
+        return real(model, *args, **options)
+
+    monkeypatch.setattr(bench_module, "diagnose", overtaken)
+    bench.diagnose()
+    assert bench.state.revision == 1
+    assert bench.state.diagnosis is None
+
+
+def test_track_runs_through_all_logs(bench):
+    track = Track.of(bench)
+    assert len(track.x) == sum(map(len, (*bench.fit, *bench.valid)))
+    assert (np.diff(track.x) >= 0).all()
+    assert track.at(0.0) == pytest.approx(bench.fit[0].q[0])
+    assert track.at(1e9) == pytest.approx(bench.valid[0].q[-1])
+
+
+# ---- what is drawn
+
+
+@pytest.mark.parametrize("name", ["planar2", "panda", "ur10", "tiago", "kinova"])
+def test_every_robot_shows_something(name):
+    urdf = urdf_of(Robot.load(name))
+    assert len(urdf.scene.geometry) >= 2
+    assert np.isfinite(urdf.scene.bounds).all()
+
+
+def test_a_robot_without_meshes_is_drawn_as_rods():
+    robot = made(MIXED)
+    urdf = urdf_of(robot)
+    assert {"turn", "slide", "elbow"} <= set(urdf.actuated_joint_names)
+    assert len(urdf.scene.geometry) >= 5
+    missing = robot.urdf.replace(
+        '<link name="a">',
+        '<link name="a"><visual><geometry><mesh filename="package://none/a.stl"/></geometry></visual>',
+    )
+    assert len(urdf_of(made(missing)).scene.geometry) == len(urdf.scene.geometry)
+
+
+def test_colours_run_from_calm_to_alarm():
+    assert colour_of(0.0, 0.1) != colour_of(0.1, 0.1) == colour_of(5.0, 0.1)
+
+
+def test_text_is_no_markup():
+    assert plain("a_b <i>{x}") == "a\\_b &lt;i>&#123;x&#125;"
+
+
+# ---- the page
+
+
+def error_shown(page):
+    """NRMSE in the headline."""
+    return float(re.search(r"NRMSE ([\d.]+)", page.inner_text("body")).group(1))
+
+
+def settled(condition, seconds=60.0):
+    """Wait for something to become true."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it took too long"
+        time.sleep(0.05)
+
+
+@needs_browser
+def test_a_session_in_the_browser(case, tmp_path):
+    running = studio(*case, tmp_path / "model.json", port=8200)
+    try:
+        with opened(running.address, width=1000, height=600, flags=SOLID) as seen:
+            page = seen.page
+            page.set_default_timeout(60_000)
+            page.wait_for_selector(".js-plotly-plot .scatterlayer path")
+            before = error_shown(page)
+            assert before == pytest.approx(running.bench.state.error, abs=1e-4)
+            page.get_by_role("button", name="Play").click()
+            slider = page.get_by_role("slider").first
+            settled(lambda: float(slider.get_attribute("aria-valuenow")) > 0.2)
+            page.get_by_role("button", name="Pause").click()
+
+            page.get_by_role("button", name="Add joint_spring").click()
+            settled(lambda: error_shown(page) < 0.1 * before)
+            page.wait_for_selector("text=Last step, joint_spring")
+            page.get_by_role("button", name="Undo the last step").click()
+            settled(lambda: error_shown(page) == before)
+
+            # a formula that is none: said, and nothing has changed
+            box = page.locator("input[value='sin(q)']")
+            box.fill("sin(banana)")
+            page.get_by_role("button", name="Add this formula").click()
+            page.wait_for_selector("text=unknown variable 'banana'")
+            assert error_shown(page) == before
+
+            page.get_by_role("tab", name="Keep").click()
+            page.get_by_role("button", name="Save the model").click()
+            page.wait_for_selector("text=Model written to")
+            assert len(Model.load(tmp_path / "model.json").history) == 1
+            page.get_by_role("button", name="Export the report").click()
+            page.wait_for_selector("text=Report written to")
+            assert (tmp_path / "model.html").exists()
+            page.get_by_role("tab", name="Fails where").click()
+            page.wait_for_selector(".heatmaplayer image")
+            bad = [c for c in seen.complaints if "Error" in c or "Uncaught" in c]
+            assert bad == []
+    finally:
+        running.stop()
+
+
+@needs_browser
+def test_two_tabs_show_one_model(case, tmp_path):
+    running = studio(*case, tmp_path / "model.json", port=8220)
+    try:
+        with opened(running.address, width=1000, height=600, flags=SOLID) as seen:
+            one = seen.page
+            two = one.context.browser.new_page()
+            two.goto(running.address)
+            for page in (one, two):
+                page.set_default_timeout(60_000)
+                page.wait_for_selector("text=misses")
+            before = error_shown(two)
+            one.get_by_role("button", name="Add joint_spring").click()
+            settled(lambda: error_shown(two) < 0.1 * before)
+            settled(lambda: error_shown(one) == error_shown(two))
+    finally:
+        running.stop()
+
+
+# ---- the command
+
+
+def test_it_listens_on_loopback(case, tmp_path):
+    running = studio(*case, tmp_path / "model.json", port=8240)
+    try:
+        assert running.server.get_host() == "127.0.0.1"
+    finally:
+        running.stop()
+
+
+def test_being_open_to_others_is_said(case, tmp_path, monkeypatch):
+    from frischid.readers import write_log
+
+    model, logs = case
+    model.save(tmp_path / "model.json")
+    write_log(logs[0], tmp_path / "log.parquet")
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    arguments = ["studio", str(tmp_path / "model.json"), str(tmp_path / "log.parquet"), "--port", "8260"]
+    real = time.sleep
+    monkeypatch.setattr(time, "sleep", lambda s: interrupted(s) if s > 1000 else real(s))
+    for host, said in (("0.0.0.0", True), ("127.0.0.1", False)):
+        result = CliRunner().invoke(main, [*arguments, "--host", host])
+        assert result.exit_code == 0, result.output
+        assert ("whoever reaches it can change the model" in result.stdout.replace("\n", " ")) == said
+        assert "model-studio.json" in result.stdout.replace("\n", "")
+
+
+def test_a_missing_extra_is_named(case, tmp_path, monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "viser", None)
+    with pytest.raises(InputError, match=r'pip install "frischid\[studio\]"'):
+        studio(*case, tmp_path / "model.json")
