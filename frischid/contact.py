@@ -23,7 +23,9 @@ HIGH, LOW = 30.0, 6.0  # squared robust units at which a burst is seen and where
 SMALL = 0.004  # of a joint's torque: its robust unit is not taken smaller, or every reversal is a burst
 AROUND = 0.1  # s left out on both sides of a burst, where it fades below the noise
 LONGEST, MOST = 0.3, 4  # share of a log that may be bursts, and how many of them; more is not an event
-CONTRAST = 10.0  # mean energy inside the bursts over that outside
+SHARE, CONTRAST = 0.5, 10.0  # of the squared residual that is in the bursts; its density there over that elsewhere
+WEAK = 0.03  # of the strongest burst's energy: those below are something else's
+AT_REST = 0.2  # of a joint's rms speed, averaged over a burst's energy
 ROUNDS = 5
 
 
@@ -71,14 +73,14 @@ def find_contacts(evidence: Evidence, floor: Array) -> list[Contact]:
     found: list[Contact] = []
     rest = evidence
     for _ in range(ROUNDS):
-        new, contrast = _bursts(evidence, rest, floor)
+        new = _bursts(evidence, rest, floor)
         if not _events(evidence, new):
             return []
         if stretches(new) == stretches(found):
             break
         found = new
         rest = evidence.without(stretches(found))
-    return found if contrast > CONTRAST else []
+    return found if _stands_out(evidence, rest) else []
 
 
 def _events(evidence: Evidence, found: Sequence[Contact]) -> bool:
@@ -91,36 +93,53 @@ def _events(evidence: Evidence, found: Sequence[Contact]) -> bool:
     return bool(found)
 
 
-def _bursts(evidence: Evidence, rest: Evidence, floor: Array) -> tuple[list[Contact], float]:
-    """Bursts over all rows under the parameters of the rest, and their energy over that of what is between."""
+def _stands_out(evidence: Evidence, rest: Evidence) -> bool:
+    """Whether most of what the rest's parameters leave is in the bursts, and densely so."""
+    whole = outside = 0.0
+    for a, b, spread in zip(evidence.rows, rest.rows, evidence.spread, strict=True):
+        whole += float(np.sum((a.tau - a.Y @ rest.theta) ** 2)) / spread**2
+        outside += float(np.sum((b.tau - b.Y @ rest.theta) ** 2)) / spread**2
+    samples = sum(len(r.tau) for r in evidence.rows), sum(len(r.tau) for r in rest.rows)
+    inside = whole - outside
+    density = inside / max(samples[0] - samples[1], 1)
+    return inside > SHARE * whole and density > CONTRAST * outside / samples[1]
+
+
+def _bursts(evidence: Evidence, rest: Evidence, floor: Array) -> list[Contact]:
+    """Bursts over all rows under the parameters of the rest, without those that are weak beside the strongest."""
     residuals = [r.tau - r.Y @ rest.theta for r in evidence.rows]
     quiet = [1.4826 * float(np.median(np.abs(x))) for _, x in rest.residuals()]
     scale = np.maximum(np.maximum(quiet, floor), SMALL * evidence.spread)
-    found: list[Contact] = []
-    inside, outside = [], []
-    offsets = np.zeros(len(residuals), int)
+    found: list[tuple[float, Contact]] = []
     for number, (motion, t) in enumerate(zip(evidence.motions, evidence.times, strict=True)):
         z = np.zeros((len(t), len(residuals)))
         for row, rows in enumerate(evidence.rows):
+            before = sum(len(p) for p in rows.picked[:number])
             keep = rows.picked[number]
-            z[keep, row] = residuals[row][offsets[row] : offsets[row] + len(keep)] / scale[row]
-            offsets[row] += len(keep)
-        step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-        smooth = ndimage.uniform_filter1d(z**2, max(1, round(SMOOTH / step)), axis=0)
-        total = smooth.max(axis=1)
-        labels, count = ndimage.label(total > LOW)
-        burst = np.zeros(len(t), bool)
-        for label in range(1, count + 1):
-            where = np.flatnonzero(labels == label)
-            if total[where].max() < HIGH:
-                continue
-            start, stop = float(t[where[0]]) - AROUND, float(t[where[-1]]) + AROUND
-            burst |= (t >= start) & (t <= stop)
-            joints = [evidence.joints[j] for j in np.flatnonzero(smooth[where].max(axis=0) > LOW)]
-            found.append(Contact(motion.source, start, stop, joints, float(np.sqrt(total[where].max()))))
-        inside.append(total[burst])
-        outside.append(total[~burst])
-    between = np.concatenate(outside)
-    if not found or not len(between):
-        return found, 0.0
-    return found, float(np.concatenate(inside).mean() / max(float(between.mean()), 1e-12))
+            z[keep, row] = residuals[row][before : before + len(keep)] / scale[row]
+        found += _of_motion(motion.source, t, z**2, evidence.speeds(number), evidence.joints)
+    strongest = max((energy for energy, _ in found), default=0.0)
+    return [contact for energy, contact in found if energy > WEAK * strongest]
+
+
+def _of_motion(
+    source: str, t: Array, squares: Array, speed: Array, joints: Sequence[str]
+) -> list[tuple[float, Contact]]:
+    """Bursts of one motion with their energy; (N, J) squared robust units, speeds over their rms."""
+    step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    smooth = ndimage.uniform_filter1d(squares, max(1, round(SMOOTH / step)), axis=0)
+    total = smooth.max(axis=1)
+    labels, count = ndimage.label(total > LOW)
+    found = []
+    for label in range(1, count + 1):
+        where = np.flatnonzero(labels == label)
+        if total[where].max() < HIGH:
+            continue
+        energy = squares[where]
+        if float((energy * np.abs(speed[where])).sum()) < AT_REST * float(energy.sum()):
+            continue  # dry friction where a joint stops or starts is anybody's guess, and no contact
+        touched = [joints[j] for j in np.flatnonzero(smooth[where].max(axis=0) > LOW).tolist()]
+        start, stop = float(t[where[0]]) - AROUND, float(t[where[-1]]) + AROUND
+        strength = float(np.sqrt(total[where].max()))
+        found.append((float(energy.sum()) * step, Contact(source, start, stop, touched, strength)))
+    return found

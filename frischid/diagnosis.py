@@ -172,12 +172,14 @@ def diagnose(
     evidence, state = gathered(model, everything, situation)
     floor = noise_floor(model, evidence.motions)
     contacts = find_contacts(evidence, floor)
-    rest = evidence.without(stretches(contacts)) if contacts else evidence
-    findings = rank(rest, floor, state, effects, progress)
-    if contacts and any(explains(evidence, rest, f) for f in findings if f.significant):
-        contacts, rest = [], evidence
-        findings = rank(rest, floor, state, effects, progress)
-    evidence = rest
+    findings = rank(evidence, floor, state, effects, progress)
+    if contacts:
+        rest = evidence.without(stretches(contacts))
+        if any(explains(evidence, rest, f) for f in findings if f.significant):
+            contacts = []
+        else:
+            progress("once more without the contacts")
+            evidence, findings = rest, rank(rest, floor, state, effects, progress)
     error = float(evidence.nrmse(evidence.base_sse()).mean())
     joints = {
         name: {"error": float(e), "noise_floor": float(f)}
@@ -235,20 +237,19 @@ def _frozen(evidence: Evidence) -> float:
 
 
 def explains(evidence: Evidence, rest: Evidence, finding: Finding) -> bool:
-    """Whether an effect fitted to all but the bursts predicts the bursts, so that they are its doing and no contact."""
-    everything, between = evidence, rest
-    for all_rows, kept in zip(evidence.project(finding.members), rest.project(finding.members), strict=True):
-        everything, between = everything.extended(all_rows), between.extended(kept)
-    without, with_it = _inside(evidence, rest), _inside(everything, between)
-    return with_it < EXPLAINED * without
+    """Whether the bursts are an effect's doing: with it in the model, most of their energy is gone."""
+    extended, between = evidence, rest
+    for whole, part in zip(evidence.project(finding.members), rest.project(finding.members), strict=True):
+        extended, between = extended.extended(whole), between.extended(part)
+    return _inside(extended, between) < EXPLAINED * _inside(evidence, rest)
 
 
 def _inside(evidence: Evidence, rest: Evidence) -> float:
-    """Weighted squares of what the parameters of the rest leave in the stretches that are not in it."""
+    """Squares over the joints' spread that a model of everything leaves in the stretches left out of `rest`."""
     total = 0.0
     for row, (a, b) in enumerate(zip(evidence.rows, rest.rows, strict=True)):
-        everywhere, between = (float(np.sum((r.tau - r.Y @ rest.theta) ** 2)) for r in (a, b))
-        total += float(rest.omega[row]) * (everywhere - between)
+        everywhere, between = (float(np.sum((r.tau - r.Y @ evidence.theta) ** 2)) for r in (a, b))
+        total += (everywhere - between) / float(evidence.spread[row]) ** 2
     return total
 
 

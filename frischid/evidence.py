@@ -379,6 +379,11 @@ class Evidence:
         new._weigh()
         return new
 
+    def speeds(self, motion: int) -> Array:
+        """Speeds of the fitted joints at a motion's filtered samples, over their root mean square, (N, J)."""
+        v = self._sparse[motion].v[:, list(self.model.torque_index)]
+        return np.asarray(v / np.maximum(np.sqrt((v**2).mean(axis=0)), 1e-12))
+
     def residuals(self) -> Iterator[tuple[int, Array]]:
         """Residual of every joint's rows with the parameters fitted to everything."""
         for row, r in enumerate(self.rows):
