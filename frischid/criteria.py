@@ -6,6 +6,7 @@ the base regressor Π. A motion is good when M is large in every direction and a
     condition    √(λ_max/λ_min) of D M D,  D = diag(M)^(−1/2)           (Gautier and Khalil 1992, columns scaled)
     d_optimal    −(log det M/N)/p          the volume of the confidence ellipsoid (Swevers et al. 1997)
     paper        λ₁ cond Π + λ₂/σ_min(Π) + ψ                            (Massaroli et al., eq. 19)
+    separation   −(log det M − log det M_rest)/k    D_s-optimality of the last k columns, whatever the rest is
 
 with ψ the ∞-norm of the off-diagonal of ``S = Ñᵀ Ñ / (nN)``, ``Ñ = Π(x + noise) − Π(x)``: how strongly noise on q, q̇, q̈
 is correlated between the columns, which is what the Frisch scheme has to assume away. The noise is drawn once.
@@ -45,10 +46,12 @@ class Criterion(ABC):
     name: ClassVar[str]
     title: ClassVar[str]
     positive: ClassVar[bool] = True
+    listed: ClassVar[bool] = True
+    """Whether the criterion can be asked for by its name alone."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        if "name" in cls.__dict__:
+        if "name" in cls.__dict__ and cls.listed:
             CRITERIA[cls.name] = cls
 
     def displacements(self, samples: int, joints: int, seed: int) -> Array:
@@ -165,6 +168,36 @@ class Paper(Criterion):
         slope[1:] = scale * np.einsum("pq,dnqj->dnpj", G + G.T, moved)
         slope[0] = -slope[1:].sum(axis=0)
         return psi, slope
+
+
+@dataclass(frozen=True)
+class Separation(Criterion):
+    """How well the last columns can be told from all others and from one another (D_s-optimality).
+
+    A. C. Atkinson, A. N. Donev and R. D. Tobias, Optimum Experimental Designs, with SAS, Oxford 2007, section 10.3.
+
+    Attributes
+    ----------
+    count : int
+        How many columns, at the end of the base regressor.
+    """
+
+    name: ClassVar[str] = "separation"
+    title: ClassVar[str] = "−log det of what the rest leaves of the columns to be told apart"
+    positive: ClassVar[bool] = False
+    listed: ClassVar[bool] = False
+
+    count: int
+
+    def __call__(self, W: Array, sharpness: float = EXACT) -> tuple[float, Array]:
+        """See `Criterion`."""
+        M = _moments(W[0]) / W.shape[1]
+        rest = len(M) - self.count
+        (values, vectors), (others, directions) = _spectrum(M), _spectrum(M[:rest, :rest])
+        G = -(vectors / values) @ vectors.T
+        G[:rest, :rest] += (directions / others) @ directions.T
+        cost = float(np.log(others).sum() - np.log(values).sum()) / self.count
+        return cost, _through_moments(W, G / (self.count * W.shape[1]))
 
 
 def criterion_of(criterion: str | Criterion) -> Criterion:

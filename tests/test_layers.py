@@ -25,6 +25,7 @@ LAYERS = (
         "identification",
         "excitation",
         "search",
+        "separation",
         "simulation",
         "comparison",
         "conditions",

@@ -100,6 +100,11 @@ def simulate(
 @click.option("--budget", default=30_000, show_default=True, help="Evaluations of the criterion.")
 @click.option("--seed", default=0, show_default=True, help="The same seed gives the same motion.")
 @click.option("--picture", type=click.Path(), help="Draw the motion and the falling cost here (HTML).")
+@click.option(
+    "--separate",
+    metavar="A,B",
+    help="Tell these two effects apart instead, for example stribeck@joint2,hysteresis@joint2.",
+)
 @robot_options
 @effects_option
 @json_option
@@ -114,13 +119,16 @@ def excite(
     budget: int,
     seed: int,
     picture: str | None,
+    separate: str | None,
     effects: str | None,
     as_json: bool,
     **options: Any,
 ) -> None:
     """Plan a motion that tells the parameters apart, within the robot's limits everywhere."""
+    from frischid.effects import parse_effects
     from frischid.excitation import plan
     from frischid.model import check_writable
+    from frischid.separation import separate as tell_apart
     from frischid.show import motions as show
 
     for path in filter(None, (output, picture)):
@@ -128,21 +136,29 @@ def excite(
     if budget < 1:
         raise InputError(f"--budget must be at least one evaluation, got {budget}")
     machine, _ = load(robot, options)
-    with working(as_json) as progress:
-        planned = plan(
-            machine,
-            effects_of(effects),
-            duration=duration,
-            family=family,
-            criterion=criterion,
-            envelope=limits,
-            budget=budget,
-            seed=seed,
-            progress=lambda share, best: progress(f"planning: {share:.0%} of the budget, {criterion} {best:.4g}"),
+    pair = () if separate is None else parse_effects(separate)
+    if separate is not None and len(pair) != 2:
+        raise InputError(
+            f"--separate '{separate}' must name two effects, for example stribeck@joint2,hysteresis@joint2"
         )
+    apart = None
+    with working(as_json) as progress:
+        search: dict[str, Any] = {
+            "duration": duration,
+            "family": family,
+            "envelope": limits,
+            "budget": budget,
+            "seed": seed,
+            "progress": lambda share, best: progress(f"planning: {share:.0%} of the budget, cost {best:.4g}"),
+        }
+        if pair:
+            apart = tell_apart(machine, pair[0], pair[1], effects_of(effects), **search)
+            planned = apart.plan
+        else:
+            planned = plan(machine, effects_of(effects), criterion=criterion, **search)
     planned.save(output, rate)
     if picture:
         from frischid import figures
 
         figures.save(figures.excitation(planned), picture)
-    show_page(show.excitation(planned, output, picture), as_json)
+    show_page(show.excitation(planned, output, picture, apart), as_json)

@@ -4,12 +4,22 @@ from __future__ import annotations
 
 from frischid.excitation import Plan
 from frischid.log import Log
+from frischid.separation import Apart
 from frischid.show.page import Page
 
 
-def excitation(planned: Plan, output: str, picture: str | None) -> Page:
+def excitation(planned: Plan, output: str, picture: str | None, apart: Apart | None = None) -> Page:
     """What was planned, and which limits could not be met."""
+    told = []
+    if apart is not None:
+        told = [
+            f"{apart.first} and {apart.second}: their parameters' standard errors are {apart.sharper:.1f} times "
+            "smaller than on a random motion",
+            f"what is left of their columns beside all other parameters correlates by {apart.correlation:.2f} "
+            f"({apart.typical:.2f} on a random motion; 1 would be: nothing tells them apart)",
+        ]
     lines = [
+        *told,
         f"{planned.criterion} {planned.cost:.4g} after {planned.evaluations:,} evaluations in {planned.seconds:.1f} s",
         *(f"limit not met: {v}" for v in planned.violations),
         *planned.notes,
@@ -27,6 +37,13 @@ def excitation(planned: Plan, output: str, picture: str | None) -> Page:
         "output": output,
         "picture": picture,
     }
+    if apart is not None:
+        data["separate"] = {
+            "effects": [apart.first, apart.second],
+            "standard_errors_smaller_by": apart.sharper,
+            "correlation": apart.correlation,
+            "correlation_of_random_motions": apart.typical,
+        }
     return Page(data, lines)
 
 

@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from frischid.cli import main
+from frischid.effects import BASELINE, parse_effects
+from frischid.errors import IdentifiabilityError, InputError
+from frischid.robot import Robot
+from frischid.separation import separate
+
+PLANAR = Robot.load("planar2")
+
+
+def test_the_planned_motion_tells_two_effects_apart_better_than_random_ones():
+    spring, gain = parse_effects("joint_spring@joint2, drive_gain@joint2")
+    apart = separate(PLANAR, spring, gain, duration=10.0, budget=2000, seed=0)
+    assert apart.sharper > 1.2
+    assert 0 <= apart.correlation < 0.999
+    assert not apart.plan.violations
+
+
+def test_what_no_motion_tells_apart_is_said():
+    payload, spring = parse_effects("payload@joint2, joint_spring@joint2")
+    with pytest.raises(IdentifiabilityError, match="no motion tells payload"):
+        separate(PLANAR, payload, spring, budget=100)
+    with pytest.raises(InputError, match="same effect"):
+        separate(PLANAR, spring, spring, budget=100)
+    with pytest.raises(InputError, match="in the model already"):
+        separate(PLANAR, BASELINE[0], spring, budget=100)
+
+
+def test_the_command_line_writes_the_motion(tmp_path):
+    pair = ["--separate", "stribeck@joint2,hysteresis@joint2"]
+    out = str(tmp_path / "motion.npz")
+    run = ["excite", "planar2", "-o", out, "--duration", "5", "--budget", "300"]
+    done = CliRunner().invoke(main, [*run, *pair])
+    assert done.exit_code == 0, done.output
+    assert "times smaller than on a random motion" in " ".join(done.output.split())
+    assert np.load(out)["t"][-1] == pytest.approx(5.0)
+    refused = CliRunner().invoke(main, [*run, "--separate", "stribeck@joint2"])
+    assert refused.exit_code == 2
+    assert "two effects" in refused.output
