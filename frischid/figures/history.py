@@ -73,7 +73,7 @@ def staircase(model: Model, floor: float) -> Drawing:
         )
     else:
         reading = "Nothing has been added to this model yet: one step, and how far it is from the noise floor."
-    return drawing("Error after each step, as a share of the torque's spread (NRMSE)", reading, figure, 320)
+    return drawing("Error after each step (NRMSE)", reading, figure, 320)
 
 
 def _wrapped(name: str) -> str:

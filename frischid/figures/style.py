@@ -58,6 +58,12 @@ class Drawing:
     figure: go.Figure
     height: int
 
+    @property
+    def legend(self) -> bool:
+        """Whether there is a legend above the curves."""
+        named = [t for t in self.figure.data if t.name and t.showlegend is not False]
+        return len(named) > 1 and self.figure.layout.showlegend is not False
+
 
 def drawing(title: str, reading: str, figure: go.Figure, height: int, **layout: Any) -> Drawing:
     """Give a figure the house's look."""

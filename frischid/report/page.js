@@ -21,6 +21,7 @@
     if (Array.isArray(names)) {
       // Joints' names stand upright only where they have to.
       spec.layout.xaxis.tickangle = 7.5 * names.join("").length > plot.clientWidth - 160 ? -60 : 0;
+      if (!spec.layout.xaxis.tickangle) spec.layout.margin.b = 34;
     }
     if (plot.clientWidth < 480) {
       // A small screen: narrower margins, fewer ticks, and no toolbar over the curves.

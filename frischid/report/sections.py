@@ -74,10 +74,11 @@ def _count(warnings: Sequence[str]) -> str:
 def _next(study: Study, model_path: str) -> str:
     """What to do next."""
     diagnosis = study.diagnosis
-    best = next((f for f in diagnosis.findings if f.significant), None) if diagnosis is not None else None
+    passing = [] if diagnosis is None else [f for f in diagnosis.findings if f.significant and f.members]
+    best = passing[0] if passing else None
     if diagnosis is not None and diagnosis.verdict == "unknown":
         return "Next: look below at where the residual lies, and try a formula of your own in the studio."
-    if best is not None and best.members:
+    if best is not None:
         where = f" --joints {','.join(best.joints)}" if best.joints else ""
         command = f"frischid add {shlex.quote(Path(model_path).name)} {best.effect}{where} LOG... -o better.json"
         return f"Next: add it, held-out {best.error_before:.4f} → {best.error_after:.4f}: <code>{esc(command)}</code>"

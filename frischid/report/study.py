@@ -106,15 +106,15 @@ class Study:
 
 def missing(diagnosis: Diagnosis) -> str:
     """What a diagnosis says, in one clause."""
-    significant = [f for f in diagnosis.findings if f.significant]
+    best = next((f for f in diagnosis.findings if f.significant and f.members), None)
+    named = "" if best is None else f"{best.effect} on {', '.join(best.joints) or 'the whole robot'}"
     if diagnosis.verdict == "contact":
-        return f"Something touched the robot {len(diagnosis.contacts)} times; these moments are left out"
+        count = len(diagnosis.contacts)
+        touched = f"Something touched the robot {'once' if count == 1 else f'{count} times'} (left out)"
+        return f"{touched}; besides, missing: {named}" if named else touched
     if diagnosis.verdict == "unknown":
         return "Something is missing that nothing in the catalogue explains"
-    if not significant:
-        return "Nothing is missing that these logs can show"
-    best = significant[0]
-    return f"Missing: {best.effect} on {', '.join(best.joints) or 'the whole robot'}"
+    return f"Missing: {named}" if named else "Nothing is missing that these logs can show"
 
 
 def study(

@@ -41,7 +41,7 @@ def urdf_of(robot: Robot) -> Any:
     tree = ET.fromstring(robot.urdf)
     folders = _folders(robot)
     children = _children(tree)
-    radius = size_of(tree)
+    radius = _thickness(tree)
     for link in tree.findall("link"):
         own = list(_readable(link, "visual", folders)) or list(_readable(link, "collision", folders))
         for kind in ("visual", "collision"):
@@ -53,11 +53,16 @@ def urdf_of(robot: Robot) -> Any:
     return yourdfpy.URDF.load(BytesIO(text), filename_handler=yourdfpy.urdf.filename_handler_null)
 
 
-def size_of(tree: ET.Element) -> float:
-    """Radius of the simple bodies, m: a fraction of the usual distance between joints."""
+def thickness_of(robot: Robot) -> float:
+    """Radius of the simple bodies of a robot, m."""
+    return _thickness(ET.fromstring(robot.urdf))
+
+
+def _thickness(tree: ET.Element) -> float:
+    """A fraction of the usual distance between joints."""
     offsets = [float(np.linalg.norm(_xyz(joint.find("origin")))) for joint in tree.findall("joint")]
     usual = [x for x in offsets if x > 1e-3]
-    return float(np.clip(0.12 * np.median(usual), 0.004, 0.08)) if usual else 0.03
+    return float(np.clip(0.08 * np.median(usual), 0.004, 0.06)) if usual else 0.03
 
 
 def _folders(robot: Robot) -> list[Path]:

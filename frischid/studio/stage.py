@@ -18,7 +18,7 @@ from frischid.gram import Array
 from frischid.prediction import Prediction
 from frischid.robot import Robot
 from frischid.studio.bench import Bench
-from frischid.studio.bodies import urdf_of
+from frischid.studio.bodies import thickness_of, urdf_of
 
 Colouring = Literal["over all logs", "at this moment"]
 AROUND = 0.25  # s on either side of a moment over which the error is averaged
@@ -77,8 +77,9 @@ class Stage:
         self.top = max(0.02, max(j.nrmse for j in bench.state.comparison.joints.values()))
         size = float(self.urdf.scene.scale) if self.urdf.scene.geometry else 1.0
         self.markers: dict[str, Any] = {}
+        radius = max(0.045 * size, 1.6 * thickness_of(robot))
         for name in bench.state.model.joints:
-            marker = client.scene.add_cylinder(f"/joints/{name}", radius=0.05 * size, height=0.075 * size)
+            marker = client.scene.add_cylinder(f"/joints/{name}", radius=radius, height=1.5 * radius)
             marker.on_click(partial(_clicked, chosen, name))
             self.markers[name] = marker
         self.turns = {name: _turn(self.urdf.joint_map[name].axis) for name in self.markers}

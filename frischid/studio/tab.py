@@ -85,7 +85,7 @@ class Tab:
             self.time = gui.add_slider("Time, s", 0.0, end, 0.01, 0.0)
             self.joint = gui.add_dropdown("Joint", tuple(joints), initial_value=worst)
             self.colouring = gui.add_dropdown("Colours show the error", ("over all logs", "at this moment"))
-            self.torque = self._figure(gui, motion, 0.78)
+            self.torque = self._figure(gui, motion, 0.72)
             self.stairs = self._figure(gui, motion, 0.5)
         panel.dock_left()
         panel.set_width(WIDTH)
@@ -183,8 +183,9 @@ class Tab:
         steps = steps_of(state.model)
         fall = ""
         if len(steps) > 1 and (before := steps[-1][1]) is not None:
-            fall = f"\n\nLast step, **{steps[-1][0]}**: {before:.4f} → **{steps[-1][2]:.4f}** ({_measured_on(state)})."
-        self.headline.content = plain(
+            name = plain(steps[-1][0])
+            fall = f"\n\nLast step, **{name}**: {before:.4f} → **{steps[-1][2]:.4f}** ({plain(_measured_on(state))})."
+        self.headline.content = (
             f"The model misses **{100 * state.error:.1f} %** of the torque's spread (NRMSE {state.error:.4f}, "
             f"{kind} logs; sensors alone {100 * state.comparison.noise_floor:.1f} %).{fall}"
         )
@@ -200,8 +201,9 @@ class Tab:
         self._show(self.against, figures.against(self.bench.state.prediction, joint, variable, self._sliding(joint)))
 
     def _show(self, place: _Place, drawing: Drawing) -> None:
-        place.title.content = plain(f"**{drawing.title}**")
-        place.figure.figure = drawing.figure.update_layout(height=None)
+        place.title.content = f"**{plain(drawing.title)}**"
+        # In a narrow panel a legend takes two lines.
+        place.figure.figure = drawing.figure.update_layout(height=None, margin={"t": 52} if drawing.legend else {})
         place.reading.content = plain(drawing.reading)
 
     def _list(self, state: State) -> None:
@@ -281,6 +283,6 @@ def _measured_on(state: State) -> str:
 
 def plain(text: str) -> str:
     """Text for viser's markdown, which takes braces and angle brackets for code."""
-    for sign, code in (("<", "&lt;"), ("{", "&#123;"), ("}", "&#125;")):
+    for sign, code in (("<", "&lt;"), ("{", "&#123;"), ("}", "&#125;"), ("*", "\\*")):
         text = text.replace(sign, code)
     return text.replace("_", "\\_")
