@@ -197,7 +197,7 @@ def settled(condition, seconds=60.0):
 def test_a_session_in_the_browser(case, tmp_path):
     running = studio(*case, tmp_path / "model.json", port=8200)
     try:
-        with opened(running.address, width=1000, height=600, flags=SOLID) as seen:
+        with opened(running.address, height=700, flags=SOLID) as seen:
             page = seen.page
             page.set_default_timeout(60_000)
             page.wait_for_selector(".js-plotly-plot .scatterlayer path")
@@ -240,7 +240,7 @@ def test_a_session_in_the_browser(case, tmp_path):
 def test_two_tabs_show_one_model(case, tmp_path):
     running = studio(*case, tmp_path / "model.json", port=8220)
     try:
-        with opened(running.address, width=1000, height=600, flags=SOLID) as seen:
+        with opened(running.address, height=700, flags=SOLID) as seen:
             one = seen.page
             two = one.context.browser.new_page()
             two.goto(running.address)
