@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from frischid.contact import Contact, find_contacts, stretches
+from frischid.description import Description, describe
 from frischid.effects import EFFECTS, Effect
 from frischid.errors import InputError, UnknownNameError
 from frischid.evidence import Evidence
@@ -31,6 +32,7 @@ Verdict = Literal["none", "effect", "contact", "unknown"]
 Known = Literal["always", "changed"]
 Situation = Literal["auto", "always", "changed"]
 LARGE = 0.015  # of a joint's torque: an error below this is not called unexplained, the floor being an estimate
+DWARFED = 4.0  # what is left on one joint over what the best finding removes, both squared NRMSE
 EXPLAINED = 0.6  # share of the bursts' energy that is left if a steady effect is what makes them
 CHANGED = 1.02  # error of the model as it is over that of a refit, above which the robot is not the one identified
 
@@ -105,6 +107,8 @@ class Diagnosis:
     contacts : tuple of Contact
         Transients kept out of everything else.
     notes : tuple of str
+    description : Description or None
+        Of what is left, when the verdict is "unknown".
     """
 
     verdict: Verdict
@@ -115,6 +119,7 @@ class Diagnosis:
     joints: dict[str, dict[str, float]]
     contacts: tuple[Contact, ...]
     notes: tuple[str, ...]
+    description: Description | None
     evidence: Evidence = field(repr=False)
 
     def to_dict(self) -> dict[str, Any]:
@@ -128,6 +133,7 @@ class Diagnosis:
             "findings": [f.to_dict() for f in self.findings],
             "contacts": [vars(c) for c in self.contacts],
             "notes": list(self.notes),
+            "description": None if self.description is None else vars(self.description),
         }
 
 
@@ -172,14 +178,14 @@ def diagnose(
     evidence, state = gathered(model, everything, situation)
     floor = noise_floor(model, evidence.motions)
     contacts = find_contacts(evidence, floor)
-    findings = rank(evidence, floor, state, effects, progress)
+    findings, left = rank(evidence, floor, state, effects, progress)
     if contacts:
         rest = evidence.without(stretches(contacts))
         if any(explains(evidence, rest, f) for f in findings if f.significant):
             contacts = []
         else:
             progress("once more without the contacts")
-            evidence, findings = rest, rank(rest, floor, state, effects, progress)
+            evidence, (findings, left) = rest, rank(rest, floor, state, effects, progress)
     error = float(evidence.nrmse(evidence.base_sse()).mean())
     joints = {
         name: {"error": float(e), "noise_floor": float(f)}
@@ -187,7 +193,8 @@ def diagnose(
             evidence.joints, evidence.nrmse(evidence.base_sse()), floor / evidence.spread, strict=True
         )
     }
-    verdict = _verdict(evidence, floor, findings, contacts)
+    verdict = _verdict(evidence, floor, findings, contacts, left)
+    description = describe(evidence) if verdict == "unknown" else None
     notes = [f"taken as a robot that {'changed since it was identified' if state == 'changed' else 'was always so'}"]
     return Diagnosis(
         verdict,
@@ -197,7 +204,8 @@ def diagnose(
         float(np.mean(floor / evidence.spread)),
         joints,
         tuple(contacts),
-        tuple(notes),
+        (*notes, *([str(description)] if description is not None else [])),
+        description,
         evidence,
     )
 
@@ -262,14 +270,15 @@ def rank(
     situation: str,
     only: Sequence[str] | None = None,
     progress: Callable[[str], None] = lambda _: None,
-) -> list[Finding]:
-    """Every effect that can act on this robot, best first."""
+) -> tuple[list[Finding], Array]:
+    """Every effect that can act on this robot, best first; and the joints' NRMSE (J,) with all that pass."""
     kinds = [
         kind
         for name, kind in EFFECTS.items()
         if (only is None or name in only) and not (kind.change and situation == "always")
     ]
-    return [_finding(evidence, floor, ranked) for ranked in ranking(evidence, kinds, progress)]
+    found, left = ranking(evidence, kinds, progress)
+    return [_finding(evidence, floor, ranked) for ranked in found], left
 
 
 def _finding(evidence: Evidence, floor: Array, ranked: Ranked) -> Finding:
@@ -305,15 +314,18 @@ def _shape(effect: Effect) -> dict[str, float]:
 # ---------------------------------------------------------------------- verdict
 
 
-def _verdict(evidence: Evidence, floor: Array, findings: Sequence[Finding], contacts: Sequence[Contact]) -> Verdict:
+def _verdict(
+    evidence: Evidence, floor: Array, findings: Sequence[Finding], contacts: Sequence[Contact], left: Array
+) -> Verdict:
+    """Unknown: what is left on some joint, with all that pass in the model, dwarfs what the best finding removes."""
     if contacts:
         return "contact"
     best = next((f for f in findings if f.significant), None)
-    error = evidence.nrmse(evidence.base_sse())
-    unexplained = bool(((error > LARGE) & (error * evidence.spread > 3.0 * floor)).any())
+    noise = floor / evidence.spread
+    unexplained = np.where((left > LARGE) & (left > 3.0 * noise), left**2 - noise**2, 0.0).max()
     if best is None:
-        return "unknown" if unexplained else "none"
-    return "unknown" if best.share < 0.2 and unexplained else "effect"
+        return "unknown" if unexplained > 0 else "none"
+    return "unknown" if unexplained > DWARFED * best.removed else "effect"
 
 
 def _with_verdict(findings: Sequence[Finding], verdict: Verdict, error: float) -> tuple[Finding, ...]:

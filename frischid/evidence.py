@@ -384,6 +384,17 @@ class Evidence:
         v = self._sparse[motion].v[:, list(self.model.torque_index)]
         return np.asarray(v / np.maximum(np.sqrt((v**2).mean(axis=0)), 1e-12))
 
+    def variables(self, row: int) -> dict[str, Array]:
+        """What a joint's residual may depend on, at its rows: ``q1``, ``v1``, ``a1``, ..., and t in its log."""
+        numbers = [str(self.model.robot.numbers[name]) for name in self.model.robot.joints]
+        pieces: dict[str, list[Array]] = {}
+        for state, picked in zip(self._sparse, self.rows[row].picked, strict=True):
+            pieces.setdefault("t", []).append(state.t[picked] - state.start)
+            for symbol, values in (("q", state.q), ("v", state.v), ("a", state.a)):
+                for number, x in zip(numbers, values.T, strict=True):
+                    pieces.setdefault(symbol + number, []).append(x[picked])
+        return {name: np.concatenate(parts) for name, parts in pieces.items()}
+
     def residuals(self) -> Iterator[tuple[int, Array]]:
         """Residual of every joint's rows with the parameters fitted to everything."""
         for row, r in enumerate(self.rows):

@@ -117,8 +117,15 @@ class Ranked:
 
 def ranking(
     evidence: Evidence, kinds: Iterable[type[Effect]], progress: Callable[[str], None] = lambda _: None
-) -> list[Ranked]:
-    """Every effect that can act on this robot, the one that explains most first."""
+) -> tuple[list[Ranked], Array]:
+    """Every effect that can act on this robot, the one that explains most first.
+
+    Returns
+    -------
+    list of Ranked
+    ndarray, shape (J,)
+        Held-out NRMSE of each joint with all that entered.
+    """
     pool: list[Judged] = []
     for kind in kinds:
         progress(f"trying {kind.id}")
@@ -130,7 +137,7 @@ def ranking(
     progress("judging them against each other")
     chosen, full = _together(evidence, pool, tried)
     unique = {id(c): _worth(evidence, chosen, c, full) for c in chosen}
-    return _ranked(evidence, pool, chosen, unique, tried)
+    return _ranked(evidence, pool, chosen, unique, tried), full.nrmse(full.base_sse())
 
 
 def distinct(evidence: Evidence, alternatives: Sequence[Effect]) -> list[Projection]:

@@ -34,6 +34,7 @@ LAYERS = (
         "ranking",
         "evidence",
         "contact",
+        "description",
         "prediction",
         "quality",
     ),

@@ -38,6 +38,8 @@ def diagnosis(result: Diagnosis) -> Page:
             ", ".join(f.confused_with),
         )  # fmt: skip
     parts.append(table)
+    if result.description is not None:
+        parts.append(f"{result.description}.".capitalize())
     significant = [f for f in result.findings if f.significant]
     if significant:
         best = significant[0]

@@ -1,0 +1,118 @@
+"""What is left when nothing in the catalogue explains it: which variables it depends on, and a formula for it.
+
+The residual of the joint that is explained worst is held against every quantity of every joint, by Chatterjee's ξ
+(a rank correlation that is 0 only for independence and 1 for any function, S. Chatterjee 2021, J. Am. Stat. Assoc.
+116(536)), on samples a correlation time apart. Then terms from a library of simple expressions enter one by one while
+held-out data pay for them (orthogonal least squares, as in `ranking`; the library: Brunton, Proctor and Kutz 2016, PNAS
+113(15)). The result is a *description*, not a cause: it says where to look.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from frischid.effects import Formula
+from frischid.evidence import Evidence
+from frischid.gram import Array
+from frischid.ranking import SIGNIFICANCE, Judged, judged
+
+TERMS = 3
+SAMPLES = 30  # independent samples below which nothing is said of dependence
+
+
+@dataclass(frozen=True)
+class Description:
+    """What is left on one joint.
+
+    Attributes
+    ----------
+    joint : str
+    depends_on : dict of str to float
+        Variable (``q2``, ``v1``, ...; t: time in the log) -> p value of independence, those that are not independent,
+        corrected for all that were tried; the surest first.
+    formula : tuple of str
+        Expressions, in the language of the effect ``formula``, that describe it.
+    removed : float
+        Share of the squared held-out error on this joint that the formula removes.
+    """
+
+    joint: str
+    depends_on: Mapping[str, float]
+    formula: tuple[str, ...]
+    removed: float
+
+    def __str__(self) -> str:
+        depends = ", ".join(self.depends_on) or "no variable alone"
+        formula = " and ".join(f"'{f}'" for f in self.formula)
+        described = (
+            f"; {formula} would describe {self.removed:.0%} of it (a description, not a cause)" if formula else ""
+        )
+        return f"what is left on {self.joint} depends on {depends}{described}"
+
+
+def describe(evidence: Evidence) -> Description:
+    """Describe what is left on the joint that is explained worst."""
+    row = int(np.argmax(evidence.nrmse(evidence.base_sse())))
+    residual = dict(evidence.residuals())[row]
+    depends = _dependence(evidence, row, residual)
+    chosen, removed = _formula(evidence, row)
+    return Description(evidence.joints[row], depends, tuple(chosen), removed)
+
+
+def _dependence(evidence: Evidence, row: int, residual: Array) -> dict[str, float]:
+    apart = max(1, round(evidence.correlation[row]))
+    variables = evidence.variables(row)
+    if len(residual) // apart < SAMPLES:
+        return {}
+    found = {}
+    for name, x in variables.items():
+        thin = x[::apart], residual[::apart]
+        if np.ptp(thin[0]) > 0:
+            found[name] = min(1.0, len(variables) * float(stats.chatterjeexi(*thin).pvalue))
+    return {name: p for name, p in sorted(found.items(), key=lambda item: item[1]) if p < SIGNIFICANCE}
+
+
+def _formula(evidence: Evidence, row: int) -> tuple[list[str], float]:
+    joint = evidence.joints[row]
+    candidates = [p for p in evidence.project([Formula((joint,), e) for e in _library(evidence, joint)]) if p.columns]
+    start = evidence.nrmse(evidence.base_sse())[row] ** 2
+    now, chosen, left = evidence, list[str](), start
+    while len(chosen) < TERMS:
+        scored = [j for c in candidates if (j := judged(now, [c])) is not None and j.gain > 0]
+        passing = [j for j in scored if j.chance(len(candidates)) < SIGNIFICANCE]
+        if not passing:
+            break
+        best = max(passing, key=lambda j: j.removed)
+        after = float(now.nrmse(best.score.sse)[row] ** 2)
+        if after > 0.95 * left:
+            break
+        chosen.append(_expression(best))
+        left, now = after, now.extended(best.projection)
+        candidates = [c for c in candidates if c is not best.projection]
+    return chosen, float(1 - left / start)
+
+
+def _expression(candidate: Judged) -> str:
+    effect = candidate.effect
+    assert isinstance(effect, Formula)
+    return effect.expression
+
+
+def _library(evidence: Evidence, joint: str) -> list[str]:
+    """Simple expressions of the joint's own quantities, of each other joint's, and of both together."""
+    robot = evidence.model.robot
+    own = str(robot.numbers[joint])
+    found = [f"{wave}({k}q{own})" for wave in ("sin", "cos") for k in ("", "2*", "3*")]
+    found += [f"v{own}**3", f"abs(v{own})", f"v{own}*abs(v{own})", f"abs(tau_model{own})", f"q{own}*v{own}"]
+    found += [f"t*sign(v{own})", f"t*v{own}", "t", f"abs(q{own})*sign(v{own})", f"load{own}"]
+    for other in robot.joints:
+        k = str(robot.numbers[other])
+        if k == own:
+            continue
+        found += [f"q{own}*q{k}", f"q{k}", f"sin(q{k})", f"cos(q{k})", f"v{k}", f"sign(v{k})", f"a{k}", f"tau_model{k}"]
+        found += [f"v{own}*abs(v{k})", f"abs(v{own})*v{k}", f"v{own}*v{k}", f"q{k}*v{own}", f"q{k}*sign(v{own})"]
+    return found
