@@ -8,8 +8,8 @@ parameters, and a constant (the mean torque of the identification logs). A model
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,13 @@ from frischid.errors import InputError
 from frischid.gram import Array
 from frischid.log import Log, check_torque
 from frischid.model import Model
-from frischid.noise import noise_floor
-from frischid.regressor import Block, nominal_parameters
-from frischid.signals import prepare
+from frischid.noise import noise_variance
+from frischid.recording import Recording, head_of
+from frischid.regressor import EXTRA, Block, nominal_parameters
+from frischid.signals import Motion
+
+STRETCH = 1000  # filtered samples kept or left out together, so that residuals stay consecutive
+MOST_KEPT = 100_000  # filtered samples in memory: hours of motion at usual cut-offs, 30 MB for a six-joint arm
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,8 @@ class Comparison:
     sources : tuple of str
         The logs.
     residuals : Residuals
-        Residuals and motion behind the figures: where the model fails, and what is left in them.
+        Residuals and motion behind the figures: where the model fails, and what is left in them. Of very long logs,
+        `MOST_KEPT` samples in stretches spread evenly.
     """
 
     joints: dict[str, JointFit]
@@ -170,13 +175,15 @@ class _Sums:
         return np.asarray(np.sqrt(np.maximum(self.tau2 / self.count - (self.tau / self.count) ** 2, 0.0)))
 
 
-def compare(model: Model, logs: Sequence[Log], evaluated: Sequence[tuple[Block, Array]] | None = None) -> Comparison:
+def compare(
+    model: Model, logs: Sequence[Log | Recording], evaluated: Sequence[tuple[Block, Array]] | None = None
+) -> Comparison:
     """Predict logs and measure the error.
 
     Parameters
     ----------
     model : Model
-    logs : sequence of Log
+    logs : sequence of Log or Recording
         At least one; each must hold position and torque of the model's joints.
     evaluated : sequence of (Block, ndarray), optional
         ``model.blocks(logs)``, where the caller has it already.
@@ -194,28 +201,81 @@ def compare(model: Model, logs: Sequence[Log], evaluated: Sequence[tuple[Block, 
         raise InputError("there is no log to compare the model with")
     index = model.torque_index
     for log in logs:
-        check_torque(log, model.joints)
-        missing = [n for n, there in zip(model.joints, log.select(model.joints).has("tau"), strict=True) if not there]
+        head = head_of(log)
+        if isinstance(log, Log):
+            check_torque(head, model.joints)
+        missing = [n for n, there in zip(model.joints, head.select(model.joints).has("tau"), strict=True) if not there]
         if missing:
             raise InputError(f"{log.source}: no torque column (tau_<joint>) for {', '.join(missing)}")
+    moving, everything, kept = _Sums(len(index)), _Sums(len(index)), Kept()
     nominal = nominal_parameters(model.robot, model.effects)
-    moving, everything = _Sums(len(index)), _Sums(len(index))
-    blocks = list(model.blocks(logs)) if evaluated is None else evaluated
-    for block, fitted in blocks:
+    noise = _Noise(model)
+    motions = noise.watch(model.motions(logs))
+    pairs = model.evaluate(motions) if evaluated is None else evaluated
+    for block, fitted in pairs:
         known = block.known[:, index]
-        guess = np.einsum("ncj,c->nj", block.Y[:, :, index], nominal)
+        guess = (nominal @ block.Y)[:, index]
         rows = (block.t, block.tau[:, index] + known, fitted[:, index] + known, guess + known)
         used = block.used[:, index].astype(float)
         moving.add(*rows, used, block.source)
         everything.add(*rows, np.ones_like(used), block.source)
-    motions = [
-        m
-        for log in logs
-        for m in prepare(log.select(model.robot.joints), model.lowpass, velocity=model.velocity).motions
-    ]
-    floor = noise_floor(model, motions)
-    residuals = Residuals(model, blocks)
-    return _summary(model, moving, everything, tuple(log.source for log in logs), floor, residuals)
+        kept.add(block, fitted)
+    for _ in motions:  # those of blocks that the caller evaluated are still to be seen
+        pass
+    residuals = Residuals(model, kept.blocks)
+    return _summary(model, moving, everything, tuple(log.source for log in logs), noise.floor, residuals)
+
+
+class _Noise:
+    """The noise floor of motions as they pass."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.total, self.samples = np.zeros(len(model.joints)), 0
+
+    def watch(self, motions: Iterable[Motion]) -> Iterator[Motion]:
+        """Pass motions on, and see each."""
+        for motion in motions:
+            self.total += len(motion.t) * noise_variance(self.model, motion)
+            self.samples += len(motion.t)
+            yield motion
+
+    @property
+    def floor(self) -> Array:
+        """Standard deviation of each joint's filtered torque, N·m (N), shape (J,)."""
+        return np.asarray(np.sqrt(self.total / self.samples))
+
+
+class Kept:
+    """Blocks in memory, in stretches spread evenly over the logs: all of them, or every second, fourth, ... stretch.
+
+    Where a model fails is judged on at most `MOST_KEPT` samples; the errors themselves are sums over all.
+    """
+
+    def __init__(self) -> None:
+        self.stretches: list[list[tuple[Block, Array]]] = []
+        self.every, self.number, self.samples, self.length = 1, -1, 0, STRETCH
+
+    @property
+    def blocks(self) -> list[tuple[Block, Array]]:
+        """What is kept, in order."""
+        return [pair for stretch in self.stretches for pair in stretch]
+
+    def add(self, block: Block, fitted: Array) -> None:
+        """Take the next block, or leave it out."""
+        if self.length >= STRETCH:
+            self.number, self.length = self.number + 1, 0
+            if self.number % self.every == 0:
+                self.stretches.append([])
+        self.length += len(block.t)
+        if self.number % self.every:
+            return
+        # Only what residuals need: the regressor's columns are most of a block.
+        self.stretches[-1].append((replace(block, Z=block.Z[:, -EXTRA:].copy()), fitted))
+        self.samples += len(block.t)
+        if self.samples > MOST_KEPT:
+            self.stretches, self.every = self.stretches[::2], 2 * self.every
+            self.samples = sum(len(b.t) for b, _ in self.blocks)
 
 
 def _summary(

@@ -6,9 +6,10 @@ and box → bounding-box recursion → (on request) the best point of the box �
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -23,21 +24,26 @@ from frischid.estimate import Estimate, cross_validated, ols, wls
 from frischid.frisch import Box, Simplex, simplex
 from frischid.gram import Array, Gram, total
 from frischid.iv import iv
-from frischid.log import Log, check_motion, check_torque, warnings_of
+from frischid.log import Log
 from frischid.model import Model
+from frischid.recording import Motions, Recording
 from frischid.reduction import Reduction, reduce
-from frischid.regressor import Regressor, accumulate, stack
+from frischid.regressor import Block, Regressor, accumulate, stack
 from frischid.robot import Robot
 from frischid.selection import Selection, select
 from frischid.sensitivity import noise_limits, samples, sensor_moments
 from frischid.sensorwise import sensorwise
 from frischid.signals import LowPass, Motion, choose_lowpass, prepare
+from frischid.survey import Data, held_by, moving_but_locked, survey, suspicions
+from frischid.survey import torque_joints as torque_joints_of
 
 MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see
 WIDTHS = (0.001, 0.002, WIDTH, 0.01)  # rad/s (m/s)
 SAMPLE = 6000  # samples on which the width of dry friction's sign is chosen
+FIRST_PIECES = 4  # of a recording, on which it is chosen
 DECISIVE = 0.98  # share of the default's error below which another width is worth leaving it
 HOPELESS = 0.8  # cross-validated NRMSE above which a joint is not explained but wrong
+MOST_ROWS = 100_000  # of the bounding-box recursion, which needs them all in memory and inverts a matrix for each
 ESTIMATORS = ("wls", "ols", "frisch", "sensorwise", "eiv", "iv")
 RECORDED = 40  # steps of the recursion kept with the model
 RECURSIONS = ("strict", "undo", "calibrated", "none")
@@ -84,9 +90,9 @@ class Identification:
 
 def identify(
     robot: Robot,
-    logs: Sequence[Log],
+    logs: Sequence[Data],
     *,
-    valid: Sequence[Log] = (),
+    valid: Sequence[Data] = (),
     effects: Sequence[Effect] | None = None,
     torque_joints: Sequence[str] | None = None,
     cutoff: float | Literal["auto"] | None = "auto",
@@ -103,9 +109,9 @@ def identify(
     ----------
     robot : Robot
         Joints that some log does not hold are locked, and a note says so.
-    logs : sequence of Log
-        Logs to fit, each a recording of its own.
-    valid : sequence of Log
+    logs : sequence of Log or Recording
+        Logs to fit, each on its own; a `Recording` is read piece by piece and never held as a whole.
+    valid : sequence of Log or Recording
         Logs to measure the error on.
     effects : sequence of Effect, optional
         What acts besides the rigid links. By default `BASELINE`, with the speed over which dry friction changes its
@@ -118,7 +124,7 @@ def identify(
     estimator : {"wls", "ols", "frisch", "sensorwise", "eiv", "iv"}
         Whose values become the model's. ``"frisch"`` is the paper's: the best point in the Frisch box. ``"sensorwise"``
         adds the box of `frischid.sensorwise`, with the sensors' noise limited to what the log shows; ``"eiv"`` and
-        ``"iv"`` are errors-in-variables likelihood and instrumental variables.
+        ``"iv"`` are errors-in-variables likelihood and instrumental variables. These three hold all motions in memory.
     recursion : {"strict", "undo", "calibrated", "none"}
         Variant of the bounding-box recursion.
     window : int, optional
@@ -145,12 +151,15 @@ def identify(
         raise UnknownNameError("estimator", estimator, ESTIMATORS)
     if recursion not in RECURSIONS:
         raise UnknownNameError("recursion", recursion, RECURSIONS)
-    robot, notes = _held_by(robot, logs)
-    rows = _torque_joints(robot, logs, torque_joints, notes)
-    warnings = [f"{log.source}: {w}" for log in logs for w in _suspicions(robot, log, rows, strict=True)]
-    lowpass = choose_lowpass(logs, rows) if cutoff == "auto" else LowPass(cutoff)
+    robot, notes = held_by(robot, logs)
+    rows = torque_joints_of(robot, logs, torque_joints, notes)
+    seen = survey(robot, logs, rows, cutoff)
+    warnings, lowpass = list(seen.warnings), seen.lowpass
     notes.append(_filtering(lowpass))
-    motions = _motions(robot, logs, lowpass, velocity, notes)
+    pieces = Motions(logs, robot.joints, lowpass, velocity)
+    # What is in memory anyway is prepared once; a recording is read again each time it is gone through.
+    streamed = any(isinstance(log, Recording) for log in logs)
+    motions: Iterable[Motion] = pieces if streamed else list(pieces)
 
     if effects is None:
         effects = _baseline(robot, motions, lowpass, rows, notes)
@@ -158,9 +167,14 @@ def identify(
     progress("regressor and moments")
     regressor = Regressor(robot, effects, reference)
     reduction = structure(regressor, rows)
-    blocks = [g.select(reduction.base) for g in accumulate(regressor, motions, lowpass, rows)]
     columns = reduction.base_columns()
-    blocks = [replace(g, columns=columns) for g in blocks]
+    blocks = [
+        replace(g, columns=columns)
+        for g in accumulate(
+            regressor, motions, lowpass, rows, seconds=seen.seconds if streamed else None, base=reduction.base
+        )
+    ]
+    notes += pieces.notes
     if reduction.gap < 100:
         warnings.append(
             f"the rank is not clear (gap {reduction.gap:.1f}): some base parameter hardly acts on the torque"
@@ -182,10 +196,10 @@ def identify(
         estimate = replace(estimate, theta=selection.theta, estimator="frisch")
     if estimator in {"sensorwise", "eiv", "iv"}:
         progress(f"estimator {estimator}")
-        estimate, box = _by_sensors(estimator, regressor, motions, lowpass, rows, reduction, estimate)
+        estimate, box = _by_sensors(estimator, regressor, list(motions), lowpass, rows, reduction, estimate)
         if box is not None:
             bounds["sensorwise"] = box
-    warnings += [*estimate.notes, *_moving_but_locked(robot, logs), *_doubts(triangle, recursed)]
+    warnings += [*estimate.notes, *moving_but_locked(seen.moving), *_doubts(triangle, recursed)]
 
     model = Model(
         robot,
@@ -205,7 +219,7 @@ def identify(
     comparison = compare(model, valid) if valid else None
     warnings = list(dict.fromkeys([*_hopeless(held_out), *warnings]))
     notes = list(dict.fromkeys(notes))
-    event = _event(effects, logs, valid, held_out, comparison) | {"notes": notes, "warnings": warnings}
+    event = _event(effects, logs, seen.samples, valid, held_out, comparison) | {"notes": notes, "warnings": warnings}
     model = replace(model, history=(event,))
     return Identification(
         model,
@@ -221,22 +235,14 @@ def identify(
     )
 
 
-def _motions(robot: Robot, logs: Sequence[Log], lowpass: LowPass, velocity: str, notes: list[str]) -> list[Motion]:
-    """Every log prepared on its own; what was done to it goes into `notes`."""
-    motions: list[Motion] = []
-    for log in logs:
-        prepared = prepare(log.select(robot.joints), lowpass, velocity=velocity)
-        motions += prepared.motions
-        notes += [*log.notes, *prepared.notes]
-    return motions
-
-
 def _baseline(
-    robot: Robot, motions: Sequence[Motion], lowpass: LowPass, rows: Sequence[str], notes: list[str]
+    robot: Robot, motions: Iterable[Motion], lowpass: LowPass, rows: Sequence[str], notes: list[str]
 ) -> tuple[Effect, ...]:
     """The baseline effects, with the width of dry friction's sign that predicts best a part of the data left out."""
-    share = min(1.0, SAMPLE / sum(len(m.t) for m in motions))
-    parts = [m.middle(share) for m in motions]
+    # Of a recording, the beginning must do: reading all of it takes long.
+    some = motions if isinstance(motions, list) else list(islice(motions, FIRST_PIECES))
+    share = min(1.0, SAMPLE / sum(len(m.t) for m in some))
+    parts = [m.middle(share) for m in some]
     errors: dict[float, float] = {}
     for width in WIDTHS:
         effects = tuple(replace(e, width=width) if isinstance(e, Coulomb) else e for e in BASELINE)
@@ -267,8 +273,9 @@ def _hopeless(held_out: Mapping[str, float]) -> list[str]:
 
 def _event(
     effects: Sequence[Effect],
-    logs: Sequence[Log],
-    valid: Sequence[Log],
+    logs: Sequence[Data],
+    samples: Sequence[int],
+    valid: Sequence[Data],
     held_out: Mapping[str, float],
     comparison: Comparison | None,
 ) -> dict[str, Any]:
@@ -276,7 +283,10 @@ def _event(
     return {
         "action": "identify",
         "effects": [str(e) for e in effects],
-        "logs": [{"source": log.source, "sha256": log.sha256, "samples": len(log)} for log in logs],
+        "logs": [
+            {"source": log.source, "sha256": log.sha256, "samples": count}
+            for log, count in zip(logs, samples, strict=True)
+        ],
         "cross_validated_nrmse": float(np.mean(list(held_out.values()))),
         "held_out_nrmse": None if comparison is None else comparison.nrmse,
         "held_out_logs": [{"source": log.source, "sha256": log.sha256} for log in valid],
@@ -327,7 +337,7 @@ def examine(robot: Robot, logs: Sequence[Log]) -> list[Examination]:
     InputError
         A log cannot be used at all.
     """
-    robot, locked = _held_by(robot, logs)
+    robot, locked = held_by(robot, logs)
     findings = []
     for log in logs:
         chosen = log.select(robot.joints)
@@ -342,57 +352,8 @@ def examine(robot: Robot, logs: Sequence[Log]) -> list[Examination]:
         with suppress(InputError):  # a log too short for the filters is for `identify` to refuse
             facts["notes"] += prepare(chosen, choose_lowpass([log], robot.joints)).notes
         rows = [n for n in robot.joints if chosen.select([n]).has("tau")[0]] or list(robot.joints)
-        findings.append(Examination(log.source, facts, tuple(_suspicions(robot, log, rows, strict=False))))
+        findings.append(Examination(log.source, facts, tuple(suspicions(robot, log, rows, strict=False))))
     return findings
-
-
-def _held_by(robot: Robot, logs: Sequence[Log]) -> tuple[Robot, list[str]]:
-    """Lock the joints that some log does not hold."""
-    if not logs:
-        raise InputError("there is no log to identify from")
-    held = [n for n in robot.joints if all(n in log.joints for log in logs)]
-    if not held:
-        raise InputError(
-            f"the logs share no joint with the robot; joints of the robot are {', '.join(robot.joints)}; "
-            f"{logs[0].source} holds {', '.join(logs[0].joints)}"
-        )
-    kept = robot.keep(held)
-    by_angle: dict[str, list[str]] = {}
-    for name, angle in kept.locked.items():
-        why = "" if name in robot.locked else ", which some log does not hold"
-        by_angle.setdefault(f"{angle:.4g} rad (m){why}", []).append(name)
-    return kept, [f"locked at {angle}: {', '.join(names)}" for angle, names in by_angle.items()]
-
-
-def _torque_joints(robot: Robot, logs: Sequence[Log], wanted: Sequence[str] | None, notes: list[str]) -> list[str]:
-    if wanted is not None:
-        for name in wanted:
-            if name not in robot.joints:
-                raise UnknownNameError("joint", name, robot.joints)
-        left = [n for n in robot.joints if n not in wanted]
-        if left:
-            notes.append(f"torque rows left out: {', '.join(left)} (they move, their torque is not fitted)")
-        return [n for n in robot.joints if n in wanted]
-    have = [n for n in robot.joints if all(log.select([n]).has("tau")[0] for log in logs)]
-    without = [n for n in robot.joints if n not in have]
-    if have and without:
-        notes.append(f"no torque channel for {', '.join(without)}: these joints move, their torque rows are left out")
-    return have or list(robot.joints)
-
-
-def _suspicions(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool) -> list[str]:
-    """Raise on a log that cannot be used; say what is suspicious in one that can."""
-    chosen = log.select(robot.joints)
-    check_motion(chosen)
-    check_torque(chosen, rows)
-    dead = [] if chosen.tau is None else [n for n in rows if not np.any(chosen.tau[:, chosen.joints.index(n)])]
-    if dead and strict:
-        raise InputError(
-            f"{log.source}: the torque of {', '.join(dead)} is zero throughout; leave its torque row out "
-            "(--torque-joints, torque_joints=) or record it"
-        )
-    limits = robot.limits
-    return warnings_of(chosen, limits.velocity, np.stack([limits.lower, limits.upper], axis=1))
 
 
 def _filtering(lowpass: LowPass) -> str:
@@ -403,7 +364,7 @@ def _filtering(lowpass: LowPass) -> str:
 
 def _recursion(
     regressor: Regressor,
-    motions: Sequence[Motion],
+    motions: Iterable[Motion],
     lowpass: LowPass,
     rows: Sequence[str],
     reduction: Reduction,
@@ -415,7 +376,15 @@ def _recursion(
     """BBRF over the filtered rows, each joint's in units of its own residual."""
     if variant == "none":
         return None
-    blocks = [b for motion in motions for b in regressor.blocks(motion, lowpass)]
+    index = [regressor.robot.joints.index(n) for n in rows]
+    blocks: list[Block] = []
+    count = 0
+    for block in (b for motion in motions for b in regressor.blocks(motion, lowpass)):
+        if count + block.used[:, index].sum() > MOST_ROWS:
+            warnings.append(f"BBRF looked at the first {count} rows only: every further one costs a matrix inverse")
+            break
+        blocks.append(block)
+        count += int(block.used[:, index].sum())
     Y, tau, which = stack(blocks, regressor.robot, rows)
     weight = np.sqrt(estimate.weights)[which]
     p = len(reduction.base)
@@ -453,20 +422,6 @@ def _record(recursed: Recursion, estimate: Estimate) -> dict[str, Any]:
 
 def _digits(values: Array) -> list[float | None]:
     return [float(f"{x:.6g}") if np.isfinite(x) else None for x in values]
-
-
-def _moving_but_locked(robot: Robot, logs: Sequence[Log]) -> list[str]:
-    """Joints the user locked although they move in a log: the model is then of another robot."""
-    moving: dict[str, float] = {}
-    for log in logs:
-        for name in robot.locked:
-            if name in log.joints and (span := float(np.ptp(log.select([name]).q))) > 0.05:
-                moving[name] = max(span, moving.get(name, 0.0))
-    return [
-        f"{name} is locked but moves by {span:.2g} rad (m) in a log: let it move and leave its torque out instead "
-        "(--torque-joints)"
-        for name, span in moving.items()
-    ]
 
 
 def _by_sensors(

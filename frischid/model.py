@@ -9,23 +9,25 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from frischid.effects import Effect, effect_from_dict
+from frischid.effects import Effect, columns_of, effect_from_dict
 from frischid.errors import InputError
 from frischid.estimate import Estimate
 from frischid.frisch import Box
 from frischid.gram import Array, Column
 from frischid.log import Log
+from frischid.recording import Motions, Recording
 from frischid.regressor import Block, Regressor
 from frischid.robot import Robot
-from frischid.signals import LowPass, prepare
+from frischid.signals import LowPass, Motion
 
 SCHEMA = "frischid.model/1"
 
@@ -108,14 +110,27 @@ class Model:
         torque = np.einsum("ncj,c->nj", Y[:, list(self.base)], self.estimate.theta)
         return np.asarray(torque if known is None else torque + known)
 
-    def blocks(self, logs: Sequence[Log]) -> Iterator[tuple[Block, Array]]:
+    def motions(self, logs: Sequence[Log | Recording]) -> Motions:
+        """Logs prepared as the model's own were."""
+        return Motions(logs, self.robot.joints, self.lowpass, self.velocity)
+
+    def blocks(self, logs: Sequence[Log | Recording]) -> Iterator[tuple[Block, Array]]:
         """Filtered samples of logs with the torque the model predicts for them, shape (M, J)."""
+        return self.evaluate(self.motions(logs))
+
+    def evaluate(self, motions: Iterable[Motion]) -> Iterator[tuple[Block, Array]]:
+        """The same of motions that are prepared already."""
         regressor = Regressor(self.robot, self.effects, self.reference)
-        for log in logs:
-            for motion in prepare(log.select(self.robot.joints), self.lowpass, velocity=self.velocity).motions:
-                for block in regressor.blocks(motion, self.lowpass):
-                    fitted = np.einsum("ncj,c->nj", block.Y[:, list(self.base)], self.estimate.theta)
-                    yield block, fitted
+        for motion in motions:
+            for block in regressor.blocks(motion, self.lowpass):
+                yield block, self.full_theta @ block.Y
+
+    @cached_property
+    def full_theta(self) -> Array:
+        """Value of every column of the full regressor, zero where it is not a base parameter."""
+        theta = np.zeros(len(columns_of(self.robot, self.effects)))
+        theta[list(self.base)] = self.estimate.theta
+        return theta
 
     # ------------------------------------------------------------------ files
 

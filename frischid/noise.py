@@ -12,7 +12,7 @@ whose torque wanders slowly have a higher one, and the difference then counts as
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 import pinocchio as pin
@@ -24,19 +24,23 @@ from frischid.signals import Motion, derivative_taps, noise_level
 POSES = 30
 
 
-def noise_floor(model: Model, motions: Sequence[Motion]) -> Array:
+def noise_floor(model: Model, motions: Iterable[Motion]) -> Array:
     """Standard deviation of each fitted joint's filtered torque that sensor noise explains, N·m (N), shape (J,)."""
-    index = model.torque_index
-    total, count = np.zeros(len(index)), 0
+    total, count = np.zeros(len(model.joints)), 0
     for motion in motions:
-        taps = model.lowpass.taps(motion.step)
-        second = np.convolve(taps, derivative_taps(2, motion.step, model.lowpass.cutoff))
-        torque = noise_level(motion.tau[:, index]) * np.linalg.norm(taps)
-        acceleration = noise_level(motion.q) * np.linalg.norm(second)
-        inertial = _mean_square_mass(model, motion)[index] @ acceleration**2
-        total += len(motion.t) * (torque**2 + inertial)
+        total += len(motion.t) * noise_variance(model, motion)
         count += len(motion.t)
     return np.asarray(np.sqrt(total / count))
+
+
+def noise_variance(model: Model, motion: Motion) -> Array:
+    """Squared noise floor of one motion, shape (J,)."""
+    index = model.torque_index
+    taps = model.lowpass.taps(motion.step)
+    second = np.convolve(taps, derivative_taps(2, motion.step, model.lowpass.cutoff))
+    torque = noise_level(motion.tau[:, index]) * np.linalg.norm(taps)
+    acceleration = noise_level(motion.q) * np.linalg.norm(second)
+    return np.asarray(torque**2 + _mean_square_mass(model, motion)[index] @ acceleration**2)
 
 
 def _mean_square_mass(model: Model, motion: Motion) -> Array:

@@ -9,7 +9,7 @@ to the next, so chunks change nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -284,31 +284,61 @@ def gram_of(regressor: Regressor, block: Block, joints: Sequence[str]) -> Gram:
     return result
 
 
-def accumulate(regressor: Regressor, motions: Sequence[Motion], lowpass: LowPass, joints: Sequence[str]) -> list[Gram]:
+def accumulate(
+    regressor: Regressor,
+    motions: Iterable[Motion],
+    lowpass: LowPass,
+    joints: Sequence[str],
+    *,
+    seconds: float | None = None,
+    base: Sequence[int] | None = None,
+) -> list[Gram]:
     """Moments of motions in blocks of consecutive time.
 
     Blocks serve cross-validation and standard errors that respect correlation: about `MAX_BLOCKS` of equal length,
-    at least one second each where the logs are long enough for sixteen. No block spans two motions.
+    at least one second each where the logs are long enough for sixteen. No block spans two motions, unless there are
+    more than twice `MAX_BLOCKS`: neighbours are then added, so that memory does not grow with the logs.
 
     Parameters
     ----------
     regressor : Regressor
-    motions : sequence of Motion
+    motions : iterable of Motion
+        Gone through once when `seconds` is given.
     lowpass : LowPass
     joints : sequence of str
         Joints whose torque rows are used.
+    seconds : float, optional
+        Length of all motions together; summed up by default.
+    base : sequence of int, optional
+        Columns to keep, all by default.
 
     Returns
     -------
     list of Gram
     """
+    if seconds is None:
+        motions = list(motions)
+        seconds = float(sum(m.t[-1] - m.t[0] for m in motions))
+    kept: list[Gram] = []
+    each, level = 1, 0  # blocks added into one, and how many of them the last one has
     # Small products are slower on several threads, and sums then depend on their number.
     with threadpool_limits(limits=1, user_api="blas"):
-        return list(_sums(regressor, motions, lowpass, joints))
+        for gram in _sums(regressor, motions, lowpass, joints, seconds):
+            part = gram if base is None else gram.select(base)
+            if 0 < level < each:
+                kept[-1], level = kept[-1] + part, level + 1
+                continue
+            if len(kept) == 2 * MAX_BLOCKS:
+                kept = [a + b for a, b in zip(kept[::2], kept[1::2], strict=True)]
+                each *= 2
+            kept.append(part)
+            level = 1
+    return kept
 
 
-def _sums(regressor: Regressor, motions: Sequence[Motion], lowpass: LowPass, joints: Sequence[str]) -> Iterator[Gram]:
-    whole = float(sum(m.t[-1] - m.t[0] for m in motions))
+def _sums(
+    regressor: Regressor, motions: Iterable[Motion], lowpass: LowPass, joints: Sequence[str], whole: float
+) -> Iterator[Gram]:
     seconds = max(min(1.0, whole / LEAST_BLOCKS), whole / MAX_BLOCKS)
     for motion in motions:
         _check_torque_present(motion, regressor.robot, joints)

@@ -196,10 +196,24 @@ def choose_lowpass(logs: Sequence[Log], joints: Sequence[str]) -> LowPass:
     -------
     LowPass
     """
-    bands: list[float] = []
-    clear: list[float] = []
+    bands = Bandwidths()
     for log in logs:
+        bands.add(log, joints)
+    return bands.lowpass()
+
+
+class Bandwidths:
+    """What spectra say of the motion and of the torque's noise, gathered log by log; see `choose_lowpass`."""
+
+    def __init__(self) -> None:
+        self.bands: list[float] = []
+        self.clear: list[float] = []
+        self.rate = np.inf
+
+    def add(self, log: Log, joints: Sequence[str]) -> None:
+        """Look at one log, or one piece of a recording."""
         chosen = log.select(joints)
+        self.rate = min(self.rate, log.rate)
         t, q, tau = _uniform(log.t, chosen.q, np.full_like(chosen.q, np.nan) if chosen.tau is None else chosen.tau)
         step = (t[-1] - t[0]) / (len(t) - 1)
         f, power, floor = _spectrum(q, step)
@@ -207,19 +221,22 @@ def choose_lowpass(logs: Sequence[Log], joints: Sequence[str]) -> LowPass:
         share = np.cumsum(velocity, axis=0) / np.maximum(velocity.sum(axis=0), 1e-300)
         moving = (np.ptp(q, axis=0) > STILL) & velocity.any(axis=0)
         edge = f[np.minimum((share < 0.99).sum(axis=0), len(f) - 1)]
-        bands += edge[moving].tolist()
+        self.bands += edge[moving].tolist()
         f, power, floor = _spectrum(np.nan_to_num(tau), step)
         # below the motion's bandwidth the torque's spectrum may have holes, above it noise
         noisy = (power < 10 * floor) & (f[:, None] > edge)
-        clear += [float(f[noisy[:, j].argmax()]) for j in np.flatnonzero(moving & noisy[1:].any(axis=0))]
-    if not bands:
-        return LowPass(None, "no joint's motion stands out of its noise")
-    band = float(np.median(bands))
-    sinks = float(np.median(clear)) if clear else np.inf
-    cutoff = float(f"{min(max(4 * band, min(10 * band, sinks)), 0.2 * min(log.rate for log in logs)):.2g}")
-    if cutoff < 9.5 * band:
-        return LowPass(cutoff, f"chosen where the torque nears its noise; the motion's bandwidth is {band:.2g} Hz")
-    return LowPass(cutoff, f"chosen as ten times the motion's bandwidth of {band:.2g} Hz")
+        self.clear += [float(f[noisy[:, j].argmax()]) for j in np.flatnonzero(moving & noisy[1:].any(axis=0))]
+
+    def lowpass(self) -> LowPass:
+        """The filter for everything that was looked at."""
+        if not self.bands:
+            return LowPass(None, "no joint's motion stands out of its noise")
+        band = float(np.median(self.bands))
+        sinks = float(np.median(self.clear)) if self.clear else np.inf
+        cutoff = float(f"{min(max(4 * band, min(10 * band, sinks)), 0.2 * self.rate):.2g}")
+        if cutoff < 9.5 * band:
+            return LowPass(cutoff, f"chosen where the torque nears its noise; the motion's bandwidth is {band:.2g} Hz")
+        return LowPass(cutoff, f"chosen as ten times the motion's bandwidth of {band:.2g} Hz")
 
 
 def _spectrum(x: Array, step: float) -> tuple[Array, Array, Array]:
@@ -228,7 +245,7 @@ def _spectrum(x: Array, step: float) -> tuple[Array, Array, Array]:
     return f, power, np.median(power[2 * len(f) // 3 :], axis=0)
 
 
-def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
+def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto", begin: float | None = None) -> Prepared:
     """Turn a log into motions: uniform time, q̇ and q̈ present, split at gaps.
 
     Parameters
@@ -240,6 +257,8 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
     velocity : {"auto", "measured", "derived"}
         Which q̇ and q̈ to use where the log holds them. ``"auto"`` takes per joint what is nearer the truth: a measured
         one only where it differs from the positions' by less than their own noise makes it.
+    begin : float, optional
+        Time at which the recording began, s, where this log is a later piece of one.
 
     Returns
     -------
@@ -253,15 +272,14 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
     if velocity not in VELOCITIES:
         raise InputError(f"velocity must be one of {', '.join(VELOCITIES)}, got '{velocity}'")
     median = float(np.median(np.diff(log.t)))
-    largest_gap = max(4 * median, 0.1 / lowpass.cutoff if lowpass.cutoff else 0.0)
-    breaks = np.flatnonzero(np.diff(log.t) > largest_gap) + 1
-    bounds = [0, *breaks.tolist(), len(log.t)]
+    largest_gap = _largest_gap(median, lowpass)
+    begins = breaks_of(log, lowpass)
+    bounds = [*begins.tolist(), len(log.t)]
     notes = []
-    if len(breaks):
+    if gaps := len(begins) - 1:
         longest = float(np.diff(log.t).max())
         notes.append(
-            f"{log.source}: split at {len(breaks)} gap{'s' * (len(breaks) > 1)} in the time stamps, the longest "
-            f"{longest:.3g} s"
+            f"{log.source}: split at {gaps} gap{'s' * (gaps > 1)} in the time stamps, the longest {longest:.3g} s"
         )
     jitter = np.abs(np.diff(log.t) - median)
     if (jitter[jitter < largest_gap] > 1e-3 * median).any():
@@ -275,7 +293,7 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
         if stop - start < 2 * reach + 10:
             too_short += stop - start
             continue
-        motion, said = _motion(log.slice(start, stop), lowpass, velocity, float(log.t[0]))
+        motion, said = _motion(log.slice(start, stop), lowpass, velocity, float(log.t[0]) if begin is None else begin)
         motions.append(motion)
         notes += [s for s in said if s not in notes]
     if too_short:
@@ -291,6 +309,16 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto") -> Prepared:
     trimmed = reach * median * len(motions) * 2
     notes.append(f"{log.source}: {trimmed:.2g} s trimmed at the ends, where the filters cannot see both sides")
     return Prepared(tuple(motions), tuple(notes))
+
+
+def _largest_gap(step: float, lowpass: LowPass) -> float:
+    return max(4 * step, 0.1 / lowpass.cutoff if lowpass.cutoff else 0.0)
+
+
+def breaks_of(log: Log, lowpass: LowPass) -> NDArray[np.intp]:
+    """First sample of every stretch without a gap: zero, and each sample after a gap."""
+    steps = np.diff(log.t)
+    return np.append(0, np.flatnonzero(steps > _largest_gap(float(np.median(steps)), lowpass)) + 1)
 
 
 def _uniform(t: Array, *channels: Array) -> tuple[Array, ...]:

@@ -15,10 +15,10 @@ PACKAGE = Path(frischid.__file__).parent
 LAYERS = (
     ("errors",),
     ("robot", "log", "gram"),
-    ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance"),
+    ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance", "recording"),
     (
         *("regressor", "reduction", "estimate", "eiv", "iv", "frisch", "bbrf", "selection", "physical"),
-        *("sensorwise", "sensitivity", "criteria", "envelope"),
+        *("sensorwise", "sensitivity", "criteria", "envelope", "survey"),
     ),
     ("model",),
     (

@@ -1,0 +1,174 @@
+"""Logs of any length: read piece by piece, as often as they are gone through, and never held as a whole.
+
+A `Recording` stands for a log that is too long for memory. Everything that sums over samples works on its pieces; the
+samples that a filter still needs are carried from one piece into the next, so that no sample is lost or counted twice:
+
+    piece k:   … a b c d e f           filters see d, but not yet e and f
+    piece k+1:         c d e f g h …   begins where the last complete output ended
+
+A log in memory is its own single piece. What is decided from the samples themselves (the grid's step, which velocity
+is believed, where a joint rests) is decided once a piece.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frischid.errors import InputError
+from frischid.log import CHANNELS, FEWEST_SAMPLES, Log
+from frischid.mapping import LogMap
+from frischid.signals import LowPass, Motion, breaks_of, derivative_taps, prepare
+
+PIECE = 50_000
+"""Samples in memory at once: fifty seconds at 1 kHz, some 15 MB for a six-joint arm."""
+HEAD = 256
+"""Samples read to see what a recording holds."""
+MOST_NOTES = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A log that is read in pieces.
+
+    Attributes
+    ----------
+    source : str
+        File path or description, its name in messages.
+    read : callable
+        Given a number of samples, a fresh iterator over consecutive `Log` pieces of about that many.
+    sha256 : str or None
+        Hash of the file it stands for.
+    """
+
+    source: str
+    read: Callable[[int], Iterator[Log]]
+    sha256: str | None = None
+
+    @classmethod
+    def open(
+        cls,
+        path: str | Path,
+        joints: Sequence[str] | None = None,
+        mapping: LogMap | dict[str, Any] | str | Path | None = None,
+    ) -> Recording:
+        """Stand for a file; arguments as for `frischid.readers.read_chunks`, which reads it."""
+        from frischid.readers import read_chunks
+
+        form = LogMap.of(mapping)
+        return cls(str(path), lambda samples: read_chunks(path, joints, form, samples=samples))
+
+    def pieces(self, samples: int = PIECE) -> Iterator[Log]:
+        """Read from the beginning, about `samples` samples at a time."""
+        return self.read(samples)
+
+    def head(self) -> Log:
+        """The first samples, which say what the recording holds."""
+        for piece in self.read(HEAD):
+            return piece
+        raise InputError(f"{self.source}: the recording holds no samples")
+
+
+def pieces_of(log: Log | Recording) -> Iterator[Log]:
+    """The pieces of a recording; a log is its own."""
+    return iter((log,)) if isinstance(log, Log) else log.pieces()
+
+
+def head_of(log: Log | Recording) -> Log:
+    """A log that shows which joints and channels are there."""
+    return log if isinstance(log, Log) else log.head()
+
+
+class Motions:
+    """Motions of logs and recordings, one at a time, each time anew.
+
+    Parameters
+    ----------
+    logs : sequence of Log or Recording
+    joints : sequence of str
+        The robot's joints, in its order.
+    lowpass : LowPass
+    velocity : {"auto", "measured", "derived"}
+
+    Attributes
+    ----------
+    notes : list of str
+        What was done to the logs; complete after the first time through.
+    """
+
+    def __init__(
+        self, logs: Sequence[Log | Recording], joints: Sequence[str], lowpass: LowPass, velocity: str = "auto"
+    ) -> None:
+        self.logs, self.joints, self.lowpass, self.velocity = tuple(logs), tuple(joints), lowpass, velocity
+        self.notes: list[str] = []
+
+    def __iter__(self) -> Iterator[Motion]:
+        notes: list[str] = []
+        for log in self.logs:
+            said: list[str] = []
+            yield from self._of(log, said)
+            notes += brief(said, log.source)
+        self.notes = notes
+
+    def _of(self, log: Log | Recording, notes: list[str]) -> Iterator[Motion]:
+        tail: tuple[Log, int] | None = None
+        begin, found = None, False
+        for piece in pieces_of(log):
+            begin = float(piece.t[0]) if begin is None else begin
+            chosen = piece.select(self.joints)
+            whole = chosen if tail is None else joined(*tail, chosen)
+            notes += piece.notes
+            try:
+                prepared = prepare(whole, self.lowpass, velocity=self.velocity, begin=begin)
+            except InputError as error:
+                # A piece of gaps says nothing; a whole log of them is of no use.
+                if isinstance(log, Log):
+                    raise
+                notes.append(str(error))
+                tail = _end(whole, int(breaks_of(whole, self.lowpass)[-1]))
+                continue
+            found = True
+            notes += prepared.notes
+            yield from prepared.motions
+            if isinstance(log, Recording):
+                tail = _end(whole, _resume(whole, prepared.motions[-1], self.lowpass))
+        if not found:
+            raise InputError(f"{log.source}: {notes[-1] if notes else 'no samples'}")
+
+
+def joined(first: Log, skip: int, second: Log) -> Log:
+    """Two consecutive pieces, the first less `skip` samples; the second alone where their channels differ."""
+    same = first.joints == second.joints and set(first.extra) == set(second.extra)
+    if not (same and all((first.has(c) == second.has(c)).all() for c in CHANNELS)):
+        return second
+    present = [c for c in CHANNELS if second.has(c).any()]
+    channels: dict[str, Any] = {c: np.concatenate([getattr(first, c)[skip:], getattr(second, c)]) for c in present}
+    extra = {name: np.concatenate([x[skip:], second.extra[name]]) for name, x in first.extra.items()}
+    return replace(second, t=np.concatenate([first.t[skip:], second.t]), extra=extra, **channels)
+
+
+def _resume(log: Log, motion: Motion, lowpass: LowPass) -> int:
+    """The first sample that outputs after the last complete one still need."""
+    taps, every = len(lowpass.taps(motion.step)), lowpass.decimation(motion.step)
+    half = len(derivative_taps(1, motion.step, lowpass.cutoff)) // 2
+    outputs = max(0, (len(motion.t) - taps) // every + 1)
+    resume = motion.t[0] + (outputs * every - half) * motion.step
+    return max(int(np.searchsorted(log.t, resume - 1e-3 * motion.step)), int(breaks_of(log, lowpass)[-1]))
+
+
+def _end(log: Log, first: int) -> tuple[Log, int]:
+    """The samples from `first` on, and how many stand before them: a log cannot be shorter than `FEWEST_SAMPLES`."""
+    start = max(0, min(first, len(log) - FEWEST_SAMPLES))
+    return log.slice(start), first - start
+
+
+def brief(notes: Iterable[str], source: str) -> list[str]:
+    """Each note once, the first few of a recording."""
+    kept = list(dict.fromkeys(notes))
+    if len(kept) <= MOST_NOTES + 1:
+        return kept
+    return [*kept[:MOST_NOTES], f"{source}: {len(kept) - MOST_NOTES} more such notes on later pieces"]

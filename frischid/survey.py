@@ -1,0 +1,159 @@
+"""The first look at logs: what they hold, whether they can be used, what is suspicious, and which filter fits them.
+
+One pass over all samples, a piece of a recording at a time, before anything is computed from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from frischid.errors import InputError, UnknownNameError
+from frischid.log import Log, check_motion, check_torque, warnings_of
+from frischid.recording import MOST_NOTES, Recording, head_of, pieces_of
+from frischid.robot import Robot
+from frischid.signals import Bandwidths, LowPass
+
+Data = Log | Recording
+MOVING = 0.05  # rad (m); a locked joint that moves more is not locked
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What a first look found.
+
+    Attributes
+    ----------
+    lowpass : LowPass
+    samples : tuple of int
+        Of each log.
+    seconds : float
+        All logs together.
+    moving : dict of str to float
+        Locked joints that move all the same, and how far, rad (m).
+    warnings : tuple of str
+    """
+
+    lowpass: LowPass
+    samples: tuple[int, ...]
+    seconds: float
+    moving: dict[str, float]
+    warnings: tuple[str, ...]
+
+
+def survey(
+    robot: Robot, logs: Sequence[Data], rows: Sequence[str], cutoff: float | Literal["auto"] | None = "auto"
+) -> Survey:
+    """Look at every sample of some logs once.
+
+    Parameters
+    ----------
+    robot : Robot
+    logs : sequence of Log or Recording
+    rows : sequence of str
+        Joints whose torque is fitted.
+    cutoff : float, "auto" or None
+        Cut-off of the low-pass, Hz; ``"auto"`` chooses it.
+
+    Raises
+    ------
+    InputError
+        A log cannot be used.
+    """
+    bands = Bandwidths()
+    samples, seconds = [], 0.0
+    span: dict[str, tuple[float, float]] = {}
+    warnings: list[str] = []
+    for log in logs:
+        count, faults, said = 0, [], []
+        for number, piece in enumerate(pieces_of(log)):
+            try:
+                found = suspicions(robot, piece, rows, strict=True)
+            except InputError as error:
+                # A recording may rest for a piece; that its torque is dead must be so in all of them.
+                faults.append(error)
+                found = []
+            when = f", {piece.t[0]:.6g} to {piece.t[-1]:.6g} s" if isinstance(log, Recording) else ""
+            said += [f"{log.source}{when}: {warning}" for warning in found]
+            if len(faults) <= number and cutoff == "auto":
+                bands.add(piece, rows)
+            for name in robot.locked:
+                if name in piece.joints:
+                    q = piece.q[:, piece.joints.index(name)]
+                    low, high = span.get(name, (np.inf, -np.inf))
+                    span[name] = (min(low, float(q.min())), max(high, float(q.max())))
+            count += len(piece)
+            seconds += piece.duration
+        if faults and len(faults) == number + 1:
+            raise faults[0]
+        samples.append(count)
+        warnings += said[:MOST_NOTES]
+        if len(said) > MOST_NOTES:
+            warnings.append(f"{log.source}: {len(said) - MOST_NOTES} more such warnings on later pieces")
+    lowpass = bands.lowpass() if cutoff == "auto" else LowPass(cutoff)
+    moving = {name: high - low for name, (low, high) in span.items() if high - low > MOVING}
+    return Survey(lowpass, tuple(samples), seconds, moving, tuple(warnings))
+
+
+def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
+    """Lock the joints that some log does not hold."""
+    if not logs:
+        raise InputError("there is no log to identify from")
+    heads = [head_of(log) for log in logs]
+    held = [n for n in robot.joints if all(n in log.joints for log in heads)]
+    if not held:
+        raise InputError(
+            f"the logs share no joint with the robot; joints of the robot are {', '.join(robot.joints)}; "
+            f"{logs[0].source} holds {', '.join(heads[0].joints)}"
+        )
+    kept = robot.keep(held)
+    by_angle: dict[str, list[str]] = {}
+    for name, angle in kept.locked.items():
+        why = "" if name in robot.locked else ", which some log does not hold"
+        by_angle.setdefault(f"{angle:.4g} rad (m){why}", []).append(name)
+    return kept, [f"locked at {angle}: {', '.join(names)}" for angle, names in by_angle.items()]
+
+
+def torque_joints(robot: Robot, logs: Sequence[Data], wanted: Sequence[str] | None, notes: list[str]) -> list[str]:
+    """Joints whose torque is fitted: those wanted, or all that have a torque channel in every log."""
+    if wanted is not None:
+        for name in wanted:
+            if name not in robot.joints:
+                raise UnknownNameError("joint", name, robot.joints)
+        left = [n for n in robot.joints if n not in wanted]
+        if left:
+            notes.append(f"torque rows left out: {', '.join(left)} (they move, their torque is not fitted)")
+        return [n for n in robot.joints if n in wanted]
+    there = [set(np.compress(head.has("tau"), head.joints)) for head in map(head_of, logs)]
+    have = [n for n in robot.joints if all(n in names for names in there)]
+    without = [n for n in robot.joints if n not in have]
+    if have and without:
+        notes.append(f"no torque channel for {', '.join(without)}: these joints move, their torque rows are left out")
+    return have or list(robot.joints)
+
+
+def suspicions(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool) -> list[str]:
+    """Raise on a log that cannot be used; say what is suspicious in one that can."""
+    chosen = log.select(robot.joints)
+    check_motion(chosen)
+    check_torque(chosen, rows)
+    dead = [] if chosen.tau is None else [n for n in rows if not np.any(chosen.tau[:, chosen.joints.index(n)])]
+    if dead and strict:
+        raise InputError(
+            f"{log.source}: the torque of {', '.join(dead)} is zero throughout; leave its torque row out "
+            "(--torque-joints, torque_joints=) or record it"
+        )
+    limits = robot.limits
+    return warnings_of(chosen, limits.velocity, np.stack([limits.lower, limits.upper], axis=1))
+
+
+def moving_but_locked(moving: Mapping[str, float]) -> list[str]:
+    """Joints the user locked although they move in a log: the model is then of another robot."""
+    return [
+        f"{name} is locked but moves by {span:.2g} rad (m) in a log: let it move and leave its torque out instead "
+        "(--torque-joints)"
+        for name, span in moving.items()
+    ]

@@ -1,0 +1,97 @@
+"""Recordings: read in pieces, nothing lost, nothing counted twice."""
+
+import numpy as np
+import pytest
+
+import frischid as fr
+from frischid.errors import InputError
+from frischid.log import Log
+from frischid.recording import Motions, Recording
+from frischid.regressor import MAX_BLOCKS, Regressor, accumulate
+from frischid.signals import LowPass, prepare
+
+ROBOT = fr.Robot.load("planar2")
+
+
+def log_of(seconds=60.0, rate=200.0, seed=1):
+    motion = fr.random_fourier(ROBOT, seconds, seed=seed)
+    return fr.simulate(ROBOT, motion, rate=rate, noise=fr.Noise(q=1e-5, tau=0.01), channels=(), seed=seed)
+
+
+def recording_of(log, at=None):
+    """The log cut into pieces of the size asked for, or at given samples."""
+
+    def read(samples):
+        edges = [0, *(at or range(samples, len(log) - 10, samples)), len(log)]
+        return (log.slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True))
+
+    return Recording(log.source, read)
+
+
+@pytest.mark.parametrize("cutoff", [None, 1.5, 8.0])
+def test_motions_of_pieces_make_the_same_outputs(cutoff):
+    log, lowpass = log_of(), LowPass(cutoff)
+    regressor = Regressor(ROBOT, fr.BASELINE)
+    whole = [b for m in prepare(log, lowpass).motions for b in regressor.blocks(m, lowpass)]
+    pieces = Motions([recording_of(log, [1111, 5000, 5900, 9003])], ROBOT.joints, lowpass)
+    parts = [b for m in pieces for b in regressor.blocks(m, lowpass)]
+    t = np.concatenate([b.t for b in whole])
+    np.testing.assert_allclose(np.concatenate([b.t for b in parts]), t, atol=1e-9)
+    Z, expected = (np.concatenate([b.Z for b in blocks]) for blocks in (parts, whole))
+    # Coulomb friction's smoothed sign magnifies rounding of the speed two hundredfold
+    np.testing.assert_allclose(Z, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+def test_identify_and_compare_agree_with_the_whole_log():
+    log, other = log_of(), log_of(seed=2)
+    found = fr.identify(ROBOT, [log], valid=[other], recursion="none")
+    pieces = fr.identify(
+        ROBOT, [recording_of(log, [4000, 8000])], valid=[recording_of(other, [5000])], recursion="none",
+        cutoff=found.model.lowpass.cutoff,
+    )  # fmt: skip
+    assert pieces.samples == found.samples
+    difference = pieces.model.estimate.theta - found.model.estimate.theta
+    assert (np.abs(difference) < 0.2 * found.model.estimate.stderr).all()  # where a joint rests is judged per piece
+    assert pieces.comparison.nrmse == pytest.approx(found.comparison.nrmse, rel=1e-3)
+    assert pieces.comparison.samples == found.comparison.samples
+
+
+def test_a_gap_between_pieces_ends_a_motion():
+    log = log_of(30.0)
+    late = Log(log.t[3000:] + 5.0, log.joints, log.q[3000:], tau=log.tau[3000:])
+    lowpass = LowPass(5.0)
+    motions = list(Motions([Recording("two", lambda _: iter([log.slice(0, 3000), late]))], ROBOT.joints, lowpass))
+    assert len(motions) == 2
+    assert motions[1].t[0] > late.t[0]
+    assert motions[1].start == log.t[0]
+
+
+def test_blocks_do_not_grow_with_the_logs():
+    log, lowpass = log_of(20.0), LowPass(5.0)
+    regressor = Regressor(ROBOT, fr.BASELINE)
+    motions = list(prepare(log, lowpass).motions)
+    once = accumulate(regressor, motions, lowpass, ROBOT.joints)
+    many = accumulate(regressor, motions * 40, lowpass, ROBOT.joints, seconds=20.0)
+    assert len(many) <= 2 * MAX_BLOCKS
+    total = sum(g.moments for g in many)
+    np.testing.assert_allclose(total, 40 * sum(g.moments for g in once), rtol=1e-12)
+    assert sum(g.rows for g in many) == 40 * sum(g.rows for g in once)
+
+
+def test_a_recording_without_motion_is_refused():
+    log = log_of(20.0)
+    still = Log(log.t, log.joints, np.zeros_like(log.q), tau=log.tau, source="still")
+    with pytest.raises(InputError, match="no joint moves"):
+        fr.identify(ROBOT, [recording_of(still, [2000])])
+
+
+def test_a_piece_of_rest_does_no_harm():
+    log = log_of(30.0)
+    step = log.t[1]
+    rest = Log(log.t[-1] + step * (1 + np.arange(2000)), log.joints, np.tile(log.q[-1], (2000, 1)),
+               tau=np.tile(log.tau[-1], (2000, 1)))  # fmt: skip
+    both = Recording("moves, then rests", lambda _: iter([log, rest]))
+    found = fr.identify(ROBOT, [both], cutoff=8.0, recursion="none")
+    alone = fr.identify(ROBOT, [log], cutoff=8.0, recursion="none")
+    assert any("no motion" in w or "no joint moves" in w for w in found.warnings) or found.samples >= alone.samples
+    np.testing.assert_allclose(found.model.estimate.theta, alone.model.estimate.theta, rtol=0.02, atol=1e-3)
