@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from frischid.readers import read_chunks as read_chunks
     from frischid.readers import read_log as read_log
     from frischid.readers import write_log as write_log
+    from frischid.recording import Recording as Recording
     from frischid.robot import Robot as Robot
     from frischid.simulation import Noise as Noise
     from frischid.simulation import simulate as simulate
@@ -51,6 +52,7 @@ _HOME = {
     "LogMap": "mapping",
     "Model": "model",
     "read_chunks": "readers",
+    "Recording": "recording",
     "read_log": "readers",
     "write_log": "readers",
     "Robot": "robot",

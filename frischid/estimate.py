@@ -27,6 +27,7 @@ from frischid.gram import Array, Column, Gram, total
 
 WORST_CONDITION = 1e6  # of the column-scaled regressor; its square leaves four digits in the moments
 LEAST_BLOCKS = 10
+SINGULAR = 1e-7  # least pivot of a Cholesky factor over the largest, below which its matrix is taken as singular
 ROUNDING = 1e-9  # share of a joint's torque below which a residual is rounding, not noise
 LOPSIDED = 1e-3  # a joint's relative residual counts as at least this share of the median joint's
 
@@ -211,8 +212,11 @@ def _jackknife(blocks: Sequence[Gram], weights: Array, system: NormalEquations) 
         score = (moments[:-1, -1] - moments[:-1, :-1] @ system.theta) * system.scale
         rest = system.H - moments[:-1, :-1] * np.outer(system.scale, system.scale)
         try:
-            changes.append(linalg.solve(rest, score, assume_a="pos") * system.scale)
-        except (linalg.LinAlgError, linalg.LinAlgWarning):
+            factor, lower = linalg.cho_factor(rest, check_finite=False)
+            if np.diag(factor).min() < SINGULAR * np.diag(factor).max():
+                raise linalg.LinAlgError
+            changes.append(linalg.cho_solve((factor, lower), score, check_finite=False) * system.scale)
+        except linalg.LinAlgError:
             lost = (
                 "one stretch of the log alone determines some parameter: standard errors take residuals as uncorrelated"
             )

@@ -151,7 +151,7 @@ class Gram:
         """
         if weights is None:
             return np.asarray(self.moments.sum(axis=0))
-        return np.asarray(np.einsum("j,jab->ab", weights, self.moments))
+        return np.asarray(np.tensordot(weights, self.moments, axes=1))
 
     def residual_ss(self, theta: Array) -> Array:
         """Sum of squared residuals ``Σ_k (τ_k − y_k θ)²`` of each joint.

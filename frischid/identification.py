@@ -28,7 +28,7 @@ from frischid.log import Log
 from frischid.model import Model
 from frischid.recording import Motions, Recording
 from frischid.reduction import Reduction, reduce
-from frischid.regressor import Block, Regressor, accumulate, stack
+from frischid.regressor import Block, Regressor, accumulate, stack, streaming_qr
 from frischid.robot import Robot
 from frischid.selection import Selection, select
 from frischid.sensitivity import noise_limits, samples, sensor_moments
@@ -36,6 +36,7 @@ from frischid.sensorwise import sensorwise
 from frischid.signals import LowPass, Motion, choose_lowpass, prepare
 from frischid.survey import Data, held_by, moving_but_locked, survey, suspicions
 from frischid.survey import torque_joints as torque_joints_of
+from frischid.triangular import SAFE_CONDITION
 
 MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see
 WIDTHS = (0.001, 0.002, WIDTH, 0.01)  # rad/s (m/s)
@@ -182,6 +183,11 @@ def identify(
 
     progress("estimate")
     estimate = ols(blocks) if estimator == "ols" else wls(blocks)
+    if estimate.condition > SAFE_CONDITION:
+        progress("streaming QR")
+        theta = streaming_qr(regressor, motions, lowpass, rows, reduction.base).solve(estimate.weights)
+        estimate = replace(estimate, theta=theta)
+        notes.append(f"condition number {estimate.condition:.1e}: solved by a streaming QR, moments would lose digits")
     whole = total(blocks)
     moments = whole.weighted(estimate.weights) / whole.rows
     triangle = simplex(moments, whole.names)

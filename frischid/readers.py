@@ -52,7 +52,7 @@ def read_log(
     path = Path(path)
     form = _form(path, joints, mapping)
     table = read_bag(path, form, joints) if is_bag(path) else read_table(path, form)
-    return _log(table, form, joints, _first(table, form), digest=_digest(path))
+    return _log(table, form, joints, _first(table, form), digest=digest_of(path))
 
 
 def read_chunks(
@@ -127,7 +127,7 @@ def _first(table: Table, form: LogMap) -> Any:
     return table.values(name)[:1]
 
 
-def _digest(path: Path) -> str:
+def digest_of(path: Path) -> str:
     """Hash of a file; of a folder, that of its files one after the other in the order of their names."""
     digest = hashlib.sha256()
     for part in sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,8 @@ from frischid.log import CHANNELS, FEWEST_SAMPLES, Log
 from frischid.mapping import LogMap
 from frischid.signals import LowPass, Motion, breaks_of, derivative_taps, prepare
 
-PIECE = 50_000
-"""Samples in memory at once: fifty seconds at 1 kHz, some 15 MB for a six-joint arm."""
+PIECE = 30_000
+"""Samples in memory at once: half a minute at 1 kHz, 1.4 MB a channel of a six-joint arm."""
 HEAD = 256
 """Samples read to see what a recording holds."""
 MOST_NOTES = 5
@@ -41,13 +42,18 @@ class Recording:
         File path or description, its name in messages.
     read : callable
         Given a number of samples, a fresh iterator over consecutive `Log` pieces of about that many.
-    sha256 : str or None
-        Hash of the file it stands for.
+    digest : callable, optional
+        Computes the hash of the file it stands for.
     """
 
     source: str
     read: Callable[[int], Iterator[Log]]
-    sha256: str | None = None
+    digest: Callable[[], str] | None = None
+
+    @cached_property
+    def sha256(self) -> str | None:
+        """Hash of the file, computed when first asked for."""
+        return None if self.digest is None else self.digest()
 
     @classmethod
     def open(
@@ -57,14 +63,18 @@ class Recording:
         mapping: LogMap | dict[str, Any] | str | Path | None = None,
     ) -> Recording:
         """Stand for a file; arguments as for `frischid.readers.read_chunks`, which reads it."""
-        from frischid.readers import read_chunks
+        from frischid.readers import digest_of, read_chunks
 
         form = LogMap.of(mapping)
-        return cls(str(path), lambda samples: read_chunks(path, joints, form, samples=samples))
 
-    def pieces(self, samples: int = PIECE) -> Iterator[Log]:
-        """Read from the beginning, about `samples` samples at a time."""
-        return self.read(samples)
+        def read(samples: int) -> Iterator[Log]:
+            return read_chunks(path, joints, form, samples=samples)
+
+        return cls(str(path), read, lambda: digest_of(Path(path)))
+
+    def pieces(self, samples: int | None = None) -> Iterator[Log]:
+        """Read from the beginning, about `samples` samples (`PIECE` by default) at a time."""
+        return self.read(PIECE if samples is None else samples)
 
     def head(self) -> Log:
         """The first samples, which say what the recording holds."""

@@ -11,17 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from frischid.effects import Effect, State, columns_of
 from frischid.errors import InputError
 from frischid.gram import Array, Column, Gram, total
 from frischid.robot import Robot
 from frischid.signals import LowPass, Motion, decimating_filter
+from frischid.triangular import StreamingQR
 
 CHUNK = 256  # samples; fits the processor's cache
 EXTRA = 6  # columns filtered beside Y: τ, ones, known torque, q, q̇, q̈
@@ -274,13 +276,13 @@ def gram_of(regressor: Regressor, block: Block, joints: Sequence[str]) -> Gram:
     result = Gram.zeros(regressor.columns, joints)
     for row, name in enumerate(joints):
         j = regressor.robot.joints.index(name)
-        Z = block.Z[:, regressor.gathered[j], j]
+        Z = block.Z[:, :, j].T[regressor.gathered[j]]  # columns first: gathered whole, and the product likes it
         if not block.used[:, j].all():
-            Z = Z[block.used[:, j]]
-        sums, where = Z.T @ Z, regressor.gathered[j][:-1]
+            Z = Z[:, block.used[:, j]]
+        sums, where = Z @ Z.T, regressor.gathered[j][:-1]
         result.moments[row, where[:, None], where] = sums[:-1, :-1]
         result.sums[row, where] = sums[-1, :-1]
-        result.counts[row] = len(Z)
+        result.counts[row] = Z.shape[1]
     return result
 
 
@@ -322,7 +324,7 @@ def accumulate(
     kept: list[Gram] = []
     each, level = 1, 0  # blocks added into one, and how many of them the last one has
     # Small products are slower on several threads, and sums then depend on their number.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with _threads().limit(limits=1, user_api="blas"):
         for gram in _sums(regressor, motions, lowpass, joints, seconds):
             part = gram if base is None else gram.select(base)
             if 0 < level < each:
@@ -334,6 +336,26 @@ def accumulate(
             kept.append(part)
             level = 1
     return kept
+
+
+def streaming_qr(
+    regressor: Regressor, motions: Iterable[Motion], lowpass: LowPass, joints: Sequence[str], base: Sequence[int]
+) -> StreamingQR:
+    """Streaming QR of the same rows and columns; see `frischid.triangular`."""
+    found = StreamingQR(len(joints), len(base))
+    keep = np.append(np.asarray(base, dtype=int), len(regressor.columns))
+    index = [regressor.robot.joints.index(name) for name in joints]
+    with _threads().limit(limits=1, user_api="blas"):
+        for block in (b for motion in motions for b in regressor.blocks(motion, lowpass)):
+            for row, j in enumerate(index):
+                found.add(row, block.Z[block.used[:, j]][:, keep, j])
+    return found
+
+
+@lru_cache(maxsize=1)
+def _threads() -> ThreadpoolController:
+    """Looking for the threaded libraries takes longer than many a sum."""
+    return ThreadpoolController()
 
 
 def _sums(

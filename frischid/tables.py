@@ -93,7 +93,9 @@ def read_tables(path: Path, form: LogMap, rows: int) -> Iterator[Table]:
                 yield replace(whole, numeric=part, place=_after(start, whole.place))
         elif kind == ".parquet":
             start = 0
-            for batch in pa.parquet.ParquetFile(path).iter_batches(batch_size=rows):
+            # Reading ahead would hold whole row groups: for a long file, most of it.
+            file = pa.parquet.ParquetFile(path, pre_buffer=False, buffer_size=1 << 16)
+            for batch in file.iter_batches(batch_size=rows):
                 yield _from_arrow(pa.table(batch), path, _after(start, row_place))
                 start += batch.num_rows
         else:

@@ -14,7 +14,7 @@ PACKAGE = Path(frischid.__file__).parent
 
 LAYERS = (
     ("errors",),
-    ("robot", "log", "gram"),
+    ("robot", "log", "gram", "triangular"),
     ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance", "recording"),
     (
         *("regressor", "reduction", "estimate", "eiv", "iv", "frisch", "bbrf", "selection", "physical"),
@@ -46,7 +46,18 @@ LAYERS = (
     ("studio", "cluster"),
     ("cli",),
 )
-NUMERIC = ("gram", "reduction", "estimate", "eiv", "frisch", "sensorwise", "bbrf", "selection", "criteria")
+NUMERIC = (
+    "gram",
+    "triangular",
+    "reduction",
+    "estimate",
+    "eiv",
+    "frisch",
+    "sensorwise",
+    "bbrf",
+    "selection",
+    "criteria",
+)
 LAYER = {module: k for k, layer in enumerate(LAYERS) for module in layer}
 
 

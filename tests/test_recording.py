@@ -1,5 +1,8 @@
 """Recordings: read in pieces, nothing lost, nothing counted twice."""
 
+import json
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -23,7 +26,7 @@ def recording_of(log, at=None):
 
     def read(samples):
         edges = [0, *(at or range(samples, len(log) - 10, samples)), len(log)]
-        return (log.slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True))
+        return (log.slice(a, b) for a, b in pairwise(edges))
 
     return Recording(log.source, read)
 
@@ -95,3 +98,21 @@ def test_a_piece_of_rest_does_no_harm():
     alone = fr.identify(ROBOT, [log], cutoff=8.0, recursion="none")
     assert any("no motion" in w or "no joint moves" in w for w in found.warnings) or found.samples >= alone.samples
     np.testing.assert_allclose(found.model.estimate.theta, alone.model.estimate.theta, rtol=0.02, atol=1e-3)
+
+
+def test_the_command_line_reads_long_files_in_pieces(tmp_path, monkeypatch):
+    from click.testing import CliRunner
+
+    from frischid.cli import main
+
+    log = log_of(30.0)
+    fr.write_log(log, tmp_path / "log.parquet")
+    plain = [str(tmp_path / "log.parquet"), "--bbrf", "none", "--cutoff", "8", "--json"]
+    whole = CliRunner().invoke(main, ["identify", "planar2", *plain])
+    monkeypatch.setattr("frischid.cli.arguments.IN_MEMORY", 0)
+    monkeypatch.setattr("frischid.recording.PIECE", 1000)
+    pieces = CliRunner().invoke(main, ["identify", "planar2", *plain])
+    assert whole.exit_code == pieces.exit_code == 0, pieces.output
+    one, many = (json.loads(result.output)["parameters"] for result in (whole, pieces))
+    for a, b in zip(one, many, strict=True):
+        assert abs(a["value"] - b["value"]) < 0.5 * a["stderr"]

@@ -7,11 +7,15 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from frischid.errors import InputError, UnknownNameError
+
+IN_MEMORY = 32 * 2**20
+"""Size of all files together, in bytes, up to which they are read as a whole."""
 
 if TYPE_CHECKING:
     from frischid.log import Log
@@ -60,25 +64,32 @@ valid_option = click.option("--valid", multiple=True, help="Log to measure the e
 
 
 def load(
-    robot: str, options: dict[str, Any], paths: Sequence[str] = (), mapping: str | None = None
-) -> tuple[Robot, list[Log]]:
-    """The robot as the options want it, and its logs; a joint locked without an angle: its median in the log."""
+    robot: str, options: dict[str, Any], paths: Sequence[str] = (), mapping: str | None = None, *, whole: bool = True
+) -> tuple[Robot, list[Any]]:
+    """The robot as the options want it, and its logs; a joint locked without an angle: its median in the log.
+
+    Not `whole`: logs that are long together come as recordings.
+    """
     from statistics import median
 
+    from frischid.recording import pieces_of
     from frischid.robot import Robot
 
-    whole = Robot.load(robot)
-    logs = read(paths, whole, mapping)
+    nominal = Robot.load(robot)
+    logs = (read if whole else opened)(paths, nominal, mapping)
     locks: dict[str, float] = {}
     for item in options["lock"]:
         pattern, given, angle = item.partition("=")
-        for joint in matching(pattern, whole.joints) or []:
+        for joint in matching(pattern, nominal.joints) or []:
             locks[joint] = number(joint, angle) if given else float("nan")
-    joints = matching(options["joints"], whole.joints)
+    joints = matching(options["joints"], nominal.joints)
     if joints is not None:
-        locks |= {j: float("nan") for j in whole.joints if j not in joints and j not in locks}
-    for joint in [j for j, x in locks.items() if x != x and logs and j in logs[0].joints]:
-        locks[joint] = median(logs[0].select([joint]).q[:, 0].tolist())
+        locks |= {j: float("nan") for j in nominal.joints if j not in joints and j not in locks}
+    free = [joint for joint, angle in locks.items() if angle != angle]
+    first = next(pieces_of(logs[0])) if logs and free else None
+    for joint in free:
+        if first is not None and joint in first.joints:
+            locks[joint] = median(first.select([joint]).q[:, 0].tolist())
     frames = options["frames"]
     machine = Robot.load(
         robot,
@@ -152,6 +163,18 @@ def read(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Log]:
     # A mapping may name joints that are locked in this robot; they are read and then not used.
     form = LogMap.of(mapping)
     return [read_log(path, (*robot.joints, *robot.locked), form) for path in paths]
+
+
+def opened(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Any]:
+    """Logs of a robot, in memory where they are small together, otherwise as recordings that are read in pieces."""
+    from frischid.mapping import LogMap
+    from frischid.recording import Recording
+
+    sizes = [path.stat().st_size for path in map(Path, paths) if path.is_file()]
+    if len(sizes) == len(paths) and sum(sizes) <= IN_MEMORY:
+        return list(read(paths, robot, mapping))
+    form = LogMap.of(mapping)
+    return [Recording.open(path, (*robot.joints, *robot.locked), form) for path in paths]
 
 
 # ---------------------------------------------------------------------- output

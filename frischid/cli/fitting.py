@@ -15,7 +15,7 @@ from frischid.cli.arguments import (
     load,
     map_option,
     matching,
-    read,
+    opened,
     robot_options,
     show_page,
     valid_option,
@@ -107,11 +107,11 @@ def identify(
         check_writable(output)
     with working(as_json) as progress:
         progress("reading logs")
-        machine, data = load(robot, options, logs, mapping)
+        machine, data = load(robot, options, logs, mapping, whole=False)
         found = run(
             machine,
             data,
-            valid=read(valid, machine, mapping),
+            valid=opened(valid, machine, mapping),
             effects=None if effects is None else effects_of(effects),
             torque_joints=matching(torque_joints, machine.joints),
             cutoff=cutoff_of(cutoff),
@@ -140,5 +140,5 @@ def compare(model: str, logs: tuple[str, ...], mapping: str | None, as_json: boo
     loaded = Model.load(model)
     with working(as_json) as progress:
         progress("comparing")
-        comparison = run(loaded, read(logs, loaded.robot, mapping))
+        comparison = run(loaded, opened(logs, loaded.robot, mapping))
     show_page(show.comparison(comparison), as_json)
