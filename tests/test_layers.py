@@ -14,10 +14,10 @@ PACKAGE = Path(frischid.__file__).parent
 
 LAYERS = (
     ("errors",),
-    ("robot", "log", "gram", "triangular"),
+    ("robot", "log", "gram", "triangular", "cluster", "archive"),
     ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance", "recording"),
     (
-        *("regressor", "reduction", "estimate", "eiv", "iv", "frisch", "bbrf", "selection", "physical"),
+        *("regressor", "reduction", "estimate", "deviation", "eiv", "iv", "frisch", "bbrf", "selection", "physical"),
         *("sensorwise", "sensitivity", "criteria", "envelope", "survey"),
     ),
     ("model",),
@@ -39,11 +39,11 @@ LAYERS = (
         "quality",
     ),
     ("diagnosis",),
-    ("improvement", "shapes"),
+    ("improvement", "shapes", "fleet"),
     ("demo",),
     ("figures", "report"),
     ("show",),
-    ("studio", "cluster"),
+    ("studio",),
     ("cli",),
 )
 NUMERIC = (

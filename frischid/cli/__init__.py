@@ -3,7 +3,8 @@
 Every command takes ``--json`` for machines. Heavy imports wait until a command runs, so ``--help`` is quick.
 """
 
-from frischid.cli import fitting, improving, learning, motions, seeing  # each adds its commands to the group
+# each adds its commands to the group
+from frischid.cli import fitting, fleets, improving, learning, motions, seeing
 from frischid.cli.group import main
 
-__all__ = ["fitting", "improving", "learning", "main", "motions", "seeing"]
+__all__ = ["fitting", "fleets", "improving", "learning", "main", "motions", "seeing"]

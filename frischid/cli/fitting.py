@@ -21,7 +21,9 @@ from frischid.cli.arguments import (
     valid_option,
     working,
 )
+from frischid.cli.fleets import run_fleet
 from frischid.cli.group import main
+from frischid.errors import InputError
 
 
 @main.command()
@@ -80,6 +82,11 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
 @click.option("--estimator", default="wls", help="wls, ols, frisch (best point of the box), sensorwise, eiv, iv.")
 @click.option("--bbrf", default="strict", help="Bounding-box recursion: strict, undo, calibrated, or none.")
 @click.option("--window", type=int, help="BBRF window, rows.")
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Take the logs as those of a fleet and sum their moments there (a Dask address, local, or none): see fleet.",
+)
 @click.option("-o", "--output", type=click.Path(), help="Write the model here (JSON).")
 @json_option
 def identify(
@@ -94,11 +101,22 @@ def identify(
     estimator: str,
     bbrf: str,
     window: int | None,
+    scheduler: str | None,
     output: str | None,
     as_json: bool,
     **options: Any,
 ) -> None:
     """Identify a robot's parameters from logs: values, bounds, and the error on logs that were not fitted."""
+    if scheduler is not None:
+        if valid or estimator != "wls" or window or bbrf not in {"strict", "none"}:
+            raise InputError(
+                "--scheduler sums moments: it has no --valid, --estimator, --bbrf or --window; leave them out, or "
+                "identify on this machine without --scheduler"
+            )
+        fit = {"effects": effects, "mapping": mapping, "torque_joints": torque_joints, "cutoff": cutoff}
+        rest = {"velocity": velocity, "strict": False, "diagnosed": 20, "output": output}
+        run_fleet(robot, logs, scheduler, None, as_json, options, fit | rest)
+        return
     from frischid.identification import identify as run
     from frischid.model import check_writable
     from frischid.show import fitting as show

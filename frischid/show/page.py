@@ -51,6 +51,8 @@ def table_of(*columns: str, title: str | None = None) -> Table:
         "effect",
         "what",
         "equation",
+        "robot",
+        "parameters",
     }
     for column in columns:
         table.add_column(column, justify="left" if column in words else "right", overflow="fold")

@@ -1,0 +1,134 @@
+"""Logs of many robots, on a disk or at any address that fsspec knows, and which robot each is of.
+
+    logs/**/*.parquet            logs/r017/monday/3.parquet is of r017, the first folder below the fixed part;
+                                 directly in it, every file is a robot
+    logs/{robot}_*.parquet       the pattern says it itself: logs/r017_3.parquet is of r017
+    s3://bucket/{robot}/*        whatever fsspec and its plug-ins open
+
+Logs are in the order of their addresses, whatever order a file system lists them in.
+"""
+
+from __future__ import annotations
+
+import glob
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from frischid.errors import InputError
+
+NAME = "{robot}"
+WILD = re.compile(r"[*?\[{]")
+
+
+@dataclass(frozen=True, order=True)
+class Entry:
+    """One log: its robot, and its address."""
+
+    robot: str
+    address: str
+
+
+def entries(patterns: Sequence[str]) -> list[Entry]:
+    """Logs that patterns match, in order, each once.
+
+    Parameters
+    ----------
+    patterns : sequence of str
+        File names, glob patterns (``**`` goes through folders), or addresses; see the module.
+
+    Raises
+    ------
+    InputError
+        A pattern matches nothing, or a matched name does not say its robot.
+    """
+    found: dict[str, str] = {}
+    for pattern in patterns:
+        addresses = _matches(pattern.replace(NAME, "*"))
+        if not addresses:
+            raise InputError(f"{pattern}: no file matches; quote the pattern so that the shell leaves it alone")
+        plain = _plain(pattern)
+        for address in addresses:
+            found.setdefault(address, robot_of(address, plain))
+    return sorted(Entry(robot, address) for address, robot in found.items())
+
+
+def robot_of(address: str, pattern: str) -> str:
+    """The robot that an address matched by a pattern is of."""
+    if NAME in pattern:
+        match = re.fullmatch(_expression(pattern), address)
+        if match is None:
+            raise InputError(f"{address}: cannot be told which robot it is of by the pattern {pattern}")
+        return match["robot"]
+    fixed = pattern[: found.start()] if (found := WILD.search(pattern)) else pattern
+    below = PurePosixPath(address[len(fixed[: fixed.rfind("/") + 1]) :])
+    return below.parts[0] if len(below.parts) > 1 else below.stem
+
+
+def _expression(pattern: str) -> str:
+    """A glob pattern with {robot} as a regular expression."""
+    tokens = {"**/": "(?:.*/)?", "**": ".*", "*": "[^/]*", "?": "[^/]"}
+    parts = re.split(r"(\*\*/|\*\*|\*|\?|\{robot\})", pattern)
+    named = False
+    out = ""
+    for part in parts:
+        if part == NAME:
+            out += "(?P=robot)" if named else "(?P<robot>[^/]+?)"
+            named = True
+        else:
+            out += tokens.get(part) or re.escape(part)
+    return out
+
+
+def _matches(pattern: str) -> list[str]:
+    if "://" not in pattern:
+        found = glob.glob(pattern, recursive=True)  # noqa: PTH207 (Path.glob knows no absolute patterns)
+        return sorted(path for path in found if Path(path).is_file())
+    fs, path = _filesystem(pattern)
+    return sorted(str(fs.unstrip_protocol(p)) for p in fs.glob(path))
+
+
+def _plain(pattern: str) -> str:
+    """A pattern as its file system writes addresses."""
+    if "://" not in pattern:
+        return pattern
+    fs, path = _filesystem(pattern)
+    return str(fs.unstrip_protocol(path))
+
+
+def _filesystem(address: str) -> tuple[Any, str]:
+    try:
+        import fsspec
+    except ImportError:
+        raise InputError(f'{address}: addresses need fsspec: pip install "frischid[cluster]"') from None
+    try:
+        fs, path = fsspec.core.url_to_fs(address)
+    except (ImportError, ValueError) as error:
+        raise InputError(f"{address}: {error}") from error
+    return fs, path
+
+
+@contextmanager
+def local(address: str) -> Iterator[Path]:
+    """A path of this machine that holds what is at an address; a copy of it is removed afterwards.
+
+    Raises
+    ------
+    InputError
+        Nothing can be fetched from the address.
+    """
+    if "://" not in address:
+        yield Path(address)
+        return
+    fs, path = _filesystem(address)
+    with tempfile.TemporaryDirectory(prefix="frischid-") as folder:
+        copy = Path(folder) / PurePosixPath(path).name
+        try:
+            fs.get_file(path, str(copy))
+        except OSError as error:
+            raise InputError(f"{address}: cannot be fetched ({error})") from error
+        yield copy

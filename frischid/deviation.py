@@ -1,0 +1,234 @@
+"""Whether one robot differs from the others, from moments alone.
+
+With θ₀ and the joints' weights W fitted to all *other* robots, and one robot's own moments H = YᵀWY, the score
+s = YᵀW(τ − Yθ₀) says in which direction its parameters want to move, δ = H⁺s, and the squared error that this removes
+is the statistic
+
+    Λ = sᵀ H⁺ s   ~   κ χ²(ν)      if the robot is like the others.
+
+It needs no estimate of the robot by itself: what its motion never excited simply does not count (H⁺ leaves out such
+directions). In theory ν is the rank of H and κ = 1. But residuals are correlated in time (κ from the block jackknife),
+and robots are never quite alike, in a few parameters more than in others. In a fleet of a dozen or more κ and ν are
+therefore those that give the fleet's own median and upper quartile of Λ, the empirical null (Devlin and Roeder 1999,
+Biometrics 55(4); Efron 2004, JASA 99(465)): who is significant differs more than robots of this fleet do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, stats
+
+from frischid.errors import IdentifiabilityError
+from frischid.estimate import Estimate, NormalEquations, wls
+from frischid.gram import Array, Gram, total
+
+EXCITED = 1e-8  # eigenvalue of the column-scaled moments over the largest, below which a direction was not excited
+LEAST_ROBOTS = 12  # for an empirical null
+
+
+@dataclass(frozen=True, eq=False)
+class Deviation:
+    """One robot against the others.
+
+    Attributes
+    ----------
+    own : Estimate or None
+        Its own parameters; None when its logs do not determine all of them.
+    reason : str
+        Why not.
+    statistic : float
+        Λ before κ.
+    rank : int
+        Directions of the parameters its motion excited.
+    inflation : float
+        κ of its own residuals; NaN when it has too few blocks to tell.
+    shift : ndarray, shape (p,)
+        δ = H⁺s, how far its parameters are from the others'.
+    error_fleet, error_own : ndarray, shape (J,)
+        Rms residual with the parameters of the others, and with its own, over the torque's standard deviation.
+    pull : ndarray, shape (p,)
+        What the fleet's parameters would change by without it: its part in their jackknife.
+    """
+
+    own: Estimate | None
+    reason: str
+    statistic: float
+    rank: int
+    inflation: float
+    shift: Array
+    error_fleet: Array
+    error_own: Array
+    pull: Array
+
+
+def deviation(blocks: Sequence[Gram], fleet: Gram, theta: Array, weights: Array, included: bool) -> Deviation:
+    """Compare a robot with the rest of its fleet.
+
+    Parameters
+    ----------
+    blocks : sequence of Gram
+        The robot's moments, by stretches of time.
+    fleet : Gram
+        Sum over the fleet.
+    theta : ndarray, shape (p,)
+        Parameters fitted to `fleet`.
+    weights : ndarray, shape (J,)
+        Of the joints, with which they were fitted.
+    included : bool
+        Whether the robot is part of that sum.
+    """
+    whole = total(blocks)
+    others = fleet - whole if included else fleet
+    theta0 = NormalEquations(others.weighted(weights), whole.names).theta if included else theta
+    own, reason = _own(blocks)
+    spread = np.sqrt(np.maximum(whole.torque_ss() / np.maximum(whole.counts, 1), 1e-300))
+    shift, statistic, rank = _shift(whole, theta0, weights)
+    inflation = np.nan
+    if own is not None:
+        plain = NormalEquations(whole.weighted(1.0 / own.sigma**2), whole.names).inverse
+        inflation = float(np.median(np.diag(own.covariance) / np.diag(plain)))
+    return Deviation(
+        own,
+        reason,
+        statistic,
+        rank,
+        inflation,
+        shift,
+        _rms(whole, theta0) / spread,
+        _rms(whole, theta0 + shift) / spread,
+        theta - theta0,
+    )
+
+
+def _own(blocks: Sequence[Gram]) -> tuple[Estimate | None, str]:
+    try:
+        return wls(blocks), ""
+    except IdentifiabilityError as error:
+        return None, str(error)
+
+
+def _shift(whole: Gram, theta0: Array, weights: Array) -> tuple[Array, float, int]:
+    """δ = H⁺s, sᵀH⁺s and the rank of H, on columns scaled to unit norm."""
+    moments = whole.weighted(weights)
+    scale = np.sqrt(np.diag(moments)[:-1])
+    scale = 1.0 / np.where(scale > 0, scale, np.inf)
+    H = moments[:-1, :-1] * np.outer(scale, scale)
+    s = (moments[:-1, -1] - moments[:-1, :-1] @ theta0) * scale
+    values, vectors = linalg.eigh(H)
+    keep = values > EXCITED * values[-1]
+    along = vectors[:, keep].T @ s
+    delta = vectors[:, keep] @ (along / values[keep]) * scale
+    return delta, float((along**2 / values[keep]).sum()), int(keep.sum())
+
+
+def _rms(whole: Gram, theta: Array) -> Array:
+    return np.asarray(np.sqrt(whole.residual_ss(theta) / np.maximum(whole.counts, 1.0)))
+
+
+@dataclass(frozen=True)
+class Null:
+    """How robots that are alike are spread: Λ per excited direction is ``scale χ²(freedom) / freedom``.
+
+    Attributes
+    ----------
+    scale : float
+        κ: mean of Λ over its rank.
+    freedom : float or None
+        ν; None: the rank of each robot's own moments.
+    within : float
+        The part of κ that the correlation of residuals makes.
+    """
+
+    scale: float
+    freedom: float | None
+    within: float
+
+    @classmethod
+    def of(cls, found: Sequence[Deviation]) -> Null:
+        """From robots that are taken to be alike."""
+        known = [d.inflation for d in found if np.isfinite(d.inflation)]
+        within = max(1.0, float(np.median(known))) if known else 1.0
+        if len(found) < LEAST_ROBOTS:
+            return cls(within, None, within)
+        median, upper = np.quantile([d.statistic / d.rank for d in found], [0.5, 0.75])
+        degrees = np.geomspace(1.0, max(d.rank for d in found), 200)
+        ratios = stats.chi2.ppf(0.75, degrees) / stats.chi2.ppf(0.5, degrees)
+        freedom = float(degrees[np.abs(ratios - upper / median).argmin()])
+        return cls(max(1.0, float(median * freedom / stats.chi2.ppf(0.5, freedom))), freedom, within)
+
+    def p_value(self, found: Deviation, robots: int) -> float:
+        """Of a Λ at least this large, corrected (Bonferroni) for all robots."""
+        freedom = self.freedom or found.rank
+        return min(1.0, robots * float(stats.chi2.sf(freedom * self.excess(found), freedom)))
+
+    def excess(self, found: Deviation) -> float:
+        """Λ as a multiple of what is usual in this fleet."""
+        return found.statistic / max(found.rank, 1) / self.scale
+
+
+@dataclass(frozen=True)
+class Change:
+    """Parameters of one effect on one joint that are no longer the fleet's.
+
+    Attributes
+    ----------
+    effect, joint : str
+    values : dict of str to (float, float)
+        Parameter -> value in the fleet, value in this robot.
+    error_after : float
+        Mean NRMSE once they, and what was changed before them, are this robot's own.
+    """
+
+    effect: str
+    joint: str
+    values: dict[str, tuple[float, float]]
+    error_after: float
+
+
+def changes(whole: Gram, theta0: Array, weights: Array, inflation: float, most: int = 4) -> list[Change]:
+    """Which effects' parameters changed, the most telling first, each while it pays for its parameters.
+
+    Groups are (effect, joint) of everything but the rigid links, whose parameters change together and are for the
+    diagnosis to explain. A group must gain more log likelihood than ``½ k log n`` on n effectively independent samples.
+    """
+    groups: dict[tuple[str, str], list[int]] = {}
+    for i, column in enumerate(whole.columns):
+        if column.effect != "rigid":
+            groups.setdefault((column.effect, column.joint), []).append(i)
+    spread = np.sqrt(np.maximum(whole.torque_ss() / np.maximum(whole.counts, 1), 1e-300))
+    independent = whole.counts / max(inflation, 1.0)
+    found: list[Change] = []
+    chosen: list[int] = []
+    theta = theta0
+    while len(found) < most and groups:
+        before = np.maximum(whole.residual_ss(theta), 1e-300)
+        scored = []
+        for key, columns in groups.items():
+            trial = _refitted(whole, theta0, [*chosen, *columns], before / np.maximum(whole.counts, 1.0))
+            after = np.maximum(whole.residual_ss(trial), 1e-300)
+            price = 0.5 * len(columns) * np.log(max(float(independent.sum()), 2.0))
+            scored.append((0.5 * float(independent @ np.log(before / after)) - price, key, trial))
+        gain, key, trial = max(scored, key=lambda x: x[0])
+        if gain <= 0:
+            break
+        columns = groups.pop(key)
+        chosen += columns
+        theta = trial
+        values = {whole.names[i]: (float(theta0[i]), float(theta[i])) for i in columns}
+        found.append(Change(*key, values, float(np.mean(_rms(whole, theta) / spread))))
+    return found
+
+
+def _refitted(whole: Gram, theta0: Array, columns: Sequence[int], variance: Array) -> Array:
+    """The parameters with some of them fitted to this robot and the others left as they are."""
+    moments = whole.weighted(1.0 / np.maximum(variance, 1e-300))
+    s = moments[:-1, -1] - moments[:-1, :-1] @ theta0
+    index = np.asarray(columns)
+    H = moments[np.ix_(index, index)]
+    theta = np.array(theta0, dtype=float)
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    theta[index] += np.linalg.lstsq(H / np.outer(scale, scale), s[index] / scale, rcond=1e-10)[0] / scale
+    return theta

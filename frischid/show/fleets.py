@@ -1,0 +1,133 @@
+"""A fleet as a page: what its robots have in common, and who is different."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from frischid.fleet import Fleet, Member
+from frischid.show.page import Page, figure, plain, table_of, warning_lines
+
+MOST = 5  # skipped logs, and warnings, that are listed
+
+
+def fleet(found: Fleet, output: str | None) -> Page:
+    """The fleet's parameters, the robots that differ, the logs that were skipped."""
+    members, different = found.members, found.different
+    logs, samples = sum(m.logs for m in members), sum(m.samples for m in members)
+    hours = sum(m.seconds for m in members) / 3600
+    parts: list[Any] = [
+        f"{len(members)} robots, {logs} logs, {samples} samples ({hours:.3g} robot-hours), {found.where}; "
+        f"{len(found.model.base)} base parameters, effects {', '.join(str(e) for e in found.model.effects)}",
+        *(f"  {escape(n)}" for n in found.notes),
+        _parameters(found),
+    ]
+    if different:
+        parts += [
+            f"{len(different)} of {len(members)} robots differ from the others, most first",
+            _different(different),
+        ]
+        parts += [f"{escape(m.name)}: {escape(sentence(m))}" for m in different if sentence(m)]
+    else:
+        parts.append(f"none of {len(members)} robots differs from the others by more than robots of this fleet do")
+    if found.skipped:
+        parts.append(f"{len(found.skipped)} logs skipped, the others counted:")
+        parts += [f"  {escape(s.address)}: {escape(s.reason)}" for s in found.skipped[:MOST]]
+        parts += [f"  and {len(found.skipped) - MOST} more"] * (len(found.skipped) > MOST)
+    parts += warning_lines(found.warnings[:MOST])
+    parts += [f"and {len(found.warnings) - MOST} more warnings"] * (len(found.warnings) > MOST)
+    if output:
+        parts.append(f"model of the fleet written to {escape(output)}")
+    return Page(_data(found), parts)
+
+
+def _spread(found: Fleet) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Standard deviation of the robots' own values, of those that are alike and determine them."""
+    own = [m.deviation.own.theta for m in found.members if m.deviation.own is not None and not m.differs]
+    if len(own) < 2:
+        return np.full(len(found.model.base), np.nan)
+    return np.asarray(np.std(own, axis=0, ddof=1))
+
+
+def _parameters(found: Fleet) -> Table:
+    estimate = found.model.estimate
+    table = table_of("parameter", "stands for", "unit", "value", "± s.e.", "robots ±", title="what the robots share")
+    rows = zip(estimate.columns, found.model.expressions, estimate.theta, estimate.stderr, _spread(found), strict=True)
+    for column, expression, value, error, spread in rows:
+        table.add_row(column.name, expression, column.unit, figure(value), figure(error), figure(spread))
+    return table
+
+
+def _different(members: tuple[Member, ...]) -> Table:
+    table = table_of("robot", "what", "× usual", "p", "error with the fleet's", "with its own", "parameters")
+    for m in members:
+        table.add_row(
+            escape(m.name),
+            escape(m.effect),
+            f"{m.excess:.3g}",
+            f"{m.p_value:.1e}",
+            f"{m.deviation.error_fleet.mean():.4f}",
+            f"{m.deviation.error_own.mean():.4f}",
+            escape(_values(m)),
+        )
+    return table
+
+
+def _values(m: Member) -> str:
+    if m.parameters_explain:
+        changed = [f"{n} {old:.4g} → {new:.4g}" for c in m.changes for n, (old, new) in c.values.items()]
+        return ", ".join(changed)
+    return "" if m.finding is None else ", ".join(f"{n} {x:.4g}" for n, x in m.finding.parameters.items())
+
+
+def sentence(m: Member) -> str:
+    """What changed on a robot, in words."""
+    if m.parameters_explain:
+        return "parameters that the model has already are no longer the fleet's: " + ", ".join(
+            f"{c.effect} of {c.joint}" for c in m.changes
+        )
+    return "it differs, and nothing in the catalogue explains it" if m.finding is None else m.finding.sentence
+
+
+def _data(found: Fleet) -> dict[str, Any]:
+    estimate = found.model.estimate
+    columns = zip(estimate.columns, found.model.expressions, strict=True)
+    shared = [
+        {"name": c.name, "expression": e, "unit": c.unit, "value": float(v), "stderr": float(s), "spread": plain(r)}
+        for (c, e), v, s, r in zip(columns, estimate.theta, estimate.stderr, _spread(found), strict=True)
+    ]
+    return {
+        "where": found.where,
+        "cutoff_hz": found.model.lowpass.cutoff,
+        "parameters": shared,
+        "null": {"scale": found.null.scale, "freedom": found.null.freedom, "within": found.null.within},
+        "robots": [_member(m) for m in found.members],
+        "different": [m.name for m in found.different],
+        "skipped": [vars(s) for s in found.skipped],
+        "notes": list(found.notes),
+        "warnings": list(found.warnings),
+    }
+
+
+def _member(m: Member) -> dict[str, Any]:
+    own = m.deviation.own
+    return {
+        "name": m.name,
+        "logs": m.logs,
+        "samples": m.samples,
+        "seconds": m.seconds,
+        "differs": m.differs,
+        "excess": m.excess,
+        "p_value": m.p_value,
+        "effect": m.effect,
+        "error_fleet": float(m.deviation.error_fleet.mean()),
+        "error_own": float(m.deviation.error_own.mean()),
+        "values": None if own is None else own.theta.tolist(),
+        "stderr": None if own is None else own.stderr.tolist(),
+        "undetermined": m.deviation.reason,
+        "changes": [vars(c) | {"values": {n: list(v) for n, v in c.values.items()}} for c in m.changes],
+        "finding": None if m.finding is None else m.finding.to_dict(),
+    }

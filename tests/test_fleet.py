@@ -1,0 +1,190 @@
+"""A fleet: who differs is found and named, wherever the work is done and whatever dies on the way."""
+
+import json
+import os
+import signal
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import frischid as fr
+from frischid.archive import Entry, entries, local, robot_of
+from frischid.cli import main
+from frischid.cluster import Dask, Here, workers
+from frischid.deviation import Null
+from frischid.errors import InputError
+from frischid.fleet import identify_fleet
+
+ROBOTS, SECONDS, RATE = 22, 20.0, 50.0
+FRICTION = {"fv1": 4.0, "fv2": 5.0, "fv3": 3.0, "fc1": 6.0, "fc2": 7.0, "fc3": 5.0}
+ALTERED = {
+    4: ("payload", ", payload@elbow_joint", {"dm3": 1.0, "dmx3": 0.3}),
+    11: ("coulomb", "", {"fc2": 9.5, "fv2": 6.5}),
+    19: ("gravity_tilt", ", gravity_tilt", {"tilt_x": 0.03}),
+}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    robot = fr.Robot.load("ur5")
+    return robot.keep(robot.joints[:3])
+
+
+@pytest.fixture(scope="module")
+def folder(arm, tmp_path_factory):
+    """Logs of a fleet, one folder a robot; three robots are altered, one has a second log that is broken."""
+    path = tmp_path_factory.mktemp("fleet")
+    for k in range(ROBOTS):
+        rng = np.random.default_rng(k)
+        _, more, values = ALTERED.get(k, ("", "", {}))
+        log = fr.simulate(
+            arm,
+            fr.random_fourier(arm, SECONDS, seed=k),
+            rate=RATE,
+            effects=fr.parse_effects(f"viscous, coulomb, offset, rotor_inertia{more}"),
+            parameters={n: x * (1 + 0.01 * rng.normal()) for n, x in FRICTION.items()} | values,
+            noise=fr.Noise(q=2e-5, tau=0.02),
+            channels=(),
+            seed=k,
+        )
+        (path / f"r{k:02d}").mkdir()
+        fr.write_log(log, path / f"r{k:02d}" / "log.parquet")
+    (path / "r07" / "broken.parquet").write_bytes((path / "r07" / "log.parquet").read_bytes()[:3000])
+    return path
+
+
+@pytest.fixture(scope="module")
+def alone(arm, folder):
+    """The fleet identified in one process."""
+    return identify_fleet(arm, entries([f"{folder}/**/*.parquet"]))
+
+
+def same(a, b, tolerance=1e-10):
+    """Whether two fleets are the same figures."""
+    np.testing.assert_allclose(a.model.estimate.theta, b.model.estimate.theta, rtol=tolerance)
+    np.testing.assert_allclose(a.model.estimate.covariance, b.model.estimate.covariance, rtol=1e-6)
+    assert [m.name for m in a.members] == [m.name for m in b.members]
+    assert [m.effect for m in a.members] == [m.effect for m in b.members]
+    assert [(s.robot, s.address) for s in a.skipped] == [(s.robot, s.address) for s in b.skipped]
+    for x, y in zip(a.members, b.members, strict=True):
+        np.testing.assert_allclose(x.excess, y.excess, rtol=1e-8)
+        np.testing.assert_allclose(x.deviation.own.theta, y.deviation.own.theta, rtol=tolerance)
+
+
+def test_those_that_differ_come_first_and_are_named(alone):
+    assert {m.name for m in alone.members[:3]} == {f"r{k:02d}" for k in ALTERED}
+    assert len(alone.different) == 3
+    for member in alone.different:
+        expected = ALTERED[int(member.name[1:])][0]
+        assert member.effect.startswith(expected), member.effect
+    assert alone.members[0].excess > alone.members[1].excess > alone.members[2].excess > alone.members[3].excess
+
+
+def test_what_they_share_is_found(alone):
+    columns = [c.name for c in alone.model.estimate.columns]
+    for name, value in FRICTION.items():
+        i = columns.index(name)
+        assert abs(alone.model.estimate.theta[i] - value) < 0.02 * value
+    # Robots vary by one percent: that is what the next one is not known better than.
+    spread = np.sqrt(np.diag(np.linalg.inv(alone.model.estimate.information)))[columns.index("fc2")]
+    assert 0.02 < spread < 0.5
+
+
+def test_a_broken_log_is_named_skipped_and_counted(alone, folder, arm):
+    (broken,) = alone.skipped
+    assert broken.robot == "r07"
+    assert broken.address.endswith("r07/broken.parquet")
+    assert "copied completely" in broken.reason
+    assert next(m for m in alone.members if m.name == "r07").logs == 1
+    with pytest.raises(InputError, match=r"broken\.parquet"):
+        identify_fleet(arm, entries([f"{folder}/r0[67]/*.parquet"]), strict=True)
+
+
+def test_a_worker_that_dies_changes_nothing(alone, folder, arm):
+    from distributed import Client, LocalCluster
+
+    killed = []
+    with (
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=True) as cluster,
+        Client(cluster) as client,
+    ):
+
+        def progress(text):
+            if text.startswith("moments of 5 ") and not killed:
+                (pid, *_) = client.run(os.getpid).values()
+                killed.append(pid)
+                os.kill(pid, signal.SIGKILL)
+
+        found = identify_fleet(arm, entries([f"{folder}/**/*.parquet"]), workers=Dask(client), progress=progress)
+    assert killed
+    same(found, alone)
+
+
+def test_a_scheduler_that_is_not_there():
+    with pytest.raises(InputError, match="no Dask scheduler answers"), workers("tcp://127.0.0.1:1"):
+        pass
+
+
+def test_a_tree_has_one_shape():
+    written = Here().tree(lambda a, b: f"({a}+{b})", list("abcde"))
+    assert written == "(((a+b)+(c+d))+e)"
+
+
+@pytest.mark.parametrize(
+    ("pattern", "address", "robot"),
+    [
+        ("logs/**/*.parquet", "logs/r1/monday/a.parquet", "r1"),
+        ("logs/*.parquet", "logs/r2.parquet", "r2"),
+        ("logs/{robot}_*.csv", "logs/r3_7.csv", "r3"),
+        ("/a/{robot}/**/*.parquet", "/a/r4/b/c.parquet", "r4"),
+        ("/a/{robot}/**/*.parquet", "/a/r4/c.parquet", "r4"),
+        ("s3://bucket/{robot}/*", "s3://bucket/r5/x.parquet", "r5"),
+        ("one.parquet", "one.parquet", "one"),
+    ],
+)
+def test_which_robot_a_log_is_of(pattern, address, robot):
+    assert robot_of(address, pattern) == robot
+
+
+def test_addresses_of_any_file_system(folder, tmp_path):
+    import fsspec
+
+    memory = fsspec.filesystem("memory")
+    memory.pipe("/bucket/r00/log.parquet", (folder / "r00" / "log.parquet").read_bytes())
+    (entry,) = entries(["memory://bucket/{robot}/*.parquet"])
+    assert entry == Entry("r00", "memory:///bucket/r00/log.parquet")
+    with local(entry.address) as path:
+        assert path.read_bytes() == (folder / "r00" / "log.parquet").read_bytes()
+    assert not path.exists()
+    with pytest.raises(InputError, match="no file matches"):
+        entries(["memory://bucket/{robot}/*.csv"])
+    with pytest.raises(InputError, match="no file matches"):
+        entries([f"{tmp_path}/*.parquet"])
+
+
+def test_a_small_fleet_has_no_empirical_null(alone):
+    few = Null.of([m.deviation for m in alone.members[3:9]])
+    assert few.freedom is None
+    assert few.scale == few.within
+    many = Null.of([m.deviation for m in alone.members[3:]] * 2)
+    assert many.freedom < alone.members[3].deviation.rank
+    assert many.scale > many.within
+
+
+def test_the_command_line(folder, tmp_path, alone):
+    options = ["--joints", "shoulder*,elbow*", "--lock", "wrist_*=0", "--scheduler", "none", "--json"]
+    pattern = f"{folder}/**/*.parquet"
+    result = CliRunner().invoke(main, ["fleet", "ur5", pattern, *options, "-o", str(tmp_path / "fleet.json")])
+    assert result.exit_code == 0, result.output
+    data = json.loads(result.stdout)
+    assert data["different"] == [m.name for m in alone.different]
+    assert len(data["skipped"]) == 1
+    assert fr.Model.load(tmp_path / "fleet.json").history[0]["robots"] == ROBOTS
+    again = CliRunner().invoke(main, ["identify", "ur5", pattern, *options])
+    assert json.loads(again.stdout)["different"] == data["different"]
+    refused = CliRunner().invoke(main, ["identify", "ur5", pattern, *options, "--estimator", "iv"])
+    assert refused.exit_code == 2
+    page = CliRunner().invoke(main, ["fleet", "ur5", pattern, *options[:-1], "--diagnosed", "0"])
+    assert page.exit_code == 0, page.output
+    assert "1 logs skipped" in page.output
