@@ -11,6 +11,7 @@ again from its arguments, and a part that is done twice is still added once, bec
 
 from __future__ import annotations
 
+import logging
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
@@ -135,7 +136,7 @@ def workers(scheduler: str | None = None, count: int | None = None) -> Iterator[
                 n_workers=count or os.cpu_count() or 1,
                 threads_per_worker=1,
                 dashboard_address=None,
-                silence_logs=True,
+                silence_logs=logging.CRITICAL,
             ) as cluster,
             Client(cluster) as client,
         ):

@@ -48,6 +48,7 @@ WHOLE = 32 * 2**20  # bytes of a file that is read as a whole
 ROUNDS = 5  # of taking out robots that differ
 EXPLAINED = 20  # of those, how many are diagnosed
 DIAGNOSED = 30_000  # samples of a robot that are diagnosed
+MOSTLY = 0.5  # share of a robot's error that an effect must explain to be what changed
 TIE = 1.1  # parameters that the model has already explain a change if they leave at most this times the error
 
 
@@ -115,7 +116,7 @@ class Member:
     changes : tuple of Change
         Parameters of the model that are no longer the fleet's; of robots that differ.
     finding : Finding or None
-        Effect that `diagnose` found; of robots that differ.
+        Effect that explains most of its error by `diagnose`; of robots that differ.
     """
 
     name: str
@@ -267,9 +268,9 @@ def identify_fleet(
     ]
     estimate = _with_spread(estimate, fleet, [found[k] for k in present if k not in outside], null)
     model = _model(job, robot, reduction, fleet, estimate, entries, members)
-    members = _explained(pool, members, handles, present, model, job, diagnosed, null.scale, progress)
+    warnings = [w for machine in summaries for w in machine.warnings]
+    members = _explained(pool, members, handles, present, model, job, diagnosed, null.scale, progress, warnings)
     members.sort(key=lambda m: (not m.differs, -m.excess))
-    warnings = [f"{w}" for machine in summaries for w in machine.warnings]
     return Fleet(model, tuple(members), skipped, null, pool.where, tuple(notes), tuple(warnings))
 
 
@@ -398,7 +399,8 @@ def explain(
         found = diagnose(fleet, logs, situation="changed").findings
     except FrischidError as error:
         return changed, None, str(error)
-    return changed, next((f for f in found if f.significant), None), ""
+    # That it differs is settled by the fleet; here it is only asked which effect it is.
+    return changed, next((f for f in found if f.gain > 0 and f.share > MOSTLY), None), ""
 
 
 # ---------------------------------------------------------------------- here
@@ -540,6 +542,7 @@ def _explained(
     diagnosed: int,
     inflation: float,
     progress: Callable[[str], None],
+    warnings: list[str],
 ) -> list[Member]:
     """The robots that differ, each with what changed on it."""
     ranked = sorted((i for i, m in enumerate(members) if m.differs), key=lambda i: -members[i].excess)
@@ -557,6 +560,8 @@ def _explained(
     ]
     answers = pool.gather(asked, lambda done, of: progress(f"what changed on {done} of {of} robots"))
     result = list(members)
-    for i, (changed, finding, _) in zip(ranked, answers, strict=True):
+    for i, (changed, finding, failed) in zip(ranked, answers, strict=True):
         result[i] = replace(members[i], changes=tuple(changed), finding=finding)
+        if failed:
+            warnings.append(f"{members[i].name} could not be diagnosed: {failed}")
     return result

@@ -21,6 +21,8 @@ from frischid.regressor import Regressor, nominal_parameters
 from frischid.robot import Robot
 from frischid.trajectory import Trajectory
 
+MOST_VALUES = 2_000_000  # of the regressor in memory at once
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -132,7 +134,8 @@ def torque(robot: Robot, effects: Sequence[Effect], theta: Array, t: Array, q: A
     regressor = Regressor(robot, effects)
     parts = []
     # an effect with memory needs the whole motion at once, and every piece the time at which the log begins
-    chunk = len(t) if any(effect.memory for effect in effects) else 4096
+    piece = max(64, MOST_VALUES // (len(regressor.columns) * len(robot.joints)))
+    chunk = len(t) if any(effect.memory for effect in effects) else piece
     for start in range(0, len(t), chunk):
         s = slice(start, start + chunk)
         Y = regressor._evaluate(t[s], q[s], v[s], a[s], float(t[0]), {}, {})

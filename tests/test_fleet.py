@@ -1,6 +1,7 @@
 """A fleet: who differs is found and named, wherever the work is done and whatever dies on the way."""
 
 import json
+import logging
 import os
 import signal
 
@@ -106,7 +107,9 @@ def test_a_worker_that_dies_changes_nothing(alone, folder, arm):
 
     killed = []
     with (
-        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=True) as cluster,
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
+        ) as cluster,
         Client(cluster) as client,
     ):
 

@@ -1,0 +1,143 @@
+"""Cost and memory of identify and compare against the number of samples and of joints.
+
+Each case is a process of its own, so that its peak of resident memory is its own. The log is a recording that is made
+up while it is read: a periodic motion, its torque, and fresh noise on both, so nothing of its length is ever in memory
+or on a disk. Times are processor time, reading (making up) included; identify goes through the recording twice.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from common import parser, publish
+
+import frischid as fr
+from frischid.log import Log
+from frischid.regressor import nominal_parameters
+from frischid.simulation import torque
+
+RATE, PERIOD, CUTOFF = 1000.0, 20.0, 8.0
+LIMIT = 400  # MiB at 1e7 samples
+ROBOTS = {2: "planar2", 6: "ur10", 7: "panda", 30: "chain"}
+
+
+def main() -> None:
+    """Print the tables."""
+    arguments = parser(__doc__)
+    arguments.add_argument("--samples", type=float, nargs="+", default=[1e4, 1e5, 1e6, 1e7], help="of a UR10")
+    arguments.add_argument("--joints", type=int, nargs="+", default=[2, 6, 7, 30], choices=[*ROBOTS])
+    arguments.add_argument("--joint-samples", type=float, default=1e5, help="samples of the robots of other sizes")
+    arguments.add_argument("--case", help="run one case, JSON [joints, samples]; what the processes are started with")
+    options = arguments.parse_args()
+    if options.case:
+        joints, samples = json.loads(options.case)
+        print(json.dumps(case(joints, int(samples))))
+        return
+    wanted = [(6, n) for n in options.samples] + [(j, options.joint_samples) for j in options.joints]
+    rows = [run(joints, samples) for joints, samples in dict.fromkeys(wanted)]
+    longest = max((row for row in rows if row["joints"] == 6), key=lambda row: row["samples"])
+    reached = "yes" if longest["peak MiB"] < LIMIT else "NO"
+    notes = [f"{longest['samples']:.0e} samples in {longest['peak MiB']:.0f} MiB (target {LIMIT}): {reached}"]
+    publish(f"identify and compare, {RATE:g} Hz, low-passed at {CUTOFF:g} Hz", rows, options.json, notes)
+
+
+def run(joints: int, samples: float) -> dict[str, Any]:
+    """One case in a process of its own."""
+    command = [sys.executable, __file__, "--case", json.dumps([joints, samples])]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        sys.exit(done.stderr)
+    return dict(json.loads(done.stdout))
+
+
+def case(joints: int, samples: int) -> dict[str, Any]:
+    """Identify and compare; µs a sample of each, and the peak of memory."""
+    robot = fr.Robot.load(ROBOTS[joints]) if joints != 30 else chain(joints)
+    robot = robot.keep(robot.joints[:joints])
+    recording = made_up(robot, samples)
+    started = resident()
+    start = time.process_time()
+    for _ in recording.pieces():
+        pass
+    reading = time.process_time() - start
+    start = time.process_time()
+    found = fr.identify(robot, [recording], effects=fr.BASELINE, cutoff=CUTOFF, recursion="none")
+    identified = time.process_time() - start
+    start = time.process_time()
+    error = fr.compare(found.model, [recording]).nrmse
+    compared = time.process_time() - start
+    return {
+        "robot": robot.name,
+        "joints": joints,
+        "samples": samples,
+        "base parameters": len(found.model.base),
+        "making up µs": 1e6 * reading / samples,
+        "identify µs": 1e6 * identified / samples,
+        "compare µs": 1e6 * compared / samples,
+        "NRMSE": error,
+        "MiB at start": started,
+        "peak MiB": resident(),
+    }
+
+
+def resident() -> float:
+    """Peak of resident memory so far, MiB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def made_up(robot: fr.Robot, samples: int) -> fr.Recording:
+    """A recording that does not exist: one period of a motion over and over, with noise that is drawn anew."""
+    count = round(PERIOD * RATE)
+    t = np.arange(count) / RATE
+    rng = np.random.default_rng(0)
+    J, harmonics = len(robot.joints), np.arange(1, 6)
+    a, b = rng.normal(size=(2, 5, J)) / harmonics[:, None]
+    angle = 2 * np.pi / PERIOD * np.outer(t, harmonics)
+    sin, cos, w = np.sin(angle), np.cos(angle), 2 * np.pi / PERIOD * harmonics[:, None]
+    q, v = sin @ a + cos @ b, cos @ (a * w) - sin @ (b * w)
+    acceleration = -(sin @ (a * w**2)) - cos @ (b * w**2)
+    theta = nominal_parameters(robot, fr.BASELINE)
+    tau = torque(robot, fr.BASELINE, theta, t, q, v, acceleration)
+    spread = 0.02 * tau.std(axis=0)
+
+    def read(size: int) -> Iterator[Log]:
+        pieces = max(1, round(samples / size))
+        edges = np.linspace(0, samples, pieces + 1).astype(int)
+        for number, (first, last) in enumerate(pairwise(edges)):
+            noise = np.random.default_rng(number).normal(size=(2, last - first, J))
+            k = np.arange(first, last)
+            yield Log(
+                k / RATE,
+                robot.joints,
+                q[k % count] + 1e-5 * noise[0],
+                tau=tau[k % count] + spread * noise[1],
+                source="made up",
+            )
+
+    return fr.Recording("made up", read)
+
+
+def chain(joints: int) -> fr.Robot:
+    """An arm of so many equal links, axes turning by a right angle."""
+    text = ['<?xml version="1.0"?><robot name="chain"><link name="l0"/>']
+    for i in range(1, joints + 1):
+        text.append(
+            f'<link name="l{i}"><inertial><origin xyz="0.01 0.02 0.05"/><mass value="1"/>'
+            '<inertia ixx="0.01" iyy="0.012" izz="0.008" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            f'<joint name="j{i}" type="revolute"><parent link="l{i - 1}"/><child link="l{i}"/>'
+            f'<origin xyz="0 0 0.1" rpy="{1.3 * (-1) ** i} 0 0"/><axis xyz="0 0 1"/>'
+            '<limit lower="-3" upper="3" velocity="5" effort="1000"/></joint>'
+        )
+    return fr.Robot(name="chain", source="made up", urdf="".join([*text, "</robot>"]))
+
+
+if __name__ == "__main__":
+    main()
