@@ -8,9 +8,7 @@ Both must predict the same torques. Times are processor time; ratios are medians
 
 from __future__ import annotations
 
-import json
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
@@ -21,7 +19,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from common import parser, publish
+from common import Worker, parser, publish
 
 import frischid as fr
 from frischid.estimate import ols
@@ -76,7 +74,7 @@ def main() -> None:
         inputs = Path(folder) / "inputs.npz"
         np.savez(inputs, q=log.q, v=log.v, a=log.a, tau=log.tau)
         (Path(folder) / "robot.urdf").write_text(robot.urdf, encoding="utf-8")
-        with Figaroh(options.python, folder) as other:
+        with Worker(options.python, WORKER, folder, "pip install figaroh") as other:
             for _ in range(options.rounds + 1):
                 times["bare Pinocchio loop"].append(timed(bare)[0])
                 seconds, (regressor, reduction, estimate) = timed(ours)
@@ -118,38 +116,6 @@ def timed(job: Callable[[], Any]) -> tuple[float, Any]:
 
 def _ratio(seconds: list[float], others: list[float]) -> float:
     return statistics.median(a / b for a, b in zip(seconds[1:], others[1:], strict=True))
-
-
-class Figaroh:
-    """The worker process, which does the job once for every line it is sent."""
-
-    def __init__(self, python: str, folder: str) -> None:
-        self.process = subprocess.Popen(
-            [python, str(WORKER), folder], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
-
-    def __enter__(self) -> Figaroh:
-        return self
-
-    def run(self) -> dict[str, Any]:
-        """One round."""
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
-        try:
-            self.process.stdin.write("go\n")
-            self.process.stdin.flush()
-        except BrokenPipeError:
-            pass
-        line = self.process.stdout.readline()
-        if not line:
-            sys.exit("error: the interpreter given by --python cannot run figaroh; `pip install figaroh` in a venv of "
-                     "its own and pass that venv's python")  # fmt: skip
-        return dict(json.loads(line))
-
-    def __exit__(self, *_: object) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.close()
-        self.process.wait()
 
 
 if __name__ == "__main__":

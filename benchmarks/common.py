@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import platform
+import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -27,6 +30,52 @@ def data_folder() -> Path | None:
     """Folder of the measured logs, from FRISCHID_DATA; None when it is not set."""
     folder = os.environ.get("FRISCHID_DATA")
     return Path(folder) if folder else None
+
+
+class Worker:
+    """Another package doing the same job in an interpreter of its own, once for every line it is sent.
+
+    Parameters
+    ----------
+    python : str
+        Interpreter that has the package.
+    script : Path
+        What it runs; it answers every line with one of JSON.
+    folder : str
+        Where inputs and answers are.
+    install : str
+        How to get the package, for the error.
+    """
+
+    def __init__(self, python: str, script: Path, folder: str, install: str) -> None:
+        self.python, self.install = python, install
+        self.process = subprocess.Popen(
+            [python, str(script), folder], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+
+    def __enter__(self) -> Worker:
+        return self
+
+    def run(self) -> dict[str, Any]:
+        """One round."""
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        with contextlib.suppress(BrokenPipeError):
+            self.process.stdin.write("go\n")
+            self.process.stdin.flush()
+        line = self.process.stdout.readline()
+        if not line:
+            sys.exit(
+                f"error: {self.python} cannot do the other side's job; `{self.install}` in a venv of its own and pass "
+                "that venv's interpreter with --python"
+            )
+        return dict(json.loads(line))
+
+    def __exit__(self, *_: object) -> None:
+        assert self.process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):
+            self.process.stdin.close()
+        self.process.wait()
 
 
 def publish(title: str, rows: Sequence[Mapping[str, Any]], path: Path | None, notes: Sequence[str] = ()) -> None:

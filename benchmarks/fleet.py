@@ -121,7 +121,7 @@ def on_a_cluster(robot: fr.Robot, pattern: list[str], count: int, kill_at: int) 
     killed = []
     with (
         LocalCluster(
-            n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
+            n_workers=count, threads_per_worker=1, dashboard_address=":0", silence_logs=logging.CRITICAL
         ) as cluster,
         Client(cluster) as client,
     ):

@@ -135,7 +135,7 @@ def workers(scheduler: str | None = None, count: int | None = None) -> Iterator[
             LocalCluster(
                 n_workers=count or os.cpu_count() or 1,
                 threads_per_worker=1,
-                dashboard_address=None,
+                dashboard_address=":0",
                 silence_logs=logging.CRITICAL,
             ) as cluster,
             Client(cluster) as client,
