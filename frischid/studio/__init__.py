@@ -110,5 +110,18 @@ def studio(
             everywhere(lambda tab: tab.step())
 
     threading.Thread(target=play, daemon=True, name="frischid play").start()
+    threading.Thread(target=_warm, args=(bench,), daemon=True, name="frischid warm").start()
     shown = "localhost" if host in ("127.0.0.1", "localhost", "0.0.0.0") else host
     return Studio(server, bench, f"http://{shown}:{server.get_port()}")
+
+
+def _warm(bench: Any) -> None:
+    """Draw once while the browser still loads the page: plotly and yourdfpy load most of themselves on first use."""
+    from frischid import figures
+    from frischid.studio.bodies import urdf_of
+
+    state = bench.state
+    urdf_of(state.model.robot)
+    figures.measured(state.prediction, state.comparison, state.model.joints[0]).figure.to_json()
+    figures.matrix(state.comparison)
+    figures.staircase(state.model, state.comparison.noise_floor)

@@ -26,7 +26,7 @@ from frischid.studio.stage import Stage, Track
 SHOWN = 6
 VARIABLES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "load", "time": "t"}
 EVERY = "every joint"
-GLANCE = 0.4  # s
+GLANCE = 0.3  # s
 FRAME = 0.05  # s between two poses of a robot that plays
 WIDTH = 430  # pixels of each panel
 
