@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from frischid.comparison import Comparison as Comparison
     from frischid.comparison import compare as compare
+    from frischid.diagnosis import Diagnosis as Diagnosis
+    from frischid.diagnosis import diagnose as diagnose
     from frischid.effects import BASELINE as BASELINE
     from frischid.effects import EFFECTS as EFFECTS
     from frischid.effects import Effect as Effect
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
     from frischid.errors import InputError as InputError
     from frischid.identification import Identification as Identification
     from frischid.identification import identify as identify
+    from frischid.improvement import add as add
+    from frischid.improvement import improve as improve
     from frischid.log import Log as Log
     from frischid.mapping import LogMap as LogMap
     from frischid.model import Model as Model
@@ -44,10 +48,14 @@ _HOME = {
     "EFFECTS": "effects",
     "Effect": "effects",
     "parse_effects": "effects",
+    "Diagnosis": "diagnosis",
+    "diagnose": "diagnosis",
     "FrischidError": "errors",
     "InputError": "errors",
     "Identification": "identification",
     "identify": "identification",
+    "add": "improvement",
+    "improve": "improvement",
     "Log": "log",
     "LogMap": "mapping",
     "Model": "model",
