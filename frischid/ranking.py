@@ -28,6 +28,7 @@ from frischid.gram import Array
 
 TOGETHER = 6  # effects in one place each that may enter together
 POOL = 40  # candidates that go on after the first round
+REFINEMENTS = (0.5, 0.25)  # of the way to the next value of a shape's grid
 SIGNIFICANCE = 0.01
 TRIFLE = 0.004  # of a joint's torque: what explains less is not worth a parameter, however significant
 STEADY = 0.05  # p value over blocks of time that a finding must reach, so that no single moment makes it
@@ -258,14 +259,38 @@ def _ranked(
     """Gather places into effects and put them in order: those that entered, by their worth; then the others."""
     found = []
     for kind in dict.fromkeys(type(c.effect) for c in pool):
-        entered = [c for c in chosen if type(c.effect) is kind]
-        places = sorted(entered, key=lambda c: -unique[id(c)]) or _best_places(
+        entered = sorted((c for c in chosen if type(c.effect) is kind), key=lambda c: -unique[id(c)])
+        worth = max((unique[id(c)] for c in entered), default=0.0)
+        places = [refined(evidence, c) for c in entered] or _best_places(
             evidence, [c for c in pool if type(c.effect) is kind]
         )
-        worth = max((unique[id(c)] for c in entered), default=0.0)
         found.append(_joined(evidence, places, worth, tried, bool(entered)))
     found.sort(key=lambda r: (not r.entered, -r.unique, r.p_value > SIGNIFICANCE, -r.removed, -r.gain))
     return _told_apart(evidence, found)
+
+
+def refined(evidence: Evidence, candidate: Judged) -> Judged:
+    """The candidate with its shape parameters between the grid's values, where that fits better."""
+    kind = type(candidate.effect)
+    for share in REFINEMENTS:
+        now = candidate.effect
+        steps = {name: share * _step(values, float(now.parameters[name])) for name, values in kind.shapes.items()}
+        near = [
+            kind(joints=now.joints, **now.parameters | {name: float(now.parameters[name]) + way * step})
+            for name, step in steps.items()
+            for way in (-1.0, 1.0)
+            if float(now.parameters[name]) + way * step > 0
+        ]
+        projections = distinct(evidence, [now, *near])
+        better = judged(evidence, projections) if projections else None
+        if better is not None and better.removed >= candidate.removed:
+            candidate = better
+    return candidate
+
+
+def _step(values: Sequence[float], x: float) -> float:
+    """Distance from a value to the nearest other value of the grid."""
+    return min((abs(v - x) for v in values if abs(v - x) > 1e-9 * max(abs(v), 1.0)), default=0.0)
 
 
 def _best_places(evidence: Evidence, places: Sequence[Judged]) -> list[Judged]:

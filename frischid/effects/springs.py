@@ -41,8 +41,7 @@ class JointSpring(Effect):
     id: ClassVar[str] = "joint_spring"
     title: ClassVar[str] = "spring or counterbalance on a joint"
     equation: ClassVar[str] = (
-        "ks·q  (its rest angle is −off/ks), or smooth: bs·sin q + bc·cos q + bss·sin 2q + bcc·cos 2q  "
-        "(sliding: bq·q + bqq·q² + bqqq·q³)"
+        "ks·q (it rests at −off/ks); smooth: bs·sin q + bc·cos q + bss·sin 2q + bcc·cos 2q (sliding: a cubic)"
     )
     sentence: ClassVar[str] = (
         "{joint} is pulled by a torque that depends on its angle alone, at any speed: a spring or a counterbalance"
