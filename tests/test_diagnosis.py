@@ -186,4 +186,4 @@ def test_what_nothing_explains_is_described():
     assert found.description.formula[0] == "q3*sign(v2)"
     assert found.description.removed > 0.9
     assert any("a description, not a cause" in note for note in found.notes)
-    assert json.loads(json.dumps(found.to_dict()))["description"]["formula"] == ["q3*sign(v2)"]
+    assert json.loads(json.dumps(found.to_dict()))["description"]["formula"][0] == "q3*sign(v2)"
