@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from frischid.comparison import Comparison as Comparison
     from frischid.comparison import compare as compare
+    from frischid.consistency import Consistency as Consistency
+    from frischid.consistency import make_consistent as make_consistent
     from frischid.diagnosis import Diagnosis as Diagnosis
     from frischid.diagnosis import diagnose as diagnose
     from frischid.effects import BASELINE as BASELINE
@@ -24,6 +26,10 @@ if TYPE_CHECKING:
     from frischid.effects import parse_effects as parse_effects
     from frischid.errors import FrischidError as FrischidError
     from frischid.errors import InputError as InputError
+    from frischid.exporting import Export as Export
+    from frischid.exporting import export as export
+    from frischid.gains import Gains as Gains
+    from frischid.gains import find_gains as find_gains
     from frischid.identification import Identification as Identification
     from frischid.identification import identify as identify
     from frischid.improvement import add as add
@@ -44,6 +50,8 @@ if TYPE_CHECKING:
 _HOME = {
     "Comparison": "comparison",
     "compare": "comparison",
+    "Consistency": "consistency",
+    "make_consistent": "consistency",
     "BASELINE": "effects",
     "EFFECTS": "effects",
     "Effect": "effects",
@@ -52,6 +60,10 @@ _HOME = {
     "diagnose": "diagnosis",
     "FrischidError": "errors",
     "InputError": "errors",
+    "Export": "exporting",
+    "export": "exporting",
+    "Gains": "gains",
+    "find_gains": "gains",
     "Identification": "identification",
     "identify": "identification",
     "add": "improvement",

@@ -64,9 +64,9 @@ class Clearance:
         margin : float
             Least distance, m.
         """
-        urdf, missing = _with_meshes(robot)
+        urdf, missing = _with_meshes(robot, "collision")
         notes = [f"no mesh file for {', '.join(missing)}: not checked for collision"] if missing else []
-        geometry = _geometry(robot, urdf)
+        geometry = _geometry(robot, urdf, pin.GeometryType.COLLISION)
         if geometry.ngeoms == 0:
             notes.append("the URDF has no usable collision shape: neither self-collision nor floor was checked")
             return cls(robot, geometry, (), np.empty(0), tuple(notes))
@@ -124,12 +124,49 @@ class Clearance:
         return out
 
 
-def _with_meshes(robot: Robot) -> tuple[str, list[str]]:
-    """The URDF with the full path of every collision mesh, without those that do not exist, and those."""
+def body_boxes(robot: Robot) -> dict[str, tuple[Array, Array]]:
+    """Bounding boxes of the bodies, along the axes of their joint's frame.
+
+    Collision shapes, or visual ones where a body has no other. A body with a mesh that is not found has no box.
+
+    Returns
+    -------
+    dict of str to (ndarray (3,), ndarray (3,))
+        Joint -> lower and upper corner, m.
+    """
+    found: dict[str, tuple[Array, Array]] = {}
+    for kind, tag in ((pin.GeometryType.COLLISION, "collision"), (pin.GeometryType.VISUAL, "visual")):
+        urdf, missing = _with_meshes(robot, tag)
+        incomplete = {_body_of(robot, link) for link in missing}
+        corners: dict[str, list[Array]] = {}
+        for shape in _geometry(robot, urdf, kind).geometryObjects:
+            body = robot.model.names[shape.parentJoint]
+            if shape.parentJoint and body not in found and body not in incomplete:
+                corners.setdefault(body, []).append(_corners(shape))
+        found |= {body: (np.min(points, axis=(0, 1)), np.max(points, axis=(0, 1))) for body, points in corners.items()}
+    return found
+
+
+def _body_of(robot: Robot, link: str) -> str:
+    model = robot.model
+    return str(model.names[model.frames[model.getFrameId(link)].parentJoint])
+
+
+def _corners(shape: Any) -> Array:
+    """Corners of a shape's own box, in the frame of the joint it hangs on, (8, 3)."""
+    shape.geometry.computeLocalAABB()
+    box = shape.geometry.aabb_local
+    low, high = np.asarray(box.min_), np.asarray(box.max_)
+    unit = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T
+    return np.asarray((low + unit * (high - low)) @ shape.placement.rotation.T + shape.placement.translation)
+
+
+def _with_meshes(robot: Robot, tag: str) -> tuple[str, list[str]]:
+    """The URDF with the full path of every mesh under `tag`, without those that do not exist, and those."""
     root, missing = ET.fromstring(robot.urdf), []
     folder = _folder(robot)
     for link in root.findall("link"):
-        for shape in link.findall("collision"):
+        for shape in link.findall(tag):
             mesh = shape.find("geometry/mesh")
             if mesh is None:
                 continue
@@ -159,10 +196,10 @@ def _mesh_path(filename: str, folder: Path | None) -> Path | None:
     return next((p for p in (root / rest for root in [*roots, Path("/")]) if p.is_file()), None)
 
 
-def _geometry(robot: Robot, urdf: str) -> Any:
-    """Collision shapes on the bodies of `robot.model`, in which some joints may be locked."""
+def _geometry(robot: Robot, urdf: str, kind: Any) -> Any:
+    """Shapes on the bodies of `robot.model`, in which some joints may be locked."""
     whole = pin.buildModelFromXML(robot.urdf)
-    shapes = pin.buildGeomFromUrdfString(whole, urdf, pin.GeometryType.COLLISION)
+    shapes = pin.buildGeomFromUrdfString(whole, urdf, kind)
     geometry, model = pin.GeometryModel(), robot.model
     for shape in shapes.geometryObjects:
         frame = whole.frames[shape.parentFrame]

@@ -12,6 +12,8 @@ the textbook σ²H⁻¹ says is several times too small. The covariance here is 
 
 which needs nothing but the blocks' moments, is right when blocks are longer than the correlation, and counts leverage
 (Wu 1986, Annals of Statistics 14(4); CR3 of Cameron and Miller 2015).
+
+A prior N(μ, Λ⁻¹) is a few more rows of data: ``H + Λ`` and ``Σ_j w_j Y_jᵀτ_j + Λμ`` (maximum a posteriori, MAP).
 """
 
 from __future__ import annotations
@@ -57,6 +59,9 @@ class Estimate:
         precision with which another log may take these values as given.
     notes : tuple of str
         What a reader must know to trust the numbers.
+    from_data : ndarray, shape (p,), or None
+        Share of what is known of each parameter that came from the logs, not from a prior:
+        1 − posterior variance / prior variance. None: there was no prior, all came from the logs.
     """
 
     columns: tuple[Column, ...]
@@ -69,11 +74,33 @@ class Estimate:
     estimator: str
     information: Array
     notes: tuple[str, ...] = ()
+    from_data: Array | None = None
 
     @property
     def stderr(self) -> Array:
         """Standard error of each parameter, shape (p,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Gaussian knowledge of p parameters.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (p,)
+    precision : ndarray, shape (p, p)
+        Inverse covariance.
+    """
+
+    mean: Array
+    precision: Array
+
+    @property
+    def moments(self) -> Array:
+        """Moments of rows of [Y τ] that say the same, shape (p + 1, p + 1)."""
+        pull = self.precision @ self.mean
+        return np.block([[self.precision, pull[:, None]], [pull[None, :], np.array([[self.mean @ pull]])]])
 
 
 class NormalEquations:
@@ -141,18 +168,22 @@ def ols(blocks: Sequence[Gram]) -> Estimate:
     return _finish(blocks, np.ones(len(blocks[0].joints)), "ols")
 
 
-def wls(blocks: Sequence[Gram], iterations: int = 8) -> Estimate:
-    """Least squares with every joint weighted by its own residual variance, iterated; see `ols`."""
+def wls(blocks: Sequence[Gram], iterations: int = 8, prior: Prior | None = None) -> Estimate:
+    """Least squares with every joint weighted by its own residual variance, iterated; see `ols`.
+
+    With a prior, maximum a posteriori; the covariance is then the posterior's, widened for correlated residuals.
+    """
     whole = total(blocks)
     weights = np.ones(len(whole.joints))
     for _ in range(iterations):
-        theta = _solve(whole, weights).theta
-        updated = 1.0 / _variance(whole, theta)
+        theta = _solve(whole, weights, prior).theta
+        # a joint without a row (it rests throughout) has no variance and needs no weight
+        updated = np.where(whole.counts > 0, 1.0 / np.maximum(_variance(whole, theta), 1e-150), 1.0)
         done = bool(np.allclose(updated, weights, rtol=1e-4))
         weights = updated
         if done:
             break
-    return _finish(blocks, weights, "wls")
+    return _finish(blocks, weights, "wls") if prior is None else _posterior(blocks, weights, prior)
 
 
 def _variance(whole: Gram, theta: Array) -> Array:
@@ -166,7 +197,9 @@ def _variance(whole: Gram, theta: Array) -> Array:
     return np.asarray(np.maximum(left, floor) / np.maximum(whole.counts - cost * len(theta), 1.0))
 
 
-def _solve(whole: Gram, weights: Array) -> NormalEquations:
+def _solve(whole: Gram, weights: Array, prior: Prior | None = None) -> NormalEquations:
+    if prior is not None:
+        return NormalEquations(whole.weighted(weights) + prior.moments, whole.names)
     if whole.rows < len(whole.columns) + 1:
         raise IdentifiabilityError(
             f"{whole.rows} torque rows cannot determine {len(whole.columns)} parameters; record longer, or raise the "
@@ -202,6 +235,31 @@ def _finish(blocks: Sequence[Gram], weights: Array, estimator: str) -> Estimate:
     )
 
 
+def _posterior(blocks: Sequence[Gram], weights: Array, prior: Prior) -> Estimate:
+    whole = total(blocks)
+    system = _solve(whole, weights, prior)
+    H, inverse = whole.weighted(weights)[:-1, :-1], system.inverse
+    spread, notes = _jackknife(blocks, weights, system)
+    # what correlation adds to the variance that the data cause, over what independent residuals would
+    caused = np.diag(inverse @ H @ inverse)
+    felt = caused > 1e-9 * np.diag(inverse)
+    inflation = max(1.0, 1.0 if spread is None else float(np.median(np.diag(spread)[felt] / caused[felt])))
+    before = np.diag(np.linalg.inv(prior.precision))
+    return Estimate(
+        whole.columns,
+        system.theta,
+        inflation * inverse,
+        whole.joints,
+        np.sqrt(_variance(whole, system.theta)),
+        weights,
+        system.condition,
+        "map",
+        np.asarray(np.linalg.inv(inverse) / inflation, dtype=float),
+        notes,
+        np.clip(1.0 - np.diag(inverse) / before, 0.0, 1.0),
+    )
+
+
 def _jackknife(blocks: Sequence[Gram], weights: Array, system: NormalEquations) -> tuple[Array | None, tuple[str, ...]]:
     if len(blocks) < LEAST_BLOCKS:
         short = f"only {len(blocks)} blocks of data: standard errors take residuals as uncorrelated and are too small"
@@ -225,7 +283,7 @@ def _jackknife(blocks: Sequence[Gram], weights: Array, system: NormalEquations) 
     return (len(blocks) - 1) / len(blocks) * D.T @ D, ()
 
 
-def cross_validated(blocks: Sequence[Gram], estimate: Estimate, folds: int = 5) -> Array:
+def cross_validated(blocks: Sequence[Gram], estimate: Estimate, folds: int = 5, prior: Prior | None = None) -> Array:
     """Held-out residual variance of each joint from contiguous folds: moments subtract, so no data are needed again.
 
     Returns
@@ -240,6 +298,6 @@ def cross_validated(blocks: Sequence[Gram], estimate: Estimate, folds: int = 5) 
     held = np.zeros(len(whole.joints))
     for fold in np.array_split(np.arange(len(blocks)), min(folds, len(blocks))):
         out = total([blocks[i] for i in fold])
-        theta = NormalEquations((whole - out).weighted(estimate.weights), whole.names).theta
+        theta = _solve(whole - out, estimate.weights, prior).theta
         held += out.residual_ss(theta)
     return np.asarray(held / whole.counts)

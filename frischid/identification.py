@@ -15,6 +15,7 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from frischid.bbrf import Recursion, Variant, bbrf
+from frischid.belief import Choice, chosen, urdf_priors
 from frischid.comparison import Comparison, compare
 from frischid.effects import BASELINE, Coulomb, Effect
 from frischid.effects.base import WIDTH
@@ -34,7 +35,7 @@ from frischid.selection import Selection, select
 from frischid.sensitivity import noise_limits, samples, sensor_moments
 from frischid.sensorwise import sensorwise
 from frischid.signals import LowPass, Motion, choose_lowpass, prepare
-from frischid.survey import Data, held_by, moving_but_locked, survey, suspicions
+from frischid.survey import Data, Survey, held_by, moving_but_locked, survey, suspicions
 from frischid.survey import torque_joints as torque_joints_of
 from frischid.triangular import SAFE_CONDITION
 
@@ -47,6 +48,7 @@ HOPELESS = 0.8  # cross-validated NRMSE above which a joint is not explained but
 MOST_ROWS = 100_000  # of the bounding-box recursion, which needs them all in memory and inverts a matrix for each
 ESTIMATORS = ("wls", "ols", "frisch", "sensorwise", "eiv", "iv")
 RECORDED = 40  # steps of the recursion kept with the model
+PRIORS = ("auto", "none", "urdf")
 RECURSIONS = ("strict", "undo", "calibrated", "none")
 
 
@@ -75,6 +77,8 @@ class Identification:
         What was done to the data.
     warnings : tuple of str
         What should make the reader doubt.
+    prior : Choice or None
+        Whether the URDF was used as a prior, and why; None when it was not considered.
     """
 
     model: Model
@@ -87,6 +91,7 @@ class Identification:
     samples: int
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    prior: Choice | None = None
 
 
 def identify(
@@ -99,6 +104,7 @@ def identify(
     cutoff: float | Literal["auto"] | None = "auto",
     velocity: str = "auto",
     estimator: str = "wls",
+    prior: str = "auto",
     recursion: str = "strict",
     window: int | None = None,
     reference: Mapping[str, float] | None = None,
@@ -126,6 +132,10 @@ def identify(
         Whose values become the model's. ``"frisch"`` is the paper's: the best point in the Frisch box. ``"sensorwise"``
         adds the box of `frischid.sensorwise`, with the sensors' noise limited to what the log shows; ``"eiv"`` and
         ``"iv"`` are errors-in-variables likelihood and instrumental variables. These three hold all motions in memory.
+    prior : {"auto", "none", "urdf"}
+        ``"urdf"``: the URDF's parameters are a prior with a stated uncertainty, as strong as predicts best in
+        cross-validation. ``"auto"``: so if the logs are too short to determine the parameters alone and
+        cross-validation says that it helps. Only with the estimator ``"wls"``.
     recursion : {"strict", "undo", "calibrated", "none"}
         Variant of the bounding-box recursion.
     window : int, optional
@@ -152,6 +162,10 @@ def identify(
         raise UnknownNameError("estimator", estimator, ESTIMATORS)
     if recursion not in RECURSIONS:
         raise UnknownNameError("recursion", recursion, RECURSIONS)
+    if prior not in PRIORS:
+        raise UnknownNameError("prior", prior, PRIORS)
+    if prior == "urdf" and estimator != "wls":
+        raise InputError(f"a prior needs the estimator wls, not {estimator}; leave one of the two out")
     robot, notes = held_by(robot, logs)
     rows = torque_joints_of(robot, logs, torque_joints, notes)
     seen = survey(robot, logs, rows, cutoff)
@@ -182,14 +196,20 @@ def identify(
         )
 
     progress("estimate")
-    estimate = ols(blocks) if estimator == "ols" else wls(blocks)
-    if estimate.condition > SAFE_CONDITION:
+    choice = None
+    if estimator == "wls" and prior != "none":
+        beliefs = urdf_priors(regressor, reduction, total(blocks))
+        independent = _independent_rows(seen, lowpass) * len(rows)
+        choice = chosen(blocks, beliefs, always=prior == "urdf", independent=independent)
+    estimate = choice.estimate if choice is not None else ols(blocks) if estimator == "ols" else wls(blocks)
+    used = None if choice is None else choice.prior
+    if estimate.condition > SAFE_CONDITION and used is None:
         progress("streaming QR")
         theta = streaming_qr(regressor, motions, lowpass, rows, reduction.base).solve(estimate.weights)
         estimate = replace(estimate, theta=theta)
         notes.append(f"condition number {estimate.condition:.1e}: solved by a streaming QR, moments would lose digits")
     whole = total(blocks)
-    moments = whole.weighted(estimate.weights) / whole.rows
+    moments = (whole.weighted(estimate.weights) + (0.0 if used is None else used.moments)) / whole.rows
     triangle = simplex(moments, whole.names)
     bounds = {"frisch": triangle.box()}
     progress("bounding-box recursion")
@@ -221,11 +241,15 @@ def identify(
         recursion=None if recursed is None else _record(recursed, estimate),
     )
     progress("comparison")
-    held_out = dict(zip(rows, _nrmse(whole, cross_validated(blocks, estimate)), strict=True))
+    held_out = dict(zip(rows, _nrmse(whole, cross_validated(blocks, estimate, prior=used)), strict=True))
     comparison = compare(model, valid) if valid else None
+    if choice is not None and choice.sentence:
+        (notes if used is None else warnings).append(choice.sentence)
     warnings = list(dict.fromkeys([*_hopeless(held_out), *warnings]))
     notes = list(dict.fromkeys(notes))
     event = _event(effects, logs, seen.samples, valid, held_out, comparison) | {"notes": notes, "warnings": warnings}
+    if used is not None and choice is not None:
+        event["prior"] = {"kind": "urdf", "strength": choice.strength}
     model = replace(model, history=(event,))
     return Identification(
         model,
@@ -238,6 +262,7 @@ def identify(
         int(whole.counts.max()),
         tuple(notes),
         tuple(warnings),
+        choice,
     )
 
 
@@ -258,12 +283,21 @@ def _baseline(
         blocks = [replace(g, columns=reduction.base_columns()) for g in blocks]
         if len(blocks) < 2 or total(blocks).rows < 2 * reduction.rank:
             return BASELINE
-        errors[width] = float(np.mean(_nrmse(total(blocks), cross_validated(blocks, wls(blocks)))))
+        try:
+            errors[width] = float(np.mean(_nrmse(total(blocks), cross_validated(blocks, wls(blocks)))))
+        except IdentifiabilityError:
+            return BASELINE  # too little for a choice: what the whole logs can do is judged later
     best = min(errors, key=lambda width: errors[width])
     if errors[best] > DECISIVE * errors[WIDTH]:
         best = WIDTH
     notes.append(f"dry friction changes its direction over ±{best:g} rad/s (m/s), chosen by cross-validation")
     return tuple(replace(e, width=best) if isinstance(e, Coulomb) else e for e in BASELINE)
+
+
+def _independent_rows(seen: Survey, lowpass: LowPass) -> float:
+    """Samples that are not copies of their neighbours: two a second and hertz of bandwidth."""
+    rate = sum(seen.samples) / max(seen.seconds, 1e-9)
+    return 2.0 * min(lowpass.cutoff or np.inf, 0.5 * rate) * seen.seconds
 
 
 def _hopeless(held_out: Mapping[str, float]) -> list[str]:

@@ -228,4 +228,5 @@ def _changed(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log]) -> 
         ),
         bounds={},
         reference=reference_of(model),
+        standard=None,
     )

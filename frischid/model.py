@@ -56,6 +56,9 @@ class Model:
         Mean of each fitted joint's torque in the identification logs, the constant a model must beat.
     reference : dict of str to float, optional
         Parameter values from which effects that depend on the load take it; None: the URDF's own.
+    standard : dict of str to float, optional
+        Physically consistent value of every parameter, known ones included, that has these base parameters; None until
+        `frischid.consistency.make_consistent` found them.
     history : tuple of dict
         What was done, oldest first, in plain JSON values.
     previous : Model, optional
@@ -75,6 +78,7 @@ class Model:
     mean_torque: Array
     bounds: Mapping[str, Box] = field(default_factory=dict)
     reference: Mapping[str, float] | None = None
+    standard: Mapping[str, float] | None = None
     history: tuple[Mapping[str, Any], ...] = ()
     previous: Model | None = None
     recursion: Mapping[str, Any] | None = None
@@ -107,8 +111,67 @@ class Model:
         q, v, a = (np.atleast_2d(np.asarray(x, dtype=float)) for x in (q, v, a))
         Y = Regressor(self.robot, self.effects, self.reference)(np.zeros(len(q)) if t is None else t, q, v, a)
         known = self.robot.known_torque(q, v, a)
-        torque = np.einsum("ncj,c->nj", Y[:, list(self.base)], self.estimate.theta)
+        torque = self.full_theta @ Y
         return np.asarray(torque if known is None else torque + known)
+
+    def friction(self, q: Array, v: Array, a: Array | None = None, t: Array | None = None) -> Array:
+        """Torque of the model's friction effects alone.
+
+        Parameters
+        ----------
+        q, v, a : ndarray, shape (N, J)
+            Positions (rad, m), velocities, and accelerations (for friction that grows with the load; zero by default).
+        t : ndarray, shape (N,), optional
+            Time, s, for friction that remembers; zero by default.
+
+        Returns
+        -------
+        ndarray, shape (N, J)
+            N·m (N), with the sign it has in the equation of motion: along v.
+        """
+        q, v = (np.atleast_2d(np.asarray(x, dtype=float)) for x in (q, v))
+        a = np.zeros_like(q) if a is None else np.atleast_2d(np.asarray(a, dtype=float))
+        Y = Regressor(self.robot, self.effects, self.reference)(np.zeros(len(q)) if t is None else t, q, v, a)
+        columns = columns_of(self.robot, self.effects)
+        ids = {e.id for e in self.effects if e.friction}
+        felt = np.array([c.effect in ids for c in columns])
+        return np.asarray(self.full_theta[felt] @ Y[:, felt])
+
+    def pinocchio(self) -> Any:
+        """Build a Pinocchio model with the identified inertias and armature (rotor inertias).
+
+        Raises
+        ------
+        InputError
+            The model has base parameters only; `frischid.make_consistent` finds links that have them.
+        """
+        return self.robot.pinocchio(self.links, self.of_effect("rotor_inertia", "Ia"))
+
+    def of_effect(self, effect: str, symbol: str) -> dict[str, float]:
+        """Physical values of one parameter of an effect, by joint; empty if the model has none such."""
+        columns = [c for c in columns_of(self.robot, self.effects) if c.effect == effect]
+        number = self.robot.numbers
+        return {c.joint: self.parameter(c.name) for c in columns if c.name == f"{symbol}{number[c.joint]}"}
+
+    @property
+    def links(self) -> Array:
+        """Physical inertial parameters of all bodies in the order of ``robot.all_names``, shape (L, 10)."""
+        return np.array([self.parameter(n) for n in self.robot.all_names]).reshape(-1, 10)
+
+    def parameter(self, name: str) -> float:
+        """Physical value of one parameter.
+
+        Raises
+        ------
+        InputError
+            The model has base parameters only.
+        """
+        if self.standard is None:
+            raise InputError(
+                "this model has base parameters only, from which no single link follows; find physical links with "
+                "`frischid consistent` (frischid.make_consistent) first"
+            )
+        return self.standard[name]
 
     def motions(self, logs: Sequence[Log | Recording]) -> Motions:
         """Logs prepared as the model's own were."""
@@ -127,8 +190,11 @@ class Model:
 
     @cached_property
     def full_theta(self) -> Array:
-        """Value of every column of the full regressor, zero where it is not a base parameter."""
-        theta = np.zeros(len(columns_of(self.robot, self.effects)))
+        """Value of every column of the full regressor: the physical one, or zero where it is no base parameter."""
+        columns = columns_of(self.robot, self.effects)
+        if self.standard is not None:
+            return np.array([self.standard[c.name] for c in columns])
+        theta = np.zeros(len(columns))
         theta[list(self.base)] = self.estimate.theta
         return theta
 
@@ -152,6 +218,7 @@ class Model:
             "condition": e.condition,
             "notes": list(e.notes),
             "reference": None if self.reference is None else dict(self.reference),
+            "standard": None if self.standard is None else dict(self.standard),
             "history": [dict(h) for h in self.history],
             "covariance": e.covariance.tolist(),
             "information": e.information.tolist(),
@@ -171,6 +238,7 @@ class Model:
             "column": self.base[i],
             "value": float(self.estimate.theta[i]),
             "stderr": float(self.estimate.stderr[i]),
+            "from_data": None if self.estimate.from_data is None else float(self.estimate.from_data[i]),
             "bounds": {k: [_finite(box.lower[i]), _finite(box.upper[i])] for k, box in self.bounds.items()},
         }
 
@@ -207,6 +275,7 @@ class Model:
             data["estimator"],
             np.array(data["information"]),
             tuple(data["notes"]),
+            np.array(shares) if None not in (shares := [p.get("from_data") for p in parameters]) else None,
         )
         methods = parameters[0]["bounds"] if parameters else {}
         bounds = {
@@ -228,6 +297,7 @@ class Model:
             np.array([j["mean_torque"] for j in joints]),
             bounds,
             data["reference"],
+            data.get("standard"),  # older files have none
             tuple(data["history"]),
             None if data["previous"] is None else cls.from_dict({**data["previous"], "robot": data["robot"]}),
             data.get("recursion"),

@@ -14,13 +14,13 @@ Sources: Rasmussen and Williams 2006, Gaussian Processes for Machine Learning, a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
 
 from frischid.effects import columns_of
 from frischid.effects.dynamics import RigidDynamics, random_states
+from frischid.estimate import Prior as Prior
 from frischid.gram import Array
 from frischid.identification import structure
 from frischid.model import Model
@@ -29,14 +29,6 @@ from frischid.regressor import Regressor, nominal_parameters
 MASS = 0.5  # a link's mass may be off by this share of it
 LEVER, GYRATION = 0.15, 0.05  # m and m²: what a mass that is off may do to first moments and inertias
 ANYTHING = 10.0  # friction may be so many times the largest torque: nothing is known of it
-
-
-@dataclass(frozen=True, eq=False)
-class Prior:
-    """Gaussian knowledge of the base parameters: mean (p,) and precision (p, p)."""
-
-    mean: Array
-    precision: Array
 
 
 def identified(model: Model) -> Prior:

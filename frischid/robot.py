@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from frischid.errors import InputError, UnknownNameError
 from frischid.gram import Column
+from frischid.inertia import dynamic_parameters, pseudo_inertia
 
 Array = NDArray[np.float64]
 
@@ -301,7 +302,7 @@ class Robot:
         """Blocks T with θ_joint = T θ_frame, shape (L, 10, 10); None when all frames are joint frames."""
         if self.frames == "joint":
             return None
-        return np.stack([_parameter_transform(self._frame_placement(n)) for n in self.bodies])
+        return np.stack([_parameter_transform(self.frame_placement(n)) for n in self.bodies])
 
     @cached_property
     def nominal(self) -> Array:
@@ -311,8 +312,10 @@ class Robot:
             theta = np.linalg.solve(self.transforms, theta[:, :, None])[:, :, 0]
         return np.asarray(theta.ravel())
 
-    def _frame_placement(self, joint: str) -> Any:
-        """Pose of the parameter frame of a body in its joint frame."""
+    def frame_placement(self, joint: str) -> Any:
+        """Pose (pinocchio.SE3) of the parameter frame of a body in its joint frame."""
+        if self.frames == "joint":
+            return pin.SE3.Identity()
         model, index = self.model, self.numbers[joint]
         if isinstance(self.frames, Mapping):
             unknown = [j for j in self.frames if j not in self.bodies]
@@ -364,6 +367,40 @@ class Robot:
         G = np.zeros((len(self.joints), len(self.bodies)))
         G[leader, np.arange(len(self.bodies))] = factor
         return np.moveaxis(np.tensordot(G, torque, axes=(1, axis)), 0, axis)
+
+    def pinocchio(self, theta: Array | None = None, armature: Mapping[str, float] | None = None) -> Any:
+        """Build a Pinocchio model with other inertias.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (10 L,), optional
+            Values of `all_names`, in the frames of this robot; the URDF's own by default.
+        armature : mapping of str to float, optional
+            Reflected rotor inertia of joints, kg·m² (kg).
+
+        Returns
+        -------
+        pinocchio.Model
+            Locked joints removed; mimic joints are joints of their own, as in `configuration`.
+        """
+        model = self.model.copy()
+        if theta is not None:
+            blocks = np.asarray(theta, dtype=float).reshape(-1, 10)
+            if self.transforms is not None:
+                blocks = (self.transforms @ blocks[:, :, None])[:, :, 0]
+            for index, block in enumerate(blocks, start=1):
+                model.inertias[index] = pin.Inertia.FromDynamicParameters(block)
+        values = np.zeros(model.nv)
+        for name, x in (armature or {}).items():
+            values[model.joints[self.numbers[name]].idx_v] = x
+        model.armature = values
+        return model
+
+    def links_of(self, joint: str) -> dict[str, Array]:
+        """Links of the body behind a joint, with their poses (4, 4) in the joint's frame; nearest the joint first."""
+        index = self.numbers[joint]
+        frames = [f for f in self.model.frames if f.parentJoint == index and f.type == pin.FrameType.BODY]
+        return {f.name: f.placement.homogeneous for f in frames}
 
     def project_mass(self, mass: Array) -> Array:
         """Mass matrix of all bodies' joints (L, L) onto the independent joints (J, J)."""
@@ -490,7 +527,7 @@ def _read_urdf(robot: str | Path) -> tuple[str, str]:
     elif not path.exists():
         raise InputError(f"{path}: no such URDF file; give a path, or a name that `frischid info` lists")
     try:
-        return text, path.read_text(encoding="utf-8")
+        return text, path.read_bytes().decode("utf-8")  # line ends as they are: an export changes nothing else
     except UnicodeDecodeError as error:
         raise InputError(
             f"{path}: not a UTF-8 text file, so not a URDF ({error.reason} at byte {error.start})"
@@ -547,24 +584,7 @@ def _rest_angle(robot: Robot, joint: str) -> float:
     return float(np.clip(0.0, robot.limits.lower[i], robot.limits.upper[i]))
 
 
-def _pseudo_inertia(theta: Array) -> Array:
-    m, mx, my, mz, xx, xy, yy, xz, yz, zz = theta
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    P = np.empty((4, 4))
-    P[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    P[:3, 3] = P[3, :3] = mx, my, mz
-    P[3, 3] = m
-    return P
-
-
-def _dynamic_parameters(P: Array) -> Array:
-    inertia = np.trace(P[:3, :3]) * np.eye(3) - P[:3, :3]
-    return np.array(
-        [P[3, 3], *P[:3, 3], inertia[0, 0], inertia[0, 1], inertia[1, 1], inertia[0, 2], inertia[1, 2], inertia[2, 2]]
-    )
-
-
 def _parameter_transform(placement: Any) -> Array:
     """T with θ_joint = T θ_frame for a frame at `placement` in the joint frame, shape (10, 10)."""
     H = placement.homogeneous
-    return np.stack([_dynamic_parameters(H @ _pseudo_inertia(e) @ H.T) for e in np.eye(10)], axis=1)
+    return dynamic_parameters(H @ pseudo_inertia(np.eye(10)) @ H.T).T

@@ -70,7 +70,7 @@ def test_rigid_columns_are_derivatives_of_inverse_dynamics(name):
         for i in range(model.njoints):
             model.inertias[i] = pin.Inertia.Zero()
         about = pin.Inertia.FromDynamicParameters(theta)
-        frame = machine._frame_placement(body) if machine.frames != "joint" else pin.SE3.Identity()
+        frame = machine.frame_placement(body)
         model.inertias[model.getJointId(body)] = frame.act(about)
         return reference(q, v, a, model)
 

@@ -13,12 +13,12 @@ import frischid
 PACKAGE = Path(frischid.__file__).parent
 
 LAYERS = (
-    ("errors",),
+    ("errors", "inertia", "urdf_text"),
     ("robot", "log", "gram", "triangular", "cluster", "archive"),
-    ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance", "recording"),
+    ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance", "recording", "tree"),
     (
         *("regressor", "reduction", "estimate", "deviation", "eiv", "iv", "frisch", "bbrf", "selection", "physical"),
-        *("sensorwise", "sensitivity", "criteria", "envelope", "survey"),
+        *("sensorwise", "sensitivity", "criteria", "envelope", "survey", "belief", "drives"),
     ),
     ("model",),
     (
@@ -38,7 +38,8 @@ LAYERS = (
         "prediction",
         "quality",
     ),
-    ("diagnosis",),
+    ("consistency", "gains", "diagnosis"),
+    ("codegen", "mjcf", "exporting"),
     ("improvement", "shapes", "fleet"),
     ("demo",),
     ("figures", "report"),
@@ -57,6 +58,8 @@ NUMERIC = (
     "bbrf",
     "selection",
     "criteria",
+    "physical",
+    "drives",
 )
 LAYER = {module: k for k, layer in enumerate(LAYERS) for module in layer}
 
@@ -152,7 +155,7 @@ def test_public_names_exist_and_are_listed():
         frischid.identfy  # noqa: B018
 
 
-HEAVY = ("pinocchio", "plotly", "viser", "scipy", "numpy", "pyarrow", "rich", "dask", "proxsuite")
+HEAVY = ("pinocchio", "cvxpy", "plotly", "viser", "scipy", "numpy", "pyarrow", "rich", "dask", "proxsuite")
 
 
 @pytest.mark.parametrize(

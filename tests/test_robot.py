@@ -229,7 +229,7 @@ def test_nominal_parameters_are_those_of_the_chosen_frames(name):
     np.testing.assert_allclose(theta[:, 0], about_joint[:, 0], atol=1e-12)  # mass has no frame
     for k, body in enumerate(machine.bodies):
         if about_joint[k, 0] > 0:
-            placement = machine._frame_placement(body) if machine.frames != "joint" else pin.SE3.Identity()
+            placement = machine.frame_placement(body)
             centre = placement.act(theta[k, 1:4] / theta[k, 0])
             np.testing.assert_allclose(centre, about_joint[k, 1:4] / about_joint[k, 0], atol=1e-10)
 

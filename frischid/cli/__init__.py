@@ -4,7 +4,7 @@ Every command takes ``--json`` for machines. Heavy imports wait until a command 
 """
 
 # each adds its commands to the group
-from frischid.cli import fitting, fleets, improving, learning, motions, seeing
+from frischid.cli import drives, exporting, fitting, fleets, improving, learning, motions, seeing
 from frischid.cli.group import main
 
-__all__ = ["fitting", "fleets", "improving", "learning", "main", "motions", "seeing"]
+__all__ = ["drives", "exporting", "fitting", "fleets", "improving", "learning", "main", "motions", "seeing"]

@@ -80,6 +80,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
 @click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
 @click.option("--velocity", type=click.Choice(["auto", "measured", "derived"]), default="auto")
 @click.option("--estimator", default="wls", help="wls, ols, frisch (best point of the box), sensorwise, eiv, iv.")
+@click.option("--prior", default="auto", help="Use the URDF as a prior: auto (short logs), none, urdf.")
 @click.option("--bbrf", default="strict", help="Bounding-box recursion: strict, undo, calibrated, or none.")
 @click.option("--window", type=int, help="BBRF window, rows.")
 @click.option(
@@ -99,6 +100,7 @@ def identify(
     cutoff: str,
     velocity: str,
     estimator: str,
+    prior: str,
     bbrf: str,
     window: int | None,
     scheduler: str | None,
@@ -135,6 +137,7 @@ def identify(
             cutoff=cutoff_of(cutoff),
             velocity=velocity,
             estimator=estimator,
+            prior=prior,
             recursion=bbrf,
             window=window,
             progress=progress,

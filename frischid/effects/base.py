@@ -163,6 +163,12 @@ class Effect(ABC):
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     """Values the diagnosis tries for each shape parameter, in order; it refines between neighbours."""
 
+    friction: ClassVar[bool] = False
+    """Whether it is part of what `Model.friction` returns."""
+    code: ClassVar[Mapping[str, str]] = {}
+    """Parameter's symbol -> its column in terms of {q}, {v}, {a} of its joint and of shape parameters, for generated
+    code; empty where a joint's own state does not say it all."""
+
     joints: tuple[str, ...] | None = None
 
     def __init_subclass__(cls, **kwargs: Any) -> None:

@@ -9,6 +9,7 @@ Source: Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -30,6 +31,9 @@ class Viscous(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "quadratic_viscous", "time_delay")
     confirmed_by: ClassVar[str] = "move the joint at several constant speeds, in both directions"
     reference: ClassVar[str] = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
+
+    friction: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {"fv": "{v}"}
 
     def terms(self, state: State) -> list[Term]:
         """One column a joint: its speed."""
@@ -58,6 +62,9 @@ class Coulomb(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("viscous", "load_friction", "hysteresis")
     confirmed_by: ClassVar[str] = "move the joint slowly in both directions: the torque jumps by 2·fc at each reversal"
     reference: ClassVar[str] = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
+
+    friction: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {"fc": "tanh({v} / {width})"}
 
     dry: ClassVar[bool] = True
 
@@ -89,6 +96,8 @@ class Offset(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("asymmetric_coulomb", "joint_spring")
     confirmed_by: ClassVar[str] = "hold the robot still in several poses: the offset is the same in all"
     reference: ClassVar[str] = "Swevers, Verdonck and De Schutter 2007, IEEE Control Systems 27(5)"
+
+    code: ClassVar[Mapping[str, str]] = {"off": "1.0"}
 
     def terms(self, state: State) -> list[Term]:
         """One column a joint: one."""

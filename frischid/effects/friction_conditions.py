@@ -43,6 +43,8 @@ class LoadFriction(Effect):
     confirmed_by: ClassVar[str] = "the same slow reversals with the arm stretched out and folded, or with a payload"
     reference: ClassVar[str] = "Hamon, Gautier and Garrec 2010, IEEE/RSJ IROS"
 
+    friction: ClassVar[bool] = True
+
     dry: ClassVar[bool] = True
     loaded: ClassVar[bool] = True
 
@@ -84,6 +86,8 @@ class ThermalDrift(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("viscous", "coulomb")
     confirmed_by: ClassVar[str] = "repeat one motion for half an hour from cold; better, log the joint's temperature"
     reference: ClassVar[str] = "Bittencourt, Wernholt, Sander-Tavallaey and Brogårdh 2010, IEEE/RSJ IROS"
+
+    friction: ClassVar[bool] = True
 
     dry: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"constant": (10.0, 30.0, 100.0, 300.0, 1000.0)}

@@ -46,6 +46,9 @@ class Stribeck(Effect):
     confirmed_by: ClassVar[str] = "many slow constant speeds, from 0.01 to 0.5 rad/s: the torque falls before it rises"
     reference: ClassVar[str] = "Bo and Pavelescu 1982, Wear 82(3)"
 
+    friction: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {"fs": "tanh({v} / {width}) * exp(-pow(abs({v}) / {speed}, {exponent}))"}
+
     dry: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
         "speed": (0.02, 0.05, 0.1, 0.2, 0.5),
@@ -85,6 +88,9 @@ class QuadraticViscous(Effect):
     confirmed_by: ClassVar[str] = "constant speeds up to the joint's limit, in both directions"
     reference: ClassVar[str] = "Simoni, Beschi, Legnani and Visioli 2015, IEEE/RSJ IROS"
 
+    friction: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {"fvv": "{v} * abs({v})"}
+
     def terms(self, state: State) -> list[Term]:
         """One column a joint: speed times its size."""
         return self.per_joint(state, "fvv", "rate^2", lambda i: state.v[:, i] * np.abs(state.v[:, i]))
@@ -102,6 +108,9 @@ class CubicViscous(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("quadratic_viscous", "viscous", "stribeck")
     confirmed_by: ClassVar[str] = "constant speeds up to the joint's limit, in both directions"
     reference: ClassVar[str] = "Taghirad and Bélanger 1998, ASME J. Dynamic Systems, Measurement and Control 120(4)"
+
+    friction: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {"fvvv": "{v} * {v} * {v}"}
 
     def terms(self, state: State) -> list[Term]:
         """One column a joint: the third power of its speed."""
@@ -123,6 +132,9 @@ class AsymmetricViscous(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("offset", "asymmetric_coulomb")
     confirmed_by: ClassVar[str] = "the same constant speeds forward and backward through the same angles"
     reference: ClassVar[str] = "Armstrong-Hélouvry 1991, Control of Machines with Friction, Kluwer"
+
+    friction: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {"fva": "abs({v})"}
 
     def terms(self, state: State) -> list[Term]:
         """One column a joint: the size of its speed."""
@@ -151,6 +163,9 @@ class AsymmetricCoulomb(Effect):
         "hold still in several poses, approached from both sides: an offset stays, this does not"
     )
     reference: ClassVar[str] = "Armstrong-Hélouvry 1991, Control of Machines with Friction, Kluwer"
+
+    friction: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {"fca": "tanh(abs({v}) / {width})"}
 
     dry: ClassVar[bool] = True
 

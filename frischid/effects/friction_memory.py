@@ -77,6 +77,8 @@ class Hysteresis(Effect):
     confirmed_by: ClassVar[str] = "tiny slow back-and-forth motions of growing size: torque against angle makes loops"
     reference: ClassVar[str] = "Dahl 1968, Aerospace Corporation TOR-0158; Canudas de Wit et al. 1995, IEEE TAC 40(3)"
 
+    friction: ClassVar[bool] = True
+
     dry: ClassVar[bool] = True
     memory: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"distance": (0.0005, 0.002, 0.006, 0.02, 0.06)}

@@ -16,6 +16,7 @@ Source: Arakelian 2016, "Gravity compensation in robotics", Advanced Robotics 30
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Self
 
@@ -50,6 +51,17 @@ class JointSpring(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("cable_hose", "payload", "gravity_tilt", "cogging", "offset")
     confirmed_by: ClassVar[str] = "hold still all over the joint's range, with the other joints in different poses"
     reference: ClassVar[str] = "Arakelian 2016, Advanced Robotics 30(2)"
+
+    code: ClassVar[Mapping[str, str]] = {
+        "ks": "{q}",
+        "bs": "sin({q})",
+        "bc": "cos({q})",
+        "bss": "sin(2 * {q})",
+        "bcc": "cos(2 * {q})",
+        "bq": "{q}",
+        "bqq": "{q} * {q}",
+        "bqqq": "{q} * {q} * {q}",
+    }
 
     form: str = "linear"
 

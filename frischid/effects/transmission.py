@@ -50,6 +50,8 @@ class RotorInertia(Effect):
     confirmed_by: ClassVar[str] = "fast oscillations of this joint alone, in poses with different link inertia about it"
     reference: ClassVar[str] = "Sciavicco, Siciliano and Villani 1996, Robotica 14(4); Featherstone 2008, sec. 9.6"
 
+    code: ClassVar[Mapping[str, str]] = {"Ia": "{a}"}
+
     coupled: bool = False
     ratio: float = 1.0
 
@@ -90,6 +92,8 @@ class Cogging(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "payload")
     confirmed_by: ClassVar[str] = "one slow turn at constant speed, sampled well above N times the speed"
     reference: ClassVar[str] = "Holtz and Springob 1996, IEEE Trans. Industrial Electronics 43(2)"
+
+    code: ClassVar[Mapping[str, str]] = {"A": "sin({order} * {q})", "B": "cos({order} * {q})"}
 
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
         "order": tuple(map(float, [*range(3, 64), *range(64, 202, 2)])),

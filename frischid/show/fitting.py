@@ -9,6 +9,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from frischid.belief import Choice
 from frischid.comparison import Comparison
 from frischid.identification import Examination, Identification
 from frischid.model import Model
@@ -126,6 +127,7 @@ def identified(found: Identification) -> dict[str, Any]:
         "condition": model.estimate.condition,
         "estimator": model.estimate.estimator,
         "parameters": content["parameters"],
+        "prior": None if found.prior is None else _prior(found.prior),
         "frisch": {
             "same_orthant": triangle.same_orthant,
             "changing_sign": list(triangle.disagreeing),
@@ -147,16 +149,25 @@ def identified(found: Identification) -> dict[str, Any]:
     }
 
 
+def _prior(choice: Choice) -> dict[str, Any]:
+    """Whether a prior was used, and what cross-validation said of each strength."""
+    errors = {f"{strength:g}": plain(error) for strength, error in choice.errors.items()}
+    return {"used": choice.prior is not None, "strength": choice.strength, "cross_validated_nrmse": errors}
+
+
 def parameters(model: Model, truth: Sequence[float] | None = None) -> Table:
     """Table of base parameters: value, standard error, boxes, and the truth where it is known."""
     known = [] if truth is None else ["true"]
-    table = table_of("parameter", "stands for", "unit", *known, "value", "± s.e.", *(f"{k} box" for k in model.bounds))
     e = model.estimate
+    shares = [] if e.from_data is None else ["from data"]
+    boxed = (f"{k} box" for k in model.bounds)
+    table = table_of("parameter", "stands for", "unit", *known, "value", "± s.e.", *shares, *boxed)
     for i, column in enumerate(e.columns):
         boxes = [f"{figure(b.lower[i])} … {figure(b.upper[i])}" for b in model.bounds.values()]
         expected = [] if truth is None else [figure(truth[i])]
         row = [column.name, model.expressions[i], column.unit, *expected, figure(e.theta[i]), figure(e.stderr[i])]
-        table.add_row(*row, *boxes)
+        share = [] if e.from_data is None else [f"{e.from_data[i]:.0%}"]
+        table.add_row(*row, *share, *boxes)
     return table
 
 

@@ -1,0 +1,72 @@
+"""What a joint's torque is per ampere."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from frischid.cli.arguments import (
+    cutoff_of,
+    effects_of,
+    effects_option,
+    json_option,
+    load,
+    map_option,
+    read,
+    robot_options,
+    show_page,
+    working,
+)
+from frischid.cli.group import main
+
+
+@main.command()
+@click.argument("robot")
+@click.option("--unloaded", multiple=True, required=True, help="Log without the payload; repeatable.")
+@click.option("--loaded", multiple=True, required=True, help="Log with it; repeatable.")
+@click.option("--payload", type=float, required=True, help="What the payload weighs, kg.")
+@click.option("--com", type=float, nargs=3, help="Its centre of mass in the carrying joint's frame, m, where known.")
+@click.option("--carrier", help="Joint behind which it hangs; the last by default.")
+@click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
+@robot_options
+@effects_option
+@map_option
+@json_option
+def gains(
+    robot: str,
+    unloaded: tuple[str, ...],
+    loaded: tuple[str, ...],
+    payload: float,
+    com: tuple[float, float, float] | None,
+    carrier: str | None,
+    cutoff: str,
+    effects: str | None,
+    mapping: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Find drive gains from logs without and with a payload of known weight, and check those given in the mapping."""
+    from frischid.gains import find_gains
+    from frischid.mapping import LogMap
+    from frischid.show import drives as show
+
+    form = LogMap.of(mapping)
+    given = {n: j.current_gain for n, j in form.joint.items() if j.current_gain is not None}
+    with working(as_json) as progress:
+        progress("reading logs")
+        machine, without = load(robot, options, unloaded, mapping)
+        carrying = read(loaded, machine, mapping)
+        progress("drive gains")
+        found = find_gains(
+            machine,
+            without,
+            carrying,
+            payload,
+            centre=com,
+            carrier=carrier,
+            given={n: given[n] for n in machine.joints if n in given} or None,
+            effects=effects_of(effects),
+            cutoff=cutoff_of(cutoff),
+        )
+    show_page(show.gains(found), as_json)

@@ -1,0 +1,221 @@
+"""A model whose links could exist: the base parameters kept, the standard parameters physical.
+
+`frischid.physical` does the mathematics. Here a model is brought into its terms: the prior is the URDF, the boxes for
+centres of mass come from the URDF's own shapes or from the user, and the result is a model again, with
+`Model.standard` filled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from frischid.clearance import body_boxes
+from frischid.errors import InputError, UnknownNameError
+from frischid.gram import Array
+from frischid.identification import structure
+from frischid.model import Model
+from frischid.physical import Active, Consistent, Extras, Links, consistent
+from frischid.reduction import Reduction
+from frischid.regressor import Regressor, nominal_parameters
+from frischid.robot import Robot
+
+Box = tuple[Sequence[float], Sequence[float]]
+
+
+CONTRADICTED = 2.0  # standard errors beyond which a coefficient of the wrong sign is left as identified
+
+
+@dataclass(frozen=True, eq=False)
+class Consistency:
+    """What making a model physical did to it.
+
+    Attributes
+    ----------
+    model : Model
+        With `Model.standard`; its base parameters are those of the physical links.
+    result : Consistent
+    change : ndarray, shape (p,)
+        Change of each base parameter, in its standard errors.
+    boxes : dict of str to (lower, upper)
+        Boxes used for the centres of mass, by joint, in the joint's frame, m.
+    notes : tuple of str
+    """
+
+    model: Model
+    result: Consistent
+    change: Array
+    boxes: Mapping[str, tuple[Array, Array]]
+    notes: tuple[str, ...]
+
+    @property
+    def active(self) -> tuple[Active, ...]:
+        """Constraints that decide the result."""
+        return self.result.active
+
+    @property
+    def unexplained(self) -> float:
+        """Root mean square change of the base parameters in standard errors that the constraints alone force."""
+        return float(np.sqrt(self.result.misfit / len(self.change)))
+
+
+def make_consistent(model: Model, *, boxes: Mapping[str, Box] | None = None, shapes: bool = True) -> Consistency:
+    """Find physical links behind a model's base parameters.
+
+    Parameters
+    ----------
+    model : Model
+    boxes : mapping of str to (lower, upper), optional
+        Joint -> corners of a box, in the joint's frame (m), that holds the centre of mass of the body behind it.
+    shapes : bool
+        Whether bodies without a given box get that of the URDF's shapes (collision, else visual), where known.
+
+    Returns
+    -------
+    Consistency
+
+    Raises
+    ------
+    InputError
+        The model holds columns that are no robot's own (a payload added to a model), or a box is not one.
+    InfeasibleError
+        Some link cannot exist; the message says which and why.
+    """
+    robot, regressor = model.robot, Regressor(model.robot, model.effects, model.reference)
+    mapping = _structure(model, regressor)
+    chosen, notes = _boxes(robot, boxes or {}, shapes)
+    links = Links(
+        tuple(f"the body behind {n}" for n in robot.bodies),
+        robot.nominal.reshape(-1, 10),
+        tuple(_half_spaces(robot, n, chosen.get(n)) for n in robot.bodies),
+        np.array([robot.known.get(n, np.nan) for n in robot.all_names]).reshape(-1, 10),
+    )
+    estimate = model.estimate
+    extras, contradictions = _extras(model, regressor, mapping)
+    result = consistent(estimate.theta, estimate.information, mapping, links, extras)
+    said = (*notes, *result.notes, *contradictions)
+    names = (*robot.all_names, *extras.names)
+    change = (result.base - estimate.theta) / np.maximum(estimate.stderr, 1e-300)
+    event: dict[str, Any] = {
+        "action": "consistent",
+        "effects": [str(e) for e in model.effects],
+        "logs": [],
+        "misfit": result.misfit,
+        "largest_change_in_standard_errors": float(np.abs(change).max()),
+        "active": [list(a) for a in result.active],
+        "notes": list(said),
+    }
+    physical = replace(
+        model,
+        estimate=replace(estimate, theta=result.base),
+        standard=dict(zip(names, map(float, result.theta), strict=True)),
+        history=(*model.history, event),
+        previous=model,
+    )
+    return Consistency(physical, result, change, chosen, said)
+
+
+def as_identified(model: Model) -> Model:
+    """Give a model standard parameters that have exactly its base parameters, physical or not.
+
+    The smallest change of the URDF's own parameters that does it, each measured in the size it has in a link.
+    """
+    robot, regressor = model.robot, Regressor(model.robot, model.effects, model.reference)
+    mapping = _structure(model, regressor)
+    nominal = robot.nominal.reshape(-1, 10)
+    mass = np.where(nominal[:, 0] > 0, nominal[:, 0], 1.0)[:, None]
+    sizes = mass * np.array([1.0, *[0.1] * 3, *[0.01] * 6])
+    extras = _extras(model, regressor, mapping)[0]
+    scale = np.concatenate([sizes.ravel(), extras.scale])
+    start = np.concatenate([[robot.known.get(n, x) for n, x in zip(robot.all_names, robot.nominal, strict=True)],
+                            extras.nominal])  # fmt: skip
+    change = np.linalg.pinv(mapping * scale) @ (model.estimate.theta - mapping @ start)
+    names = (*robot.all_names, *extras.names)
+    return replace(model, standard=dict(zip(names, map(float, start + scale * change), strict=True)))
+
+
+def _structure(model: Model, regressor: Regressor) -> Array:
+    """K in ``θ_base = K θ`` over all rigid parameters (known ones: zero) and the effects'."""
+    robot = model.robot
+    reduction = structure(regressor, model.joints)
+    if tuple(reduction.base) != tuple(model.base):
+        raise InputError(
+            "this model describes a change of the robot (such as a payload) on top of its own parameters, so its "
+            "links cannot be told apart; take the change back (frischid history --undo) or identify the robot afresh"
+        )
+    return link_mapping(robot, regressor, reduction)
+
+
+def link_mapping(robot: Robot, regressor: Regressor, reduction: Reduction) -> Array:
+    """K over all rigid parameters in the order of ``robot.all_names`` (known ones: zero), then the effects'."""
+    rigid = len(robot.columns)
+    mapping = np.zeros((reduction.rank, len(robot.all_names) + len(regressor.columns) - rigid))
+    mapping[:, [robot.all_names.index(c.name) for c in robot.columns]] = reduction.mapping[:, :rigid]
+    mapping[:, len(robot.all_names) :] = reduction.mapping[:, rigid:]
+    return mapping
+
+
+def _extras(model: Model, regressor: Regressor, mapping: Array) -> tuple[Extras, list[str]]:
+    """The effects' parameters, each with the size its base parameter has.
+
+    Signs are beliefs about effects, not laws: where the logs contradict one clearly (a "rotor inertia" that soaks up a
+    delay), the coefficient stays as identified and a note says so.
+    """
+    columns, estimate = regressor.columns[len(model.robot.columns) :], model.estimate
+    K = np.abs(mapping[:, mapping.shape[1] - len(columns) :])
+    size = np.abs(estimate.theta) + estimate.stderr
+    scale = np.where(K > 0, size[:, None] / np.where(K > 0, K, 1.0), 0.0).max(axis=0, initial=0.0)
+    nominal = nominal_parameters(model.robot, model.effects)[len(model.robot.columns) :]
+    values = {c.name: (x, s) for c, x, s in zip(estimate.columns, estimate.theta, estimate.stderr, strict=True)}
+    signs, notes = [], []
+    for column in columns:
+        x, s = values.get(column.name, (0.0, 1.0))
+        contradicted = column.sign * x < -CONTRADICTED * s
+        signs.append(0 if contradicted else column.sign)
+        if contradicted:
+            notes.append(
+                f"{column.name} is {x:.3g} ± {s:.2g} {column.unit}, of the wrong sign beyond its error: it stands for "
+                "something else than its name says and is left as identified"
+            )
+    usable = np.where(scale > 0, scale, 1.0)
+    return Extras(tuple(c.name for c in columns), nominal, usable, np.array(signs, dtype=int)), notes
+
+
+def _boxes(
+    robot: Robot, given: Mapping[str, Box], shapes: bool
+) -> tuple[dict[str, tuple[Array, Array]], tuple[str, ...]]:
+    """Boxes by joint: the user's, else those of the URDF's shapes unless the URDF contradicts itself."""
+    notes: list[str] = []
+    chosen = {}
+    if shapes:
+        masses = robot.nominal.reshape(-1, 10)[:, 0]
+        for name, box in body_boxes(robot).items():
+            i = robot.bodies.index(name)
+            centre = robot.model.inertias[i + 1].lever
+            if masses[i] > 0 and ((centre < box[0]) | (centre > box[1])).any():
+                notes.append(
+                    f"the body behind {name}: the URDF puts its centre of mass outside its own shapes, so that box is "
+                    "not used"
+                )
+            else:
+                chosen[name] = box
+    for name, (lower, upper) in given.items():
+        if name not in robot.bodies:
+            raise UnknownNameError("joint", name, robot.bodies, robot.source)
+        low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+        if low.shape != (3,) or high.shape != (3,) or not (low < high).all():
+            raise InputError(f"the box of {name} must be two corners of three numbers, the first below the second, m")
+        chosen[name] = (low, high)
+    return chosen, tuple(notes)
+
+
+def _half_spaces(robot: Robot, joint: str, box: tuple[Array, Array] | None) -> tuple[Array, Array] | None:
+    """``A c ≤ b`` of a box in the joint's frame, for a centre of mass c in the parameters' own frame."""
+    if box is None:
+        return None
+    A, b = np.vstack([np.eye(3), -np.eye(3)]), np.concatenate([box[1], -box[0]])
+    placement = robot.frame_placement(joint)
+    return A @ placement.rotation, b - A @ placement.translation

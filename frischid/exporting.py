@@ -1,0 +1,216 @@
+"""A model taken home: a URDF, an MJCF file, or code for a control loop.
+
+What is written is checked before it appears: the URDF is loaded again and must give the model's rigid torque. What a
+format cannot say (rotors in a URDF, a Stribeck curve in either) is named, not dropped in silence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from frischid.codegen import c_source, numpy_source
+from frischid.consistency import Box, Consistency, as_identified, make_consistent
+from frischid.errors import FrischidError, InputError, UnknownNameError
+from frischid.gram import Array
+from frischid.inertia import is_physical, pseudo_inertia, redistributed
+from frischid.mjcf import mjcf_source
+from frischid.model import Model, check_writable, write_text
+from frischid.robot import Robot
+from frischid.urdf_text import UrdfText
+
+FORMATS = {".urdf": "URDF", ".xml": "MJCF", ".c": "C", ".py": "NumPy"}
+AGREEMENT = 1e-6  # relative: what the written URDF's torque may differ by from the model's
+
+
+class NotPhysicalError(FrischidError):
+    """A model that no robot can have; the message says which link, and how to export it all the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Export:
+    """What was written.
+
+    Attributes
+    ----------
+    path : Path
+    format : str
+        One of the values of `FORMATS`.
+    model : Model
+        The model as written, with physical links.
+    consistency : Consistency or None
+        What making it physical changed; None when the model was physical already, or was exported by force.
+    difference : float or None
+        Of the written URDF's torque from the model's rigid part, relative, on random states.
+    notes : tuple of str
+        What the format cannot say.
+    """
+
+    path: Path
+    format: str
+    model: Model
+    consistency: Consistency | None
+    difference: float | None
+    notes: tuple[str, ...]
+
+
+def export(
+    model: Model,
+    path: str | Path,
+    *,
+    force: bool = False,
+    boxes: Mapping[str, Box] | None = None,
+    shapes: bool = True,
+) -> Export:
+    """Write a model to a file; its suffix says as what: .urdf, .xml (MJCF), .c or .py (NumPy only).
+
+    Parameters
+    ----------
+    model : Model
+        Made physical first unless it is; see `frischid.consistency.make_consistent`.
+    path : str or Path
+    force : bool
+        Export a model that is not physical, with the parameters as they were identified.
+    boxes, shapes
+        As for `frischid.consistency.make_consistent`.
+
+    Raises
+    ------
+    NotPhysicalError
+        No robot has these parameters within their bounds, and `force` is not given.
+    InputError
+        The suffix is unknown, or the file cannot be written.
+    """
+    target = Path(path)
+    if target.suffix not in FORMATS:
+        raise UnknownNameError("export format", target.suffix or target.name, FORMATS)
+    check_writable(target)
+    physical, consistency = _physical(model, force, boxes, shapes)
+    kind, difference = FORMATS[target.suffix], None
+    if kind == "URDF":
+        text = urdf_source(physical)
+        difference = _difference(physical, text)
+        if difference > AGREEMENT and not force:
+            raise InputError(
+                f"{target}: not written, because the URDF's torque would differ from the model's by {difference:.1e} "
+                "of its size; please report this with the model file"
+            )
+    else:
+        text = {"MJCF": mjcf_source, "C": c_source, "NumPy": numpy_source}[kind](physical)
+    write_text(target, text)
+    return Export(target, kind, physical, consistency, difference, tuple(_notes(physical, kind)))
+
+
+def _physical(
+    model: Model, force: bool, boxes: Mapping[str, Box] | None, shapes: bool
+) -> tuple[Model, Consistency | None]:
+    """The model with physical links, or by force with those that come closest to the URDF's."""
+    if model.standard is not None and boxes is None:
+        wrong = [n for n, ok in zip(model.robot.bodies, is_physical(model.links), strict=True) if not ok]
+        if wrong and not force:
+            raise NotPhysicalError(
+                f"the bodies behind {', '.join(wrong)} are not physical (a pseudo-inertia with a negative eigenvalue); "
+                "run `frischid consistent` on the model, or export it with --force"
+            )
+        return model, None
+    if force:
+        return as_identified(model), None
+    found = make_consistent(model, boxes=boxes, shapes=shapes)
+    if not (found.result.reproduces and found.result.feasible):
+        worst = "; ".join(f"{name} costs {share:.0f}" for name, share in found.result.blame[:3])
+        raise NotPhysicalError(
+            "no physical robot has these base parameters within their bounds: the nearest is "
+            f"{found.unexplained:.1f} standard errors away (root mean square; χ² {found.result.misfit:.0f}, of which "
+            f"{worst or 'no single link'} explains most). Is an effect missing (frischid diagnose)? --force exports "
+            "the parameters as identified"
+        )
+    return found.model, found
+
+
+def urdf_source(model: Model) -> str:
+    """The model's URDF with its inertials and joint friction; not a byte else is changed.
+
+    Where a body consists of several links (fixed or locked to one another), all of them change by the same affine map,
+    so that each keeps its share: see `frischid.inertia.redistributed`.
+    """
+    robot, text = model.robot, UrdfText(model.robot.urdf)
+    links = model.links if robot.transforms is None else (robot.transforms @ model.links[:, :, None])[:, :, 0]
+    inertias: dict[str, Array] = {}
+    for joint, theta in zip(robot.bodies, links, strict=True):
+        inertias |= _parts(robot, text, joint, theta)
+    damping, loss = model.of_effect("viscous", "fv"), model.of_effect("coulomb", "fc")
+    dynamics = {
+        joint: {
+            key: max(0.0, values[joint])
+            for key, values in (("damping", damping), ("friction", loss))
+            if joint in values
+        }
+        for joint in robot.joints
+    }
+    return text.edited(inertias, {joint: values for joint, values in dynamics.items() if values})
+
+
+def _parts(robot: Robot, text: UrdfText, joint: str, theta: Array) -> dict[str, Array]:
+    """Pseudo-inertias of a body's links, each in its own frame."""
+    poses = robot.links_of(joint)
+    main = text.child_link(joint)
+    names = [n for n in poses if n == main or text.pseudo_inertia(n).any()]
+    H = np.array([poses[n] for n in names])
+    old = H @ np.array([text.pseudo_inertia(n) for n in names]) @ H.transpose(0, 2, 1)
+    masses = old[:, 3, 3]
+    heaviest = int(masses.argmax()) if masses.any() else names.index(main)
+    back = np.linalg.inv(H)
+    new = back @ redistributed(old, pseudo_inertia(theta), heaviest) @ back.transpose(0, 2, 1)
+    return {n: P for n, P, before in zip(names, new, old, strict=True) if P.any() or before.any()}
+
+
+def _difference(model: Model, text: str) -> float:
+    """How far the torque of an exported URDF is from the model's rigid part on random states, relative."""
+    robot = model.robot
+    exported = Robot.from_dict({**robot.to_dict(), "urdf": text, "known": {}})
+    rng = np.random.default_rng(0)
+    J = len(robot.joints)
+    lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
+    q = rng.uniform(lower, upper, (50, J))
+    v, a = rng.normal(size=(2, 50, J))
+    bare = replace(model, effects=(), reference=None)
+    expected = bare.inverse_dynamics(q, v, 3 * a)
+    return float(np.abs(exported.inverse_dynamics(q, v, 3 * a) - expected).max() / np.abs(expected).max())
+
+
+def _notes(model: Model, kind: str) -> list[str]:
+    """Effects that the format cannot hold, and values it cannot."""
+    if kind in ("C", "NumPy"):
+        return []
+    held = {"viscous", "coulomb"} | ({"rotor_inertia"} if kind == "MJCF" else set())
+    notes = []
+    left = [str(e) for e in model.effects if e.id not in held or e.parameters.get("coupled")]
+    if left:
+        notes.append(f"{kind} has no place for {', '.join(left)}: the file's robot is without")
+    symbols = {"viscous": "fv", "coulomb": "fc", "rotor_inertia": "Ia"}
+    negative = [
+        f"{symbols[e]} of {joint} ({x:.3g})"
+        for e in sorted(held)
+        for joint, x in model.of_effect(e, symbols[e]).items()
+        if x < 0
+    ]
+    if negative:
+        notes.append(f"written as zero because negative: {', '.join(negative)}")
+    several = _of_several_links(model.robot) if kind == "URDF" else []
+    if several:
+        notes.append(
+            f"the bodies behind {', '.join(several)} have several links with an inertial; all were changed by one "
+            "affine map, so that together they are what was identified"
+        )
+    if kind == "URDF" and model.robot.locked:
+        notes.append(f"identified with {', '.join(model.robot.locked)} held still: valid at those positions")
+    return notes
+
+
+def _of_several_links(robot: Robot) -> list[str]:
+    """Bodies whose inertia is spread over several links of the URDF."""
+    text = UrdfText(robot.urdf)
+    return [j for j in robot.bodies if sum(text.pseudo_inertia(n).any() for n in robot.links_of(j)) > 1]

@@ -1,0 +1,99 @@
+"""A model as MuJoCo's own format, which has what a URDF lacks: rotors, as ``armature``.
+
+The kinematic tree with the identified inertias, and on every joint ``armature``, ``damping`` and ``frictionloss``; no
+shapes. It loads as it is, and its joint and inertial lines can be pasted into a scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from frischid.gram import Array
+from frischid.inertia import dynamic_parameters, pseudo_inertia
+from frischid.model import Model
+from frischid.tree import Body, bodies_of
+
+
+def mjcf_source(model: Model) -> str:
+    """MJCF text of a model with physical links.
+
+    Raises
+    ------
+    InputError
+        The model has base parameters only.
+    """
+    robot = model.robot
+    bodies = bodies_of(robot)
+    links = model.links if robot.transforms is None else (robot.transforms @ model.links[:, :, None])[:, :, 0]
+    lines = [
+        f"<mujoco model={quoteattr(robot.name)}>",
+        '  <compiler angle="radian" autolimits="true"/>',
+        f'  <option gravity="{_numbers(robot.gravity)}"/>',
+        "  <worldbody>",
+        *_children(model, bodies, links, -1, "    "),
+        "  </worldbody>",
+        *_followers(model, bodies),
+        "</mujoco>",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _children(model: Model, bodies: Sequence[Body], links: Array, parent: int, indent: str) -> list[str]:
+    lines = []
+    for i, body in enumerate(bodies):
+        if body.parent != parent:
+            continue
+        x, y, z, w = Rotation.from_matrix(body.rotation).as_quat()
+        name = quoteattr(f"body of {body.joint}")
+        lines += [
+            f'{indent}<body name={name} pos="{_numbers(body.translation)}" quat="{_numbers([w, x, y, z])}">',
+            f"{indent}  {_inertial(links[i])}",
+            f"{indent}  {_joint(model, body)}",
+            *_children(model, bodies, links, i, indent + "  "),
+            f"{indent}</body>",
+        ]
+    return lines
+
+
+def _inertial(theta: Array) -> str:
+    P = pseudo_inertia(theta)
+    centre = P[:3, 3] / P[3, 3]
+    P[:3, :3] -= P[3, 3] * np.outer(centre, centre)
+    xx, xy, yy, xz, yz, zz = dynamic_parameters(P)[4:]
+    full = _numbers([xx, yy, zz, xy, xz, yz])
+    return f'<inertial pos="{_numbers(centre)}" mass="{float(P[3, 3])!r}" fullinertia="{full}"/>'
+
+
+def _joint(model: Model, body: Body) -> str:
+    kind = "slide" if body.slides else "hinge"
+    parts = [f"name={quoteattr(body.joint)}", f'type="{kind}"', f'axis="{_numbers(body.axis)}"']
+    if body.joint in model.robot.joints:
+        j, limits = model.robot.joints.index(body.joint), model.robot.limits
+        if np.isfinite([limits.lower[j], limits.upper[j]]).all():
+            parts.append(f'range="{_numbers([limits.lower[j], limits.upper[j]])}"')
+    wanted = {"armature": ("rotor_inertia", "Ia"), "damping": ("viscous", "fv"), "frictionloss": ("coulomb", "fc")}
+    for attribute, (effect, symbol) in wanted.items():
+        x = model.of_effect(effect, symbol).get(body.joint, 0.0)
+        if x > 0:  # MuJoCo refuses others; which ones were left out, the export says
+            parts.append(f'{attribute}="{x!r}"')
+    return f"<joint {' '.join(parts)}/>"
+
+
+def _followers(model: Model, bodies: Sequence[Body]) -> list[str]:
+    """Mimic joints, as equality constraints."""
+    joints = model.robot.joints
+    rules = [
+        f"    <joint joint1={quoteattr(b.joint)} joint2={quoteattr(joints[b.leader])} "
+        f'polycoef="{_numbers([b.shift, b.factor, 0.0, 0.0, 0.0])}"/>'
+        for b in bodies
+        if b.joint not in joints
+    ]
+    return ["  <equality>", *rules, "  </equality>"] if rules else []
+
+
+def _numbers(values: Sequence[float] | Array) -> str:
+    return " ".join(repr(float(x)) for x in values)

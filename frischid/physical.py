@@ -1,0 +1,365 @@
+"""Standard parameters of links that could exist, as close to what is believed of them as the measurements allow.
+
+A rigid body is a distribution of mass, and its ten parameters are that distribution's moments,
+
+    P = [[Σ, h], [hᵀ, m]] = ∫ [r; 1] [r; 1]ᵀ dm ⪰ 0,      Σ = ½ tr(I) 1 − I,
+
+the pseudo-inertia: positive mass, positive inertia and the triangle inequality all say that P is positive
+semidefinite (Wensing, Kim and Slotine 2018, IEEE RA-L 3(1)). Base parameters ``θ_b = K θ`` fix θ only in part, and
+noise may leave no such body behind them. So, in two convex steps,
+
+    χ²* = min_θ  (K θ − θ_b)ᵀ Σ_b⁻¹ (K θ − θ_b)                       every link physical
+    θ*  = argmin Σ_i tr(P_i P_0i⁻¹) − log det(P_i P_0i⁻¹) − 4         χ²(θ) ≤ χ²* + SLACK p
+
+The second is the log-det divergence from the nominal links P_0, which does not depend on frames or units (Lee, Wensing
+and Park 2020, IEEE T-RO 36(2)). With ``P_i = L_i X_i L_iᵀ`` and ``P_0i = L_i L_iᵀ`` every unknown is near one, whatever
+a link weighs.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from frischid.errors import FrischidError, InputError
+from frischid.gram import Array
+from frischid.inertia import dynamic_parameters, pseudo_inertia
+
+PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+SLACK = 0.02  # of χ²'s mean p: what the prior may cost, beside what the estimate's own errors cost
+FLOOR = 1e-3  # least share of the nominal link in any direction: simulators refuse bodies that are flat
+SHARPEST = 1e5  # no combination counts as known to better than this inverse share of the nominal link
+THINNEST = 0.01  # m: a nominal link without extension is taken to have this radius of gyration
+LIGHTEST = 0.05  # a nominal link without mass is taken to have this share of the mean mass
+SURE = 0.999  # of the bounds a consistent robot must keep
+AT_BOUNDARY = 3.0  # × FLOOR: a link this close to it is called at the boundary
+
+
+class InfeasibleError(FrischidError):
+    """No body satisfies what is demanded of a link; the message names the link and the constraint."""
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """What is believed and demanded of L links, each about a frame of its own.
+
+    Attributes
+    ----------
+    names : tuple of str
+        For messages.
+    nominal : ndarray, shape (L, 10)
+        m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
+    boxes : tuple of (ndarray (k, 3), ndarray (k,)) or None
+        Half spaces ``A c ≤ b`` the centre of mass c lies in, m.
+    known : ndarray, shape (L, 10)
+        Values given outright; NaN elsewhere.
+    """
+
+    names: tuple[str, ...]
+    nominal: Array
+    boxes: tuple[tuple[Array, Array] | None, ...]
+    known: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Extras:
+    """E further parameters besides the links': effects' coefficients.
+
+    Attributes
+    ----------
+    names : tuple of str
+    nominal : ndarray, shape (E,)
+    scale : ndarray, shape (E,)
+        Typical size of each.
+    signs : ndarray of int, shape (E,)
+        Known sign; 0 when either is possible.
+    """
+
+    names: tuple[str, ...]
+    nominal: Array
+    scale: Array
+    signs: NDArray[np.int_]
+
+
+class Active(NamedTuple):
+    """A constraint that decides the result: where, and which."""
+
+    where: str
+    constraint: str
+
+
+@dataclass(frozen=True, eq=False)
+class Consistent:
+    """Physically consistent standard parameters.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (10 L + E,)
+        Links' parameters, then the extras.
+    base : ndarray, shape (p,)
+        ``K θ``.
+    misfit : float
+        χ²*, in squared standard errors: what the constraints alone cost.
+    reproduces : bool
+        Whether that is within the base parameters' bounds: ``χ²* ≤`` the `SURE` quantile of χ² with p degrees of
+        freedom.
+    eigenvalues : ndarray, shape (L,)
+        Least eigenvalue of each P relative to the nominal link's; all at least `FLOOR`, as computed from `theta`.
+    divergence : ndarray, shape (L,)
+        Log-det divergence from the nominal link.
+    active : tuple of Active
+        Links at their boundary, centres of mass at a face, signs that hold a parameter at zero.
+    blame : tuple of (str, float)
+        Unless the base parameters are reproduced: links, and χ² saved if they need not be physical; worst first.
+    notes : tuple of str
+        Nominal links that could not exist themselves, and what was taken instead.
+    """
+
+    theta: Array
+    base: Array
+    misfit: float
+    reproduces: bool
+    eigenvalues: Array
+    divergence: Array
+    active: tuple[Active, ...]
+    blame: tuple[tuple[str, float], ...]
+    notes: tuple[str, ...]
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every link is physical, by the eigenvalues of what is returned."""
+        return bool((self.eigenvalues > 0.5 * FLOOR).all())
+
+
+def consistent(theta: Array, information: Array, mapping: Array, links: Links, extras: Extras) -> Consistent:
+    """Find the physical links nearest to the nominal ones among those that reproduce base parameters.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (p,)
+        Base parameters θ_b as estimated.
+    information : ndarray, shape (p, p)
+        Their precision Σ_b⁻¹.
+    mapping : ndarray, shape (p, 10 L + E)
+        K in ``θ_b = K θ``; zero for what is known outright.
+    links : Links
+    extras : Extras
+
+    Returns
+    -------
+    Consistent
+
+    Raises
+    ------
+    InfeasibleError
+        A link cannot satisfy its own constraints.
+    InputError
+        The shapes disagree.
+    """
+    L, E = len(links.names), len(extras.names)
+    if mapping.shape != (len(theta), 10 * L + E) or information.shape != (len(theta),) * 2:
+        raise InputError(
+            f"{len(theta)} base parameters of {L} links and {E} further parameters need a mapping of shape "
+            f"{(len(theta), 10 * L + E)} and an information of {(len(theta),) * 2}, "
+            f"got {mapping.shape} and {information.shape}"
+        )
+    reference, notes = _reference(links)
+    problem = _Problem(
+        theta, information, mapping, links, extras, np.asarray(np.linalg.cholesky(reference), dtype=float)
+    )
+    if not problem.solve_fit():
+        raise InfeasibleError(_reason(problem, links))
+    misfit = problem.misfit
+    reproduces = misfit <= float(chi2.ppf(SURE, len(theta)))
+    blame = () if reproduces else problem.blame(misfit)
+    problem.solve_nearest(misfit + SLACK * len(theta))
+    values = problem.values
+    inverse = np.linalg.inv(problem.roots)
+    X = inverse @ pseudo_inertia(values[: 10 * L].reshape(L, 10)) @ inverse.transpose(0, 2, 1)
+    spectrum = np.linalg.eigvalsh(X)
+    divergence = spectrum.sum(axis=1) - np.log(np.maximum(spectrum, 1e-300)).sum(axis=1) - 4.0
+    found = problem.active()
+    return Consistent(values, mapping @ values, misfit, reproduces, spectrum[:, 0], divergence, found, blame, notes)
+
+
+def _reference(links: Links) -> tuple[Array, tuple[str, ...]]:
+    """Positive definite pseudo-inertias of the nominal links, (L, 4, 4), and which had to be changed for it."""
+    masses = links.nominal[:, 0]
+    usual = float(masses[masses > 0].mean()) if (masses > 0).any() else 1.0
+    out, notes = np.empty((len(masses), 4, 4)), []
+    for i, (name, P) in enumerate(zip(links.names, pseudo_inertia(links.nominal), strict=True)):
+        m, h = P[3, 3], P[:3, 3]
+        if m <= 0:
+            notes.append(f"{name}: the URDF gives it no mass; taken as {LIGHTEST * usual:.3g} kg as a prior")
+            m, h, P = LIGHTEST * usual, np.zeros(3), np.zeros((4, 4))
+        spread, axes = np.linalg.eigh(P[:3, :3] - np.outer(h, h) / m)
+        least = m * THINNEST**2
+        if spread[0] < -1e-9 * m and masses[i] > 0:
+            notes.append(f"{name}: the URDF's own inertia is not physical; the nearest that is was taken as the prior")
+        inner = (axes * np.maximum(spread, least)) @ axes.T + np.outer(h, h) / m
+        out[i] = np.block([[inner, h[:, None]], [h[None, :], np.array([[m]])]])
+    return out, tuple(notes)
+
+
+class _Problem:
+    """The convex problem in the scaled unknowns X (4 × 4 a link) and the extras."""
+
+    def __init__(
+        self, theta: Array, information: Array, mapping: Array, links: Links, extras: Extras, roots: Array
+    ) -> None:
+        import cvxpy as cp  # imports for a second; only who asks for physical links waits for it
+
+        self.links, self.extras, self.roots = links, extras, roots
+        L = len(links.names)
+        self.X = [cp.Variable((4, 4), symmetric=True) for _ in range(L)]
+        self.e = cp.Variable(len(extras.names)) if extras.names else None
+        # ten parameters of a link, linear in the sixteen entries of X
+        units = np.eye(16).reshape(16, 4, 4)
+        self.unscale = [dynamic_parameters(C @ units @ C.T).T for C in roots]
+        self.parameters = [M @ cp.vec(X, order="C") for M, X in zip(self.unscale, self.X, strict=True)]
+        columns = [mapping[:, 10 * i : 10 * i + 10] @ M for i, M in enumerate(self.unscale)]
+        columns.append(mapping[:, 10 * L :] * extras.scale)
+        A, b = _whitened(np.hstack(columns), theta, information)
+        unknown = cp.hstack([*(cp.vec(X, order="C") for X in self.X), *([] if self.e is None else [self.e])])
+        self.error = A @ unknown - b
+        self.cones = [X >> FLOOR * np.eye(4) for X in self.X]
+        self.own = [self._demands(i) for i in range(L)]
+        self.signs = self._signs()
+
+    def _demands(self, i: int) -> dict[str, Any]:
+        """Constraints of one link besides that it exists, by what they say."""
+        demands: dict[str, Any] = {}
+        x, known, box = self.parameters[i], self.links.known[i], self.links.boxes[i]
+        given = np.flatnonzero(~np.isnan(known))
+        if len(given):
+            size = np.maximum(np.abs(self.unscale[i][given]).max(axis=1), 1e-9)
+            words = ", ".join(f"{PARAMETERS[k]} = {known[k]:g}" for k in given)
+            demands[f"values known outright ({words})"] = x[given] / size == known[given] / size
+        if box is not None:
+            A, b = box
+            demands["centre of mass within its box"] = (A @ x[1:4] - b * x[0]) / self.roots[i][3, 3] ** 2 <= 0
+        return demands
+
+    def _signs(self) -> list[Any]:
+        if self.e is None or not self.extras.signs.any():
+            return []
+        free = np.flatnonzero(self.extras.signs)
+        return [np.diag(self.extras.signs[free]) @ self.e[free] >= 0]
+
+    @property
+    def constraints(self) -> list[Any]:
+        return [*self.cones, *(c for own in self.own for c in own.values()), *self.signs]
+
+    def _run(self, objective: Any, constraints: Sequence[Any]) -> bool:
+        import cvxpy as cp
+
+        problem = cp.Problem(objective, list(constraints))
+        try:
+            with warnings.catch_warnings():
+                # "may be inaccurate": what comes out is measured, whatever the solver says of it
+                warnings.simplefilter("ignore", UserWarning)
+                problem.solve(solver=cp.CLARABEL, max_iter=300)
+        except cp.SolverError:
+            return False
+        return problem.status in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE)
+
+    def solve_fit(self) -> bool:
+        """Least misfit with physical links."""
+        import cvxpy as cp
+
+        return self._run(cp.Minimize(cp.norm(self.error)), self.constraints)
+
+    def solve_nearest(self, allowed: float) -> None:
+        """Nearest links with at most this misfit."""
+        import cvxpy as cp
+
+        divergence = sum(cp.trace(X) - cp.log_det(X) for X in self.X)
+        if self.e is not None:
+            divergence = divergence + 0.5 * cp.sum_squares(self.e - self.extras.nominal / self.extras.scale)
+        kept = [X.value for X in self.X], None if self.e is None else self.e.value
+        within = cp.norm(self.error) <= float(np.sqrt(allowed))
+        if not self._run(cp.Minimize(divergence), [*self.constraints, within]):
+            for X, value in zip(self.X, kept[0], strict=True):
+                X.value = value
+            if self.e is not None:
+                self.e.value = kept[1]
+
+    @property
+    def misfit(self) -> float:
+        return float(np.sum(np.asarray(self.error.value) ** 2))
+
+    @property
+    def links_value(self) -> Array:
+        return np.array([(X.value + X.value.T) / 2 for X in self.X])
+
+    @property
+    def values(self) -> Array:
+        # what is known outright is known exactly, not to the solver's tolerance
+        links = np.where(np.isnan(self.links.known), self._link_parameters(), self.links.known).ravel()
+        if self.e is None:
+            return np.asarray(links)
+        e = self.e.value * (np.abs(self.e.value) > 1e-7)
+        return np.concatenate([links, np.where(self.extras.signs * e < 0, 0.0, e) * self.extras.scale])
+
+    def blame(self, misfit: float) -> tuple[tuple[str, float], ...]:
+        """For each link, how much of the misfit is gone if it need not be physical; worst first."""
+        import cvxpy as cp
+
+        saved = []
+        for name, cone in zip(self.links.names, self.cones, strict=True):
+            if self._run(cp.Minimize(cp.norm(self.error)), [c for c in self.constraints if c is not cone]):
+                saved.append((name, misfit - self.misfit))
+        self.solve_fit()
+        return tuple(sorted(((n, x) for n, x in saved if x > 0.01 * misfit), key=lambda pair: -pair[1]))
+
+    def active(self) -> tuple[Active, ...]:
+        """Which constraints hold the result where it is."""
+        found = []
+        for name, X, C, x, box in zip(
+            self.links.names, self.links_value, self.roots, self._link_parameters(), self.links.boxes, strict=True
+        ):
+            values, vectors = np.linalg.eigh(X)
+            if values[0] < AT_BOUNDARY * FLOOR:
+                found.append(Active(name, _flat(np.linalg.solve(C.T, vectors[:, 0]), x[0] / C[3, 3] ** 2)))
+            if box is not None and ((box[0] @ x[1:4] - box[1] * x[0]) > -1e-4 * x[0]).any():
+                found.append(Active(name, "its centre of mass lies on a face of its box"))
+        limited = () if self.e is None else np.flatnonzero((self.extras.signs != 0) & (np.abs(self.e.value) < 1e-4))
+        return (*found, *(Active(self.extras.names[k], "held at zero by its sign") for k in limited))
+
+    def _link_parameters(self) -> Array:
+        return np.array([M @ X.ravel() for M, X in zip(self.unscale, self.links_value, strict=True)])
+
+
+def _whitened(A: Array, theta: Array, information: Array) -> tuple[Array, Array]:
+    """Rows of ``A z − θ`` in standard errors, none sharper than `SHARPEST`."""
+    root = np.linalg.cholesky(information + 1e-12 * np.diag(np.diag(information))).T
+    U, s, Vt = np.linalg.svd(root @ A, full_matrices=False)
+    limited = np.minimum(s, SHARPEST) / np.where(s > 0, s, 1.0)
+    return limited[:, None] * (s[:, None] * Vt), limited * (U.T @ (root @ theta))
+
+
+def _flat(direction: Array, share: float) -> str:
+    """What an empty direction v of the pseudo-inertia means: all mass lies in the plane v·(r, 1) = 0."""
+    if share < 2 * AT_BOUNDARY * FLOOR:
+        return "its mass tends to zero"
+    axis = direction[:3] / max(float(np.linalg.norm(direction[:3])), 1e-300)
+    axis = axis * np.sign(axis[np.argmax(np.abs(axis))])
+    return f"its mass tends to lie in one plane, across ({', '.join(f'{x:.2f}' for x in axis)})"
+
+
+def _reason(problem: _Problem, links: Links) -> str:
+    """Name the link that cannot exist, and the constraint that forbids it: constraints are each link's own."""
+    import cvxpy as cp
+
+    for name, cone, own in zip(links.names, problem.cones, problem.own, strict=True):
+        if not own or problem._run(cp.Minimize(0), [cone, *own.values()]):
+            continue
+        alone = [what for what, c in own.items() if not problem._run(cp.Minimize(0), [cone, c])]
+        return f"{name}: no rigid body has its {' and its '.join(alone or own)}; correct it or take it back"
+    return "the solver found no physical links, although each link alone can exist; look at the model's standard errors"

@@ -1,0 +1,106 @@
+"""Physical links and exported files, as pages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from frischid.consistency import Consistency
+from frischid.exporting import Export
+from frischid.model import Model
+from frischid.show.page import Page, figure, table_of
+
+
+def consistency(found: Consistency, output: str | None) -> Page:
+    """Links, what holds them where they are, and what it cost the base parameters."""
+    parts: list[Any] = [_verdict(found), links(found.model, found), *_changes(found), *_held(found)]
+    if output:
+        parts.append(f"model written to {output}")
+    return Page(consistency_data(found) | {"model": output}, parts)
+
+
+def consistency_data(found: Consistency) -> dict[str, Any]:
+    """Plain JSON values."""
+    result, bodies = found.result, found.model.robot.bodies
+    return {
+        "feasible": result.feasible,
+        "reproduces": result.reproduces,
+        "misfit": result.misfit,
+        "change_in_standard_errors": dict(
+            zip((c.name for c in found.model.estimate.columns), map(float, found.change), strict=True)
+        ),
+        "least_eigenvalue": dict(zip(bodies, map(float, result.eigenvalues), strict=True)),
+        "divergence": dict(zip(bodies, map(float, result.divergence), strict=True)),
+        "active": [a._asdict() for a in result.active],
+        "blame": [{"where": name, "misfit": share} for name, share in result.blame],
+        "boxes": {joint: [low.tolist(), high.tolist()] for joint, (low, high) in found.boxes.items()},
+        "standard": dict(found.model.standard or {}),
+        "notes": list(found.notes),
+    }
+
+
+def links(model: Model, found: Consistency | None = None) -> Table:
+    """Mass, centre of mass and principal inertias of each body, beside the URDF's mass."""
+    more = [] if found is None else ["least eigenvalue", "divergence"]
+    table = table_of("joint", "mass kg", "URDF's", "centre of mass m", "principal inertias kg·m²", *more)
+    for i, name in enumerate(model.robot.bodies):
+        m, h, nominal = model.links[i, 0], model.links[i, 1:4], model.robot.nominal.reshape(-1, 10)[i, 0]
+        row = [name, figure(m), figure(nominal), " ".join(f"{x:.3f}" for x in h / m), _principal(model.links[i])]
+        if found is not None:
+            row += [figure(found.result.eigenvalues[i]), figure(found.result.divergence[i])]
+        table.add_row(*row)
+    return table
+
+
+def _principal(theta: Any) -> str:
+    """Inertias about the principal axes through the centre of mass."""
+    m, c = theta[0], theta[1:4] / theta[0]
+    xx, xy, yy, xz, yz, zz = theta[4:]
+    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - m * (c @ c * np.eye(3) - np.outer(c, c))
+    return " ".join(f"{x:.3g}" for x in np.linalg.eigvalsh(about))
+
+
+def _verdict(found: Consistency) -> str:
+    result = found.result
+    if result.reproduces:
+        return (
+            f"[bold]physical links found[/bold] that reproduce the base parameters within their bounds (χ² "
+            f"{result.misfit:.1f} for {len(found.change)} parameters), nearest to the URDF's in log-det divergence"
+        )
+    blame = ", ".join(f"{name} ({share:.0f})" for name, share in result.blame[:3])
+    return (
+        f"[bold]no physical links have these base parameters within their bounds[/bold]: the nearest are "
+        f"{found.unexplained:.1f} standard errors away (χ² {result.misfit:.0f}). It costs most at "
+        f"{blame or 'no one link'}"
+    )
+
+
+def _changes(found: Consistency) -> list[str]:
+    columns, change = found.model.estimate.columns, found.change
+    worst = [i for i in np.argsort(-np.abs(change))[:5] if abs(change[i]) > 0.5]
+    listing = ", ".join(f"{columns[i].name} {change[i]:+.1f}" for i in worst)
+    return [f"base parameters changed most, in their standard errors: {listing or 'none by more than half of one'}"]
+
+
+def _held(found: Consistency) -> list[str]:
+    return [
+        *(f"  {escape(a.where)}: {escape(a.constraint)}" for a in found.active),
+        *(f"  {escape(n)}" for n in found.notes),
+    ]
+
+
+def export(done: Export) -> Page:
+    """What was written, and what it could not hold."""
+    parts: list[Any] = []
+    data: dict[str, Any] = {"file": str(done.path), "format": done.format, "notes": list(done.notes)}
+    if done.consistency is not None:
+        parts += [_verdict(done.consistency), *_changes(done.consistency), *_held(done.consistency)]
+        data["consistency"] = consistency_data(done.consistency)
+    data["difference"] = done.difference
+    parts += [links(done.model), *(f"  {escape(n)}" for n in done.notes)]
+    if done.difference is not None:
+        parts.append(f"loaded again: torque on 50 random states differs from the model's by {done.difference:.1e}")
+    return Page(data, [*parts, f"{done.format} written to {done.path}"])

@@ -1,0 +1,212 @@
+"""A URDF as text: inertials and joint friction are replaced where they stand, and not a byte elsewhere.
+
+An XML library that reads and writes again would reorder attributes, drop comments or change white space. Here the
+parser only says *where* things are, in bytes; the edits are then made from the last to the first.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from xml.parsers import expat
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.errors import InputError
+from frischid.inertia import dynamic_parameters, pseudo_inertia
+
+Array = NDArray[np.float64]
+Span = tuple[int, int]
+
+
+@dataclass
+class Element:
+    """Where an element stands: its start tag and the whole of it, in bytes, and what of its content matters."""
+
+    name: str
+    attributes: dict[str, str]
+    tag: Span
+    end: int
+    empty: bool
+    children: list[Element]
+
+    def child(self, name: str) -> Element | None:
+        """First direct child of that name."""
+        return next((c for c in self.children if c.name == name), None)
+
+
+class UrdfText:
+    """Links and joints of a URDF with their places in its text.
+
+    Parameters
+    ----------
+    text : str
+        A URDF that an XML parser has accepted.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.data = text.encode()
+        root = _elements(self.data)
+        self.links = {e.attributes.get("name", ""): e for e in root.children if e.name == "link"}
+        self.joints = {e.attributes.get("name", ""): e for e in root.children if e.name == "joint"}
+
+    def child_link(self, joint: str) -> str:
+        """Link that a joint moves."""
+        child = self.joints[joint].child("child")
+        return "" if child is None else child.attributes.get("link", "")
+
+    def pseudo_inertia(self, link: str) -> Array:
+        """Pseudo-inertia (4, 4) of a link in its own frame as the URDF states it; zero without an inertial."""
+        inertial = self.links[link].child("inertial")
+        if inertial is None:
+            return np.zeros((4, 4))
+        of = {c.name: c.attributes for c in inertial.children}
+        mass = float(of.get("mass", {}).get("value", 0))
+        names = ("ixx", "ixy", "iyy", "ixz", "iyz", "izz")
+        tensor = [float(of.get("inertia", {}).get(n, 0)) for n in names]
+        origin = of.get("origin", {})
+        xyz, rpy = (np.array([float(x) for x in origin.get(k, "0 0 0").split()]) for k in ("xyz", "rpy"))
+        H = np.eye(4)
+        H[:3, :3], H[:3, 3] = _rotation(rpy), xyz
+        central = pseudo_inertia(np.array([mass, 0.0, 0.0, 0.0, *tensor]))
+        return np.asarray(H @ central @ H.T)
+
+    def edited(self, inertias: Mapping[str, Array], dynamics: Mapping[str, Mapping[str, float]]) -> str:
+        """Text with other inertials and joint friction.
+
+        Parameters
+        ----------
+        inertias : mapping of str to ndarray, shape (4, 4)
+            Link -> pseudo-inertia in its own frame.
+        dynamics : mapping of str to mapping
+            Joint -> attributes of ``<dynamics>`` to set, for example ``{"damping": 0.1}``.
+        """
+        edits = [self._inertial(self.links[name], P) for name, P in inertias.items()]
+        edits += [edit for name, values in dynamics.items() for edit in self._dynamics(self.joints[name], values)]
+        out = self.data
+        for (start, end), new in sorted(edits, reverse=True):
+            out = out[:start] + new.encode() + out[end:]
+        return out.decode()
+
+    def _inertial(self, link: Element, P: Array) -> tuple[Span, str]:
+        old = link.child("inertial")
+        if old is not None:
+            return (old.tag[0], old.end), self._joined(_inertial_lines(P), self._indent(old.tag[0]))
+        return self._inserted(link, _inertial_lines(P))
+
+    def _dynamics(self, joint: Element, values: Mapping[str, float]) -> list[tuple[Span, str]]:
+        old = joint.child("dynamics")
+        if old is None:
+            attributes = " ".join(f'{k}="{x!r}"' for k, x in values.items())
+            return [self._inserted(joint, [f"<dynamics {attributes}/>"])]
+        start, end = old.tag
+        tag = self.data[start:end].decode()
+        for key, x in values.items():
+            written = re.compile(rf"""(\s{key}\s*=\s*)("[^"]*"|'[^']*')""")
+            if written.search(tag):
+                tag = written.sub(rf'\g<1>"{x!r}"', tag, count=1)
+            else:
+                tag = re.sub(r"(\s*/?>)$", rf' {key}="{x!r}"\1', tag)
+        return [((start, end), tag)]
+
+    @property
+    def _newline(self) -> str:
+        return "\r\n" if b"\r\n" in self.data else "\n"
+
+    def _joined(self, lines: Sequence[str], indent: str) -> str:
+        return f"{self._newline}{indent}".join(lines)
+
+    def _inserted(self, parent: Element, lines: Sequence[str]) -> tuple[Span, str]:
+        """Put a new child first into an element, on a line of its own if its other children have theirs."""
+        newline = self._newline
+        if parent.empty:
+            start, end = parent.tag
+            tag = self.data[start:end].decode().rstrip("/> \t\r\n")
+            outer = self._indent(start)
+            inner = outer + "  "
+            return (
+                start,
+                end,
+            ), f"{tag}>{newline}{inner}{self._joined(lines, inner)}{newline}{outer}</{_qualified(tag)}>"
+        inner = self._indent(parent.children[0].tag[0]) if parent.children else self._indent(parent.tag[0]) + "  "
+        return (parent.tag[1], parent.tag[1]), f"{newline}{inner}{self._joined(lines, inner)}"
+
+    def _indent(self, place: int) -> str:
+        """White space before a place, if nothing else stands there on its line."""
+        line = self.data[self.data.rfind(b"\n", 0, place) + 1 : place].decode()
+        return line if not line.strip() else ""
+
+
+def _qualified(tag: str) -> str:
+    return tag.lstrip("<").split()[0]
+
+
+def _inertial_lines(P: Array) -> list[str]:
+    """An ``<inertial>`` with its frame at the centre of mass, along the link's axes."""
+    m = float(P[3, 3])
+    centre = P[:3, 3] / m if m else np.zeros(3)
+    central = P.copy()
+    central[:3, :3] -= m * np.outer(centre, centre)
+    xx, xy, yy, xz, yz, zz = (float(x) for x in dynamic_parameters(central)[4:])
+    x, y, z = (float(c) for c in centre)
+    return [
+        "<inertial>",
+        f'  <origin xyz="{x!r} {y!r} {z!r}" rpy="0 0 0"/>',
+        f'  <mass value="{m!r}"/>',
+        f'  <inertia ixx="{xx!r}" ixy="{xy!r}" ixz="{xz!r}" iyy="{yy!r}" iyz="{yz!r}" izz="{zz!r}"/>',
+        "</inertial>",
+    ]
+
+
+def _elements(data: bytes) -> Element:
+    """The tree of elements with their places."""
+    parser = expat.ParserCreate(encoding="utf-8")
+    top = Element("", {}, (0, 0), len(data), False, [])
+    open_elements = [top]
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        begin = parser.CurrentByteIndex
+        close = _tag_end(data, begin)
+        element = Element(name, attributes, (begin, close), close, data[close - 2 : close] == b"/>", [])
+        open_elements[-1].children.append(element)
+        open_elements.append(element)
+
+    def end(_: str) -> None:
+        element = open_elements.pop()
+        if not element.empty:
+            element.end = data.index(b">", parser.CurrentByteIndex) + 1
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise InputError(f"the URDF is not an XML file: {error}") from None
+    return top.children[0]
+
+
+def _tag_end(data: bytes, begin: int) -> int:
+    """Place behind the ``>`` of a start tag; a ``>`` inside quotes is none."""
+    quote = 0
+    for place in range(begin, len(data)):
+        byte = data[place]
+        if quote:
+            quote = 0 if byte == quote else quote
+        elif byte in b"\"'":
+            quote = byte
+        elif byte == ord(">"):
+            return place + 1
+    raise InputError("the URDF ends inside a tag")
+
+
+def _rotation(rpy: Array) -> Array:
+    """Rotation of roll, pitch and yaw about the fixed axes x, y, z."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )

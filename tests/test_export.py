@@ -1,0 +1,348 @@
+"""Exports say what the model says, and change nothing else."""
+
+import ctypes
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+from functools import cache
+
+import mujoco
+import numpy as np
+import pytest
+from cases import exact_log, quick, random_values, robot, states
+from click.testing import CliRunner
+
+from frischid.cli import main
+from frischid.consistency import as_identified, make_consistent
+from frischid.effects import BASELINE, EFFECTS, parse_effects
+from frischid.errors import InputError, UnknownNameError
+from frischid.exporting import NotPhysicalError, export, urdf_source
+from frischid.model import Model
+from frischid.robot import Robot
+from frischid.simulation import Noise
+from frischid.urdf_text import UrdfText
+
+NAMES = ("planar2", "planar2 far_end known", "ur10 far_end tilted", "panda with fingers", "kinova continuous",
+         "tiago torso and arm", "mixed mimic")  # fmt: skip
+
+
+def identified(machine, effects=BASELINE):
+    values = random_values(machine, effects)
+    return quick(machine, [exact_log(machine, effects, values, noise=Noise(tau=0.01))], effects=effects).model
+
+
+@cache
+def physical(name):
+    return make_consistent(identified(robot(name))).model
+
+
+# ---- URDF
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_urdf_has_the_models_rigid_torque(name, tmp_path):
+    model = physical(name)
+    done = export(model, tmp_path / "robot.urdf")
+    machine = model.robot
+    again = Robot.load(tmp_path / "robot.urdf", lock=machine.locked, gravity=machine.gravity)
+    q, v, a = states(machine, 30)
+    expected = done.model.robot.pinocchio(done.model.links)
+    assert expected.nq == again.model.nq
+    np.testing.assert_allclose(
+        again.inverse_dynamics(q, v, a), _by_links(model, q, v, a), atol=1e-6 * np.abs(_by_links(model, q, v, a)).max()
+    )
+    assert done.difference < 1e-6
+
+
+def _by_links(model, q, v, a):
+    """Torque of the identified links through the robot's own regressor."""
+    bare = Robot.from_dict({**model.robot.to_dict(), "known": {}})
+    out = np.empty((len(q), len(bare.all_names), len(bare.joints)))
+    bare.regressor(q, v, a, out)
+    return np.einsum("ncj,c->nj", out, model.links.ravel())
+
+
+def without_edits(text):
+    text = re.sub(r"[ \t]*<inertial>.*?</inertial>\r?\n?", "", text, flags=re.S)
+    return re.sub(r'\s(damping|friction)="[^"]*"', "", text)
+
+
+@pytest.mark.parametrize("name", ["planar2", "ur10 far_end tilted", "panda with fingers", "tiago torso and arm"])
+def test_nothing_else_is_changed(name):
+    model = physical(name)
+    before, after = without_edits(model.robot.urdf), without_edits(urdf_source(model))
+    added = [line for line in after.splitlines() if line not in set(before.splitlines())]
+    assert all("<dynamics" in line for line in added)  # only joints that had no <dynamics> gain a line
+    kept = "\n".join(line for line in after.splitlines() if line not in added)
+    assert kept == "\n".join(line for line in before.splitlines() if line not in set(added)).rstrip("\n") or not added
+
+
+WEIRD = """<?xml version='1.0' encoding='utf-8'?>\r
+<!-- a comment > with a bracket, <inertial> and <link name="a"> -->\r
+<robot  name = 'weird'  xmlns:x="http://example.org/x">\r
+  <link name="base"/>\r
+  <link name='a' x:note="1 > 0"  >  <!-- ä keeps its place -->\r
+    <visual><geometry><box size="1 1 1"/></geometry></visual></link>\r
+  <link name="b"/>\r
+  <link
+     name="c">\r
+    <inertial><mass value="2"/><origin rpy="0.3 0 -0.2"   xyz="0.1 0 0"/><inertia izz='0.3' ixx="0.1" iyy="0.25" ixy="0" ixz="0.01" iyz="0"/></inertial><collision name="k"><geometry><sphere radius="1"/></geometry></collision>\r
+  </link>\r
+  <link name="tool"><inertial><mass value="0.5"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>\r
+  <joint name="one" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="50" velocity="3"/></joint>\r
+  <joint type="prismatic" name="two"><limit effort="50" velocity="3" upper="1" lower="-1"/><dynamics friction='0.1'\tx:other="3" ></dynamics><parent link="a"/><child link="b"/><origin xyz="0.2 0 0.1" rpy="0.1 0.2 0.3"/></joint>\r
+  <joint name="three" type="continuous"><origin xyz="0 0.3 0"/><dynamics damping = "0.0" friction="0.0"/><parent link="b"/><child link="c"/><axis xyz="0 1 1"/><limit effort="50" velocity="3"/></joint>\r
+  <joint name="fix" type="fixed"><origin xyz="0.2 0.1 0" rpy="0.5 0 0"/><parent link="c"/><child link="tool"/></joint>\r
+  <transmission name="t"><joint name="one"/></transmission>\r
+</robot>\r
+"""  # noqa: E501
+
+
+def test_a_hand_written_urdf_survives(tmp_path):
+    path = tmp_path / "weird.urdf"
+    path.write_bytes(WEIRD.encode())
+    model = make_consistent(identified(Robot.load(path))).model
+    done = export(model, tmp_path / "new.urdf")
+    assert done.difference < 1e-9
+    new = (tmp_path / "new.urdf").read_bytes()
+    assert b"\r\n" in new
+    assert not re.search(rb"(?<!\r)\n(?!     name)", new.replace(b"<link\n", b"<link"))
+    text = new.decode()
+    for kept in (
+        "<!-- a comment > with",
+        "ä keeps its place",
+        "<robot  name = 'weird'  xmlns:x=",
+        'x:note="1 > 0"  >',
+        '\tx:other="3" damping=',
+        '<collision name="k"><geometry>',
+        '<transmission name="t"><joint name="one"/>',
+        '<link name="base"/>',
+    ):
+        assert kept in text
+    assert text.count("<inertial>") == 1 + 4  # that of the comment, and those of a, b, c and the tool
+    shares = [UrdfText(text).pseudo_inertia(n)[3, 3] for n in ("c", "tool")]
+    assert shares[0] / shares[1] == pytest.approx(4.0)
+    again = Robot.load(tmp_path / "new.urdf")
+    assert again.dynamics["two"] == pytest.approx((model.parameter("fv2"), model.parameter("fc2")))
+    assert again.dynamics["three"] == pytest.approx((model.parameter("fv3"), model.parameter("fc3")))
+
+
+def test_exporting_the_nominal_model_changes_only_digits():
+    machine = robot("panda with fingers")
+    names = (*machine.all_names,)
+    model = identified(machine)
+    standard = dict(as_identified(model).standard) | dict(zip(names, machine.nominal.tolist(), strict=True))
+    text = urdf_source(Model.from_dict({**model.to_dict(), "standard": standard}))
+    again = Robot.from_dict({**machine.to_dict(), "urdf": text})
+    np.testing.assert_allclose(again.nominal, machine.nominal, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["ur10 far_end tilted", "kinova continuous"])
+def test_mujoco_reads_the_urdf(name, tmp_path):
+    model = physical(name)
+    machine = model.robot
+    text = re.sub(r"<(visual|collision)\b.*?</\1>", "", urdf_source(model), flags=re.S)  # meshes are not at hand
+    path = tmp_path / "robot.urdf"
+    compiler = '<mujoco><compiler fusestatic="true" balanceinertia="false"/></mujoco></robot>'
+    path.write_text(text.replace("</robot>", compiler))
+    compiled = mujoco.MjModel.from_xml_path(str(path))
+    locked = {**machine.locked}
+    names = [compiled.joint(i).name for i in range(compiled.njnt)]
+    q, v, a = states(machine, 5)
+    expected = _by_links(model, q, v, a)
+    for k in range(len(q)):
+        values = dict(zip(machine.joints, zip(q[k], v[k], a[k], strict=True), strict=True))
+        at = [values.get(n, (locked.get(n, 0.0), 0.0, 0.0)) for n in names]
+        torque = _mujoco_inverse(compiled, machine.gravity, *map(np.array, zip(*at, strict=True)))
+        by_name = dict(zip(names, torque, strict=True))
+        damping = {n: compiled.dof_damping[compiled.joint(n).dofadr[0]] * values[n][1] for n in machine.joints}
+        got = [by_name[n] - damping[n] for n in machine.joints]
+        np.testing.assert_allclose(got, expected[k], atol=1e-6 * np.abs(expected).max())
+
+
+def _mujoco_inverse(compiled, gravity, q, v, a):
+    compiled.opt.gravity[:] = gravity
+    compiled.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT
+    data = mujoco.MjData(compiled)
+    data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
+    mujoco.mj_inverse(compiled, data)
+    return data.qfrc_inverse.copy()
+
+
+@pytest.mark.parametrize("name", ["planar2", "ur10 far_end tilted", "kinova continuous", "tiago torso and arm"])
+def test_mjcf_has_rotors_and_friction(name, tmp_path):
+    model = physical(name)
+    machine = model.robot
+    export(model, tmp_path / "robot.xml")
+    compiled = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml"))
+    assert [compiled.joint(i).name for i in range(compiled.njnt)] == list(machine.bodies)
+    for n in machine.joints:
+        number, dof = machine.numbers[n], compiled.joint(n).dofadr[0]
+        assert compiled.dof_frictionloss[dof] == pytest.approx(model.parameter(f"fc{number}"))
+        assert compiled.dof_damping[dof] == pytest.approx(model.parameter(f"fv{number}"))
+        assert compiled.dof_armature[dof] == pytest.approx(model.parameter(f"Ia{number}"))
+    q, v, a = states(machine, 5)
+    expected = _by_links(model, q, v, a)
+    for k in range(len(q)):
+        torque = _mujoco_inverse(compiled, machine.gravity, q[k], v[k], a[k])
+        rest = torque - compiled.dof_damping * v[k] - compiled.dof_armature * a[k]
+        np.testing.assert_allclose(rest, expected[k], atol=1e-6 * np.abs(expected).max())
+
+
+# ---- code
+
+
+def library(path):
+    out = path.with_suffix(".so")
+    command = [
+        "gcc",
+        "-O2",
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-shared",
+        "-fPIC",
+        str(path),
+        "-o",
+        str(out),
+        "-lm",
+    ]
+    subprocess.run(command, check=True)
+    return ctypes.CDLL(str(out))
+
+
+def call(function, *columns):
+    pointers = [np.ascontiguousarray(c, dtype=float) for c in columns]
+    out = np.empty_like(pointers[0])
+    for k in range(len(out)):
+        row = [x[k].ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for x in (*pointers, out)]
+        function(*row)
+    return out
+
+
+def module(path):
+    spec = importlib.util.spec_from_file_location("control", path)
+    loaded = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(loaded)
+    return loaded
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_generated_code_is_the_model(name, tmp_path):
+    model = physical(name)
+    q, v, a = states(model.robot, 20)
+    expected, friction = model.inverse_dynamics(q, v, a), model.friction(q, v)
+    size = np.abs(expected).max()
+    for suffix in (".c", ".py"):
+        export(model, tmp_path / f"control{suffix}")
+    built = library(tmp_path / "control.c")
+    np.testing.assert_allclose(call(built.inverse_dynamics, q, v, a), expected, rtol=0, atol=1e-9 * size)
+    np.testing.assert_allclose(call(built.friction, q, v), friction, rtol=0, atol=1e-9 * size)
+    python = module(tmp_path / "control.py")
+    np.testing.assert_allclose(python.inverse_dynamics(q, v, a), expected, rtol=0, atol=1e-9 * size)
+    np.testing.assert_allclose(python.friction(q, v), friction, rtol=0, atol=1e-9 * size)
+
+
+WRITABLE = [name for name, kind in EFFECTS.items() if kind.code] + ["joint_spring(form=smooth)"]
+
+
+@pytest.mark.parametrize("name", WRITABLE)
+def test_code_of_every_effect_is_its_column(name, tmp_path):
+    machine = robot("mixed mimic")
+    effects = parse_effects(name)
+    standard = dict(zip(machine.all_names, map(float, machine.nominal), strict=True)) | random_values(machine, effects)
+    base = identified(machine, ())
+    model = Model.from_dict({**base.to_dict(), "effects": [e.to_dict() for e in effects], "standard": standard})
+    path = tmp_path / "control.py"
+    export(model, path, force=True)
+    q, v, a = states(machine, 20)
+    v[0] = 0.0
+    np.testing.assert_allclose(
+        module(path).inverse_dynamics(q, v, a), model.inverse_dynamics(q, v, a), rtol=1e-9, atol=1e-9
+    )
+
+
+def test_generated_python_needs_only_numpy(tmp_path):
+    export(physical("planar2"), tmp_path / "control.py")
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "import control; control.inverse_dynamics([0] * 2, [1] * 2, [1] * 2)\n"
+        "print(sorted({m.split('.')[0] for m in sys.modules} & {'frischid', 'pinocchio', 'scipy', 'cvxpy'}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_effects_with_memory_have_no_code(tmp_path):
+    machine = robot("planar2")
+    model = make_consistent(identified(machine, (*BASELINE, *parse_effects("hysteresis@joint1")))).model
+    with pytest.raises(InputError, match="hysteresis needs more than"):
+        export(model, tmp_path / "control.c")
+    assert not list(tmp_path.iterdir())
+
+
+# ---- refusals
+
+
+def unphysical():
+    """A model whose second link has a negative mass, known to a gram."""
+    machine = robot("ur10")
+    values = random_values(machine, BASELINE) | {"mx3": 40.0, "Ixx3": 0.01}
+    return quick(machine, [exact_log(machine, BASELINE, values, noise=Noise(tau=0.001))]).model
+
+
+def test_what_is_not_physical_is_refused_unless_told(tmp_path):
+    model, path = unphysical(), tmp_path / "robot.urdf"
+    with pytest.raises(NotPhysicalError, match=r"no physical robot .* --force"):
+        export(model, path)
+    assert not path.exists()
+    done = export(model, path, force=True)
+    assert done.difference < 1e-6
+    with pytest.raises(NotPhysicalError, match="negative eigenvalue"):
+        export(done.model, path)
+
+
+def test_bad_targets(tmp_path):
+    with pytest.raises(UnknownNameError, match="export format"):
+        export(physical("planar2"), tmp_path / "robot.sdf")
+    with pytest.raises(InputError, match="there is no folder"):
+        export(physical("planar2"), tmp_path / "none" / "robot.urdf")
+
+
+def test_a_changed_robot_is_refused(tmp_path):
+    machine = robot("ur10")
+    model = identified(machine)
+    data = model.to_dict()
+    left_out = {key: np.array(data[key])[1:, 1:].tolist() for key in ("covariance", "information")}
+    changed = Model.from_dict({**data, **left_out, "parameters": data["parameters"][1:]})
+    with pytest.raises(InputError, match="change of the robot"):
+        export(changed, tmp_path / "robot.urdf")
+
+
+# ---- the command line
+
+
+def test_commands(tmp_path):
+    raw, path = tmp_path / "raw.json", tmp_path / "robot.urdf"
+    identified(robot("planar2")).save(raw)
+    run = CliRunner().invoke
+    done = run(main, ["consistent", str(raw), "-o", str(tmp_path / "physical.json")])
+    assert done.exit_code == 0, done.output
+    assert "physical links found" in done.output
+    assert Model.load(tmp_path / "physical.json").standard is not None
+    done = run(main, ["export", str(raw), "-o", str(path), "--json"])
+    assert done.exit_code == 0, done.output
+    data = json.loads(done.output)
+    assert data["consistency"]["feasible"] is True
+    assert data["difference"] < 1e-6
+    done = run(main, ["export", str(tmp_path / "physical.json"), "-o", str(tmp_path / "c.c"), "--json"])
+    assert "consistency" not in json.loads(done.output)
+    done = run(main, ["consistent", str(raw), "--box", "joint2=0,0,0:1,1,1", "--json"])
+    assert json.loads(done.output)["boxes"]["joint2"] == [[0, 0, 0], [1, 1, 1]]
+    for wrong in (["--box", "joint2=0,0:1"], ["--box", "joint2=0,0,x:1,1,1"], ["--box", "joint9=0,0,0:1,1,1"]):
+        done = run(main, ["consistent", str(raw), *wrong])
+        assert done.exit_code == 2
+        assert "error:" in done.output
