@@ -30,6 +30,9 @@ from hidden_cases import EFFECTS, Case, CaseSpec, Truth, build, cases
 from frischid.identification import identify
 from frischid.model import write_text
 
+STEPS = 3
+"""Steps `improve` may take to find both of two effects: a background has small ones that are truly there too."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -69,7 +72,7 @@ def diagnosed(case: Case) -> Outcome:
 
     model = identify(case.robot, case.reference or case.fit, recursion="none").model
     found = diagnose(model, case.fit, valid=case.valid)
-    steps = improve(model, case.fit, valid=case.valid, most=2)[0] if case.spec.kind == "pair" else []
+    steps = improve(model, case.fit, valid=case.valid, most=STEPS)[0] if case.spec.kind == "pair" else []
     return Outcome(
         found.verdict,
         tuple(_names(f) for f in found.findings),

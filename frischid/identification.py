@@ -355,7 +355,9 @@ def structure(regressor: Regressor, torque_joints: Sequence[str], seed: int = 0)
     q = rng.uniform(lower, upper, (N, J))
     v, a = rng.normal(size=(2, N, J))
     # Unrelated states must be far apart in time, or what effects make of their rates of change outgrows all else.
-    Y = regressor(0.5 * np.arange(N, dtype=np.float64), q, v, a * 3.0)
+    channels = {name for effect in regressor.effects for name in effect.channels(robot)}
+    extra = {name: 30.0 * rng.uniform(0.5, 1.5, N) for name in sorted(channels)}  # temperatures, °C
+    Y = regressor(0.5 * np.arange(N, dtype=np.float64), q, v, a * 3.0, extra=extra)
     index = [robot.joints.index(n) for n in torque_joints]
     return reduce(Y[:, :, index].transpose(0, 2, 1).reshape(-1, C), regressor.columns, tol=MISALIGNED)
 

@@ -106,10 +106,22 @@ def improve(
     logs: Sequence[Log],
     *,
     valid: Sequence[Log] = (),
+    situation: Situation = "auto",
     most: int = 8,
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Step], Diagnosis]:
     """Diagnose and add until nothing passes, or an addition no longer lowers the held-out error.
+
+    Parameters
+    ----------
+    model : Model
+    logs, valid : sequence of Log
+        Data to fit, and data to measure the error on.
+    situation : {"auto", "always", "changed"}
+        As in `diagnose`; decided once, for all steps.
+    most : int
+        Steps.
+    progress : callable
 
     Returns
     -------
@@ -119,13 +131,16 @@ def improve(
     """
     steps: list[Step] = []
     refused: set[str] = set()
+    if situation == "auto":
+        progress("evidence")
+        situation = gathered(model, [*logs, *valid])[1]
     while True:
         progress(f"diagnosis {len(steps) + 1}")
-        diagnosis = diagnose(model, logs, valid=valid, situation="always", progress=progress)
+        diagnosis = diagnose(model, logs, valid=valid, situation=situation, progress=progress)
         passing = [f for f in diagnosis.findings if f.significant and f.members and f.effect not in refused]
         if not passing or len(steps) == most:
             return steps, diagnosis
-        step = add(model, instances(passing[0]), logs, valid=valid, finding=passing[0])
+        step = add(model, instances(passing[0]), logs, valid=valid, situation=situation, finding=passing[0])
         if step.error_after >= step.error_before:
             refused.add(passing[0].effect)
             continue

@@ -123,7 +123,15 @@ class Regressor:
             mask[row, list(term.rows)] = True
         return [np.flatnonzero(mask[:, j]) for j in range(J)]
 
-    def __call__(self, t: Array, q: Array, v: Array, a: Array, out: Array | None = None) -> Array:
+    def __call__(
+        self,
+        t: Array,
+        q: Array,
+        v: Array,
+        a: Array,
+        out: Array | None = None,
+        extra: Mapping[str, Array] | None = None,
+    ) -> Array:
         """Regressor of N consecutive samples.
 
         Parameters
@@ -133,6 +141,8 @@ class Regressor:
         q, v, a : ndarray, shape (N, J)
         out : ndarray, shape (N, C, J), optional
             Where to write.
+        extra : mapping of str to ndarray, shape (N,), optional
+            Further channels that effects read.
 
         Returns
         -------
@@ -140,7 +150,7 @@ class Regressor:
             ``τ[k] = Y[k].T @ θ``; samples first, so that filters run along axis 0.
         """
         start = float(t[0]) if len(t) else 0.0
-        return self._evaluate(t, q, v, a, start, {}, {}, out)
+        return self._evaluate(t, q, v, a, start, extra or {}, {}, out)
 
     def _evaluate(
         self,

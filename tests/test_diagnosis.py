@@ -187,3 +187,20 @@ def test_what_nothing_explains_is_described():
     assert found.description.removed > 0.9
     assert any("a description, not a cause" in note for note in found.notes)
     assert json.loads(json.dumps(found.to_dict()))["description"]["formula"][0] == "q3*sign(v2)"
+
+
+def test_a_measured_temperature_explains_friction_that_drifts():
+    joint, hidden = "elbow_joint", 'thermal_drift(by="temperature")@elbow_joint'
+    logs = []
+    for seed in (1, 2):
+        log = log_of(seed)
+        warm = 25.0 + 10.0 * np.sin(2 * np.pi * log.t / 18.0 + seed)
+        j = log.joints.index(joint)
+        tau = np.array(log.tau)
+        v = np.gradient(log.q[:, j], log.t)
+        tau[:, j] += (warm - 25.0) * (0.1 * v + 0.1 * np.tanh(v / 0.005))
+        logs.append(Log(log.t, log.joints, log.q, tau=tau, extra={f"temperature_{joint}": warm}, source=f"warm {seed}"))
+    model = identify(UR5, logs[:1], recursion="none").model
+    steps, _ = improve(model, logs[:1], valid=logs[1:], most=1)
+    assert [str(e) for e in steps[0].model.effects[-1:]] == [str(parse_effects(hidden)[0])]
+    assert steps[0].error_after < 0.4 * steps[0].error_before

@@ -105,6 +105,7 @@ def add(
 @click.argument("logs", nargs=-1, required=True)
 @valid_option
 @map_option
+@situation_option
 @click.option("--most", default=8, show_default=True, help="Most effects to add.")
 @click.option("-o", "--output", type=click.Path(), help="Write the final model here (JSON).")
 @json_option
@@ -113,6 +114,7 @@ def improve(
     logs: tuple[str, ...],
     valid: tuple[str, ...],
     mapping: str | None,
+    situation: Any,
     most: int,
     output: str | None,
     as_json: bool,
@@ -128,7 +130,7 @@ def improve(
     with working(as_json) as progress:
         progress("reading logs")
         data, held_out = read(logs, loaded.robot, mapping), read(valid, loaded.robot, mapping)
-        steps, last = run(loaded, data, valid=held_out, most=most, progress=progress)
+        steps, last = run(loaded, data, valid=held_out, situation=situation, most=most, progress=progress)
     final = steps[-1].model if steps else loaded
     if output:
         final.save(output)
