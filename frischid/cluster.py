@@ -32,11 +32,11 @@ class Workers(ABC):
 
     @abstractmethod
     def map(self, function: Callable[..., Any], items: Sequence[Any], *constants: Any) -> list[Any]:
-        """Apply ``function(item, *constants)`` to every item."""
+        """Apply ``function(item, *constants)`` to every item; items may be handles, or lists of them."""
 
     @abstractmethod
-    def apply(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Apply a function once; arguments may be handles, or lists of them."""
+    def pairs(self, function: Callable[[Any, Any], Any], first: Sequence[Any], second: Sequence[Any]) -> list[Any]:
+        """Apply ``function(a, b)`` to every pair of handles or values."""
 
     @abstractmethod
     def gather(self, handles: Sequence[Any], progress: Progress = lambda done, of: None) -> list[Any]:
@@ -46,8 +46,8 @@ class Workers(ABC):
         """Combine at least one handle pairwise, neighbours first."""
         level = list(handles)
         while len(level) > 1:
-            pairs = [self.apply(function, a, b) for a, b in zip(level[::2], level[1::2], strict=False)]
-            level = [*pairs, *level[2 * len(pairs) :]]
+            half = len(level) // 2
+            level = [*self.pairs(function, level[: 2 * half : 2], level[1 : 2 * half : 2]), *level[2 * half :]]
         return level[0]
 
 
@@ -60,9 +60,9 @@ class Here(Workers):
         """Do all of it now."""
         return [function(item, *constants) for item in items]
 
-    def apply(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Do it now."""
-        return function(*arguments)
+    def pairs(self, function: Callable[[Any, Any], Any], first: Sequence[Any], second: Sequence[Any]) -> list[Any]:
+        """Do all of it now."""
+        return [function(a, b) for a, b in zip(first, second, strict=True)]
 
     def gather(self, handles: Sequence[Any], progress: Progress = lambda done, of: None) -> list[Any]:
         """Handles are values already."""
@@ -81,11 +81,15 @@ class Dask(Workers):
     def map(self, function: Callable[..., Any], items: Sequence[Any], *constants: Any) -> list[Any]:
         """Send it to the workers; a constant is sent once, as a task of its own that can be done again."""
         shared = [self.client.submit(_same, constant, pure=False) for constant in constants]
-        return [self.client.submit(function, item, *shared, pure=False, retries=2) for item in items]
+        # One message for all of them: the scheduler is the first thing that many tasks wait for.
+        rest = [[constant] * len(items) for constant in shared]
+        return list(self.client.map(function, items, *rest, pure=False, retries=2))
 
-    def apply(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Send it to a worker, near its arguments."""
-        return self.client.submit(function, *arguments, pure=False, retries=2)
+    def pairs(self, function: Callable[[Any, Any], Any], first: Sequence[Any], second: Sequence[Any]) -> list[Any]:
+        """Send them to the workers."""
+        if not first:
+            return []
+        return list(self.client.map(function, first, second, pure=False, retries=2))
 
     def gather(self, handles: Sequence[Any], progress: Progress = lambda done, of: None) -> list[Any]:
         """Wait for all of them and fetch them."""

@@ -239,10 +239,8 @@ def identify_fleet(
 
     parts = pool.map(measure, entries, job)
     named = [(name, [i for i, _ in group]) for name, group in groupby(enumerate(entries), key=lambda x: x[1].robot)]
-    handles = [pool.apply(combine, name, [parts[i] for i in index]) for name, index in named]
-    summaries = pool.gather(
-        [pool.apply(summary, h) for h in handles], lambda done, of: progress(f"moments of {done} of {of} robots")
-    )
+    handles = pool.pairs(combine, [name for name, _ in named], [[parts[i] for i in index] for _, index in named])
+    summaries = pool.gather(pool.map(summary, handles), lambda done, of: progress(f"moments of {done} of {of} robots"))
     skipped = tuple(s for machine in summaries for s in machine.skipped)
     if strict and skipped:
         raise InputError(f"{skipped[0].address}: {skipped[0].reason}")
@@ -374,15 +372,21 @@ def add(a: Gram, b: Gram) -> Gram:
     return a + b
 
 
-def against(machine: Machine, fleet: Gram, theta: Array, weights: Array, included: bool) -> Deviation:
-    """One robot against the others."""
+def against(question: tuple[Machine, bool], fleet: Gram, theta: Array, weights: Array) -> Deviation:
+    """One robot against the others; whether it is in their sum stands beside it."""
+    machine, included = question
     return deviation(machine.blocks, fleet, theta, weights, included)
 
 
+def _with(machine: Machine, flag: bool) -> tuple[Machine, bool]:
+    return machine, flag
+
+
 def explain(
-    machine: Machine, diagnosed: bool, model: Mapping[str, Any], mapping: LogMap | None, inflation: float
+    question: tuple[Machine, bool], model: Mapping[str, Any], mapping: LogMap | None, inflation: float
 ) -> tuple[list[Change], Finding | None, str]:
     """What changed on a robot: parameters of the model, and, where it is to be diagnosed, the effect its logs show."""
+    machine, diagnosed = question
     fleet = Model.from_dict(model)
     whole = total(machine.blocks)
     changed = changes(whole, fleet.estimate.theta, fleet.estimate.weights, inflation)
@@ -458,19 +462,17 @@ def _compared(
     pool: Workers, machines: Mapping[int, Any]
 ) -> tuple[Gram, Estimate, dict[int, Deviation], Null, set[int]]:
     """The fleet without the robots that differ, and every robot against the rest of it."""
-    sums = {k: pool.apply(moments, machine) for k, machine in machines.items()}
+    sums = dict(zip(machines, pool.map(moments, list(machines.values())), strict=True))
     outside: set[int] = set()
     for _ in range(ROUNDS):
         inside = [k for k in machines if k not in outside]
         handle = pool.tree(add, [sums[k] for k in inside])
         (fleet,) = pool.gather([handle])
         estimate = wls([fleet])
-        several = len(inside) > 1
-        jobs = [
-            pool.apply(against, machine, handle, estimate.theta, estimate.weights, several and k not in outside)
-            for k, machine in machines.items()
-        ]
-        found = dict(zip(machines, pool.gather(jobs), strict=True))
+        among = [len(inside) > 1 and k not in outside for k in machines]
+        questions = pool.pairs(_with, list(machines.values()), among)
+        answers = pool.gather(pool.map(against, questions, handle, estimate.theta, estimate.weights))
+        found = dict(zip(machines, answers, strict=True))
         null = Null.of([found[k] for k in inside])
         differ = {k for k, d in found.items() if null.p_value(d, len(machines)) < SIGNIFICANCE}
         # A fleet is what most of its robots are: never take out half of them.
@@ -547,17 +549,10 @@ def _explained(
     """The robots that differ, each with what changed on it."""
     ranked = sorted((i for i, m in enumerate(members) if m.differs), key=lambda i: -members[i].excess)
     content = model.to_dict()
-    asked = [
-        pool.apply(
-            explain,
-            handles[present[i]],
-            rank < diagnosed,
-            content,
-            job.mapping,
-            inflation,
-        )
-        for rank, i in enumerate(ranked)
-    ]
+    questions = pool.pairs(
+        _with, [handles[present[i]] for i in ranked], [rank < diagnosed for rank in range(len(ranked))]
+    )
+    asked = pool.map(explain, questions, content, job.mapping, inflation)
     answers = pool.gather(asked, lambda done, of: progress(f"what changed on {done} of {of} robots"))
     result = list(members)
     for i, (changed, finding, failed) in zip(ranked, answers, strict=True):
