@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
+from scipy import stats
 
 from frischid.contact import Contact, find_contacts, stretches
 from frischid.description import Description, describe
@@ -34,6 +35,8 @@ Situation = Literal["auto", "always", "changed"]
 LARGE = 0.015  # of a joint's torque: an error below this is not called unexplained, the floor being an estimate
 DWARFED = 4.0  # what is left on one joint over what the best finding removes, both squared NRMSE
 EXPLAINED = 0.6  # share of the bursts' energy that is left if a steady effect is what makes them
+BEATEN = 1.5  # what a refit must remove over what the best single effect removes
+OLD = "old_parameters"  # the finding that they no longer hold
 CHANGED = 1.02  # error of the model as it is over that of a refit, above which the robot is not the one identified
 
 
@@ -194,6 +197,8 @@ def diagnose(
         )
     }
     verdict = _verdict(evidence, floor, findings, contacts, left)
+    if state == "changed" and effects is None:
+        verdict, findings = _with_refit(verdict, findings, _refit(model, evidence, floor))
     description = describe(evidence) if verdict == "unknown" else None
     notes = [f"taken as a robot that {'changed since it was identified' if state == 'changed' else 'was always so'}"]
     return Diagnosis(
@@ -326,6 +331,39 @@ def _verdict(
     if best is None:
         return "unknown" if unexplained > 0 else "none"
     return "unknown" if unexplained > DWARFED * best.removed else "effect"
+
+
+def _refit(model: Model, evidence: Evidence, floor: Array) -> Finding:
+    """That the old parameters no longer hold: all of them fitted to these logs alone, for the price of all of them."""
+    anew = evidence.believing(nominal(model))
+    before, after = evidence.base_sse(), anew.base_sse()
+    ratio = evidence.log_likelihood(before, after, np.maximum(evidence.effective, anew.effective))
+    costs = len(model.base)
+    gain = ratio - 0.5 * costs * float(np.log(max(float(evidence.counts.sum()), 2.0)))
+    errors = evidence.nrmse(before), evidence.nrmse(after)
+    taken = float((errors[0] ** 2 - errors[1] ** 2).sum())
+    explainable = float((errors[0] ** 2 - np.minimum(floor / evidence.spread, errors[0]) ** 2).sum())
+    chance = float(stats.chi2.sf(2 * ratio, costs)) if gain > 0 else 1.0
+    share = float(np.clip(taken / max(explainable, 1e-300), 0.0, 1.0))
+    sentence = (
+        "the old parameters no longer hold, and no single effect says why: several links or friction changed; identify "
+        "the robot again"
+    )
+    return Finding(
+        OLD, (), float(errors[0].mean()), float(errors[1].mean()), gain, taken, share, chance, {}, (), sentence, ()
+    )
+
+
+def _with_refit(verdict: Verdict, findings: list[Finding], refit: Finding) -> tuple[Verdict, list[Finding]]:
+    """A refit is the answer only where no effect is one; a refit can swallow any payload into the last link."""
+    if not refit.significant:
+        return verdict, findings
+    best = next((f for f in findings if f.significant), None)
+    beaten = best is None or (refit.gain > best.gain and refit.removed > BEATEN * best.removed)
+    if verdict != "contact" and refit.share > 0.5 and (verdict == "unknown" or beaten):
+        return "effect", [refit, *findings]
+    better = [f for f in findings if f.removed >= refit.removed] or findings[:1]
+    return verdict, [*better, refit, *(f for f in findings if f not in better)]
 
 
 def _with_verdict(findings: Sequence[Finding], verdict: Verdict, error: float) -> tuple[Finding, ...]:

@@ -204,3 +204,15 @@ def test_a_measured_temperature_explains_friction_that_drifts():
     steps, _ = improve(model, logs[:1], valid=logs[1:], most=1)
     assert [str(e) for e in steps[0].model.effects[-1:]] == [str(parse_effects(hidden)[0])]
     assert steps[0].error_after < 0.4 * steps[0].error_before
+
+
+def test_parameters_that_no_longer_hold_are_a_finding():
+    from frischid.diagnosis import OLD
+
+    other = {f"fv{i}": 3.0 + (-1) ** i for i in range(1, 7)} | {f"fc{i}": 2.0 - (-1) ** i for i in range(1, 7)}
+    worn = [log_of(s, **other | {f"Ia{i}": 0.3 + 0.2 * (i % 3) for i in range(1, 7)}) for s in (5, 6)]
+    found = diagnose(healthy(), worn[:1], valid=worn[1:])
+    assert found.situation == "changed"
+    assert found.findings[0].effect == OLD
+    assert found.findings[0].share > 0.9
+    assert "identify the robot again" in found.findings[0].sentence

@@ -44,7 +44,8 @@ def diagnosis(result: Diagnosis) -> Page:
     if significant:
         best = significant[0]
         found = ", ".join(f"{k} = {v:.4g}" for k, v in best.parameters.items())
-        parts.append(f"{best.sentence}. Found: {found}. To confirm: {EFFECTS[best.effect].confirmed_by}.")
+        confirm = f" Found: {found}. To confirm: {EFFECTS[best.effect].confirmed_by}." if best.effect in EFFECTS else ""
+        parts.append(f"{best.sentence}.{confirm}")
     if len(significant) > 1:
         parts.append(
             "The findings below the first are what each would do alone; many vanish once the first is in the model. "
