@@ -30,6 +30,7 @@ from frischid.errors import FrischidError, InputError
 from frischid.estimate import Estimate, wls
 from frischid.gram import Array, Gram, total
 from frischid.identification import structure
+from frischid.inspection import inspect
 from frischid.log import Log
 from frischid.mapping import LogMap
 from frischid.model import Model
@@ -38,7 +39,7 @@ from frischid.recording import Motions, Recording, head_of, pieces_of
 from frischid.reduction import Reduction
 from frischid.regressor import Regressor, accumulate
 from frischid.robot import Robot
-from frischid.signals import Bandwidths, LowPass
+from frischid.signals import Bandwidths, LowPass, prepare
 from frischid.survey import survey
 
 SIGNIFICANCE = 0.01
@@ -326,7 +327,18 @@ def measure(entry: Entry, job: Job) -> Part | Skipped:
             motions = Motions([log], robot.joints, job.lowpass, job.velocity)
             seconds = seen.seconds if isinstance(log, Recording) else None
             grams = accumulate(regressor, motions, job.lowpass, job.rows, seconds=seconds, base=job.base)
-            return Part(entry.address, tuple(_merged(grams, BLOCKS)), seen.samples[0], seen.seconds, seen.warnings)
+            merged = tuple(_merged(grams, BLOCKS))
+            first = next(pieces_of(log)).select(robot.joints)
+            motion = prepare(first, job.lowpass, velocity=job.velocity).motions
+            report = inspect(
+                robot,
+                first,
+                lambda: structure(Regressor(robot, BASELINE), robot.joints),
+                alone=False,
+                prepared=(job.lowpass, motion),
+            )
+            warnings = tuple(f"{entry.address}: {finding.short}" for finding in report.findings)
+            return Part(entry.address, merged, seen.samples[0], seen.seconds, warnings)
     except Exception as error:
         return _skipped(entry, error)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import islice
 from typing import Any, Literal, cast
 
@@ -24,10 +25,11 @@ from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, Unk
 from frischid.estimate import Estimate, cross_validated, ols, wls
 from frischid.frisch import Box, Simplex, simplex
 from frischid.gram import Array, Gram, total
+from frischid.inspection import LogReport, inspect
 from frischid.iv import iv
 from frischid.log import Log
 from frischid.model import Model
-from frischid.recording import Motions, Recording
+from frischid.recording import Motions, Recording, head_of, pieces_of
 from frischid.reduction import Reduction, reduce
 from frischid.regressor import Block, Regressor, accumulate, stack, streaming_qr
 from frischid.robot import Robot
@@ -35,7 +37,7 @@ from frischid.selection import Selection, select
 from frischid.sensitivity import noise_limits, samples, sensor_moments
 from frischid.sensorwise import sensorwise
 from frischid.signals import LowPass, Motion, choose_lowpass, prepare
-from frischid.survey import Data, Survey, held_by, moving_but_locked, survey, suspicions
+from frischid.survey import Data, Survey, check_usable, held_by, moving_but_locked, survey
 from frischid.survey import torque_joints as torque_joints_of
 from frischid.triangular import SAFE_CONDITION
 
@@ -108,6 +110,7 @@ def identify(
     recursion: str = "strict",
     window: int | None = None,
     reference: Mapping[str, float] | None = None,
+    anyway: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
     """Identify a robot's dynamic parameters from logs.
@@ -142,6 +145,8 @@ def identify(
         BBRF window in rows; by default the larger of 1000 and 20 a parameter, at most half the rows.
     reference : mapping of str to float, optional
         Parameter values from which effects that depend on the load take it; the URDF's own by default.
+    anyway : bool
+        Go on in spite of a finding of `frischid.inspection` that is certain and makes the logs worthless.
     progress : callable
         Told what is being done.
 
@@ -168,13 +173,25 @@ def identify(
         raise InputError(f"a prior needs the estimator wls, not {estimator}; leave one of the two out")
     robot, notes = held_by(robot, logs)
     rows = torque_joints_of(robot, logs, torque_joints, notes)
-    seen = survey(robot, logs, rows, cutoff)
-    warnings, lowpass = list(seen.warnings), seen.lowpass
-    notes.append(_filtering(lowpass))
-    pieces = Motions(logs, robot.joints, lowpass, velocity)
-    # What is in memory anyway is prepared once; a recording is read again each time it is gone through.
+    _check_apart(logs, valid)
     streamed = any(isinstance(log, Recording) for log in logs)
-    motions: Iterable[Motion] = pieces if streamed else list(pieces)
+    try:
+        _check_cutoff(cutoff, [*logs, *valid])
+        seen = survey(robot, logs, rows, cutoff)
+        lowpass = seen.lowpass
+        notes.append(_filtering(lowpass))
+        pieces = Motions(logs, robot.joints, lowpass, velocity)
+        # What is in memory anyway is prepared once; a recording is read again each time it is gone through.
+        motions: Iterable[Motion] = pieces if streamed else list(pieces)
+    except InputError:
+        if not anyway:  # a wrong unit is a better reason than what follows from it
+            _refuse_worthless(_reports(robot, logs))
+        raise
+    progress("checking the logs")
+    reports = _reports(robot, logs, None if streamed else (lowpass, list(motions)))
+    warnings = [f"{report.source}: {finding.short}" for report in reports for finding in report.findings]
+    if not anyway:
+        _refuse_worthless(reports)
 
     if effects is None:
         effects = _baseline(robot, motions, lowpass, rows, notes)
@@ -362,16 +379,7 @@ def structure(regressor: Regressor, torque_joints: Sequence[str], seed: int = 0)
     return reduce(Y[:, :, index].transpose(0, 2, 1).reshape(-1, C), regressor.columns, tol=MISALIGNED)
 
 
-@dataclass(frozen=True)
-class Examination:
-    """What `examine` says of one log: facts, and what should make the reader doubt."""
-
-    source: str
-    facts: dict[str, Any]
-    warnings: tuple[str, ...]
-
-
-def examine(robot: Robot, logs: Sequence[Log]) -> list[Examination]:
+def examine(robot: Robot, logs: Sequence[Log]) -> list[LogReport]:
     """Check that logs can be used with a robot, and say what is suspicious in them.
 
     Raises
@@ -380,22 +388,74 @@ def examine(robot: Robot, logs: Sequence[Log]) -> list[Examination]:
         A log cannot be used at all.
     """
     robot, locked = held_by(robot, logs)
-    findings = []
     for log in logs:
         chosen = log.select(robot.joints)
-        facts: dict[str, Any] = {
-            "samples": len(log),
-            "seconds": log.duration,
-            "rate_hz": log.rate,
-            "joints": list(robot.joints),
-            "channels": [c for c in ("v", "a", "tau", "current") if chosen.has(c).any()],
-            "notes": [*locked, *log.notes],
-        }
-        with suppress(InputError):  # a log too short for the filters is for `identify` to refuse
-            facts["notes"] += prepare(chosen, choose_lowpass([log], robot.joints)).notes
         rows = [n for n in robot.joints if chosen.select([n]).has("tau")[0]] or list(robot.joints)
-        findings.append(Examination(log.source, facts, tuple(suspicions(robot, log, rows, strict=False))))
-    return findings
+        check_usable(robot, log, rows, strict=False)
+    reports = []
+    for log, report in zip(logs, _reports(robot, logs), strict=True):
+        prepared: tuple[str, ...] = ()
+        if not report.blocked:
+            with suppress(InputError):  # a log too short for the filters is for `identify` to refuse
+                lowpass = choose_lowpass([log], robot.joints)
+                prepared = prepare(log.select(robot.joints), lowpass, velocity="derived").notes
+        facts = {**report.facts, "joints": list(robot.joints), "notes": [*locked, *log.notes, *prepared]}
+        reports.append(replace(report, facts=facts))
+    return reports
+
+
+def _reports(
+    robot: Robot, logs: Sequence[Data], prepared: tuple[LowPass, Sequence[Motion]] | None = None
+) -> list[LogReport]:
+    """Data check of every log, in short where they are `prepared`; of a recording its first piece."""
+
+    @cache
+    def reduction() -> Reduction:
+        return structure(Regressor(robot, BASELINE), robot.joints)
+
+    reports = []
+    for log in (next(pieces_of(log)) for log in logs):
+        own = prepared and (prepared[0], [m for m in prepared[1] if m.source == log.source])
+        reports.append(inspect(robot, log.select(robot.joints), reduction, alone=len(logs) == 1, prepared=own))
+    return reports
+
+
+def _refuse_worthless(reports: Sequence[LogReport]) -> None:
+    """Stop at what is certain and leaves nothing to identify."""
+    for report in reports:
+        for finding in report.findings:
+            if finding.blocks and finding.sure == "certain":
+                raise InputError(f"{report.source}: {finding}. To go on all the same: --anyway (anyway=True)")
+
+
+def _check_apart(logs: Sequence[Data], valid: Sequence[Data]) -> None:
+    """Refuse to hold out what was fitted: its error says nothing of other motions."""
+    for held in valid:
+        for log in logs:
+            if held is log or _same(held, log):
+                raise InputError(
+                    f"{held.source} is both fitted and held out (--valid): an error on fitted data says nothing; "
+                    "leave one out"
+                )
+
+
+def _same(one: Data, other: Data) -> bool:
+    """Whether two logs hold the same samples."""
+    if isinstance(one, Log) and isinstance(other, Log):
+        return np.array_equal(one.t, other.t) and np.array_equal(one.q, other.q)
+    return one.sha256 is not None and one.sha256 == other.sha256
+
+
+def _check_cutoff(cutoff: float | str | None, logs: Sequence[Data]) -> None:
+    if not isinstance(cutoff, int | float):
+        return
+    for log in map(head_of, logs):
+        if cutoff >= log.rate / 2 * (1 - 1e-6):
+            raise InputError(
+                f"{log.source}: a cut-off of {cutoff:g} Hz is not below half its rate of {log.rate:.4g} Hz; take "
+                "at most "
+                f"{0.2 * log.rate:.3g} Hz, or --cutoff none (None) to filter nothing"
+            )
 
 
 def _filtering(lowpass: LowPass) -> str:

@@ -3,7 +3,7 @@
 A log is the sequence ``(t_k, q_k, q̇_k, q̈_k, τ_k, i_k)`` of J joints at N instants. It is frozen, and it is
 either whole or refused: an unusable value (NaN, infinity, uninitialised memory, time running backwards) is an
 error that says where it lies, never something repaired behind the user's back. What is merely suspicious
-(degrees taken for radians, a joint that never moves, a constant torque) `warnings_of` says in words.
+(degrees taken for radians, stamps of arrival, a constant torque) `frischid.inspection` finds.
 
 In a table every column has a name: ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<joint>``, ``tau_<joint>``,
 ``current_<joint>``, and any other name for whatever else was measured.
@@ -211,6 +211,11 @@ def check_values(name: str, values: Array, source: str, place: Place = row_place
         return
     row = int(np.argmin(usable))
     value, count = values[row], int((~usable).sum())
+    if name == "t" and np.isfinite(values).all() and (values > GARBAGE).all():
+        raise InputError(
+            f'{source}: the stamps are {value:g} and more: they are not seconds; say time_unit = "ns" (or us, ms) and '
+            "zero_time = true under [file] in a mapping file"
+        )
     what = "nan or an empty cell" if np.isnan(value) else f"{value:g}"
     why = f", above {GARBAGE:g} and so not a measurement" if np.isfinite(value) else ""
     raise InputError(
@@ -267,76 +272,3 @@ def check_torque(log: Log, joints: Sequence[str] | None = None) -> None:
     if not log.tau[:, present].any():
         names = ", ".join(f"tau_{log.joints[j]}" for j in present)
         raise InputError(f"{log.source}: the torque is zero throughout in {names}; was it recorded at all?")
-
-
-def warnings_of(log: Log, velocity_limit: Array | None = None, position_range: Array | None = None) -> list[str]:
-    """Say what is suspicious in a log that is usable as it stands.
-
-    Parameters
-    ----------
-    log : Log
-    velocity_limit : ndarray, shape (J,), optional
-        The robot's speed limits [rad/s or m/s]; zero or infinite means none.
-    position_range : ndarray, shape (J, 2), optional
-        The robot's lower and upper position limits [rad or m].
-
-    Returns
-    -------
-    list of str
-        One sentence each, most serious first; empty when nothing is suspicious.
-    """
-    findings = []
-    if degrees := _names(log, _looks_like_degrees(log, velocity_limit, position_range)):
-        findings.append(
-            f"{degrees}: motion implausible in radians, it looks like degrees; "
-            'if so, set angle_unit = "deg" under [file] in a mapping file'
-        )
-    if still := _names(log, np.ptp(log.q, axis=0) < STILL):
-        findings.append(f"{still}: no motion (range below {STILL:g} rad), nothing can be learnt about it")
-    return findings + _torque_warnings(log) + _time_warnings(log)
-
-
-def _names(log: Log, chosen: NDArray[np.bool_]) -> str:
-    return ", ".join(name for name, yes in zip(log.joints, chosen, strict=True) if yes)
-
-
-def _looks_like_degrees(log: Log, speed: Array | None, span: Array | None) -> NDArray[np.bool_]:
-    """Joints much faster or much further out than the robot can be; a degree is 57 times too large."""
-    J = len(log.joints)
-    limit = np.full(J, np.inf) if speed is None else np.where(np.asarray(speed) > 0, speed, np.inf)
-    lower, upper = np.tile([[-np.inf], [np.inf]], J) if span is None else np.asarray(span, dtype=float).T
-    limited = np.isfinite(lower) & np.isfinite(upper) & (upper > lower)
-    room = np.where(limited, upper - lower, np.inf)
-    typical = np.percentile(np.abs(np.diff(log.q, axis=0)) / np.diff(log.t)[:, None], 95, axis=0)
-    far = limited & ((log.q > upper + room) | (log.q < lower - room)).any(axis=0)
-    # Without any limit to compare with, two full turns is where a joint of an arm becomes suspicious.
-    turns = ~limited & ~np.isfinite(limit) & (np.ptp(log.q, axis=0) > 4 * np.pi)
-    return np.asarray((typical > 3 * limit) | far | turns)
-
-
-def _torque_warnings(log: Log) -> list[str]:
-    if log.tau is None:
-        return []
-    present = log.has("tau")
-    constant = present & (np.ptp(log.tau, axis=0) == 0)
-    zeros = np.where(present & ~constant, (log.tau == 0).mean(axis=0), 0.0)
-    findings = []
-    if names := _names(log, constant):
-        findings.append(f"{names}: the torque never changes, it was probably not measured")
-    if names := _names(log, zeros > 0.5):
-        findings.append(f"{names}: the torque is exactly zero in {zeros.max():.0%} of the samples (dead band?)")
-    if names := _names(log, ~present):
-        findings.append(f"{names}: no torque column, while other joints have one")
-    return findings
-
-
-def _time_warnings(log: Log) -> list[str]:
-    findings = []
-    same = np.all([np.diff(np.nan_to_num(x), axis=0) == 0 for x in log._channels().values()], axis=(0, 2))
-    if (repeats := same.mean()) > 0.01:
-        findings.append(f"{repeats:.1%} of the rows repeat the row before under a new time stamp")
-    step = 1e3 * np.diff(log.t)
-    if gaps := int((step > 5 * np.median(step)).sum()):
-        longest, usual = step.max(), np.median(step)
-        findings.append(f"{gaps} gaps in the time stamps, the longest {longest:.3g} ms (usual step {usual:.3g} ms)")
-    return findings

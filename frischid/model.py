@@ -253,7 +253,11 @@ class Model:
         """
         schema = data.get("schema") if isinstance(data, Mapping) else None
         if schema != SCHEMA:
-            raise InputError(f"{source}: expected a frischid model of schema {SCHEMA}, found {schema!r}")
+            raise InputError(
+                f"{source}: expected a frischid model of schema {SCHEMA}, found {schema!r}; write one with "
+                "`frischid identify "
+                "ROBOT LOG -o model.json`, or read it with the version of frischid that wrote it"
+            )
         try:
             return cls._read(data)
         except (KeyError, TypeError, ValueError) as error:
@@ -329,7 +333,7 @@ class Model:
 def write_text(path: Path, text: str) -> None:
     """Write a UTF-8 file through a temporary one in the same folder, so that it is never half there."""
     if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}")
+        raise InputError(f"{path}: there is no folder {path.parent}; make it first, or write elsewhere")
     scratch = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         scratch.write_text(text, encoding="utf-8")
@@ -344,7 +348,7 @@ def check_writable(path: str | Path) -> None:
     """Refuse an output path before the work is done rather than after."""
     target = Path(path)
     if not target.parent.is_dir():
-        raise InputError(f"{target}: there is no folder {target.parent}")
+        raise InputError(f"{target}: there is no folder {target.parent}; make it first, or write elsewhere")
     if target.is_dir():
         raise InputError(f"{target} is a folder; give the name of a file")
 

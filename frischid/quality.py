@@ -12,9 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from frischid.effects import BASELINE
 from frischid.gram import Array
-from frischid.log import Log, warnings_of
+from frischid.identification import structure
+from frischid.inspection import inspect
+from frischid.log import Log
 from frischid.model import Model
+from frischid.regressor import Regressor
 from frischid.signals import noise_level, prepare
 
 
@@ -90,7 +94,6 @@ def _judge(model: Model, log: Log) -> Quality:
     prepared = prepare(chosen, model.lowpass, velocity=model.velocity)
     motions = prepared.motions
     step = np.diff(log.t)
-    limits = model.robot.limits
     channels = {"q": "q", "tau": "tau"} | ({"v": "v"} if chosen.v is not None else {})
     noise = {}
     for name, channel in channels.items():
@@ -100,6 +103,12 @@ def _judge(model: Model, log: Log) -> Quality:
         levels = np.array([noise_level(x) for x in parts if x is not None])
         noise[name] = np.sqrt((weight[:, None] * levels**2).sum(axis=0) / weight.sum())
     stacked = {k: np.concatenate([getattr(m, k) for m in motions]) for k in ("q", "v", "a", "still")}
+    report = inspect(
+        model.robot,
+        chosen,
+        lambda: structure(Regressor(model.robot, BASELINE), model.robot.joints),
+        prepared=(model.lowpass, motions),
+    )
     return Quality(
         log.source,
         len(log),
@@ -115,5 +124,5 @@ def _judge(model: Model, log: Log) -> Quality:
         np.abs(stacked["a"]).max(axis=0),
         stacked["still"].mean(axis=0),
         (*log.notes, *prepared.notes),
-        tuple(warnings_of(chosen, limits.velocity, np.stack([limits.lower, limits.upper], axis=1))),
+        tuple(finding.short for finding in report.findings),
     )

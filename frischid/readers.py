@@ -146,6 +146,15 @@ def _log(table: Table, form: LogMap, joints: Sequence[str] | None, start: Any, d
     for j, (joint, columns) in enumerate(mapped.items()):
         for channel, values in _convert(table, form, joint, columns, notes).items():
             channels[channel][:, j] = values
+    converted = {note.partition(" = ")[0] for note in notes}
+    renamed = [
+        f"{channel}_{joint} = {name}"
+        for joint, columns in mapped.items()
+        for channel, name in columns.items()
+        if name != f"{channel}_{joint}" and f"{channel}_{joint}" not in converted
+    ]
+    if renamed:
+        notes.append(f"columns renamed: {', '.join(renamed[:3])}{f' and {len(renamed) - 3} more' * (len(renamed) > 3)}")
     used = {time, *ignored}.union(*(columns.values() for columns in mapped.values()))
     taken = {"t"} | {f"{channel}_{joint}" for channel in CHANNELS for joint in mapped}
     extra = _extra(table, used, taken, notes)
@@ -251,8 +260,9 @@ def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str],
         factor, offset = factors[channel], entry.offset if channel == "q" else 0.0
         channels[channel] = raw if factor == 1 and offset == 0 else factor * raw + offset
         scaled = f"{factor:.6g} × {name}" if factor != 1 else name
-        if (formula := f"{scaled} {offset:+.6g}" if offset else scaled) != f"{channel}_{joint}":
-            notes.append(f"{channel}_{joint} = {formula}")
+        if factor == 1 and not offset:
+            continue  # a mere name: one note for all of them
+        notes.append(f"{channel}_{joint} = {f'{scaled} {offset:+.6g}' if offset else scaled}")
     gain, tau_from = entry.current_gain, entry.tau_from or form.tau_from
     if tau_from == "current" and (gain is None or "current" not in channels):
         raise InputError(

@@ -214,7 +214,7 @@ class Bandwidths:
         """Look at one log, or one piece of a recording."""
         chosen = log.select(joints)
         self.rate = min(self.rate, log.rate)
-        t, q, tau = _uniform(log.t, chosen.q, np.full_like(chosen.q, np.nan) if chosen.tau is None else chosen.tau)
+        t, q, tau = uniform(log.t, chosen.q, np.full_like(chosen.q, np.nan) if chosen.tau is None else chosen.tau)
         step = (t[-1] - t[0]) / (len(t) - 1)
         f, power, floor = _spectrum(q, step)
         velocity = np.where(power > 10 * floor, power - floor, 0.0) * (f**2)[:, None]
@@ -321,7 +321,7 @@ def breaks_of(log: Log, lowpass: LowPass) -> NDArray[np.intp]:
     return np.append(0, np.flatnonzero(steps > _largest_gap(float(np.median(steps)), lowpass)) + 1)
 
 
-def _uniform(t: Array, *channels: Array) -> tuple[Array, ...]:
+def uniform(t: Array, *channels: Array) -> tuple[Array, ...]:
     """Put channels (N, J) on a uniform grid of the median step by cubic splines; all-NaN columns stay so."""
     step = float(np.median(np.diff(t)))
     count = int((t[-1] - t[0]) / step * (1 + 1e-12)) + 1
@@ -341,7 +341,7 @@ def _uniform(t: Array, *channels: Array) -> tuple[Array, ...]:
 def _motion(log: Log, lowpass: LowPass, velocity: str, begin: float) -> tuple[Motion, list[str]]:
     nothing = np.full_like(log.q, np.nan)
     channels = [nothing if x is None else x for x in (log.q, log.v, log.a, log.tau)]
-    t, q, v, a, tau = _uniform(log.t, *channels)
+    t, q, v, a, tau = uniform(log.t, *channels)
     step = (t[-1] - t[0]) / (len(t) - 1)
     source = _Derivatives(q, v, step, lowpass)
     use_v, notes = source.choice(log, velocity)

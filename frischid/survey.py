@@ -1,4 +1,4 @@
-"""The first look at logs: what they hold, whether they can be used, what is suspicious, and which filter fits them.
+"""The first look at logs: what they hold, whether they can be used, and which filter fits them.
 
 One pass over all samples, a piece of a recording at a time, before anything is computed from them.
 """
@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.log import Log, check_motion, check_torque, warnings_of
-from frischid.recording import MOST_NOTES, Recording, head_of, pieces_of
+from frischid.log import Log, check_motion, check_torque
+from frischid.recording import Recording, head_of, pieces_of
 from frischid.robot import Robot
 from frischid.signals import Bandwidths, LowPass
 
@@ -34,14 +34,12 @@ class Survey:
         All logs together.
     moving : dict of str to float
         Locked joints that move all the same, and how far, rad (m).
-    warnings : tuple of str
     """
 
     lowpass: LowPass
     samples: tuple[int, ...]
     seconds: float
     moving: dict[str, float]
-    warnings: tuple[str, ...]
 
 
 def survey(
@@ -66,18 +64,14 @@ def survey(
     bands = Bandwidths()
     samples, seconds = [], 0.0
     span: dict[str, tuple[float, float]] = {}
-    warnings: list[str] = []
     for log in logs:
-        count, faults, said = 0, [], []
+        count, faults = 0, []
         for number, piece in enumerate(pieces_of(log)):
             try:
-                found = suspicions(robot, piece, rows, strict=True)
+                check_usable(robot, piece, rows, strict=True)
             except InputError as error:
                 # A recording may rest for a piece; that its torque is dead must be so in all of them.
                 faults.append(error)
-                found = []
-            when = f", {piece.t[0]:.6g} to {piece.t[-1]:.6g} s" if isinstance(log, Recording) else ""
-            said += [f"{log.source}{when}: {warning}" for warning in found]
             if len(faults) <= number and cutoff == "auto":
                 bands.add(piece, rows)
             for name in robot.locked:
@@ -90,12 +84,9 @@ def survey(
         if faults and len(faults) == number + 1:
             raise faults[0]
         samples.append(count)
-        warnings += said[:MOST_NOTES]
-        if len(said) > MOST_NOTES:
-            warnings.append(f"{log.source}: {len(said) - MOST_NOTES} more such warnings on later pieces")
     lowpass = bands.lowpass() if cutoff == "auto" else LowPass(cutoff)
     moving = {name: high - low for name, (low, high) in span.items() if high - low > MOVING}
-    return Survey(lowpass, tuple(samples), seconds, moving, tuple(warnings))
+    return Survey(lowpass, tuple(samples), seconds, moving)
 
 
 def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
@@ -135,8 +126,8 @@ def torque_joints(robot: Robot, logs: Sequence[Data], wanted: Sequence[str] | No
     return have or list(robot.joints)
 
 
-def suspicions(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool) -> list[str]:
-    """Raise on a log that cannot be used; say what is suspicious in one that can."""
+def check_usable(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool) -> None:
+    """Raise on a log that cannot be used."""
     chosen = log.select(robot.joints)
     check_motion(chosen)
     check_torque(chosen, rows)
@@ -146,8 +137,6 @@ def suspicions(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool) -> 
             f"{log.source}: the torque of {', '.join(dead)} is zero throughout; leave its torque row out "
             "(--torque-joints, torque_joints=) or record it"
         )
-    limits = robot.limits
-    return warnings_of(chosen, limits.velocity, np.stack([limits.lower, limits.upper], axis=1))
 
 
 def moving_but_locked(moving: Mapping[str, float]) -> list[str]:

@@ -319,7 +319,7 @@ def write_table(table: Mapping[str, Array], path: Path) -> None:
     if path.suffix.lower() not in writers:
         raise InputError(f"{path}: cannot write '{path.suffix}' files; use one of {', '.join(writers)}")
     if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}")
+        raise InputError(f"{path}: there is no folder {path.parent}; make it first, or write elsewhere")
     scratch = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with scratch.open("wb") as file:

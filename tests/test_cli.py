@@ -343,10 +343,11 @@ def test_one_dead_torque(logs, tmp_path):
     assert data_of("identify", "planar2", path, "--torque-joints", "joint1")["rank"] > 5
 
 
-def test_degrees_are_a_warning_of_identify_too(logs, tmp_path):
+def test_degrees_stop_identify_unless_told_otherwise(logs, tmp_path):
     path = changed(logs, tmp_path, q_joint1=np.rad2deg, q_joint2=np.rad2deg)
-    result = data_of("identify", "planar2", path, "--bbrf", "none")
-    assert any("it looks like degrees" in w for w in result["warnings"])
+    refused(["degrees", "--anyway"], "identify", "planar2", path, "--bbrf", "none")
+    result = data_of("identify", "planar2", path, "--bbrf", "none", "--anyway")
+    assert any("degrees" in w for w in result["warnings"])
     mapping = tmp_path / "map.toml"
     mapping.write_text('[file]\nangle_unit = "deg"\n')
     right = data_of("identify", "planar2", path, "--map", mapping, "--bbrf", "none")

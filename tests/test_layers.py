@@ -21,8 +21,10 @@ LAYERS = (
         *("sensorwise", "sensitivity", "criteria", "envelope", "survey", "belief", "drives"),
     ),
     ("model",),
+    ("datasets", "proposal"),
     (
         "identification",
+        "inspection",
         "excitation",
         "search",
         "separation",

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.log import Log, check_motion, check_torque, warnings_of
+from frischid.log import Log, check_motion, check_torque
 
 N = 50
 T = np.arange(N) * 0.01
@@ -135,38 +135,3 @@ def test_torque_that_cannot_be_fitted_is_refused():
         check_torque(zero, ["elbow", "wrist"])
     with pytest.raises(UnknownNameError):
         check_torque(zero, ["elbo"])
-
-
-LIMITS = {"velocity_limit": np.array([20.0, 20.0, 20.0]), "position_range": np.array([[-3.0, 3.0]] * 3)}
-
-
-@pytest.mark.parametrize("known", [{}, LIMITS, {"position_range": LIMITS["position_range"]}])
-def test_degrees_are_suspected(known):
-    clean = make(tau=Q)
-    assert warnings_of(clean, **known) == []
-    (finding,) = warnings_of(make(q=changed(Q, slice(None), 1, np.rad2deg(Q[:, 1])), tau=Q), **known)
-    assert finding.startswith("elbow: ")
-    assert 'angle_unit = "deg"' in finding
-
-
-def test_wheels_may_turn_as_far_as_they_like():
-    rolling = make(q=Q + 100 * T[:, None])
-    assert warnings_of(rolling, velocity_limit=np.full(3, 50.0)) == []
-    assert "degrees" in warnings_of(rolling)[0]
-    assert "degrees" in warnings_of(rolling, velocity_limit=np.zeros(3))[0]
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"q": changed(Q, slice(None), 1, 0.5)}, "elbow: no motion"),
-        ({"tau": changed(Q, slice(None), 1, 4.2)}, "elbow: the torque never changes"),
-        ({"tau": changed(Q, slice(None), 1, 0.0)}, "elbow: the torque never changes"),
-        ({"tau": changed(Q, slice(5, None), 1, 0.0)}, "elbow: the torque is exactly zero in 90%"),
-        ({"tau": changed(Q, slice(None), 1, np.nan)}, "elbow: no torque column"),
-        ({"t": np.r_[T[:25], T[25:] + 0.3]}, "1 gaps in the time stamps, the longest 310 ms (usual step 10 ms)"),
-        ({"q": Q[np.arange(N) // 2]}, "of the rows repeat the row before"),
-    ],
-)
-def test_suspicious_logs_are_named(changes, words):
-    assert any(words in finding for finding in warnings_of(make(**changes)))

@@ -4,7 +4,18 @@ Every command takes ``--json`` for machines. Heavy imports wait until a command 
 """
 
 # each adds its commands to the group
-from frischid.cli import drives, exporting, fitting, fleets, improving, learning, motions, seeing
+from frischid.cli import checking, drives, exporting, fitting, fleets, improving, learning, motions, seeing
 from frischid.cli.group import main
 
-__all__ = ["drives", "exporting", "fitting", "fleets", "improving", "learning", "main", "motions", "seeing"]
+__all__ = [
+    "checking",
+    "drives",
+    "exporting",
+    "fitting",
+    "fleets",
+    "improving",
+    "learning",
+    "main",
+    "motions",
+    "seeing",
+]

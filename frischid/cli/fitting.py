@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import click
@@ -55,23 +54,6 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 @main.command()
 @click.argument("robot")
 @click.argument("logs", nargs=-1, required=True)
-@robot_options
-@map_option
-@json_option
-def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool, **options: Any) -> None:
-    """Whether logs can be used with a robot, and what is suspicious in them. Exit code 1 if anything is."""
-    from frischid.identification import examine
-    from frischid.show import fitting as show
-
-    machine, data = load(robot, options, logs, mapping)
-    findings = examine(machine, data)
-    show_page(show.check(findings), as_json)
-    sys.exit(1 if any(f.warnings for f in findings) else 0)
-
-
-@main.command()
-@click.argument("robot")
-@click.argument("logs", nargs=-1, required=True)
 @valid_option
 @robot_options
 @effects_option
@@ -88,6 +70,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
     metavar="ADDRESS",
     help="Take the logs as those of a fleet and sum their moments there (a Dask address, local, or none): see fleet.",
 )
+@click.option("--anyway", is_flag=True, help="Go on in spite of what the data check found.")
 @click.option("-o", "--output", type=click.Path(), help="Write the model here (JSON).")
 @json_option
 def identify(
@@ -104,6 +87,7 @@ def identify(
     bbrf: str,
     window: int | None,
     scheduler: str | None,
+    anyway: bool,
     output: str | None,
     as_json: bool,
     **options: Any,
@@ -140,6 +124,7 @@ def identify(
             prior=prior,
             recursion=bbrf,
             window=window,
+            anyway=anyway,
             progress=progress,
         )
     if output:

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from frischid.belief import Choice
 from frischid.comparison import Comparison
-from frischid.identification import Examination, Identification
+from frischid.identification import Identification
 from frischid.model import Model
 from frischid.reduction import Reduction
 from frischid.regressor import Regressor
@@ -83,23 +83,6 @@ def robot(machine: Robot, regressor: Regressor, reduction: Reduction) -> Page:
         **groups,
     }
     return Page(data, [table, *notes, f"each link: {units}", counts, regrouped])
-
-
-def check(findings: Sequence[Examination]) -> Page:
-    """Facts and suspicions of logs."""
-    parts: list[Any] = []
-    for f in findings:
-        facts = f.facts
-        channels = ", ".join(("q", *facts["channels"]))
-        parts.append(
-            f"[bold]{f.source}[/bold]: {facts['samples']} samples, {facts['seconds']:.4g} s at "
-            f"{facts['rate_hz']:.4g} Hz, "
-            f"{len(facts['joints'])} joints, channels {channels}"
-        )
-        parts += [f"  {escape(n)}" for n in facts["notes"]]
-        parts += warning_lines(f.warnings) or ["  nothing suspicious"]
-    data = [{"log": f.source, **f.facts, "warnings": list(f.warnings)} for f in findings]
-    return Page({"logs": data, "ok": not any(f.warnings for f in findings)}, parts)
 
 
 def identification(found: Identification, output: str | None) -> Page:

@@ -1,0 +1,85 @@
+"""Logs as they come: are they fit for an identification, what do their columns mean, where are public ones."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from frischid.cli.arguments import json_option, load, map_option, robot_options, show_page, working
+from frischid.cli.group import main
+from frischid.errors import InputError
+
+
+@main.command()
+@click.argument("robot")
+@click.argument("logs", nargs=-1, required=True)
+@robot_options
+@map_option
+@json_option
+def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool, **options: Any) -> None:
+    """What is suspicious in logs: clocks, channels, units, signs, payloads, the wrong robot.
+
+    Exit code 0: nothing, go on. 1: something to look at. 2: a log cannot be used at all.
+    """
+    from frischid.identification import examine
+    from frischid.inspection import defects
+    from frischid.mapping import LogMap
+    from frischid.show import checking as show
+
+    with working(as_json) as progress:
+        progress("reading logs")
+        try:
+            machine, data = load(robot, options, logs, mapping)
+        except InputError:
+            # One error stops the reading. Where there is more to say, the page says it first.
+            form = LogMap.of(mapping)
+            broken = [report for path in logs if (report := defects(Path(path), form)) is not None]
+            if sum(len(report.findings) for report in broken) > 1:
+                show_page(show.check(broken), as_json)
+            raise
+        progress("checking")
+        reports = examine(machine, data)
+    show_page(show.check(reports), as_json)
+    sys.exit(1 if any(report.findings for report in reports) else 0)
+
+
+@main.command()
+@click.argument("name", required=False)
+@click.option("-o", "--output", type=click.Path(), help="Folder for the files; the data set's name by default.")
+@click.option("--from", "source", type=click.Path(), help="Folder that holds the files already: nothing is downloaded.")
+@json_option
+def fetch(name: str | None, output: str | None, source: str | None, as_json: bool) -> None:
+    """Fetch public logs of real robots, checked by their published checksums; without NAME, list them."""
+    from frischid import datasets
+    from frischid.show import checking as show
+
+    if name is None:
+        show_page(show.datasets(datasets.DATASETS), as_json)
+        return
+    with working(as_json) as progress:
+        dataset, paths = datasets.fetch(name, output or name, source, progress)
+    show_page(show.fetched(name, datasets.about(dataset), [str(p) for p in paths]), as_json)
+
+
+@main.command("map")
+@click.argument("log")
+@click.argument("robot")
+@click.option("-o", "--output", type=click.Path(), help="Write the mapping file here (TOML).")
+@json_option
+def map_columns(log: str, robot: str, output: str | None, as_json: bool) -> None:
+    """Propose a mapping file for LOG: which column is which of ROBOT's joints, from names and magnitudes."""
+    from frischid.model import check_writable, write_text
+    from frischid.proposal import propose
+    from frischid.robot import Robot
+    from frischid.show import checking as show
+
+    if output:
+        check_writable(output)
+    machine = Robot.load(robot)
+    found = propose(log, machine)
+    if output:
+        write_text(Path(output), found.toml(Path(log).name))
+    show_page(show.proposal(found, found.toml(Path(log).name), output), as_json)

@@ -1,0 +1,11 @@
+"""What is wrong with a log: one family of checks a file, each resting on a principle that its file states.
+
+`inspect` runs them all and returns a `LogReport` of figures and `Finding`s; `defects` looks through a file that
+cannot be read. Nothing is repaired.
+"""
+
+from frischid.inspection.defects import defects
+from frischid.inspection.finding import Finding, LogReport
+from frischid.inspection.report import inspect
+
+__all__ = ["Finding", "LogReport", "defects", "inspect"]

@@ -1,0 +1,140 @@
+"""Data checks as pages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.markup import escape
+
+from frischid.datasets import Dataset
+from frischid.inspection import Finding, LogReport
+from frischid.proposal import Proposal
+from frischid.show.page import Page, figure, table_of
+
+COLUMNS = {
+    "resting": "at rest",
+    "noise_q": "noise q",
+    "noise_v": "noise v",
+    "noise_tau": "noise τ",
+    "noise_current": "noise i",
+    "quantum_tau": "step τ",
+    "velocity_lag": "lag v [s]",
+    "torque_lag": "lag τ [s]",
+    "friction_nrmse": "friction only",
+    "nominal_nrmse": "URDF + friction",
+    "free_nrmse": "free",
+}
+
+
+def check(reports: Sequence[LogReport]) -> Page:
+    """Figures and findings of logs."""
+    parts: list[Any] = []
+    for report in reports:
+        parts += [_headline(report.source, report.facts), *(f"  {escape(n)}" for n in report.facts.get("notes", ()))]
+        parts += [*_clock(report.facts), *_joints(report.joints), *_parameters(report.facts)]
+        parts += [line for finding in report.findings for line in lines(finding)] or ["  nothing suspicious"]
+    data = [
+        {
+            "log": report.source,
+            **report.facts,
+            "joint_figures": {name: dict(values) for name, values in report.joints.items()},
+            "findings": [finding.to_dict() for finding in report.findings],
+            "warnings": list(report.warnings),
+            "blocked": report.blocked,
+        }
+        for report in reports
+    ]
+    return Page({"logs": data, "ok": not any(report.findings for report in reports)}, parts)
+
+
+def lines(finding: Finding) -> list[str]:
+    """A finding for people: what and where, then what to do."""
+    place = f"{', '.join(finding.where)}: " if finding.where else ""
+    colour = "red" if finding.blocks else "yellow"
+    return [
+        f"[{colour}]{finding.kind}[/{colour}] ({finding.sure}{', stops here' * finding.blocks}) "
+        f"{escape(place + finding.what)}",
+        f"    → {escape(finding.advice)}",
+    ]
+
+
+def _headline(source: str, facts: Mapping[str, Any]) -> str:
+    if "samples" not in facts:
+        return f"[bold]{escape(source)}[/bold]: cannot be read as it is"
+    channels = ", ".join(("q", *facts.get("channels", ())))
+    return (
+        f"[bold]{escape(source)}[/bold]: {facts['samples']} samples, {facts['seconds']:.4g} s at "
+        f"{facts['rate_hz']:.4g} Hz, "
+        f"{len(facts.get('joints', ()))} joints, channels {channels}"
+    )
+
+
+def _clock(facts: Mapping[str, Any]) -> list[str]:
+    if "steps_ms" not in facts:
+        return []
+    low, usual, high = facts["steps_ms"]
+    words = f"  true rate {facts['mean_rate_hz']:.4g} Hz, steps {low:.4g} to {high:.4g} ms (usual {usual:.4g} ms)"
+    if "stamps_follow" in facts:
+        words += f", jitter {facts['jitter']:.1%} of a step; positions follow it by {facts['stamps_follow']:.2f} ± "
+        words += f"{facts['stamps_follow_error']:.2g} (1: stamps are true)"
+    if facts.get("missing_share"):
+        words += f"; {facts['missing_share']:.1%} of the samples missing"
+    return [words]
+
+
+def _joints(joints: Mapping[str, Mapping[str, float]]) -> list[Any]:
+    there = [key for key in COLUMNS if any(key in values for values in joints.values())]
+    if not there:
+        return []
+    table = table_of("joint", *(COLUMNS[key] for key in there))
+    for name, values in joints.items():
+        table.add_row(name, *(figure(float(f"{values[key]:.2g}")) if key in values else "–" for key in there))
+    return [
+        table,
+        "  the last columns: NRMSE of friction alone, of the URDF's inertials with fitted friction, of free parameters",
+    ]
+
+
+def _parameters(facts: Mapping[str, Any]) -> list[str]:
+    unseen = facts.get("unseen_parameters")
+    if unseen is None:
+        return [f"  {facts['nominal']}"] if "nominal" in facts else []
+    if not unseen:
+        return [
+            f"  all {facts['rigid_parameters']} rigid base parameters are seen: standard errors below their size "
+            "in the URDF"
+        ]
+    return [
+        f"  {len(unseen)} of {facts['rigid_parameters']} rigid base parameters are not seen by this log alone "
+        "(standard error "
+        f"above their size in the URDF): {', '.join(unseen)}"
+    ]
+
+
+def datasets(known: Mapping[str, Dataset]) -> Page:
+    """Data sets there are, and which can be fetched."""
+    data = [
+        {"name": name, "title": x.title, "licence": x.licence, "page": x.page, "files": len(x.files)}
+        for name, x in known.items()
+    ]
+    table = table_of("what", "equation", "licence", "page")
+    table.columns[0].header, table.columns[1].header = "data set", "what"
+    for row in data:
+        how = row["page"] if row["files"] else f"{row['page']} (by hand: no checksums published)"
+        table.add_row(*(escape(str(x)) for x in (row["name"], row["title"], row["licence"], how)))
+    return Page(data, [table])
+
+
+def fetched(name: str, about: str, paths: Sequence[str]) -> Page:
+    """Where a data set lies now, whose it is, and what to do with it."""
+    return Page(
+        {"name": name, "about": about, "logs": list(paths)}, [escape(about.strip()), *(f"written: {p}" for p in paths)]
+    )
+
+
+def proposal(found: Proposal, text: str, output: str | None) -> Page:
+    """A proposed mapping file."""
+    data = {"file": found.file, "joints": found.joints, "reasons": found.reasons, "missing": list(found.missing)}
+    joints = f"{len(found.joints)} joints found, {len(found.missing)} without a position column"
+    return Page(data, [escape(text), joints, *([f"written to {output}"] if output else [])])
