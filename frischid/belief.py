@@ -25,6 +25,8 @@ from frischid.reduction import Reduction
 from frischid.regressor import Regressor, nominal_parameters
 
 STRENGTHS = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0, 10000.0)
+MASS, HEAVIEST = 0.5, 0.1  # a link's mass may be off by this share of it, and this share of the heaviest link's
+LENGTH, GYRATION = {"m": 1.0, "mx": 0.15, "my": 0.15, "mz": 0.15}, 0.05  # m and m²: what such a mass does elsewhere
 ENOUGH = 10.0  # independent torque rows a parameter from which a prior must be asked for
 WORTH = 0.95  # the prior is used if it brings the cross-validated error below this share of plain least squares'
 REMARKABLE = 0.9  # share below which a prior that is not used is mentioned
@@ -85,10 +87,11 @@ def urdf_priors(regressor: Regressor, reduction: Reduction, whole: Gram) -> dict
     links = np.array([c.effect == "rigid" for c in regressor.columns])
     mean = reduction.mapping @ nominal_parameters(regressor.robot, regressor.effects)
     by_strength = {s: np.where(links, spread / np.sqrt(s), spread) for s in STRENGTHS}
-    return {s: _prior(mean, reduction.mapping * doubt) for s, doubt in by_strength.items()}
+    return {s: gaussian(mean, reduction.mapping * doubt) for s, doubt in by_strength.items()}
 
 
-def _prior(mean: Array, scaled: Array) -> Prior:
+def gaussian(mean: Array, scaled: Array) -> Prior:
+    """The prior N(mean, scaled scaledᵀ), with what has no spread of its own kept invertible."""
     covariance = scaled @ scaled.T
     scale = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
@@ -97,21 +100,30 @@ def _prior(mean: Array, scaled: Array) -> Prior:
 
 def _doubt(regressor: Regressor, reduction: Reduction, whole: Gram) -> Array:
     """How far each parameter may be from the URDF's, one standard deviation."""
-    robot = regressor.robot
-    nominal = dict(zip(robot.all_names, robot.nominal, strict=True))
-    largest = max(nominal[f"m{i}"] for i in robot.numbers.values()) or 1.0
+    links = doubt_of_links(regressor)
     K = reduction.mapping  # a column is the base columns times its column of K, and so is its power
     power = np.maximum(np.einsum("pc,jpq,qc->jc", K, whole.moments[:, :-1, :-1], K, optimize=True), 0.0)
     measured = whole.moments[:, -1, -1]
     spread = np.empty(len(regressor.columns))
     for k, column in enumerate(regressor.columns):
         if column.effect == "rigid":
-            body = column.name.lstrip("mxyzI")
-            length = {"m": 1.0, "mx": 0.15, "my": 0.15, "mz": 0.15}.get(column.name.rstrip("0123456789"), 0.05)
-            spread[k] = (0.5 * nominal[f"m{body}"] + 0.1 * largest) * length
+            spread[k] = links[k]
         else:
             felt = power[:, k] > 1e-12 * power[:, k].max()
             spread[k] = np.sqrt((measured[felt] / power[felt, k]).min()) if felt.any() else 1.0
+    return spread
+
+
+def doubt_of_links(regressor: Regressor) -> Array:
+    """How far a URDF's rigid parameters usually are from the truth, one standard deviation; NaN for other columns."""
+    robot = regressor.robot
+    nominal = dict(zip(robot.all_names, robot.nominal, strict=True))
+    largest = max(nominal[f"m{i}"] for i in robot.numbers.values()) or 1.0
+    spread = np.full(len(regressor.columns), np.nan)
+    for k, column in enumerate(regressor.columns):
+        if column.effect == "rigid":
+            kind, body = column.name.rstrip("0123456789"), column.name.lstrip("mxyzI")
+            spread[k] = (MASS * nominal[f"m{body}"] + HEAVIEST * largest) * LENGTH.get(kind, GYRATION)
     return spread
 
 

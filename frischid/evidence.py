@@ -24,10 +24,11 @@ from scipy import linalg
 
 from frischid.conditions import correlation_time
 from frischid.effects import Effect, State, Term
+from frischid.estimate import Prior
 from frischid.gram import Array
 from frischid.log import Log
 from frischid.model import Model
-from frischid.prior import Prior, reference_of
+from frischid.prior import reference_of
 from frischid.regressor import Regressor
 from frischid.signals import Motion, decimating_filter, prepare
 

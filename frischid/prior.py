@@ -1,4 +1,4 @@
-"""What is believed before the data: the URDF's parameters, and how far the truth may be from them.
+"""What is believed before logs are diagnosed: the URDF weakly, or an identification, and what it leaves possible.
 
     θ ~ N(θ_URDF, P),   P = diag(spread²);      base parameters θ_b = K θ ~ N(K θ_URDF, K P Kᵀ)
 
@@ -18,16 +18,15 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import linalg
 
+from frischid.belief import doubt_of_links, gaussian
 from frischid.effects import columns_of
 from frischid.effects.dynamics import RigidDynamics, random_states
-from frischid.estimate import Prior as Prior
+from frischid.estimate import Prior
 from frischid.gram import Array
 from frischid.identification import structure
 from frischid.model import Model
 from frischid.regressor import Regressor, nominal_parameters
 
-MASS = 0.5  # a link's mass may be off by this share of it
-LEVER, GYRATION = 0.15, 0.05  # m and m²: what a mass that is off may do to first moments and inertias
 ANYTHING = 10.0  # friction may be so many times the largest torque: nothing is known of it
 
 
@@ -39,10 +38,7 @@ def identified(model: Model) -> Prior:
 def nominal(model: Model) -> Prior:
     """A weak belief in the URDF."""
     mapping, mean, spread = _standard(model)
-    covariance = mapping @ (spread[:, None] ** 2 * mapping.T)
-    scale = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(scale, scale) + 1e-6 * np.eye(len(scale))
-    return Prior(mapping @ mean, np.linalg.inv(correlation) / np.outer(scale, scale))
+    return gaussian(mapping @ mean, mapping * spread)
 
 
 def believed(model: Model) -> Mapping[str, float]:
@@ -82,23 +78,11 @@ def _standard(model: Model) -> tuple[Array, Array, Array]:
 
 def _spread(model: Model, regressor: Regressor) -> Array:
     """How far each parameter may be from the URDF's."""
-    robot = model.robot
-    values = dict(zip(robot.all_names, robot.nominal, strict=True))
-    largest = max(values[f"m{i}"] for i in robot.numbers.values()) or 1.0
-    effort = robot.limits.effort[np.isfinite(robot.limits.effort)]
-    anything = ANYTHING * max(float(effort.max(initial=0.0)), 10.0)
-    rotor = _inertia(model)
-    spread = np.empty(len(regressor.columns))
-    for k, column in enumerate(regressor.columns):
-        if column.effect == "rotor_inertia":
-            spread[k] = rotor
-        elif column.effect != "rigid":
-            spread[k] = anything
-        else:
-            kind, body = column.name.rstrip("0123456789"), column.name.lstrip("mxyzI")
-            length = {"m": 1.0, "mx": LEVER, "my": LEVER, "mz": LEVER}.get(kind, GYRATION)
-            spread[k] = (MASS * values[f"m{body}"] + 0.1 * largest) * length
-    return spread
+    effort = model.robot.limits.effort[np.isfinite(model.robot.limits.effort)]
+    others = np.full(len(regressor.columns), ANYTHING * max(float(effort.max(initial=0.0)), 10.0))
+    others[[c.effect == "rotor_inertia" for c in regressor.columns]] = _inertia(model)
+    links = doubt_of_links(regressor)
+    return np.where(np.isnan(links), others, links)
 
 
 def _inertia(model: Model) -> float:
