@@ -14,89 +14,48 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any, Literal
 
 import numpy as np
 
-from frischid.archive import Entry, local
+from frischid.archive import Entry
 from frischid.cluster import Here, Workers
-from frischid.deviation import Change, Deviation, Null, changes, deviation
-from frischid.diagnosis import Finding, diagnose
+from frischid.deviation import Change, Deviation, Null
+from frischid.diagnosis import Finding
 from frischid.effects import BASELINE, Effect
-from frischid.errors import FrischidError, InputError
+from frischid.errors import InputError
 from frischid.estimate import Estimate, wls
-from frischid.gram import Array, Gram, total
+from frischid.gram import Gram
 from frischid.identification import structure
-from frischid.inspection import inspect
-from frischid.log import Log
 from frischid.mapping import LogMap
 from frischid.model import Model
-from frischid.readers import read_log
-from frischid.recording import Motions, Recording, head_of, pieces_of
 from frischid.reduction import Reduction
-from frischid.regressor import Regressor, accumulate
+from frischid.regressor import Regressor
 from frischid.robot import Robot
-from frischid.signals import Bandwidths, LowPass, prepare
-from frischid.survey import survey
+from frischid.signals import Bandwidths, LowPass
+from frischid.tasks import (
+    Job,
+    Look,
+    Skipped,
+    add,
+    against,
+    beside,
+    combine,
+    explain,
+    look,
+    measure,
+    moments,
+    summary,
+    tools,
+)
 
 SIGNIFICANCE = 0.01
 LOOKED_AT = 32  # logs from which the filter and the joints are taken
-BLOCKS = 32  # of a robot
-WHOLE = 32 * 2**20  # bytes of a file that is read as a whole
 ROUNDS = 5  # of taking out robots that differ
 EXPLAINED = 20  # of those, how many are diagnosed
-DIAGNOSED = 30_000  # samples of a robot that are diagnosed
-MOSTLY = 0.5  # share of a robot's error that an effect must explain to be what changed
 TIE = 1.1  # parameters that the model has already explain a change if they leave at most this times the error
-
-
-@dataclass(frozen=True)
-class Job:
-    """What a worker must know to turn a log into moments; rebuilt once a worker."""
-
-    robot: str
-    effects: tuple[Effect, ...]
-    rows: tuple[str, ...]
-    base: tuple[int, ...]
-    lowpass: LowPass
-    velocity: str
-    mapping: LogMap | None = field(compare=False, default=None)
-
-
-@dataclass(frozen=True)
-class Skipped:
-    """A log that is not counted, and why."""
-
-    robot: str
-    address: str
-    reason: str
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """Moments of one log."""
-
-    address: str
-    blocks: tuple[Gram, ...]
-    samples: int
-    seconds: float
-    warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Machine:
-    """Moments of one robot of the fleet."""
-
-    name: str
-    blocks: tuple[Gram, ...]
-    addresses: tuple[str, ...]
-    samples: int
-    seconds: float
-    skipped: tuple[Skipped, ...]
-    warnings: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,155 +232,6 @@ def identify_fleet(
     return Fleet(model, tuple(members), skipped, null, pool.where, tuple(notes), tuple(warnings))
 
 
-# ---------------------------------------------------------------------- on the workers
-
-
-@lru_cache(maxsize=4)
-def _tools(robot: str, effects: tuple[Effect, ...]) -> tuple[Robot, Regressor]:
-    machine = Robot.from_dict(json.loads(robot))
-    return machine, Regressor(machine, effects)
-
-
-def _open(path: Any, address: str, joints: Sequence[str], mapping: LogMap | None) -> Log | Recording:
-    """A log in memory where it is small, else one that is read in pieces; called by its address."""
-    if path.is_file() and path.stat().st_size > WHOLE:
-        return replace(Recording.open(path, joints, mapping), source=address)
-    return replace(read_log(path, joints, mapping), source=address)
-
-
-@dataclass(frozen=True)
-class Look:
-    """What a first look at a log shows."""
-
-    joints: tuple[str, ...]
-    torques: tuple[str, ...]
-    bands: tuple[float, ...]
-    clear: tuple[float, ...]
-    rate: float
-
-
-def look(entry: Entry, joints: tuple[str, ...], rows: tuple[str, ...] | None, mapping: LogMap | None) -> Look | Skipped:
-    """See which joints a log holds and how fast they move."""
-    try:
-        with local(entry.address) as path:
-            log = _open(path, entry.address, joints, mapping)
-            head = head_of(log)
-            torques = tuple(str(n) for n in np.compress(head.has("tau"), head.joints))
-            bands = Bandwidths()
-            bands.add(next(pieces_of(log)), [n for n in (rows or torques) if n in torques])
-            return Look(head.joints, torques, tuple(bands.bands), tuple(bands.clear), float(bands.rate))
-    except Exception as error:
-        return _skipped(entry, error)
-
-
-def measure(entry: Entry, job: Job) -> Part | Skipped:
-    """Moments of one log; a log that cannot be used is an answer, not an error."""
-    try:
-        robot, regressor = _tools(job.robot, job.effects)
-        with local(entry.address) as path:
-            log = _open(path, entry.address, (*robot.joints, *robot.locked), job.mapping)
-            seen = survey(robot, [log], job.rows, job.lowpass.cutoff)
-            missing = [n for n in job.rows if not head_of(log).select([n]).has("tau")[0]]
-            if missing:
-                raise InputError(f"no torque of {', '.join(missing)}, which other logs have")
-            motions = Motions([log], robot.joints, job.lowpass, job.velocity)
-            seconds = seen.seconds if isinstance(log, Recording) else None
-            grams = accumulate(regressor, motions, job.lowpass, job.rows, seconds=seconds, base=job.base)
-            merged = tuple(_merged(grams, BLOCKS))
-            first = next(pieces_of(log)).select(robot.joints)
-            motion = prepare(first, job.lowpass, velocity=job.velocity).motions
-            report = inspect(
-                robot,
-                first,
-                lambda: structure(Regressor(robot, BASELINE), robot.joints),
-                alone=False,
-                prepared=(job.lowpass, motion),
-            )
-            warnings = tuple(f"{entry.address}: {finding.short}" for finding in report.findings)
-            return Part(entry.address, merged, seen.samples[0], seen.seconds, warnings)
-    except Exception as error:
-        return _skipped(entry, error)
-
-
-def _skipped(entry: Entry, error: Exception) -> Skipped:
-    # One of ten thousand logs may be broken in any way; the rest must not stop for it, and it is not passed over.
-    reason = str(error).removeprefix(f"{entry.address}: ")
-    return Skipped(entry.robot, entry.address, reason if isinstance(error, FrischidError) else f"{error!r}")
-
-
-def _merged(grams: Sequence[Gram], most: int) -> list[Gram]:
-    """At most so many blocks, neighbours added."""
-    size = -(-len(grams) // most)
-    return [total(grams[i : i + size]) for i in range(0, len(grams), max(1, size))]
-
-
-def combine(name: str, parts: Sequence[Part | Skipped]) -> Machine:
-    """One robot's logs, in order."""
-    good = [p for p in parts if isinstance(p, Part)]
-    return Machine(
-        name,
-        tuple(_merged([g for p in good for g in p.blocks], BLOCKS)) if good else (),
-        tuple(p.address for p in good),
-        sum(p.samples for p in good),
-        sum(p.seconds for p in good),
-        tuple(p for p in parts if isinstance(p, Skipped)),
-        tuple(w for p in good for w in p.warnings)[:3],
-    )
-
-
-def summary(machine: Machine) -> Machine:
-    """A robot without its moments."""
-    return replace(machine, blocks=())
-
-
-def moments(machine: Machine) -> Gram:
-    """Sum over a robot."""
-    return total(machine.blocks)
-
-
-def add(a: Gram, b: Gram) -> Gram:
-    """Sum of two."""
-    return a + b
-
-
-def against(question: tuple[Machine, bool], fleet: Gram, theta: Array, weights: Array) -> Deviation:
-    """One robot against the others; whether it is in their sum stands beside it."""
-    machine, included = question
-    return deviation(machine.blocks, fleet, theta, weights, included)
-
-
-def _with(machine: Machine, flag: bool) -> tuple[Machine, bool]:
-    return machine, flag
-
-
-def explain(
-    question: tuple[Machine, bool], model: Mapping[str, Any], mapping: LogMap | None, inflation: float
-) -> tuple[list[Change], Finding | None, str]:
-    """What changed on a robot: parameters of the model, and, where it is to be diagnosed, the effect its logs show."""
-    machine, diagnosed = question
-    fleet = Model.from_dict(model)
-    whole = total(machine.blocks)
-    changed = changes(whole, fleet.estimate.theta, fleet.estimate.weights, inflation)
-    if not diagnosed:
-        return changed, None, ""
-    logs: list[Log] = []
-    for address in machine.addresses:
-        if logs and sum(map(len, logs)) + len(logs[-1]) > DIAGNOSED:
-            break
-        with local(address) as path:
-            opened = _open(path, address, (*fleet.robot.joints, *fleet.robot.locked), mapping)
-            logs.append(next(pieces_of(opened)))
-    try:
-        found = diagnose(fleet, logs, situation="changed").findings
-    except FrischidError as error:
-        return changed, None, str(error)
-    # That it differs is settled by the fleet; here it is only asked which effect it is.
-    return changed, next((f for f in found if f.gain > 0 and f.share > MOSTLY), None), ""
-
-
-# ---------------------------------------------------------------------- here
-
-
 def _job(
     pool: Workers,
     robot: Robot,
@@ -482,7 +292,7 @@ def _compared(
         (fleet,) = pool.gather([handle])
         estimate = wls([fleet])
         among = [len(inside) > 1 and k not in outside for k in machines]
-        questions = pool.pairs(_with, list(machines.values()), among)
+        questions = pool.pairs(beside, list(machines.values()), among)
         answers = pool.gather(pool.map(against, questions, handle, estimate.theta, estimate.weights))
         found = dict(zip(machines, answers, strict=True))
         null = Null.of([found[k] for k in inside])
@@ -515,7 +325,7 @@ def _model(
     entries: Sequence[Entry],
     members: Sequence[Member],
 ) -> Model:
-    kept = _tools(job.robot, job.effects)[0]
+    kept = tools(job.robot, job.effects)[0]
     columns = reduction.base_columns()
     error = float(np.median([m.deviation.error_fleet.mean() for m in members]))
     event = {
@@ -562,7 +372,7 @@ def _explained(
     ranked = sorted((i for i, m in enumerate(members) if m.differs), key=lambda i: -members[i].excess)
     content = model.to_dict()
     questions = pool.pairs(
-        _with, [handles[present[i]] for i in ranked], [rank < diagnosed for rank in range(len(ranked))]
+        beside, [handles[present[i]] for i in ranked], [rank < diagnosed for rank in range(len(ranked))]
     )
     asked = pool.map(explain, questions, content, job.mapping, inflation)
     answers = pool.gather(asked, lambda done, of: progress(f"what changed on {done} of {of} robots"))

@@ -42,7 +42,7 @@ LAYERS = (
     ),
     ("consistency", "gains", "diagnosis"),
     ("codegen", "mjcf", "exporting"),
-    ("improvement", "shapes", "fleet"),
+    ("improvement", "shapes", "tasks", "fleet"),
     ("demo",),
     ("figures", "report"),
     ("show",),
