@@ -27,7 +27,7 @@ def run(script: str, *arguments: str | Path, data: str | None = None) -> subproc
     if data is not None:
         environment["FRISCHID_DATA"] = data
     command = [sys.executable, str(FOLDER / script), *map(str, arguments)]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=900)
 
 
 def document(script: str, path: Path, *arguments: str | Path, data: str | None = None) -> dict[str, Any]:

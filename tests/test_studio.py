@@ -199,7 +199,7 @@ def test_a_session_in_the_browser(case, tmp_path):
     try:
         with opened(running.address, height=700, flags=SOLID) as seen:
             page = seen.page
-            page.set_default_timeout(60_000)
+            page.set_default_timeout(180_000)
             page.wait_for_selector(".js-plotly-plot .scatterlayer path")
             before = error_shown(page)
             assert before == pytest.approx(running.bench.state.error, abs=1e-4)
@@ -245,7 +245,7 @@ def test_two_tabs_show_one_model(case, tmp_path):
             two = one.context.browser.new_page()
             two.goto(running.address)
             for page in (one, two):
-                page.set_default_timeout(60_000)
+                page.set_default_timeout(180_000)
                 page.wait_for_selector("text=misses")
             before = error_shown(two)
             one.get_by_role("button", name="Add joint_spring").click()
