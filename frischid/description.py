@@ -49,7 +49,7 @@ class Description:
         depends = ", ".join(self.depends_on) or "no variable alone"
         formula = " and ".join(f"'{f}'" for f in self.formula)
         described = f"; {formula} describes {self.removed:.0%} of it (a description, not a cause)" if formula else ""
-        return f"what is left on {self.joint} depends on {depends}{described}"
+        return f"What is left on {self.joint} depends on {depends}{described}"
 
 
 def describe(evidence: Evidence) -> Description:

@@ -174,7 +174,9 @@ def lacking(study: Study) -> str:
     ]  # fmt: skip
     headings = ["effect", "where", "NRMSE after", "removes", "gain", "p", "confused with"]
     ranking = table(headings, rows, words=2, caption="removes: share of the error above the noise floor on its joints")
-    return head + (items(contacts) if contacts else "") + more + cards + folded("The whole ranking", ranking)
+    described = "" if diagnosis.description is None else f"<p>{esc(str(diagnosis.description))}.</p>"
+    listed = items(contacts) if contacts else ""
+    return head + listed + described + more + cards + folded("The whole ranking", ranking)
 
 
 def _card(study: Study, rank: int, finding: Finding) -> str:
@@ -191,7 +193,7 @@ def _card(study: Study, rank: int, finding: Finding) -> str:
         ("Effect", f"{finding.effect}: {kind.title}"),
         ("Found", found),
         ("Could be", f"{confused} (in general: {', '.join(kind.confused_with)})"),
-        ("Tell apart", f"record {kind.confirmed_by}"),
+        ("Tell apart", f"record {kind.confirmed_by}; `frischid excite --separate A,B` plans a motion for it"),
     ]  # fmt: skip
     listing = "".join(f"<dt>{k}</dt><dd>{esc(v)}</dd>" for k, v in facts)
     shape = shape_of(study.diagnosis, finding, study.prediction) if study.diagnosis is not None else None
@@ -228,7 +230,7 @@ def parameters(study: Study) -> str:
         f"<p>{len(e.theta)} base parameters, estimator {esc(e.estimator)}, condition number {number(e.condition, 3)}. "
         + (f"{len(study.weak)} are known to no better than half their value. " if study.weak else "")
         + (f"Sign impossible: {esc(', '.join(study.impossible))}." if study.impossible else "Every known sign holds.")
-        + "</p>"
+        + f"</p><p>{_physical(study)}</p>"
     )
     known = [("true", study.truth), ("URDF", study.nominal)]
     given = [(name, values) for name, values in known if values is not None]
@@ -258,6 +260,19 @@ def parameters(study: Study) -> str:
         + "<h3>The bounding-box recursion</h3>"
         + _recursion(record)
         + plots(closing)
+    )
+
+
+def _physical(study: Study) -> str:
+    """Whether links that could exist have these base parameters."""
+    found = study.physical
+    if isinstance(found, str):
+        return f"Physical links: none found. {esc(found)}"
+    limits = "; ".join(f"{a.where}: {a.constraint}" for a in found.active)
+    demanded = f" What holds them back: {esc(limits)}." if limits else ""
+    return (
+        "Physical links: links that could exist (positive mass, possible inertia, centre of mass within the body) "
+        f"reproduce these parameters to {found.unexplained:.1f} standard errors (rms).{demanded}"
     )
 
 

@@ -10,8 +10,9 @@ from typing import Any, Literal
 import numpy as np
 
 from frischid.comparison import Comparison, compare
+from frischid.consistency import Consistency, make_consistent
 from frischid.diagnosis import Diagnosis, diagnose
-from frischid.errors import InputError
+from frischid.errors import FrischidError, InputError
 from frischid.gram import Array
 from frischid.identification import HOPELESS, structure
 from frischid.log import Log
@@ -46,6 +47,8 @@ class Study:
         Which parameters are identifiable; None when it is not that of the model (another version made it).
     nominal, truth : ndarray, shape (p,), or None
         Base parameters of the URDF, and of a simulated robot.
+    physical : Consistency or str
+        Links that could exist behind the base parameters, or why there are none.
     """
 
     model: Model
@@ -59,6 +62,7 @@ class Study:
     reduction: Reduction | None
     nominal: Array | None
     truth: Array | None
+    physical: Consistency | str
 
     @property
     def impossible(self) -> list[str]:
@@ -169,7 +173,15 @@ def study(
         reduction,
         None if reduction is None else np.asarray(reduction.mapping @ nominal_parameters(model.robot, model.effects)),
         truth,
+        _physical(model),
     )
+
+
+def _physical(model: Model) -> Consistency | str:
+    try:
+        return make_consistent(model)
+    except FrischidError as error:
+        return str(error)
 
 
 def _reduction(model: Model) -> Reduction | None:

@@ -39,7 +39,7 @@ def diagnosis(result: Diagnosis) -> Page:
         )  # fmt: skip
     parts.append(table)
     if result.description is not None:
-        parts.append(f"{result.description}.".capitalize())
+        parts.append(f"{result.description}.")
     significant = [f for f in result.findings if f.significant]
     if significant:
         best = significant[0]
