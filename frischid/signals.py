@@ -33,6 +33,7 @@ DERIVATIVE_BAND = 5.0  # derivatives pass this many times the cut-off; beyond it
 QUARTIC = 4
 VELOCITIES = ("auto", "measured", "derived")
 CREEPING = 0.01  # a joint slower than this for a while is not under way, rad/s (m/s)
+ALIKE = 1e-3  # of the acceleration: measured and derived ones that differ by less are the same
 LATE_VELOCITY = 0.05  # measured q̇ that differs from dq/dt by more than this share is not used
 
 
@@ -415,11 +416,13 @@ class _Derivatives:
 
         The mean square of the difference of the two is e² + n², with e its own error (noise, and a tachometer's lag)
         and n the noise of the positions' second derivative, which is known: e < n if the difference is below √2 n.
+        Where both agree to a thousandth, the measured one is as good, and free of the differentiator's own bias.
         """
         smooth = self.lowpass.taps(self.step)
         difference = _correlate(smooth, acceleration - self.a)
         noise = noise_level(self.q) * np.linalg.norm(np.convolve(smooth, self.taps[1]))
-        return np.asarray(np.sqrt(np.mean(difference**2, axis=0)) < np.sqrt(2) * noise)
+        alike = ALIKE * np.sqrt(np.mean(self.a**2, axis=0))
+        return np.asarray(np.sqrt(np.mean(difference**2, axis=0)) < np.maximum(np.sqrt(2) * noise, alike))
 
 
 def _correlate(taps: Array, x: Array) -> Array:
