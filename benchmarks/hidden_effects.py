@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 from common import parser, publish
 from hidden_cases import EFFECTS, Case, CaseSpec, Truth, build, cases
+from hidden_unknown import UNKNOWN
 
 from frischid.identification import identify
 from frischid.model import write_text
@@ -102,8 +103,10 @@ def score(kind: str, truth: Truth, said: Outcome) -> dict[str, Any]:
     where = [k for k, names in enumerate(said.ranking) if set(names) & set(truth.effects)]
     result: dict[str, Any] = {"said": first[0], "top": bool(where and where[0] < 3), "joints": None, "after": None}
     if kind == "healthy":
-        # With a background something small is really there: naming it is no false alarm.
-        result["first"] = said.verdict == "none" or bool(set(first) & set(truth.background_effects))
+        # With a background something small is really there: naming it is no false alarm, nor is "unknown" where part of
+        # it is in no catalogue.
+        there = {"unknown" if name in UNKNOWN else name for name in truth.background_effects}
+        result["first"] = said.verdict == "none" or bool(set(first) & there)
         return result
     if kind == "pair":
         named = {name for names in said.added for name in names}
