@@ -30,6 +30,8 @@ EXTRA = 6  # columns filtered beside Y: τ, ones, known torque, q, q̇, q̈
 DRIVES = ("rigid", "rotor_inertia", "offset")  # columns that are not friction
 RESTING = 0.01  # share of a filtered sample's weight that may come from standstill
 LEAST_BLOCKS, MAX_BLOCKS = 16, 64
+BLOCK_BYTES = 256 * 2**20  # of all blocks together: hundreds of parameters on dozens of joints have fewer blocks
+FEWEST_KEPT = 24  # all the same, so that half of them still make standard errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,7 +311,8 @@ def accumulate(
 
     Blocks serve cross-validation and standard errors that respect correlation: about `MAX_BLOCKS` of equal length,
     at least one second each where the logs are long enough for sixteen. No block spans two motions, unless there are
-    more than twice `MAX_BLOCKS`: neighbours are then added, so that memory does not grow with the logs.
+    more than twice `MAX_BLOCKS`, or than `BLOCK_BYTES` hold: neighbours are then added, so that memory does not grow
+    with the logs.
 
     Parameters
     ----------
@@ -340,7 +343,8 @@ def accumulate(
             if 0 < level < each:
                 kept[-1], level = kept[-1] + part, level + 1
                 continue
-            if len(kept) == 2 * MAX_BLOCKS:
+            most = max(FEWEST_KEPT, min(2 * MAX_BLOCKS, BLOCK_BYTES // part.moments.nbytes // 2 * 2))
+            if len(kept) >= most and len(kept) % 2 == 0:
                 kept = [a + b for a, b in zip(kept[::2], kept[1::2], strict=True)]
                 each *= 2
             kept.append(part)
