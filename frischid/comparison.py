@@ -25,7 +25,7 @@ from frischid.regressor import EXTRA, Block, nominal_parameters
 from frischid.signals import Motion
 
 STRETCH = 1000  # filtered samples kept or left out together, so that residuals stay consecutive
-MOST_KEPT = 100_000  # filtered samples in memory: hours of motion at usual cut-offs, 30 MB for a six-joint arm
+MOST_KEPT = 60_000  # filtered samples in memory: an hour of motion at usual cut-offs, 20 MB for a six-joint arm
 
 
 @dataclass(frozen=True)

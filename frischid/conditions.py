@@ -97,8 +97,8 @@ class Residuals:
         self.used = np.concatenate([b.used[:, index] for b, _ in blocks])
         self.fitted = np.concatenate([f[:, index] for _, f in blocks])
         self.residual = np.concatenate([b.tau[:, index] for b, _ in blocks]) - self.fitted
-        sources = [b.source for b, _ in blocks for _ in b.t]
-        self.source = np.unique(sources, return_inverse=True)[1]
+        numbers = {name: k for k, name in enumerate(sorted({b.source for b, _ in blocks}))}
+        self.source = np.repeat([numbers[b.source] for b, _ in blocks], [len(b.t) for b, _ in blocks])
         self.step = float(np.median(np.diff(self.t))) if len(self.t) > 1 else 1.0
         self.white_time = _filter_time(model, self.step)
 
