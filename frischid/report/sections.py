@@ -237,7 +237,7 @@ def parameters(study: Study) -> str:
     rows = []
     for i, column in enumerate(e.columns):
         flags = []
-        if column.sign * e.theta[i] < 0:
+        if column.name in study.impossible:
             flags.append("impossible sign")
         if column.name in study.weak:
             flags.append("hardly known")

@@ -66,9 +66,9 @@ class Study:
 
     @property
     def impossible(self) -> list[str]:
-        """Parameters whose sign is known and not the estimate's."""
+        """Parameters whose sign is known and not the estimate's, by more than two standard errors."""
         e = self.model.estimate
-        return [c.name for c, x in zip(e.columns, e.theta, strict=True) if c.sign * x < 0]
+        return [c.name for c, x, s in zip(e.columns, e.theta, e.stderr, strict=True) if c.sign * x < -2 * s]
 
     @property
     def weak(self) -> list[str]:
