@@ -270,8 +270,8 @@ class Kept:
         self.length += len(block.t)
         if self.number % self.every:
             return
-        # Only what residuals need: the regressor's columns are most of a block.
-        self.stretches[-1].append((replace(block, Z=block.Z[:, -EXTRA:].copy()), fitted))
+        # Only what residuals need, and no views: columns are most of a block, and its times hold a whole motion's.
+        self.stretches[-1].append((replace(block, t=block.t.copy(), Z=block.Z[:, -EXTRA:].copy()), fitted))
         self.samples += len(block.t)
         if self.samples > MOST_KEPT:
             self.stretches, self.every = self.stretches[::2], 2 * self.every
