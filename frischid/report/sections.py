@@ -60,7 +60,7 @@ def verdict(study: Study, model_path: str) -> str:
         f"torque {100 * c.constant:.0f} %, and the sensors' noise alone would leave {100 * c.noise_floor:.1f} %."
     )
     wrong = f"Worst is {esc(worst)}, of which it misses {100 * c.joints[worst].nrmse:.1f} %. "
-    wrong += f"Condition that stands out most: {esc(figures.matrix(study.verdict).reading)} "
+    wrong += f"{esc(figures.matrix(study.verdict).reading)} "
     wrong += f"{esc(missing(study.diagnosis))}." if study.diagnosis is not None else ""
     said = study.warnings()
     listing = f'<h3>{_count(said)}</h3><div class="warnings">{items(said)}</div>' if said else "<p>No warnings.</p>"
