@@ -28,6 +28,7 @@ from frischid.model import Model
 from frischid.noise import noise_floor
 from frischid.prior import identified, nominal
 from frischid.ranking import SIGNIFICANCE, TRIFLE, Ranked, ranking
+from frischid.recording import Recording
 
 Verdict = Literal["none", "effect", "contact", "unknown"]
 Known = Literal["always", "changed"]
@@ -142,9 +143,9 @@ class Diagnosis:
 
 def diagnose(
     model: Model,
-    logs: Sequence[Log],
+    logs: Sequence[Log | Recording],
     *,
-    valid: Sequence[Log] = (),
+    valid: Sequence[Log | Recording] = (),
     situation: Situation = "auto",
     effects: Sequence[str] | None = None,
     progress: Callable[[str], None] = lambda _: None,
@@ -154,12 +155,11 @@ def diagnose(
     Parameters
     ----------
     model : Model
-    logs : sequence of Log
+    logs : sequence of Log or Recording
         Data the model fails on.
-    valid : sequence of Log
-        More data of the same robot in the same state; with several logs each is predicted from the others, a single
-        log is
-        cut into four.
+    valid : sequence of Log or Recording
+        More data of the same robot in the same state; with several logs each is predicted from the others, of a
+        single one each stretch without a gap (each piece of a recording) is cut into four.
     situation : {"auto", "always", "changed"}
         Whether the effect was always there, or the robot changed since the model was identified. ``"auto"``: changed
         when the logs are not the model's own and a refit predicts them better than the model does.
@@ -218,7 +218,7 @@ def diagnose(
 # ---------------------------------------------------------------------- what is known beforehand
 
 
-def gathered(model: Model, logs: Sequence[Log], situation: Situation = "auto") -> tuple[Evidence, Known]:
+def gathered(model: Model, logs: Sequence[Log | Recording], situation: Situation = "auto") -> tuple[Evidence, Known]:
     """Rows of logs under what is known beforehand, and which of the two situations that is.
 
     A robot *changed* when the logs are not the model's own and a refit, under no more than a weak belief in the URDF,
@@ -232,7 +232,7 @@ def gathered(model: Model, logs: Sequence[Log], situation: Situation = "auto") -
     return evidence, situation
 
 
-def _own(model: Model, logs: Sequence[Log]) -> bool:
+def _own(model: Model, logs: Sequence[Log | Recording]) -> bool:
     """Whether the model was made from one of these logs."""
     own = {entry["sha256"] or entry["source"] for event in model.history for entry in event.get("logs", [])}
     return any((log.sha256 or log.source) in own for log in logs)

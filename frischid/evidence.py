@@ -150,9 +150,7 @@ class Evidence:
 
     # ------------------------------------------------------------------ candidates
 
-    def project(
-        self, effects: Sequence[Effect], progress: Callable[[str], None] = lambda _: None
-    ) -> list[Projection]:
+    def project(self, effects: Sequence[Effect], progress: Callable[[str], None] = lambda _: None) -> list[Projection]:
         """Filtered columns of candidate effects over all rows."""
         return self.data.project(effects, progress)
 
@@ -295,7 +293,9 @@ class Evidence:
                     pieces.setdefault(symbol + number, []).append(x[picked])
         return {name: np.concatenate(parts) for name, parts in pieces.items()}
 
-    def predicted(self, row: int, theta: Array, candidate: Projection | None = None, beta: Array | None = None) -> Array:
+    def predicted(
+        self, row: int, theta: Array, candidate: Projection | None = None, beta: Array | None = None
+    ) -> Array:
         """Torque of a joint's rows, (n,); of parameters (p,), or of those of each row's fold (folds, p).
 
         Parameters

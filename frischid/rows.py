@@ -113,7 +113,7 @@ class Rows:
         self.active = [np.array([place[c] for c in columns.tolist()], dtype=int) for columns in self._columns]
         self._pieces: list[_Piece] = []
         self._projections: dict[str, Projection] = {}
-        found: list[list[tuple[Array, ...]]] = [[] for _ in index]
+        found: list[list[JointRows]] = [[] for _ in index]
         blocks = 0
         for number, log in enumerate(logs):
             for motion in model.motions([log]):
@@ -125,9 +125,15 @@ class Rows:
                 blocks = int(block.max(initial=blocks - 1)) + 1
                 self._pieces.append(piece)
                 for row, keep in enumerate(piece.picked):
-                    found[row].append((tau[row], fold[keep].astype(np.int32), block[keep].astype(np.int32), keep))
+                    f, b = fold[keep].astype(np.int32), block[keep].astype(np.int32)
+                    found[row].append(JointRows(tau[row], f, b, [keep]))
         self.joints = [
-            JointRows(*(np.concatenate([part[k] for part in parts]) for k in range(3)), [part[3] for part in parts])
+            JointRows(
+                np.concatenate([part.tau for part in parts]),
+                np.concatenate([part.fold for part in parts]),
+                np.concatenate([part.block for part in parts]),
+                [picked for part in parts for picked in part.picked],
+            )
             for parts in found
         ]
         # which of the stored rows these are, by joint and motion
@@ -264,9 +270,7 @@ class Rows:
 
     # ------------------------------------------------------------------ candidates
 
-    def project(
-        self, effects: Sequence[Effect], progress: Callable[[str], None] = lambda _: None
-    ) -> list[Projection]:
+    def project(self, effects: Sequence[Effect], progress: Callable[[str], None] = lambda _: None) -> list[Projection]:
         """Filtered columns of candidate effects over all rows, and their moments."""
         fresh = list({str(e): e for e in effects if str(e) not in self._projections}.values())
         groups = [list(group) for _, group in groupby(fresh, lambda effect: effect.id)]
@@ -301,9 +305,7 @@ class Rows:
 
     def given(self, effect: Effect, row: int, values: Sequence[Array]) -> Projection:
         """Stand for a candidate on one joint by its values at each motion's filtered samples."""
-        columns = [
-            self.store.put(x[piece.picked[row], None]) for piece, x in zip(self._pieces, values, strict=True)
-        ]
+        columns = [self.store.put(x[piece.picked[row], None]) for piece, x in zip(self._pieces, values, strict=True)]
         return Projection(effect, {row: columns}, (0,))
 
     def joined(self, parts: Sequence[Projection]) -> Projection:
@@ -311,9 +313,9 @@ class Rows:
         columns: dict[int, list[Stored]] = {}
         for row in sorted({row for p in parts for row in p.columns}):
             for number, piece in enumerate(self._pieces):
+                n = len(piece.picked[row])
                 found = [
-                    p.columns[row][number].read() if row in p.columns else np.zeros((len(piece.picked[row]), len(p.signs)))
-                    for p in parts
+                    p.columns[row][number].read() if row in p.columns else np.zeros((n, len(p.signs))) for p in parts
                 ]
                 columns.setdefault(row, []).append(self.store.put(np.column_stack(found)))
         return Projection(parts[0].effect, columns, tuple(s for p in parts for s in p.signs))

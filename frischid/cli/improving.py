@@ -10,7 +10,7 @@ from frischid.cli.arguments import (
     json_option,
     map_option,
     matching,
-    read,
+    opened,
     show_page,
     situation_option,
     valid_option,
@@ -47,8 +47,8 @@ def diagnose(
         progress("reading logs")
         found = run(
             loaded,
-            read(logs, loaded.robot, mapping),
-            valid=read(valid, loaded.robot, mapping),
+            opened(logs, loaded.robot, mapping),
+            valid=opened(valid, loaded.robot, mapping),
             situation=situation,
             effects=None if only is None else [x.strip() for x in only.split(",")],
             progress=progress,
@@ -92,7 +92,7 @@ def add(
     names = matching(joints, loaded.robot.joints)
     with working(as_json) as progress:
         progress("refitting")
-        data, held_out = read(logs, loaded.robot, mapping), read(valid, loaded.robot, mapping)
+        data, held_out = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
         chosen = parse_effects(effect if names is None or "@" in effect else f"{effect}@{'+'.join(names)}")
         chosen = searched(loaded, chosen, effect, [*data, *held_out], situation)
         step = run(loaded, chosen, data, valid=held_out, situation=situation)
@@ -129,7 +129,7 @@ def improve(
     loaded = Model.load(model)
     with working(as_json) as progress:
         progress("reading logs")
-        data, held_out = read(logs, loaded.robot, mapping), read(valid, loaded.robot, mapping)
+        data, held_out = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
         steps, last = run(loaded, data, valid=held_out, situation=situation, most=most, progress=progress)
     final = steps[-1].model if steps else loaded
     if output:
