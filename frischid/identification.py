@@ -200,12 +200,9 @@ def identify(
     regressor = Regressor(robot, effects, reference)
     reduction = structure(regressor, rows)
     columns = reduction.base_columns()
-    blocks = [
-        replace(g, columns=columns)
-        for g in accumulate(
-            regressor, motions, lowpass, rows, seconds=seen.seconds if streamed else None, base=reduction.base
-        )
-    ]
+    blocks = accumulate(
+        regressor, motions, lowpass, rows, seconds=seen.seconds if streamed else None, base=reduction.base
+    ).described(columns)
     notes += pieces.notes
     if reduction.gap < 100:
         warnings.append(

@@ -151,7 +151,7 @@ def sensor_moments(
     per_motion = [{s.name: s for s in sensors_of(m, regressor.robot, lowpass)} for m in motions]
     sensors = list(dict.fromkeys(name for found in per_motion for name in found))
 
-    def moments(moved: Sequence[Motion]) -> list[Gram]:
+    def moments(moved: Sequence[Motion]) -> Sequence[Gram]:
         return accumulate(regressor, moved, lowpass, joints)
 
     def weighted(grams: Sequence[Gram]) -> Array:
