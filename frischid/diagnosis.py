@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy import stats
 
+from frischid.cluster import Workers
 from frischid.contact import Contact, find_contacts, stretches
 from frischid.description import Description, describe
 from frischid.effects import EFFECTS, Effect
@@ -148,6 +149,7 @@ def diagnose(
     valid: Sequence[Log | Recording] = (),
     situation: Situation = "auto",
     effects: Sequence[str] | None = None,
+    workers: Workers | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Find the effect a model misses on some logs.
@@ -165,6 +167,8 @@ def diagnose(
         when the logs are not the model's own and a refit predicts them better than the model does.
     effects : sequence of str, optional
         Identifiers to try, the whole catalogue by default.
+    workers : Workers, optional
+        Where the candidates' columns are computed, this process by default; the answer is the same.
     progress : callable
 
     Returns
@@ -178,7 +182,7 @@ def diagnose(
             raise UnknownNameError("effect", name, EFFECTS)
     progress("evidence")
     everything = [*logs, *valid]
-    evidence, state = gathered(model, everything, situation)
+    evidence, state = gathered(model, everything, situation, workers)
     floor = noise_floor(model, evidence.motions)
     contacts = find_contacts(evidence, floor)
     findings, left = rank(evidence, floor, state, effects, progress)
@@ -218,13 +222,15 @@ def diagnose(
 # ---------------------------------------------------------------------- what is known beforehand
 
 
-def gathered(model: Model, logs: Sequence[Log | Recording], situation: Situation = "auto") -> tuple[Evidence, Known]:
+def gathered(
+    model: Model, logs: Sequence[Log | Recording], situation: Situation = "auto", workers: Workers | None = None
+) -> tuple[Evidence, Known]:
     """Rows of logs under what is known beforehand, and which of the two situations that is.
 
     A robot *changed* when the logs are not the model's own and a refit, under no more than a weak belief in the URDF,
     predicts them better than the model as it is.
     """
-    evidence = Evidence(model, logs, nominal(model))
+    evidence = Evidence(model, logs, nominal(model), workers)
     if situation == "auto":
         situation = "changed" if not _own(model, logs) and _frozen(evidence) > CHANGED * _error(evidence) else "always"
     if situation == "changed":

@@ -7,13 +7,16 @@ from typing import Any
 import click
 
 from frischid.cli.arguments import (
+    elsewhere,
     json_option,
     map_option,
     matching,
     opened,
+    scheduler_option,
     show_page,
     situation_option,
     valid_option,
+    workers_option,
     working,
 )
 from frischid.cli.group import main
@@ -27,6 +30,8 @@ from frischid.errors import InputError
 @map_option
 @situation_option
 @click.option("--try", "only", help="Effects to try, comma separated; all by default.")
+@scheduler_option
+@workers_option
 @json_option
 def diagnose(
     model: str,
@@ -35,6 +40,8 @@ def diagnose(
     mapping: str | None,
     situation: Any,
     only: str | None,
+    scheduler: str | None,
+    workers: int | None,
     as_json: bool,
 ) -> None:
     """Which physical effect the model is missing, by held-out evidence."""
@@ -43,7 +50,7 @@ def diagnose(
     from frischid.show import improving as show
 
     loaded = Model.load(model)
-    with working(as_json) as progress:
+    with working(as_json) as progress, elsewhere(scheduler, workers) as pool:
         progress("reading logs")
         found = run(
             loaded,
@@ -51,6 +58,7 @@ def diagnose(
             valid=opened(valid, loaded.robot, mapping),
             situation=situation,
             effects=None if only is None else [x.strip() for x in only.split(",")],
+            workers=pool,
             progress=progress,
         )
     show_page(show.diagnosis(found), as_json)
