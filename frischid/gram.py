@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
-from operator import add
 from typing import Literal, overload
 
 import numpy as np
@@ -24,6 +23,7 @@ from frischid.errors import InputError, UnknownNameError
 
 Array = NDArray[np.float64]
 Sign = Literal[-1, 0, 1]
+LARGE = 2**20  # bytes of moments above which a block is worth packing
 
 
 @dataclass(frozen=True)
@@ -176,43 +176,44 @@ class Gram:
 
 
 class Blocks(Sequence[Gram]):
-    """Moments of consecutive stretches of time, each made when it is asked for.
+    """Moments of consecutive stretches of time.
 
-    Kept are triangles over the columns that are not zero: a joint feels the links it moves, and moments are symmetric.
-    That is half of the numbers for an arm of six joints, and a sixth for a chain of thirty.
+    Large ones are kept as triangles over the columns that are not zero, and made whole when they are asked for: a joint
+    feels the links it moves, and moments are symmetric. Of a chain of thirty joints that leaves a sixth of the numbers.
+    Small ones stay as they are: packing them would take longer than adding them.
     """
 
     def __init__(self, grams: Iterable[Gram] = ()) -> None:
-        self._kept: list[_Packed] = []
+        self._kept: list[Gram | _Packed] = []
         for gram in grams:
             self.append(gram)
 
     def append(self, gram: Gram) -> None:
         """Add a block behind the others."""
-        self._kept.append(_Packed.of(gram))
+        self._kept.append(_kept(gram))
 
     def merge(self, gram: Gram) -> None:
         """Add to the last block."""
-        self._kept[-1] += _Packed.of(gram)
+        self._kept[-1] = _sum(self._kept[-1], _kept(gram))
 
     def halve(self) -> None:
         """Add neighbours to each other, of an even number of blocks."""
-        self._kept = [a + b for a, b in zip(self._kept[::2], self._kept[1::2], strict=True)]
+        self._kept = [_sum(a, b) for a, b in zip(self._kept[::2], self._kept[1::2], strict=True)]
 
     def described(self, columns: Sequence[Column]) -> Blocks:
         """The same with other words for the columns."""
         found = Blocks()
-        found._kept = [replace(packed, columns=tuple(columns)) for packed in self._kept]
+        found._kept = [replace(block, columns=tuple(columns)) for block in self._kept]
         return found
 
     def total(self) -> Gram:
         """Sum of all, of which there is at least one."""
-        return reduce(add, self._kept).whole()
+        return _whole(reduce(_sum, self._kept))
 
     @property
     def nbytes(self) -> int:
         """Of all blocks together."""
-        return sum(packed.nbytes for packed in self._kept)
+        return sum(block.moments.nbytes if isinstance(block, Gram) else block.nbytes for block in self._kept)
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -223,10 +224,25 @@ class Blocks(Sequence[Gram]):
     def __getitem__(self, index: slice) -> Blocks: ...
     def __getitem__(self, index: int | slice) -> Gram | Blocks:
         if isinstance(index, int):
-            return self._kept[index].whole()
+            return _whole(self._kept[index])
         found = Blocks()
         found._kept = self._kept[index]
         return found
+
+
+def _kept(gram: Gram) -> Gram | _Packed:
+    return _Packed.of(gram) if gram.moments.nbytes > LARGE else gram
+
+
+def _whole(block: Gram | _Packed) -> Gram:
+    return block if isinstance(block, Gram) else block.whole()
+
+
+def _sum(a: Gram | _Packed, b: Gram | _Packed) -> Gram | _Packed:
+    if isinstance(a, _Packed) and isinstance(b, _Packed) and all(map(np.array_equal, a.where, b.where)):
+        triangles = tuple(x + y for x, y in zip(a.triangles, b.triangles, strict=True))
+        return replace(a, triangles=triangles, sums=a.sums + b.sums, counts=a.counts + b.counts)
+    return _kept(_whole(a) + _whole(b))
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,12 +261,6 @@ class _Packed:
         where = tuple(np.flatnonzero(np.diag(M)) for M in gram.moments)
         triangles = tuple(M[own[:, None], own][_lower(len(own))] for M, own in zip(gram.moments, where, strict=True))
         return cls(gram.columns, gram.joints, where, triangles, gram.sums, gram.counts)
-
-    def __add__(self, other: _Packed) -> _Packed:
-        if all(map(np.array_equal, self.where, other.where)):
-            triangles = tuple(a + b for a, b in zip(self.triangles, other.triangles, strict=True))
-            return replace(self, triangles=triangles, sums=self.sums + other.sums, counts=self.counts + other.counts)
-        return _Packed.of(self.whole() + other.whole())
 
     def whole(self) -> Gram:
         """The Gram it was made of."""

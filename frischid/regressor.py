@@ -348,8 +348,8 @@ def accumulate(
                 kept.merge(part)
                 level += 1
                 continue
-            room = BLOCK_BYTES * len(kept) // max(kept.nbytes, 1)
-            if len(kept) >= max(FEWEST_KEPT, min(2 * MAX_BLOCKS, room // 2 * 2)) and len(kept) % 2 == 0:
+            full = len(kept) >= 2 * MAX_BLOCKS or (len(kept) >= FEWEST_KEPT and kept.nbytes > BLOCK_BYTES)
+            if full and len(kept) % 2 == 0:
                 kept.halve()
                 each *= 2
             kept.append(part)

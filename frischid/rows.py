@@ -36,6 +36,7 @@ Moments = Mapping[int, Array]
 SCREENED = 10  # shapes of one effect that are judged in full
 SINGULAR = 1e-6  # of the largest singular value of a candidate's columns, below which they are one
 QUARTERS = 4  # folds of a single log
+MOST_FOLDS = 16  # of more logs neighbours share a fold: every candidate has its moments in every fold
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +96,7 @@ class Rows:
     ----------
     model : Model
     logs : sequence of Log or Recording
-        Every log is a fold; of a single one each motion is cut into four.
+        Every log is a fold, up to `MOST_FOLDS`; of a single one each motion is cut into four.
     workers : Workers, optional
         Where candidates' columns are computed, this process by default.
     """
@@ -119,7 +120,8 @@ class Rows:
             for motion in model.motions([log]):
                 piece, tau = self._piece(motion)
                 quarters = np.minimum(QUARTERS * np.arange(len(piece.t)) // max(len(piece.t), 1), QUARTERS - 1)
-                fold = quarters if len(logs) == 1 else np.full(len(piece.t), number)
+                together = number * MOST_FOLDS // max(len(logs), MOST_FOLDS)
+                fold = quarters if len(logs) == 1 else np.full(len(piece.t), together)
                 second = max(1.0, 12 / (model.lowpass.cutoff or 12))
                 block = blocks + ((piece.t - piece.t[:1]) / second).astype(int)
                 blocks = int(block.max(initial=blocks - 1)) + 1

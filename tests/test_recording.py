@@ -82,7 +82,8 @@ def test_blocks_do_not_grow_with_the_logs():
     assert sum(g.rows for g in many) == 40 * sum(g.rows for g in once)
 
 
-def test_blocks_are_their_grams_in_half_the_room():
+def test_blocks_are_their_grams_in_half_the_room(monkeypatch):
+    monkeypatch.setattr("frischid.gram.LARGE", 0)
     robot, lowpass = fr.Robot.load("ur5"), LowPass(5.0)
     log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=100.0)
     regressor = Regressor(robot, fr.BASELINE)
