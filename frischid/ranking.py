@@ -279,7 +279,7 @@ def refined(evidence: Evidence, candidate: Judged) -> Judged:
             kind(joints=now.joints, **now.parameters | {name: float(now.parameters[name]) + way * step})
             for name, step in steps.items()
             for way in (-1.0, 1.0)
-            if float(now.parameters[name]) + way * step > 0
+            if float(now.parameters[name]) * (float(now.parameters[name]) + way * step) > 0
         ]
         projections = distinct(evidence, [now, *near])
         better = judged(evidence, projections) if projections else None
