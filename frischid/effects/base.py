@@ -107,7 +107,6 @@ class State:
             raise InputError("an effect needs the rate of the torque: give the samples' times, in increasing order")
         return np.asarray(make_interp_spline(self.t, x, k=degree).derivative(order)(self.t))
 
-
     def earlier(self, x: Array, by: float) -> Array:
         """Channels (N, ...) as they were some seconds earlier (later, where negative): the spline through them.
 
