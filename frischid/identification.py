@@ -41,8 +41,8 @@ from frischid.survey import torque_joints as torque_joints_of
 from frischid.triangular import SAFE_CONDITION
 
 MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see
-WIDTHS = (0.001, 0.003, 0.01, 0.03, 0.1)  # rad/s (m/s)
-FINER = (3**0.5, 3**0.25)  # steps from the best of these to a better one
+WIDTHS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s (m/s)
+FINER = (1.5, 1.2)  # steps from the best of these to a better one
 SAMPLE = 6000  # samples on which the width of dry friction's sign is chosen
 FIRST_PIECES = 4  # of a recording, on which it is chosen
 DECISIVE = 0.98  # share of a sharper one's error below which a wider sign is worth it
