@@ -29,7 +29,7 @@ from frischid.regressor import Regressor
 from frischid.signals import LowPass, Motion, correlate, derivative_taps, noise_level
 
 SEED = 0  # of the draws: the same log gives the same floor
-SAMPLES = 8_000  # of one motion, from its middle, on which draws are made
+SAMPLES = 4_000  # of one motion, from its middle, on which draws are made
 SHARP = 1e-4  # width of dry friction's sign that is as good as none, rad/s (m/s)
 NEAR = 3.0  # times the cut-off: where the noise next to the filter's band is looked at
 SIXTH = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
