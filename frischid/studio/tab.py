@@ -7,7 +7,6 @@ the revision it was made for, so that a click on yesterday's finding changes not
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -26,8 +25,6 @@ from frischid.studio.stage import Stage, Track
 SHOWN = 6
 VARIABLES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "load", "time": "t"}
 EVERY = "every joint"
-GLANCE = 0.3  # s
-FRAME = 0.05  # s between two poses of a robot that plays
 WIDTH = 430  # pixels of each panel
 
 
@@ -60,16 +57,13 @@ class Tab:
         gui.set_panel_label(f"frischid: {bench.state.model.robot.name}")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
-        self._later: list[Callable[[], None]] = []
+        self._later: list[Callable[[], None]] = []  # figures: robot and words come first
         self._curves(gui, joints, worst)
         self._work(gui, joints)
         self.stage = Stage(client, bench, track, self._choose)
         self._drawn: State | None = None
         self._headline(bench.state)
         self.pose()
-        # plotly.js holds the browser up for a second: let it draw robot and words before.
-        client.flush()
-        time.sleep(GLANCE)
         for add in self._later:
             add()
         self.refresh()
@@ -171,10 +165,10 @@ class Tab:
         """Put the robot where it was at the slider's time."""
         self.stage.pose(float(self.time.value), str(self.joint.value), self.colouring.value)
 
-    def step(self) -> None:
+    def step(self, seconds: float) -> None:
         """Let the robot move on, if it plays."""
         if self.playing:
-            after = float(self.time.value) + FRAME
+            after = float(self.time.value) + seconds
             self.time.value = after if after < self.time.max else 0.0
             self.pose()
 
