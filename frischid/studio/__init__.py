@@ -48,6 +48,8 @@ class Studio:
         Where it is to be found.
     bench : Bench
         Once there is a model.
+    tabs : dict of int to Tab
+        The browser tabs that show it, by viser's number of the client.
 
     Raises
     ------
@@ -73,7 +75,7 @@ class Studio:
         self.address = f"http://{shown}:{self.server.get_port()}"
         self._lock = threading.Lock()  # over who waits and who is shown the model
         self._waiting: dict[int, tuple[Any, list[Any]]] = {}
-        self._tabs: dict[int, Tab] = {}
+        self.tabs: dict[int, Tab] = {}
         self._open: Callable[[Any], None] | None = None
         self._blank = go.Figure()
         self.server.on_client_connect(self._arrived)
@@ -107,7 +109,7 @@ class Studio:
         track = Track.of(bench)
 
         def show(client: Any) -> None:
-            tab = self._tabs[client.client_id] = Tab(client, bench, track)
+            tab = self.tabs[client.client_id] = Tab(client, bench, track)
             tab.refresh()  # what changed while it was drawn
             bench.look()
 
@@ -139,14 +141,14 @@ class Studio:
     def _left(self, client: Any) -> None:
         with self._lock:
             self._waiting.pop(client.client_id, None)
-        self._tabs.pop(client.client_id, None)
+        self.tabs.pop(client.client_id, None)
 
     def _everywhere(self, do: Callable[[Tab], None]) -> None:
-        for number, tab in list(self._tabs.items()):
+        for number, tab in list(self.tabs.items()):
             try:
                 do(tab)
             except Exception:  # a tab that was closed meanwhile must not keep the others from being told
-                self._tabs.pop(number, None)
+                self.tabs.pop(number, None)
 
     def _play(self) -> None:
         while True:
