@@ -29,7 +29,8 @@
       config.displayModeBar = false;
     }
     plot.querySelectorAll("script").forEach((s) => s.remove());
-    Plotly.react(plot, spec.data, spec.layout, config);
+    Plotly.purge(plot); // one that is drawn again would keep its width, on paper too
+    Plotly.newPlot(plot, spec.data, spec.layout, config);
     plot.dataset.drawn = dark ? "dark" : "light";
   }
 
