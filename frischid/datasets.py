@@ -1,7 +1,7 @@
 """Public logs of real robots: fetched by permanent address, believed by checksum.
 
-Nothing is bundled. A data set's files are addressed by a commit, which cannot change, and each must have the SHA-256
-that its owner published. A data set whose owner published none is described, not fetched: see `Dataset.files`. The
+Nothing is bundled. A file is addressed by a commit, which cannot change, and must have the SHA-256 written here: the
+owner's own where one was published, and otherwise that of the bytes the commit held when this was written. The
 download is done by ``pooch`` (the extra ``frischid[fetch]``); a folder that holds the files already does as well.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from frischid.mapping import LogMap
 from frischid.model import write_text
 from frischid.tables import read_table, write_table
 
-CHANNELS = {"position": "q", "velocity": "v", "effort": "current"}
+Table = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,13 @@ class Dataset:
     licence, citation : str
         Printed with every fetch.
     address : str
-        Prefix of the files' addresses, with a commit in it.
+        Prefix of the files' addresses.
     files : mapping of str to str
-        Path after `address` -> SHA-256; empty where none was published.
+        Path after `address` -> SHA-256. The commit is in one of the two.
     logs : mapping of str to str
-        Name of a log to make -> folder of its ``tiago_<channel>.csv`` files.
+        Name of a log to make -> the file, or the folder of files, that it is made of.
+    layout : callable
+        Makes a log's columns of such a file or folder.
     remarks : str
         What a user must know of the data.
     """
@@ -48,23 +50,72 @@ class Dataset:
     page: str
     licence: str
     citation: str
-    address: str = ""
-    files: Mapping[str, str] = field(default_factory=dict)
-    logs: Mapping[str, str] = field(default_factory=dict)
+    address: str
+    files: Mapping[str, str]
+    logs: Mapping[str, str]
+    layout: Callable[[Path], Table]
     remarks: str = ""
 
 
-_FIGAROH = "https://github.com/thanhndv212/figaroh-examples"
+def _by_channel(folder: Path) -> Table:
+    """TIAGo's: one file a channel, on one clock."""
+    table: Table = {}
+    for kind, channel in {"position": "q", "velocity": "v", "effort": "current"}.items():
+        path = folder / f"tiago_{kind}.csv"
+        part = read_table(path, LogMap())
+        t = np.asarray(part.values("t"), dtype=float)
+        if not np.array_equal(table.setdefault("t", t), t):
+            raise InputError(f"{path}: its stamps are not those of the other channels")
+        for name in part.names:
+            joint = name.removeprefix("- ").removesuffix(f"_{kind}")
+            if name != "t" and name not in part.unusable:
+                table[f"{channel}_{joint}"] = np.asarray(part.values(name), dtype=float)
+    return table
+
+
+def _without_header(path: Path) -> Table:
+    """The UR10e's: t, then six columns of each channel, and no header; time counts from the first row."""
+    rows = np.loadtxt(path, delimiter=",", ndmin=2)
+    joints = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
+    columns = [f"{c}_{joint}" for c in ("q", "v", "current", "current_des", "tau_des") for joint in joints]
+    return {"t": rows[:, 0] - rows[0, 0], **dict(zip(columns, rows[:, 1:].T, strict=True))}
+
+
+def _by_number(folder: Path) -> Table:
+    """The Panda's: one file a channel, one number a line, the seven joints in turn."""
+    prefix = "exciting_traj"
+    table: Table = {"t": np.loadtxt(folder / f"{prefix}_time.txt")}
+    for channel, kind in {"q": "positions", "v": "velocity", "tau": "torques"}.items():
+        rows = np.loadtxt(folder / f"{prefix}_{kind}.txt").reshape(len(table["t"]), 7)
+        table |= {f"{channel}_panda_joint{k + 1}": column for k, column in enumerate(rows.T)}
+    return table
+
+
+_RAW = "https://raw.githubusercontent.com"
+_FIGAROH = "thanhndv212/figaroh-examples"
 _COMMIT = "2c905a08b71f2a59452ac26ff9754135d8b5b1c2"
 _TIAGO = "examples/tiago/data/identification"
+_UR10E = {
+    "ident_20s_5harm": "40df589ea75e128ad2396ea4a78103a84efd2d6a/data_ur10/ur-20_02_06-20sec_5harm.csv",
+    "ident_20s_10harm": "40df589ea75e128ad2396ea4a78103a84efd2d6a/data_ur10/ur-20_02_06-20sec_10harm.csv",
+    "ident_30s_12harm": "ded626374e0aafe008758e8f5d1b4570c196c759/data_ur10/identification_data/"
+    "ur-20_02_10-30sec_12harm.csv",
+    "ident_40s_12harm": "3afa267a6dca8a91a6938e878a32ca086c5cc606/data_ur10/ur-20_02_12-40sec_12harm.csv",
+    "ident_50s_12harm": "3afa267a6dca8a91a6938e878a32ca086c5cc606/data_ur10/ur-20_02_12-50sec_12harm.csv",
+    "valid_ptp_10_points": "75b04d420373b7ae5ff27b0179e8a009665ec2af/dataset_ur10e/validation_data/"
+    "ur-20_01_17-ptp_10_points.csv",
+    "unloaded_50s_14harm": "ded626374e0aafe008758e8f5d1b4570c196c759/data_ur10/identification_data/"
+    "ur-20_02_19_14harm50sec.csv",
+    "loaded_2805g_50s_14harm": "3afa267a6dca8a91a6938e878a32ca086c5cc606/data_ur10/ur-20_02_19_14harm50secLoad.csv",
+}
 
 DATASETS = {
     "tiago": Dataset(
         "TIAGo, torso and arm: an exciting motion, the same at half speed, and with a payload (2021)",
-        f"{_FIGAROH}/tree/{_COMMIT}/{_TIAGO}",
+        f"https://github.com/{_FIGAROH}/tree/{_COMMIT}/{_TIAGO}",
         "Apache-2.0",
         "Thanh D. V. Nguyen and others (CNRS, Toward), figaroh-examples, TIAGo identification data, 2021",
-        f"https://raw.githubusercontent.com/thanhndv212/figaroh-examples/{_COMMIT}/{_TIAGO}/",
+        f"{_RAW}/{_FIGAROH}/{_COMMIT}/{_TIAGO}/",
         {
             "dynamic/tiago_position.csv": "4297a60d434ee89f1f424ad0da8ec65bc00072ac57eb06b94966c0819fc2786d",
             "dynamic/tiago_velocity.csv": "269f681ca7a9511ac1698bf027ddf601e3fdb49d7d397af4810ec839f136cd69",
@@ -77,23 +128,50 @@ DATASETS = {
             "calibration_weight/tiago_effort.csv": "5aeec78983071784306ccb5e23915719df75fb5db63f3d42483121ffb0d13241",
         },
         {"dynamic": "dynamic", "slow": "calibration_slow", "payload": "calibration_weight"},
+        _by_channel,
         "Efforts are raw controller values; as torque = gain x effort the owners take 13.6 for arm_1 and arm_2, "
-        "-8.7 for arm_3 "
-        "and arm_4, -20.6 for arm_5 to arm_7. The torso's has no usable unit. `frischid check` finds the rest.",
+        "-8.7 for arm_3 and "
+        "arm_4, -20.6 for arm_5 to arm_7. The torso's has no usable unit. `frischid check` finds the rest.",
     ),
     "ur10e": Dataset(
-        "UR10e, six motions from motor currents, one with a payload of 2.805 kg",
+        "UR10e, eight motions with motor currents, one of them with a payload of 2.805 kg (2020)",
         "https://github.com/shamilmamedov/dynamic_calibration",
-        "none stated (its URDF package: BSD)",
-        "S. Mamedov, dynamic_calibration (commit 11af40e)",
+        "none stated (its URDF package: BSD); ask the owners before you pass the data on",
+        "S. Mamedov and S. Mikhel, Practical Aspects of Model-Based Collision Detection, Frontiers in Robotics and AI "
+        "7, 2020, doi 10.3389/frobt.2020.571574",
+        f"{_RAW}/shamilmamedov/dynamic_calibration/",
+        {
+            _UR10E["ident_20s_5harm"]: "fd4d10b39211a5ad1d2f67b62bd3e66b01a0275d518fd2fd2f0876ea520903a4",
+            _UR10E["ident_20s_10harm"]: "8959c47c991221e88a467a584c756a2f0f17c8268a291437709513cc112739c8",
+            _UR10E["ident_30s_12harm"]: "341fff80f177be564c8720ea898165addfd46d7cbe6f3ffd8923eeaae0eef000",
+            _UR10E["ident_40s_12harm"]: "1355f739afecc5a9330f906e0c403be0080407f5ce2c26652556fac5748c6236",
+            _UR10E["ident_50s_12harm"]: "bb48cca42716a88f8b255d2d1b3eb3fa4a6eac4a9a52b694d4c1066ce8b4ca51",
+            _UR10E["valid_ptp_10_points"]: "d97a4ac0c8b892b565d12f33af2bf0ef18183f7742e49d847d8ba92a041b56d8",
+            _UR10E["unloaded_50s_14harm"]: "cd503afc985c41a6ad8fbe47d443c961eadbde4822a87ff3e17adcb2a24fa103",
+            _UR10E["loaded_2805g_50s_14harm"]: "e689a99e5ff00ac38d03a2b9302e77688de0db8388b1d9c0e6aad3f77962758c",
+        },
+        _UR10E,
+        _without_header,
+        "Currents in A; as torque per ampere, joint by joint, 11.97, 11.98, 9.84, 10.75, 10.69, 10.68 N·m/A fit the "
+        "controller's own model. The five ident logs are for identification.",
     ),
     "panda": Dataset(
-        "Franka Emika Panda, one exciting motion, link-side torque sensors",
+        "Franka Emika Panda without hand, one exciting motion, link-side torque sensors, 1 kHz (2019)",
         "https://github.com/marcocognetti/FrankaEmikaPandaDynModel",
         "GPL-3.0",
-        "C. Gaz, M. Cognetti and others, Dynamic Identification of the Franka Emika Panda Robot With Retrieval "
-        "of Feasible "
-        "Parameters Using Penalty-Based Optimization, IEEE RA-L 4(4), 2019 (commit 24d85ce)",
+        "C. Gaz, M. Cognetti, A. Oliva, P. Robuffo Giordano and A. De Luca, Dynamic Identification of the Franka Emika "
+        "Panda Robot With Retrieval of Feasible Parameters Using Penalty-Based Optimization, IEEE RA-L 4(4), 2019",
+        f"{_RAW}/marcocognetti/FrankaEmikaPandaDynModel/44f1ec8a615555eb3469ca9b0abd31ef863872b5/"
+        "matlab/data/Exciting_Traj/Trajectory_1/rbt_log/",
+        {
+            "exciting_traj_time.txt": "031063612f297011dc005ab29830903e36f4bfeba77bce59c0fbde13620fb20d",
+            "exciting_traj_positions.txt": "50bf82a082c439aff8220e8142985c8dd783f7ddc1415987cd75c9efb88bcf69",
+            "exciting_traj_velocity.txt": "3340f299e926c501b66d540fa461ea0a7184b8dda32e505ebed062db57860d49",
+            "exciting_traj_torques.txt": "11fda32785bb29ce444e14e0f45f4893aab7142dc6ee29576d828ab154852f9c",
+        },
+        {"trajectory_1": ""},
+        _by_number,
+        "The stamps are the computer's, not the robot's: `frischid check` shows the repeated rows and missing cycles.",
     ),
 }
 
@@ -123,16 +201,11 @@ def fetch(
     Raises
     ------
     InputError
-        A file is missing, or its checksum is not the published one; nothing of it is kept then.
+        A file is missing, or its checksum is not the one known; nothing of it is kept then.
     """
     if name not in DATASETS:
         raise UnknownNameError("data set", name, DATASETS)
     dataset, folder = DATASETS[name], Path(output)
-    if not dataset.files:
-        raise InputError(
-            f"{name}: its owners published no checksums, so nothing is fetched on trust; take it from {dataset.page} "
-            f"({dataset.licence}) and describe its columns in a mapping file (frischid map)"
-        )
     get = _downloader(dataset, folder) if source is None else _copier(Path(source), folder)
     for path, digest in dataset.files.items():
         progress(path)
@@ -140,7 +213,7 @@ def fetch(
     paths = []
     for log, part in dataset.logs.items():
         paths.append(folder / f"{log}.parquet")
-        write_table(_joined(folder / part), paths[-1])
+        write_table(dataset.layout(folder / part), paths[-1])
     write_text(folder / "SOURCE.txt", about(dataset))
     return dataset, paths
 
@@ -165,9 +238,8 @@ def _downloader(dataset: Dataset, folder: Path) -> Callable[[str, str], None]:
             raise InputError(f"{dataset.address}{path}: {error}; nothing was kept") from error
         except Exception as error:  # requests raises dozens of types
             raise InputError(
-                f"{dataset.address}{path}: cannot be downloaded ({type(error).__name__}); without a network, give "
-                "a folder that "
-                "holds the files with --from"
+                f"{dataset.address}{path}: cannot be downloaded ({type(error).__name__}); without a network, give a "
+                "folder that holds the files with --from"
             ) from error
 
     return get
@@ -181,7 +253,7 @@ def _copier(source: Path, folder: Path) -> Callable[[str, str], None]:
         content = found.read_bytes()
         if (own := hashlib.sha256(content).hexdigest()) != digest:
             raise InputError(
-                f"{found}: its SHA-256 is {own}, published is {digest}; it is another file, fetch it again"
+                f"{found}: its SHA-256 is {own}, that of the data set is {digest}; it is another file, fetch it again"
             )
         place = folder / path
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -190,19 +262,3 @@ def _copier(source: Path, folder: Path) -> Callable[[str, str], None]:
         scratch.replace(place)
 
     return get
-
-
-def _joined(folder: Path) -> dict[str, Any]:
-    """Columns of one log, from the files of its channels on one clock."""
-    table: dict[str, Any] = {}
-    for kind, channel in CHANNELS.items():
-        path = folder / f"tiago_{kind}.csv"
-        part = read_table(path, LogMap())
-        t = np.asarray(part.values("t"), dtype=float)
-        if not np.array_equal(table.setdefault("t", t), t):
-            raise InputError(f"{path}: its stamps are not those of the other channels")
-        for name in part.names:
-            joint = name.removeprefix("- ").removesuffix(f"_{kind}")
-            if name != "t" and name not in part.unusable:
-                table[f"{channel}_{joint}"] = np.asarray(part.values(name), dtype=float)
-    return table

@@ -32,8 +32,8 @@ from frischid.ranking import SIGNIFICANCE, TRIFLE, Ranked, ranking
 Verdict = Literal["none", "effect", "contact", "unknown"]
 Known = Literal["always", "changed"]
 Situation = Literal["auto", "always", "changed"]
-LARGE = 0.015  # of a joint's torque: an error below this is not called unexplained, the floor being an estimate
-DWARFED = 2.0  # what is left on one joint over what the best finding removes, both squared NRMSE
+LARGE = 0.01  # of a joint's torque: an error below this is not called unexplained
+ABOVE = 3.0  # noise floors: the same, the floor being an estimate
 EXPLAINED = 0.6  # share of the bursts' energy that is left if a steady effect is what makes them
 BEATEN = 1.5  # what a refit must remove over what the best single effect removes
 OLD = "old_parameters"  # the finding that they no longer hold
@@ -322,15 +322,15 @@ def _shape(effect: Effect) -> dict[str, float]:
 def _verdict(
     evidence: Evidence, floor: Array, findings: Sequence[Finding], contacts: Sequence[Contact], left: Array
 ) -> Verdict:
-    """Unknown: what is left on some joint, with all that pass in the model, dwarfs what the best finding removes."""
+    """Unknown: more is left on some joint, with all that pass in the model, than the best finding removes."""
     if contacts:
         return "contact"
     best = next((f for f in findings if f.significant), None)
     noise = floor / evidence.spread
-    unexplained = np.where((left > LARGE) & (left > 3.0 * noise), left**2 - noise**2, 0.0).max()
+    unexplained = np.where((left > LARGE) & (left > ABOVE * noise), left**2 - noise**2, 0.0).max()
     if best is None:
         return "unknown" if unexplained > 0 else "none"
-    return "unknown" if unexplained > DWARFED * best.removed else "effect"
+    return "unknown" if unexplained > best.removed else "effect"
 
 
 def _refit(model: Model, evidence: Evidence, floor: Array) -> Finding:

@@ -19,7 +19,6 @@ from frischid.bbrf import Recursion, Variant, bbrf
 from frischid.belief import Choice, chosen, urdf_priors
 from frischid.comparison import Comparison, compare
 from frischid.effects import BASELINE, Coulomb, Effect
-from frischid.effects.base import WIDTH
 from frischid.eiv import eiv
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimate import Estimate, cross_validated, ols, wls
@@ -42,10 +41,10 @@ from frischid.survey import torque_joints as torque_joints_of
 from frischid.triangular import SAFE_CONDITION
 
 MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see
-WIDTHS = (0.001, 0.002, WIDTH, 0.01)  # rad/s (m/s)
+WIDTHS = (0.001, 0.002, 0.005, 0.01)  # rad/s (m/s)
 SAMPLE = 6000  # samples on which the width of dry friction's sign is chosen
 FIRST_PIECES = 4  # of a recording, on which it is chosen
-DECISIVE = 0.98  # share of the default's error below which another width is worth leaving it
+DECISIVE = 0.98  # share of a sharper one's error below which a wider sign is worth it
 HOPELESS = 0.8  # cross-validated NRMSE above which a joint is not explained but wrong
 MOST_ROWS = 100_000  # of the bounding-box recursion, which needs them all in memory and inverts a matrix for each
 ESTIMATORS = ("wls", "ols", "frisch", "sensorwise", "eiv", "iv")
@@ -304,9 +303,8 @@ def _baseline(
             errors[width] = float(np.mean(_nrmse(total(blocks), cross_validated(blocks, wls(blocks)))))
         except IdentifiabilityError:
             return BASELINE  # too little for a choice: what the whole logs can do is judged later
-    best = min(errors, key=lambda width: errors[width])
-    if errors[best] > DECISIVE * errors[WIDTH]:
-        best = WIDTH
+    # Dry friction is sharp: smoothing it must pay, and where data do not say, a sharp one errs least on others.
+    best = min(width for width, error in errors.items() if DECISIVE * error <= min(errors.values()))
     notes.append(f"dry friction changes its direction over ±{best:g} rad/s (m/s), chosen by cross-validation")
     return tuple(replace(e, width=best) if isinstance(e, Coulomb) else e for e in BASELINE)
 

@@ -170,18 +170,7 @@ def _smoothed(motion: Motion, robot: Robot, lowpass: LowPass) -> tuple[Motion, M
                 padded = np.pad(channels[source][:, j], reach - half, mode="reflect", reflect_type="odd")
                 total += np.correlate(padded, taps[k, i], mode="valid")
             out[c][:, j] = total
-    inside = slice(half, N - half)
-    inner = Motion(
-        motion.t[inside],
-        motion.q[inside],
-        motion.v[inside],
-        motion.a[inside],
-        motion.tau[inside],
-        motion.still[inside],
-        motion.source,
-        motion.start,
-        {name: x[inside] for name, x in motion.extra.items()},
-    )
+    inner = motion.part(slice(half, N - half))
     return inner, replace(inner, q=out["q"], v=out["v"], a=out["a"])
 
 

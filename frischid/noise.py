@@ -1,27 +1,38 @@
-"""What the sensors alone would leave: the floor below which no model can push the error.
+"""What the sensors alone would leave: the floor below which no model of this form can push the error.
 
-A torque row's noise after the parallel filter F has two sources, both read off the log itself (see `noise_level`):
+A robot exactly like the model, whose dry friction changes sign at once, is sent along the measured path and looked at
+through sensors as noisy as the log's own; the model's error on that is the floor. With F the parallel filter,
 
-    floor_j² = σ_τj² ‖h‖²  +  Σ_i M̄_ji² σ_qi² ‖h * d₂‖²
+    floor_j² = ‖F (τ̂(q, q̇, q̈) − τ̂(q + n_q, q̇ + n_q̇, q̈ + n_q̈))_j‖² / N  +  s_j² ‖h‖²
 
-with h the filter's taps, d₂ those of the second derivative, and M̄_ji² the mean square of the mass matrix along the
-motion: noise of the positions reaches the torque mostly through the accelerations. It is a floor of *white* noise:
-drives
-whose torque wanders slowly have a higher one, and the difference then counts as unexplained.
+where n are draws of the channels' own noise (`noise_level`), derived q̇ and q̈ get that of the positions through the
+differentiator, h are the filter's taps, and s_j² is the torque's noise *next to* the filter's band: drives' noise is
+seldom white, and the part of it that the filter passes is what counts (`level_near`). It contains noise of positions
+that reaches the torque through the accelerations, and reversals that noise moves or makes a model smooth (the second
+τ̂ has the model's own friction or a sharp one, whichever is nearer). What wanders as slowly as the motion itself cannot
+be told from physics, and counts as unexplained.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-import pinocchio as pin
+from numpy.typing import NDArray
 
+from frischid.effects import Effect
 from frischid.gram import Array
 from frischid.model import Model
-from frischid.signals import Motion, derivative_taps, noise_level
+from frischid.regressor import Regressor
+from frischid.signals import LowPass, Motion, correlate, derivative_taps, noise_level
 
-POSES = 30
+SEED = 0  # of the draws: the same log gives the same floor
+SAMPLES = 8_000  # of one motion, from its middle, on which draws are made
+SHARP = 1e-4  # width of dry friction's sign that is as good as none, rad/s (m/s)
+NEAR = 3.0  # times the cut-off: where the noise next to the filter's band is looked at
+SIXTH = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
 
 
 def noise_floor(model: Model, motions: Iterable[Motion]) -> Array:
@@ -35,21 +46,97 @@ def noise_floor(model: Model, motions: Iterable[Motion]) -> Array:
 
 def noise_variance(model: Model, motion: Motion) -> Array:
     """Squared noise floor of one motion, shape (J,)."""
-    index = model.torque_index
     taps = model.lowpass.taps(motion.step)
-    second = np.convolve(taps, derivative_taps(2, motion.step, model.lowpass.cutoff))
-    torque = noise_level(motion.tau[:, index]) * np.linalg.norm(taps)
-    acceleration = noise_level(motion.q) * np.linalg.norm(second)
-    return np.asarray(torque**2 + _mean_square_mass(model, motion)[index] @ acceleration**2)
+    index = model.torque_index
+    torque = level_near(motion.tau[:, index], motion.v[:, index], motion.step, model.lowpass) * np.linalg.norm(taps)
+    return np.asarray(torque**2 + _through_the_motion(model, motion))
 
 
-def _mean_square_mass(model: Model, motion: Motion) -> Array:
-    """Mean of the squared entries of the nominal mass matrix over some poses of a motion, (J, J)."""
-    robot = model.robot
-    poses = np.linspace(0, len(motion.t) - 1, min(POSES, len(motion.t))).astype(int)
-    total = np.zeros((len(robot.joints), len(robot.joints)))
-    for q in robot.configuration(motion.q[poses]):
-        mass = pin.crba(robot.model, robot.data, q)
-        mass = np.triu(mass) + np.triu(mass, 1).T
-        total += robot.project_mass(mass) ** 2
-    return total / len(poses)
+def level_near(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
+    """Standard deviation of white noise as strong as that of torques just above a filter's cut-off.
+
+    Sixth differences over a lag of a quarter of the cut-off's period pass the band around twice the cut-off, and next
+    to nothing of a motion ten times slower than the cut-off. Moments that see the joint turn round are left out, for
+    dry friction jumps there, and the median is not fooled by other jerks.
+
+    Parameters
+    ----------
+    x, v : ndarray, shape (N, J)
+        Torque and speed, uniformly sampled.
+    step : float
+        s.
+    lowpass : LowPass
+
+    Returns
+    -------
+    ndarray, shape (J,)
+    """
+    if lowpass.cutoff is None:
+        return noise_level(x)
+    lag = max(1, round(1 / (4 * lowpass.cutoff * step)))
+    differences = np.zeros(6 * lag + 1)
+    differences[::lag] = SIXTH
+    both = np.convolve(LowPass(NEAR * lowpass.cutoff).taps(step), differences)
+    if len(x) < 2 * len(both):
+        return noise_level(x)
+    passed = np.abs(correlate(both, x))
+    forward = np.cumsum(v > 0, axis=0)
+    there = forward[len(both) - 1 :] - forward[: len(passed)]  # of the samples after the first
+    one_way = (there == 0) | (there == len(both) - 1)
+    one_way |= one_way.sum(axis=0) < len(both)  # a joint that always turns round somewhere: all there is
+    spread = np.array([np.median(y[here]) for y, here in zip(passed.T, one_way.T, strict=True)])
+    return np.asarray(spread / 0.6745 / np.linalg.norm(both))
+
+
+def _through_the_motion(model: Model, motion: Motion) -> Array:
+    """Mean square of what noise of q, q̇ and q̈ does to the model's filtered torque, shape (J,)."""
+    path = _smoothed(motion.middle(min(1.0, SAMPLES / len(motion.t))), model.lowpass)
+    seen = _with_noise(path, motion, model.lowpass)
+    sharp = [_sharp(e) for e in model.effects]
+    truth = _torques(model, sharp, path)
+    errors = []
+    for effects in (model.effects, sharp):
+        total, count = np.zeros(len(model.joints)), np.zeros(len(model.joints))
+        for (tau, used), (other, _) in zip(truth, _torques(model, effects, seen), strict=True):
+            total += ((tau - other) ** 2 * used).sum(axis=0)
+            count += used.sum(axis=0)
+        errors.append(total / np.maximum(count, 1))
+    return np.minimum(*errors)
+
+
+def _torques(model: Model, effects: Sequence[Effect], motion: Motion) -> list[tuple[Array, NDArray[np.bool_]]]:
+    """Filtered torques of the model with its effects in another shape, and which of them count, in pieces."""
+    index = model.torque_index
+    blocks = Regressor(model.robot, effects, model.reference).blocks(motion, model.lowpass)
+    return [((model.full_theta @ b.Y + b.known)[:, index], b.used[:, index]) for b in blocks]
+
+
+def _smoothed(motion: Motion, lowpass: LowPass) -> Motion:
+    """The path behind a measured motion: all of it through the filter, which the motion is ten times slower than."""
+    taps = lowpass.taps(motion.step)
+    if len(motion.t) < 3 * len(taps):
+        return motion
+    half = len(taps) // 2
+    inner = motion.part(slice(half, len(motion.t) - half))
+    return replace(inner, q=correlate(taps, motion.q), v=correlate(taps, motion.v), a=correlate(taps, motion.a))
+
+
+def _with_noise(path: Motion, motion: Motion, lowpass: LowPass) -> Motion:
+    """A path as the sensors of a motion would see it."""
+    rng = np.random.default_rng(SEED)
+    first, second = (derivative_taps(order, path.step, lowpass.cutoff) for order in (1, 2))
+    half = len(first) // 2
+    long = (len(path.t) + 2 * half, path.q.shape[1])
+    nothing = np.zeros(long[1], bool)
+    own_v, own_a = motion.measured or (nothing, nothing)
+    of_q, of_v = (rng.normal(size=long) * noise_level(x) for x in (motion.q, motion.v))
+    v = np.where(own_v, of_v[half : len(of_v) - half], correlate(first, of_q))
+    a = np.where(own_v, correlate(first, of_v), correlate(second, of_q))
+    a = np.where(own_a, rng.normal(size=path.a.shape) * noise_level(motion.a), a)
+    return replace(path, q=path.q + of_q[half : len(of_q) - half], v=path.v + v, a=path.a + a)
+
+
+def _sharp(effect: Effect) -> Effect:
+    """The effect with a sign of the speed that changes at once."""
+    changed: dict[str, Any] = {"width": SHARP} if "width" in effect.parameters else {}
+    return type(effect)(joints=effect.joints, **effect.parameters | changed)

@@ -16,6 +16,7 @@ Source of step 2: Orthogonal least squares, Chen, Billings and Luo 1989, Int. J.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -28,7 +29,9 @@ from frischid.gram import Array
 
 TOGETHER = 6  # effects in one place each that may enter together
 POOL = 40  # candidates that go on after the first round
-REFINEMENTS = (0.5, 0.25)  # of the way to the next value of a shape's grid
+REFINEMENTS = (0.5, 0.25, 0.125)  # of the way to the next value of a shape's grid
+MOVES = 4  # of each of these lengths
+WAYS = (0.0, -1.0, 1.0)  # nothing, back, forth
 SIGNIFICANCE = 0.01
 TRIFLE = 0.004  # of a joint's torque: what explains less is not worth a parameter, however significant
 STEADY = 0.05  # p value over blocks of time that a finding must reach, so that no single moment makes it
@@ -270,20 +273,22 @@ def _ranked(
 
 
 def refined(evidence: Evidence, candidate: Judged) -> Judged:
-    """The candidate with its shape parameters between the grid's values, where that fits better."""
+    """The candidate with its shape parameters between the grid's values, where that fits better: a pattern search."""
     kind = type(candidate.effect)
-    for share in REFINEMENTS:
-        now = candidate.effect
-        steps = {name: share * _step(values, float(now.parameters[name])) for name, values in kind.shapes.items()}
-        near = [
-            kind(joints=now.joints, **now.parameters | {name: float(now.parameters[name]) + way * step})
-            for name, step in steps.items()
-            for way in (-1.0, 1.0)
-            if float(now.parameters[name]) + way * step > 0
-        ]
-        projections = distinct(evidence, [now, *near])
-        better = judged(evidence, projections) if projections else None
-        if better is not None and better.removed >= candidate.removed:
+    steps = {name: _step(values, float(candidate.effect.parameters[name])) for name, values in kind.shapes.items()}
+    for share in REFINEMENTS if steps else ():
+        for _ in range(MOVES):
+            now = candidate.effect
+            values = {n: [float(now.parameters[n]) + way * share * step for way in WAYS] for n, step in steps.items()}
+            near = [
+                kind(joints=now.joints, **now.parameters | dict(zip(values, chosen, strict=True)))
+                for chosen in itertools.product(*values.values())
+                if all(x * float(now.parameters[n]) > 0 for n, x in zip(values, chosen, strict=True))
+            ]
+            projections = distinct(evidence, near)
+            better = judged(evidence, projections) if projections else None
+            if better is None or better.removed <= candidate.removed:
+                break
             candidate = better
     return candidate
 

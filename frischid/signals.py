@@ -88,6 +88,9 @@ class Motion:
         Time at which the log begins, s; a motion begins later, after what was trimmed.
     extra : mapping of str to ndarray, shape (N,)
         Other channels of the log on the same grid, for example ``temperature_<joint>``.
+    measured : (ndarray of bool, ndarray of bool), each shape (J,), optional
+        Joints whose q̇, and whose q̈, are channels of the log; other q̈ come from the measured q̇, and what is left from
+        the positions. None: all from the positions.
     """
 
     t: Array
@@ -99,6 +102,7 @@ class Motion:
     source: str
     start: float = 0.0
     extra: Mapping[str, Array] = field(default_factory=dict)
+    measured: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None
 
     @property
     def step(self) -> float:
@@ -108,7 +112,10 @@ class Motion:
     def middle(self, share: float) -> Motion:
         """A stretch from the middle, of so much of its length."""
         half = max(2, round(0.5 * share * len(self.t)))
-        kept = slice(max(0, len(self.t) // 2 - half), len(self.t) // 2 + half)
+        return self.part(slice(max(0, len(self.t) // 2 - half), len(self.t) // 2 + half))
+
+    def part(self, kept: slice) -> Motion:
+        """Some of the samples."""
         parts = {name: getattr(self, name)[kept] for name in ("t", "q", "v", "a", "tau", "still")}
         return replace(self, **parts, extra={name: x[kept] for name, x in self.extra.items()})
 
@@ -341,8 +348,7 @@ def uniform(t: Array, *channels: Array) -> tuple[Array, ...]:
 
 def _motion(log: Log, lowpass: LowPass, velocity: str, begin: float) -> tuple[Motion, list[str]]:
     nothing = np.full_like(log.q, np.nan)
-    channels = [nothing if x is None else x for x in (log.q, log.v, log.a, log.tau)]
-    t, q, v, a, tau = uniform(log.t, *channels)
+    t, q, v, a, tau = uniform(log.t, *(nothing if x is None else x for x in (log.q, log.v, log.a, log.tau)))
     step = (t[-1] - t[0]) / (len(t) - 1)
     source = _Derivatives(q, v, step, lowpass)
     use_v, notes = source.choice(log, velocity)
@@ -350,12 +356,15 @@ def _motion(log: Log, lowpass: LowPass, velocity: str, begin: float) -> tuple[Mo
     inside = slice(half, len(t) - half)
     keep_v = np.where(use_v, v[inside], source.v)
     keep_a = np.where(use_v, source.a_from_v, source.a)
+    use_a = np.zeros_like(use_v)
     if velocity != "derived":
         use_a = log.has("a") if velocity == "measured" else source.better(a[inside])
         keep_a = np.where(use_a, a[inside], keep_a)
     still = standstill(q[inside], keep_v, step)
     extra = {name: np.interp(t[inside], log.t, values) for name, values in log.extra.items()}
-    return Motion(t[inside], q[inside], keep_v, keep_a, tau[inside], still, log.source, begin, extra), notes
+    return Motion(
+        t[inside], q[inside], keep_v, keep_a, tau[inside], still, log.source, begin, extra, (use_v, use_a)
+    ), notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -378,15 +387,15 @@ class _Derivatives:
 
     @cached_property
     def v(self) -> Array:
-        return _correlate(self.taps[0], self.q - self.q[0])  # a joint that never moves has exactly zero speed
+        return correlate(self.taps[0], self.q - self.q[0])  # a joint that never moves has exactly zero speed
 
     @cached_property
     def a(self) -> Array:
-        return _correlate(self.taps[1], self.q - self.q[0])
+        return correlate(self.taps[1], self.q - self.q[0])
 
     @cached_property
     def a_from_v(self) -> Array:
-        return _correlate(self.taps[0], self.v_measured)
+        return correlate(self.taps[0], self.v_measured)
 
     def choice(self, log: Log, velocity: str) -> tuple[NDArray[np.bool_], list[str]]:
         """Per joint, whether the measured velocity is used; and what to say about it."""
@@ -397,8 +406,8 @@ class _Derivatives:
             return present, []
         smooth = self.lowpass.taps(self.step)
         inside = slice(self.half, len(self.q) - self.half)
-        measured, derived = _correlate(smooth, self.v_measured[inside]), _correlate(smooth, self.v)
-        acceleration = _correlate(smooth, self.a)
+        measured, derived = correlate(smooth, self.v_measured[inside]), correlate(smooth, self.v)
+        acceleration = correlate(smooth, self.a)
         scale = np.sqrt(np.mean(derived**2, axis=0)) + 1e-12
         off = np.sqrt(np.mean((measured - derived) ** 2, axis=0)) / scale
         with np.errstate(invalid="ignore"):
@@ -421,13 +430,13 @@ class _Derivatives:
         Where both agree to a thousandth, the measured one is as good, and free of the differentiator's own bias.
         """
         smooth = self.lowpass.taps(self.step)
-        difference = _correlate(smooth, acceleration - self.a)
+        difference = correlate(smooth, acceleration - self.a)
         noise = noise_level(self.q) * np.linalg.norm(np.convolve(smooth, self.taps[1]))
         alike = ALIKE * np.sqrt(np.mean(self.a**2, axis=0))
         return np.asarray(np.sqrt(np.mean(difference**2, axis=0)) < np.maximum(np.sqrt(2) * noise, alike))
 
 
-def _correlate(taps: Array, x: Array) -> Array:
+def correlate(taps: Array, x: Array) -> Array:
     """``Σ_k taps_k x_{i+k}`` for every i where all of it is inside, along the first axis."""
     return np.asarray(signal.oaconvolve(x, taps[::-1, None], mode="valid", axes=0))
 

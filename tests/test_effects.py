@@ -376,11 +376,11 @@ def test_a_delay_is_a_shifted_torque():
     machine = robot("planar2")
     state = motion(machine)
     path = random_fourier(machine, 4.0, seed=1)
-    q, v, a = path(np.clip(state.t - 1e-4, 0.0, None))
+    q, v, a = path(np.clip(state.t - 0.02, 0.0, None))
     late = machine.inverse_dynamics(q, v, a) + 0.3 * v
-    inside = slice(5, -5)
-    together, alone = column(TimeDelay(), state), column(TimeDelay(("joint2",)), state)
-    np.testing.assert_allclose((state.torque + 1e-4 * together)[inside], late[inside], atol=1e-6 * np.abs(late).max())
+    inside = state.t > 0.03
+    together, alone = column(TimeDelay(size=0.02), state), column(TimeDelay(("joint2",), size=0.02), state)
+    np.testing.assert_allclose((state.torque + 0.02 * together)[inside], late[inside], atol=1e-5 * np.abs(late).max())
     np.testing.assert_array_equal(alone[:, 1], together[:, 1])
     assert not alone[:, 0].any()
     assert [c.name for c in TimeDelay().columns(machine)] == ["delay"]
@@ -392,6 +392,8 @@ def test_a_delay_needs_times():
         TimeDelay().terms(replace(state, t=np.zeros(len(state.t))))
     one = replace(state, **{n: getattr(state, n)[:1] for n in ("t", "q", "v", "a", "load", "torque")})
     assert not column(TimeDelay(), one).any()
+    with pytest.raises(InputError, match="size must be a time in s other than zero"):
+        TimeDelay(size=0.0)
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -52,7 +52,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
 @click.option("--from", "source", type=click.Path(), help="Folder that holds the files already: nothing is downloaded.")
 @json_option
 def fetch(name: str | None, output: str | None, source: str | None, as_json: bool) -> None:
-    """Fetch public logs of real robots, checked by their published checksums; without NAME, list them."""
+    """Fetch public logs of real robots, checked by checksum; without NAME, list them."""
     from frischid import datasets
     from frischid.show import checking as show
 

@@ -107,6 +107,21 @@ class State:
             raise InputError("an effect needs the rate of the torque: give the samples' times, in increasing order")
         return np.asarray(make_interp_spline(self.t, x, k=degree).derivative(order)(self.t))
 
+    def earlier(self, x: Array, by: float) -> Array:
+        """Channels (N, ...) as they were some seconds earlier (later, where negative): the spline through them.
+
+        Raises
+        ------
+        InputError
+            The samples are not in the order of time.
+        """
+        degree = min(3, len(self.t) - 1)
+        if degree < 1:
+            return x
+        if (np.diff(self.t) <= 0).any():
+            raise InputError("an effect needs the torque's past: give the samples' times, in increasing order")
+        return np.asarray(make_interp_spline(self.t, x, k=degree)(np.clip(self.t - by, self.t[0], self.t[-1])))
+
 
 @dataclass(frozen=True, eq=False)
 class Term:

@@ -1,6 +1,6 @@
 """Channels that do not show what they should: a torque's gain, a delay, an encoder's zero.
 
-    τ_measured,j(t) = (1 + gain_j) τ_j(t − delay_j) ≈ τ_j + gain_j τ_j − delay_j dτ_j/dt
+    τ_measured,j(t) = (1 + gain_j) τ_j(t − delay_j) ≈ τ_j + gain_j τ_j + delay_j (τ_j(t − size) − τ_j)/size
 
 with τ the torque of the reference parameters, and ``q_measured,j = q_j + zero_j``, so that the torque is that of
 another pose, ``τ(q) ≈ τ(q_measured) − ∂τ/∂q_j zero_j``.
@@ -12,13 +12,15 @@ Mooring, Roth and Driels 1991, Fundamentals of Manipulator Calibration, Wiley.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
 
-from frischid.effects.base import Effect, State, Term, torque_unit
+from frischid.effects.base import Effect, State, Term, is_number, torque_unit
 from frischid.effects.dynamics import felt_slopes
+from frischid.errors import InputError
 from frischid.robot import Robot
 
 
@@ -47,11 +49,17 @@ class DriveGain(Effect):
 
 @dataclass(frozen=True)
 class TimeDelay(Effect):
-    """Torque recorded later than positions: one delay for all joints, or one for each joint named."""
+    """Torque recorded later than positions: one delay for all joints, or one for each joint named.
+
+    Attributes
+    ----------
+    size : float
+        Delay for which the torque's change is calculated, s; the parameter, the delay found, should agree.
+    """
 
     id: ClassVar[str] = "time_delay"
     title: ClassVar[str] = "delay between torque and position"
-    equation: ClassVar[str] = "−delay·dτ_model/dt"
+    equation: ClassVar[str] = "delay·(τ_model(t − size) − τ_model(t))/size"
     sentence: ClassVar[str] = (
         "the torque of {joint} is recorded later (or earlier) than the position: the channels are shifted"
     )
@@ -63,19 +71,26 @@ class TimeDelay(Effect):
     memory: ClassVar[bool] = True
     least: ClassVar[float] = 1e-3  # s: a period of the usual torque loop
     loaded: ClassVar[bool] = True
+    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"size": (-0.03, -0.003, 0.003, 0.01, 0.03, 0.1)}
+
+    size: float = 0.003
+
+    def __post_init__(self) -> None:
+        if not (is_number(self.size) and self.size != 0):
+            raise InputError(f"{self.id}: size must be a time in s other than zero, got {self.size}")
 
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:
-        """One delay for all joints, and each joint alone."""
+        """All joints by the same delay, or one joint alone."""
         return [cls.variants(None), *(cls.variants((name,)) for name in robot.joints)]
 
     def terms(self, state: State) -> list[Term]:
-        """One column for all joints, or one for each joint named: less the torque's rate."""
-        rate = state.rate(state.torque)
+        """The torque's change over `size`, on all joints in one column, or one column for each joint named."""
+        change = (state.earlier(state.torque, self.size) - state.torque) / self.size
         if self.joints is not None:
-            return self.per_joint(state, "delay", "torque rate", lambda i: -rate[:, i])
+            return self.per_joint(state, "delay", "torque rate", lambda i: change[:, i])
         column = self.column("delay", "s", state.robot.joints[0], "")
-        return [Term(column, {i: -rate[:, i] for i in range(rate.shape[1])})]
+        return [Term(column, {i: change[:, i] for i in range(change.shape[1])})]
 
 
 @dataclass(frozen=True)

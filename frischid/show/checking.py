@@ -113,7 +113,7 @@ def _parameters(facts: Mapping[str, Any]) -> list[str]:
 
 
 def datasets(known: Mapping[str, Dataset]) -> Page:
-    """Data sets there are, and which can be fetched."""
+    """Data sets there are."""
     data = [
         {"name": name, "title": x.title, "licence": x.licence, "page": x.page, "files": len(x.files)}
         for name, x in known.items()
@@ -121,8 +121,7 @@ def datasets(known: Mapping[str, Dataset]) -> Page:
     table = table_of("what", "equation", "licence", "page")
     table.columns[0].header, table.columns[1].header = "data set", "what"
     for row in data:
-        how = row["page"] if row["files"] else f"{row['page']} (by hand: no checksums published)"
-        table.add_row(*(escape(str(x)) for x in (row["name"], row["title"], row["licence"], how)))
+        table.add_row(*(escape(str(x)) for x in (row["name"], row["title"], row["licence"], row["page"])))
     return Page(data, [table])
 
 

@@ -1,0 +1,87 @@
+"""The noise floor: what the sensors alone leave of a model's error."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from frischid.comparison import compare
+from frischid.effects import parse_effects
+from frischid.identification import identify
+from frischid.noise import level_near, noise_floor
+from frischid.robot import Robot
+from frischid.signals import LowPass, noise_level
+from frischid.simulation import Noise, simulate
+from frischid.trajectory import random_fourier
+
+STEP, LOWPASS = 0.004, LowPass(5.0)
+T = STEP * np.arange(15_000)
+MOTION = 20 * np.sin(2 * np.pi * 0.3 * T) + 5 * np.sign(np.sin(2 * np.pi * 0.4 * T))  # gravity, and dry friction
+FRICTION = {"fv": 0.5, "fc": 1.0, "off": 0.2, "Ia": 0.1}
+
+
+def near(x, lowpass=LOWPASS):
+    """Level of one channel."""
+    speed = np.sin(2 * np.pi * 0.4 * T[: len(x)])
+    return level_near(x[:, None], speed[:, None], STEP, lowpass)[0]
+
+
+@given(st.floats(1e-3, 1.0), st.integers(0, 1000))
+def test_white_noise_is_measured_beside_a_motion(level, seed):
+    noise = level * np.random.default_rng(seed).normal(size=len(T))
+    assert near(MOTION + noise) == pytest.approx(level, rel=0.25)
+
+
+def test_noise_with_a_memory_is_measured_where_the_filter_passes():
+    noise = lfilter([1.0], [1.0, -0.7], np.random.default_rng(1).normal(size=len(T)))
+    taps = LOWPASS.taps(STEP)
+    passed = np.convolve(noise, taps, "valid").std()
+    assert near(MOTION + noise) * np.linalg.norm(taps) == pytest.approx(passed, rel=0.35)
+    assert noise_level(noise) * np.linalg.norm(taps) < 0.5 * passed  # as white noise it would be far too small
+
+
+def test_without_a_filter_or_with_few_samples_all_noise_counts():
+    noise = np.random.default_rng(2).normal(size=200)
+    assert near(noise, LowPass(None)) == noise_level(noise)
+    assert near(noise) == noise_level(noise)
+
+
+ARMS = {
+    "positions only": ("ur5", Noise(q=2e-5, tau=0.01), ()),
+    "quantised": ("ur5", Noise(quantum=2e-4, tau=0.003), ()),
+    "tachometers": ("panda", Noise(q=2e-5, v=0.01, tau=0.005), ("v",)),
+    "accelerometers": ("ur5", Noise(q=1e-4, v=0.005, a=0.2, tau=0.005), ("v", "a")),
+}
+
+
+def logs_of(robot, noise, channels, count=2):
+    """Logs of a robot whose dry friction changes sign at once, as a real one's does."""
+    effects = parse_effects("viscous, coulomb(width=0.0002), offset, rotor_inertia")
+    values = {f"{kind}{k}": size for k in robot.numbers.values() for kind, size in FRICTION.items()}
+    motions = [random_fourier(robot, 20.0, seed=k) for k in range(count)]
+    return [
+        simulate(robot, m, rate=250, effects=effects, parameters=values, noise=noise, channels=channels, seed=k)
+        for k, m in enumerate(motions)
+    ]
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_a_healthy_robots_error_is_the_floor(arm):
+    name, noise, channels = ARMS[arm]
+    robot = Robot.load(name) if name != "panda" else Robot.load(name, lock=["panda_finger_joint1"])
+    fit, held_out = logs_of(robot, noise, channels)
+    found = compare(identify(robot, [fit], recursion="none").model, [held_out])
+    assert 0.8 < found.nrmse / found.noise_floor < 1.25
+
+
+def test_the_floor_does_not_rise_with_what_the_model_misses():
+    robot = Robot.load("ur5")
+    fit, held_out = logs_of(robot, Noise(q=2e-5, tau=0.01), ())
+    model = identify(robot, [fit], recursion="none").model
+    missing = replace(held_out, tau=held_out.tau + 0.1 * held_out.tau.std(axis=0) * np.sin(3 * held_out.q))
+    floors = [noise_floor(model, list(model.motions([log]))) for log in (held_out, missing)]
+    assert np.allclose(floors[1], floors[0], rtol=0.02)
+    assert compare(model, [missing]).nrmse > 3 * compare(model, [missing]).noise_floor
