@@ -1,6 +1,7 @@
 """The studio: the bench alone, then the page in a real browser: load, play, add, see the error fall, undo, save."""
 
 import re
+import socket
 import threading
 import time
 
@@ -23,8 +24,8 @@ pytest.importorskip("viser", reason="the extra frischid[studio] is not installed
 
 from viser import transforms as tf
 
+from frischid.studio import Studio, studio
 from frischid.studio import bench as bench_module  # needs viser
-from frischid.studio import studio
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import urdf_of
 from frischid.studio.stage import Track, colour_of
@@ -293,6 +294,22 @@ def test_a_click_on_a_joint_shows_its_curves(case, tmp_path):
 
 
 @needs_browser
+def test_a_page_may_be_there_before_its_model(case, tmp_path):
+    running = Studio(port=8230)
+    try:
+        with opened(running.address, height=700, flags=SOLID) as seen:
+            seen.page.wait_for_selector("text=Reading the logs")
+            with pytest.raises(InputError, match="no log"):
+                running.show(case[0], [], tmp_path / "model.json")
+            running.show(*case, tmp_path / "model.json")
+            seen.page.wait_for_selector(".js-plotly-plot .scatterlayer path")
+            assert error_shown(seen.page) == pytest.approx(running.bench.state.error, abs=1e-4)
+            assert seen.page.get_by_text("Reading the logs").count() == 0
+    finally:
+        running.stop()
+
+
+@needs_browser
 def test_two_tabs_show_one_model(case, tmp_path):
     running = studio(*case, tmp_path / "model.json", port=8220)
     try:
@@ -340,6 +357,15 @@ def test_being_open_to_others_is_said(case, tmp_path, monkeypatch):
         assert result.exit_code == 0, result.output
         assert ("whoever reaches it can change the model" in result.stdout.replace("\n", " ")) == said
         assert "model-studio.json" in result.stdout.replace("\n", "")
+
+
+def test_what_cannot_be_read_ends_it(case, tmp_path):
+    case[0].save(tmp_path / "model.json")
+    result = CliRunner().invoke(main, ["studio", str(tmp_path / "model.json"), "nowhere.parquet", "--port", "8270"])
+    assert result.exit_code == 2
+    assert "nowhere.parquet" in result.stderr
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 8270))
 
 
 def test_a_missing_extra_is_named(case, tmp_path, monkeypatch):
