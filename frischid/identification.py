@@ -41,7 +41,8 @@ from frischid.survey import torque_joints as torque_joints_of
 from frischid.triangular import SAFE_CONDITION
 
 MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see
-WIDTHS = (0.001, 0.002, 0.005, 0.01)  # rad/s (m/s)
+WIDTHS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s (m/s)
+FINER = (1.5, 1.2)  # steps from the best of these to a better one
 SAMPLE = 6000  # samples on which the width of dry friction's sign is chosen
 FIRST_PIECES = 4  # of a recording, on which it is chosen
 DECISIVE = 0.98  # share of a sharper one's error below which a wider sign is worth it
@@ -290,23 +291,32 @@ def _baseline(
     some = motions if isinstance(motions, list) else list(islice(motions, FIRST_PIECES))
     share = min(1.0, SAMPLE / sum(len(m.t) for m in some))
     parts = [m.middle(share) for m in some]
-    errors: dict[float, float] = {}
-    for width in WIDTHS:
-        effects = tuple(replace(e, width=width) if isinstance(e, Coulomb) else e for e in BASELINE)
-        regressor = Regressor(robot, effects)
+
+    @cache
+    def error(width: float) -> float:
+        regressor = Regressor(robot, _with_width(width))
         reduction = structure(regressor, rows)
         blocks = [g.select(reduction.base) for g in accumulate(regressor, parts, lowpass, rows)]
         blocks = [replace(g, columns=reduction.base_columns()) for g in blocks]
         if len(blocks) < 2 or total(blocks).rows < 2 * reduction.rank:
-            return BASELINE
-        try:
-            errors[width] = float(np.mean(_nrmse(total(blocks), cross_validated(blocks, wls(blocks)))))
-        except IdentifiabilityError:
-            return BASELINE  # too little for a choice: what the whole logs can do is judged later
-    # Dry friction is sharp: smoothing it must pay, and where data do not say, a sharp one errs least on others.
-    best = min(width for width, error in errors.items() if DECISIVE * error <= min(errors.values()))
+            raise IdentifiabilityError("too few samples to choose the width of dry friction's sign")
+        return float(np.mean(_nrmse(total(blocks), cross_validated(blocks, wls(blocks)))))
+
+    try:
+        # Dry friction is sharp: smoothing it must pay, and where data do not say, a sharp one errs least on others.
+        best = min(w for w in WIDTHS if DECISIVE * error(w) <= min(map(error, WIDTHS)))
+        for ratio in FINER:
+            near = min((best / ratio, best * ratio), key=error)
+            best = near if error(near) < DECISIVE * error(best) else best
+    except IdentifiabilityError:
+        return BASELINE  # what the whole logs can do is judged later
+    best = float(f"{best:.2g}")
     notes.append(f"dry friction changes its direction over ±{best:g} rad/s (m/s), chosen by cross-validation")
-    return tuple(replace(e, width=best) if isinstance(e, Coulomb) else e for e in BASELINE)
+    return _with_width(best)
+
+
+def _with_width(width: float) -> tuple[Effect, ...]:
+    return tuple(replace(e, width=width) if isinstance(e, Coulomb) else e for e in BASELINE)
 
 
 def _independent_rows(seen: Survey, lowpass: LowPass) -> float:

@@ -80,11 +80,12 @@ def level_near(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
     if len(x) < 2 * len(both):
         return noise_level(x)
     passed = np.abs(correlate(both, x))
-    forward = np.cumsum(v > 0, axis=0)
+    forward: NDArray[np.intp] = np.cumsum(v > 0, axis=0)
     there = forward[len(both) - 1 :] - forward[: len(passed)]  # of the samples after the first
-    one_way = (there == 0) | (there == len(both) - 1)
-    one_way |= one_way.sum(axis=0) < len(both)  # a joint that always turns round somewhere: all there is
-    spread = np.array([np.median(y[here]) for y, here in zip(passed.T, one_way.T, strict=True)])
+    one_way = np.isin(there, (0, len(both) - 1))
+    # A joint that turns round all the time shows no such moment: all there is must do.
+    kept = np.where(one_way.sum(axis=0) < len(both), True, one_way)
+    spread = np.array([np.median(y[here]) for y, here in zip(passed.T, kept.T, strict=True)])
     return np.asarray(spread / 0.6745 / np.linalg.norm(both))
 
 

@@ -114,7 +114,7 @@ def test_improve_takes_steps_that_can_be_undone():
     assert [e["action"] for e in final.history] == ["identify", *["add"] * len(steps)]
     for _ in steps:
         final = undo(final)
-    assert final.effects == BASELINE
+    assert final.effects == model.effects
     np.testing.assert_allclose(final.estimate.theta, model.estimate.theta)
     with pytest.raises(InputError, match="no step to undo"):
         undo(final)
