@@ -562,11 +562,9 @@ def _doubts(triangle: Simplex, recursed: Recursion | None) -> list[str]:
     if not triangle.same_orthant:
         names = triangle.disagreeing
         doubts.append(
-            f"Theorem 1 of the Frisch scheme does not apply: the {len(triangle.names) + 1} least-squares solutions "
-            "lie in "
-            f"different orthants ({len(names)} parameters change sign: "
-            f"{', '.join(names[:6])}{' ...' * (len(names) > 6)}). "
-            "The true parameters need not lie in the simplex or in its box"
+            f"the classical Frisch box need not hold the truth: its Theorem 1 asks for {len(triangle.names) + 1} "
+            f"least-squares solutions of equal signs, and {len(names)} parameters change theirs "
+            f"({', '.join(names[:6])}{' ...' * (len(names) > 6)})"
         )
     if recursed is not None and recursed.emptied is not None:
         doubts.append(str(EmptyBoxError(*recursed.emptied)))
