@@ -9,13 +9,16 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from frischid.cluster import HERE, Dask, Workers, workers
 from frischid.model import write_text
 
 
@@ -30,6 +33,18 @@ def data_folder() -> Path | None:
     """Folder of the measured logs, from FRISCHID_DATA; None when it is not set."""
     folder = os.environ.get("FRISCHID_DATA")
     return Path(folder) if folder else None
+
+
+@contextmanager
+def pool(scheduler: str | None, count: int, *modules: ModuleType) -> Iterator[Workers]:
+    """Somewhere to do a benchmark's runs; one worker is this process. `modules` of the benchmark are sent along."""
+    with workers(scheduler or (HERE if count == 1 else None), count) as there:
+        if isinstance(there, Dask):
+            import cloudpickle  # comes with Dask
+
+            for module in modules:
+                cloudpickle.register_pickle_by_value(module)
+        yield there
 
 
 class Worker:

@@ -24,15 +24,13 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import data_folder, parser, publish
+from common import data_folder, parser, pool, publish
 from numpy.typing import NDArray
 from planar_case import DURATION, EFFECTS, RATE, ROTORS
 from scipy.stats import t as student
@@ -316,7 +314,8 @@ def main() -> None:
     """Run and print."""
     arguments = parser(__doc__)
     arguments.add_argument("--runs", type=int, default=50, help="noisy logs a level (50; the targets are for 250)")
-    arguments.add_argument("--workers", type=int, default=2, help="processes (2)")
+    arguments.add_argument("--workers", type=int, default=2, help="processes (2); 1 stays in this one")
+    arguments.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler to run on, tcp://host:8786")
     arguments.add_argument("--seed", type=int, default=0)
     arguments.add_argument("--robots", nargs="+", choices=ROBOTS, default=list(ROBOTS))
     arguments.add_argument("--levels", nargs="+", type=float, default=list(LEVELS), help="σ_q, rad")
@@ -327,13 +326,13 @@ def main() -> None:
     methods = [m for m in METHODS if m in {*options.methods, "ols", "frisch box"}]
     rows: list[dict[str, Any]] = []
     folder = data_folder()
-    with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
+    with pool(options.scheduler, options.workers) as there:
         for name in options.robots:
             case = case_of(name, folder, options.seed)
             for sigma in options.levels:
                 parts = [p.tolist() for p in np.array_split(np.arange(options.runs), options.workers * 4) if len(p)]
                 work = [(name, folder, options.seed, sigma, methods, p) for p in parts]
-                runs = [run for part in pool.map(answers, work) for run in part]
+                runs = [run for part in there.gather(there.map(answers, work)) for run in part]
                 rows += summary(case, name, sigma, runs)
     source = "the authors' points" if folder is not None else "a random Fourier motion (FRISCHID_DATA is not set)"
     notes = [f"planar2 along {source}; {options.runs} runs a level, none discarded; nominal cover {CONFIDENCE:.0%}"]

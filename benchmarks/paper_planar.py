@@ -12,18 +12,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import multiprocessing
 import sys
 import time
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import planar_case
-from common import data_folder, parser, publish
+from common import data_folder, parser, pool, publish
 from planar_case import CALIBRATED, PAPER, PAPER_WHOLE, WINDOW, Case, Run, arm, batch, case_study
 from planar_tables import (
     UNKNOWN,
@@ -123,50 +120,20 @@ def monte_carlo(case: Case, options: argparse.Namespace) -> Runs:
         for sigma in SIGMAS
         for first in range(0, options.runs, BATCH)
     ]
-    job = partial(batch, case)
-    results: list[list[Run]] = [[] for _ in work]
     with Progress(console=Console(stderr=True), transient=True) as progress:
         bar = progress.add_task("Monte Carlo", total=len(work))
-        for index, result in _computed(job, work, options):
-            results[index] = result
-            progress.advance(bar)
+        with pool(options.scheduler, options.workers, planar_case) as there:
+            handles = there.map(job, work, case)
+            results = there.gather(handles, lambda done, _: progress.update(bar, completed=done))
     return {
         sigma: [run for item, result in zip(work, results, strict=True) if item[0] == sigma for run in result]
         for sigma in SIGMAS
     }
 
 
-def _computed(job: Any, work: Sequence[Any], options: argparse.Namespace) -> Iterable[tuple[int, list[Run]]]:
-    """Index and result of each piece of work as it is done."""
-    if options.scheduler:
-        yield from _on_cluster(job, work, options.scheduler)
-    elif options.workers == 1:
-        for index, item in enumerate(work):
-            yield index, job(item)
-    else:
-        context = multiprocessing.get_context("spawn")  # a fork would inherit the parent's threads
-        with ProcessPoolExecutor(options.workers, mp_context=context) as pool:
-            futures = {pool.submit(job, item): index for index, item in enumerate(work)}
-            for future in as_completed(futures):
-                yield futures[future], future.result()
-
-
-def _on_cluster(job: Any, work: Sequence[Any], address: str) -> Iterable[tuple[int, list[Run]]]:
-    """The same on a Dask cluster; its workers need frischid, `planar_case.py` is sent to them."""
-    try:
-        from distributed import Client
-        from distributed import as_completed as completed
-    except ImportError:
-        sys.exit("--scheduler needs Dask: pip install distributed (frischid must be installed on its workers too)")
-    try:
-        client = Client(address, timeout="10s")
-    except (OSError, ValueError) as error:
-        sys.exit(f"no Dask scheduler answers at {address}: {error}")
-    with client:
-        client.upload_file(planar_case.__file__)
-        futures = {client.submit(job, item, pure=False): index for index, item in enumerate(work)}
-        for future, result in completed(futures, with_results=True):
-            yield futures[future], result
+def job(item: tuple[float, int, range], case: Case) -> list[Run]:
+    """One batch, in any process."""
+    return batch(case, item)
 
 
 def _add_tables(path: Path, tables: dict[str, Rows], settings: dict[str, Any], notes: Sequence[str]) -> None:

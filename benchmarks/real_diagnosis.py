@@ -26,7 +26,7 @@ import frischid as fr
 from frischid.comparison import compare
 from frischid.diagnosis import gathered
 from frischid.effects import Formula
-from frischid.evidence import Evidence, Projection
+from frischid.evidence import Evidence
 from frischid.ranking import SIGNIFICANCE, STEADY, TRIFLE, block_test, judged
 
 PAYLOAD = 2.805  # kg, as weighed (the data set's card)
@@ -77,9 +77,8 @@ def loaded(folder: Path, case: Case, base: fr.Model) -> list[dict[str, Any]]:
 def irrelevant(evidence: Evidence, rng: np.random.Generator) -> bool:
     """Whether a column that cannot be true is accepted as an effect on one joint."""
     row = int(rng.integers(len(evidence.rows)))
-    kept = zip(evidence.times, evidence.rows[row].picked, strict=True)
-    column = np.concatenate([made_up(t, rng)[picked] for t, picked in kept])
-    candidate = Projection(Formula((evidence.joints[row],), "t"), {row: column[:, None]}, (0,))
+    effect = Formula((evidence.joints[row],), "t")
+    candidate = evidence.data.given(effect, row, [made_up(t, rng) for t in evidence.times])
     found = judged(evidence, [candidate])
     if found is None or found.removed < TRIFLE**2 or found.chance(1) > SIGNIFICANCE:
         return False

@@ -1,8 +1,9 @@
-"""Cost and memory of identify and compare against the number of samples and of joints.
+"""Cost and memory of identify, compare and diagnose against the numbers of samples, joints and candidates.
 
 Each case is a process of its own, so that its peak of resident memory is its own. The log is a recording that is made
 up while it is read: a periodic motion, its torque, and fresh noise on both, so nothing of its length is ever in memory
-or on a disk. Times are processor time, reading (making up) included; identify goes through the recording twice.
+or on a disk. Times are processor time, reading (making up) included; identify goes through the recording twice. To
+diagnose two recordings are given, one to predict the other from; the effects tried are the first of the catalogue.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import numpy as np
 from common import parser, publish
 
 import frischid as fr
+from frischid.effects import EFFECTS
 from frischid.log import Log
 from frischid.regressor import nominal_parameters
 from frischid.simulation import torque
@@ -35,23 +37,31 @@ def main() -> None:
     arguments.add_argument("--samples", type=float, nargs="+", default=[1e4, 1e5, 1e6, 1e7], help="of a UR10")
     arguments.add_argument("--joints", type=int, nargs="+", default=[2, 6, 7, 30], choices=[*ROBOTS])
     arguments.add_argument("--joint-samples", type=float, default=1e5, help="samples of the robots of other sizes")
-    arguments.add_argument("--case", help="run one case, JSON [joints, samples]; what the processes are started with")
+    arguments.add_argument("--candidates", type=int, nargs="*", default=[1, 5, 10, 0], help="effects tried, 0 for all")
+    arguments.add_argument("--diagnosed", type=float, nargs="*", default=[1e4, 1e5], help="samples diagnosed")
+    arguments.add_argument("--case", help="run one case, JSON [what, ...]; what the processes are started with")
     options = arguments.parse_args()
     if options.case:
-        joints, samples = json.loads(options.case)
-        print(json.dumps(case(joints, int(samples))))
+        what, first, samples = json.loads(options.case)
+        print(json.dumps(case(first, int(samples)) if what == "joints" else diagnosed(first, int(samples))))
         return
     wanted = [(6, n) for n in options.samples] + [(j, options.joint_samples) for j in options.joints]
-    rows = [run(joints, samples) for joints, samples in dict.fromkeys(wanted)]
+    rows = [run("joints", joints, samples) for joints, samples in dict.fromkeys(wanted)]
+    asked = [(k, options.diagnosed[0]) for k in options.candidates if options.diagnosed]
+    asked += [(0, n) for n in options.diagnosed]
+    tried = [run("candidates", k, n) for k, n in dict.fromkeys(asked)]
     longest = max((row for row in rows if row["joints"] == 6), key=lambda row: row["samples"])
     reached = "yes" if longest["peak MiB"] < LIMIT else "NO"
     notes = [f"{longest['samples']:.0e} samples in {longest['peak MiB']:.0f} MiB (target {LIMIT}): {reached}"]
     publish(f"identify and compare, {RATE:g} Hz, low-passed at {CUTOFF:g} Hz", rows, options.json, notes)
+    if tried:
+        path = options.json and options.json.with_stem(options.json.stem + "_diagnose")
+        publish("diagnose, UR10, two recordings", tried, path)
 
 
-def run(joints: int, samples: float) -> dict[str, Any]:
+def run(what: str, first: int, samples: float) -> dict[str, Any]:
     """One case in a process of its own."""
-    command = [sys.executable, __file__, "--case", json.dumps([joints, samples])]
+    command = [sys.executable, __file__, "--case", json.dumps([what, first, samples])]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         sys.exit(done.stderr)
@@ -88,16 +98,40 @@ def case(joints: int, samples: int) -> dict[str, Any]:
     }
 
 
+def diagnosed(kinds: int, samples: int) -> dict[str, Any]:
+    """Diagnose with the first so many effects of the catalogue, all for 0; ms of each candidate, and the peak."""
+    robot = fr.Robot.load(ROBOTS[6])
+    first, second = (made_up(robot, samples // 2, seed) for seed in (0, 1))
+    known = fr.identify(robot, [first], effects=fr.BASELINE, cutoff=CUTOFF, recursion="none").model
+    present = {effect.id for effect in fr.BASELINE}
+    names = [n for n, kind in EFFECTS.items() if n not in present and kind.candidate != "never" and not kind.change]
+    names = names[:kinds] if kinds else names
+    places = sum(len(EFFECTS[n].candidates(robot)) for n in names)
+    start = time.process_time()
+    found = fr.diagnose(known, [first, second], situation="always", effects=names)
+    seconds = time.process_time() - start
+    return {
+        "effects": len(names),
+        "places": places,
+        "shapes": sum(len(shapes) for n in names for shapes in EFFECTS[n].candidates(robot)),
+        "samples": samples,
+        "verdict": found.verdict,
+        "seconds": seconds,
+        "ms a place": 1e3 * seconds / places,
+        "peak MiB": resident(),
+    }
+
+
 def resident() -> float:
     """Peak of resident memory so far, MiB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def made_up(robot: fr.Robot, samples: int) -> fr.Recording:
+def made_up(robot: fr.Robot, samples: int, seed: int = 0) -> fr.Recording:
     """A recording that does not exist: one period of a motion over and over, with noise that is drawn anew."""
     count = round(PERIOD * RATE)
     t = np.arange(count) / RATE
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     J, harmonics = len(robot.joints), np.arange(1, 6)
     a, b = rng.normal(size=(2, 5, J)) / harmonics[:, None]
     angle = 2 * np.pi / PERIOD * np.outer(t, harmonics)
@@ -112,17 +146,17 @@ def made_up(robot: fr.Robot, samples: int) -> fr.Recording:
         pieces = max(1, round(samples / size))
         edges = np.linspace(0, samples, pieces + 1).astype(int)
         for number, (first, last) in enumerate(pairwise(edges)):
-            noise = np.random.default_rng(number).normal(size=(2, last - first, J))
+            noise = np.random.default_rng([seed, number]).normal(size=(2, last - first, J))
             k = np.arange(first, last)
             yield Log(
                 k / RATE,
                 robot.joints,
                 q[k % count] + 1e-5 * noise[0],
                 tau=tau[k % count] + spread * noise[1],
-                source="made up",
+                source=f"made up {seed}",
             )
 
-    return fr.Recording("made up", read)
+    return fr.Recording(f"made up {seed}", read)
 
 
 def chain(joints: int) -> fr.Robot:

@@ -87,7 +87,7 @@ def _events(evidence: Evidence, found: Sequence[Contact]) -> bool:
     """Few and short enough, in every log, to be events."""
     for source in {c.source for c in found}:
         here = [c for c in found if c.source == source]
-        length = sum(t[-1] - t[0] for m, t in zip(evidence.motions, evidence.times, strict=True) if m.source == source)
+        length = sum(t[-1] - t[0] for s, t in zip(evidence.sources, evidence.times, strict=True) if s == source)
         if len(here) > MOST or sum(c.stop - c.start for c in here) > LONGEST * length:
             return False
     return bool(found)
@@ -96,9 +96,9 @@ def _events(evidence: Evidence, found: Sequence[Contact]) -> bool:
 def _stands_out(evidence: Evidence, rest: Evidence) -> bool:
     """Whether most of what the rest's parameters leave is in the bursts, and densely so."""
     whole = outside = 0.0
-    for a, b, spread in zip(evidence.rows, rest.rows, evidence.spread, strict=True):
-        whole += float(np.sum((a.tau - a.Y @ rest.theta) ** 2)) / spread**2
-        outside += float(np.sum((b.tau - b.Y @ rest.theta) ** 2)) / spread**2
+    for row, spread in enumerate(evidence.spread):
+        whole += float(np.sum(evidence.residual(row, rest.theta) ** 2)) / spread**2
+        outside += float(np.sum(rest.residual(row, rest.theta) ** 2)) / spread**2
     samples = sum(len(r.tau) for r in evidence.rows), sum(len(r.tau) for r in rest.rows)
     inside = whole - outside
     density = inside / max(samples[0] - samples[1], 1)
@@ -107,17 +107,18 @@ def _stands_out(evidence: Evidence, rest: Evidence) -> bool:
 
 def _bursts(evidence: Evidence, rest: Evidence, floor: Array) -> list[Contact]:
     """Bursts over all rows under the parameters of the rest, without those that are weak beside the strongest."""
-    residuals = [r.tau - r.Y @ rest.theta for r in evidence.rows]
+    residuals = [evidence.residual(row, rest.theta) for row in range(len(evidence.rows))]
     quiet = [1.4826 * float(np.median(np.abs(x))) for _, x in rest.residuals()]
     scale = np.maximum(np.maximum(quiet, floor), SMALL * evidence.spread)
     found: list[tuple[float, Contact]] = []
-    for number, (motion, t) in enumerate(zip(evidence.motions, evidence.times, strict=True)):
+    ways = zip(evidence.sources, evidence.times, evidence.speeds(), strict=True)
+    for number, (source, t, speed) in enumerate(ways):
         z = np.zeros((len(t), len(residuals)))
         for row, rows in enumerate(evidence.rows):
             before = sum(len(p) for p in rows.picked[:number])
             keep = rows.picked[number]
             z[keep, row] = residuals[row][before : before + len(keep)] / scale[row]
-        found += _of_motion(motion.source, t, z**2, evidence.speeds(number), evidence.joints)
+        found += _of_motion(source, t, z**2, speed, evidence.joints)
     strongest = max((energy for energy, _ in found), default=0.0)
     return [contact for energy, contact in found if energy > WEAK * strongest]
 

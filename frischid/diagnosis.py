@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy import stats
 
+from frischid.cluster import Workers
 from frischid.contact import Contact, find_contacts, stretches
 from frischid.description import Description, describe
 from frischid.effects import EFFECTS, Effect
@@ -28,6 +29,7 @@ from frischid.model import Model
 from frischid.noise import noise_floor
 from frischid.prior import identified, nominal
 from frischid.ranking import SIGNIFICANCE, TRIFLE, Ranked, ranking
+from frischid.recording import Recording
 
 Verdict = Literal["none", "effect", "contact", "unknown"]
 Known = Literal["always", "changed"]
@@ -142,11 +144,12 @@ class Diagnosis:
 
 def diagnose(
     model: Model,
-    logs: Sequence[Log],
+    logs: Sequence[Log | Recording],
     *,
-    valid: Sequence[Log] = (),
+    valid: Sequence[Log | Recording] = (),
     situation: Situation = "auto",
     effects: Sequence[str] | None = None,
+    workers: Workers | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Find the effect a model misses on some logs.
@@ -154,17 +157,18 @@ def diagnose(
     Parameters
     ----------
     model : Model
-    logs : sequence of Log
+    logs : sequence of Log or Recording
         Data the model fails on.
-    valid : sequence of Log
-        More data of the same robot in the same state; with several logs each is predicted from the others, a single
-        log is
-        cut into four.
+    valid : sequence of Log or Recording
+        More data of the same robot in the same state; with several logs each is predicted from the others, of a
+        single one each stretch without a gap (each piece of a recording) is cut into four.
     situation : {"auto", "always", "changed"}
         Whether the effect was always there, or the robot changed since the model was identified. ``"auto"``: changed
         when the logs are not the model's own and a refit predicts them better than the model does.
     effects : sequence of str, optional
         Identifiers to try, the whole catalogue by default.
+    workers : Workers, optional
+        Where the candidates' columns are computed, this process by default; the answer is the same.
     progress : callable
 
     Returns
@@ -178,7 +182,7 @@ def diagnose(
             raise UnknownNameError("effect", name, EFFECTS)
     progress("evidence")
     everything = [*logs, *valid]
-    evidence, state = gathered(model, everything, situation)
+    evidence, state = gathered(model, everything, situation, workers)
     floor = noise_floor(model, evidence.motions)
     contacts = find_contacts(evidence, floor)
     findings, left = rank(evidence, floor, state, effects, progress)
@@ -218,13 +222,15 @@ def diagnose(
 # ---------------------------------------------------------------------- what is known beforehand
 
 
-def gathered(model: Model, logs: Sequence[Log], situation: Situation = "auto") -> tuple[Evidence, Known]:
+def gathered(
+    model: Model, logs: Sequence[Log | Recording], situation: Situation = "auto", workers: Workers | None = None
+) -> tuple[Evidence, Known]:
     """Rows of logs under what is known beforehand, and which of the two situations that is.
 
     A robot *changed* when the logs are not the model's own and a refit, under no more than a weak belief in the URDF,
     predicts them better than the model as it is.
     """
-    evidence = Evidence(model, logs, nominal(model))
+    evidence = Evidence(model, logs, nominal(model), workers)
     if situation == "auto":
         situation = "changed" if not _own(model, logs) and _frozen(evidence) > CHANGED * _error(evidence) else "always"
     if situation == "changed":
@@ -232,7 +238,7 @@ def gathered(model: Model, logs: Sequence[Log], situation: Situation = "auto") -
     return evidence, situation
 
 
-def _own(model: Model, logs: Sequence[Log]) -> bool:
+def _own(model: Model, logs: Sequence[Log | Recording]) -> bool:
     """Whether the model was made from one of these logs."""
     own = {entry["sha256"] or entry["source"] for event in model.history for entry in event.get("logs", [])}
     return any((log.sha256 or log.source) in own for log in logs)
@@ -245,7 +251,7 @@ def _error(evidence: Evidence) -> float:
 def _frozen(evidence: Evidence) -> float:
     """Mean NRMSE of the model as it is."""
     theta = evidence.model.estimate.theta
-    sse = np.array([[float(np.sum((r.tau - r.Y @ theta) ** 2)) for r in evidence.rows]])
+    sse = np.array([[float(np.sum(evidence.residual(row, theta) ** 2)) for row in range(len(evidence.rows))]])
     return float(evidence.nrmse(sse).mean())
 
 
@@ -260,8 +266,8 @@ def explains(evidence: Evidence, rest: Evidence, finding: Finding) -> bool:
 def _inside(evidence: Evidence, rest: Evidence) -> float:
     """Squares over the joints' spread that a model of everything leaves in the stretches left out of `rest`."""
     total = 0.0
-    for row, (a, b) in enumerate(zip(evidence.rows, rest.rows, strict=True)):
-        everywhere, between = (float(np.sum((r.tau - r.Y @ evidence.theta) ** 2)) for r in (a, b))
+    for row in range(len(evidence.rows)):
+        everywhere, between = (float(np.sum(e.residual(row, evidence.theta) ** 2)) for e in (evidence, rest))
         total += (everywhere - between) / float(evidence.spread[row]) ** 2
     return total
 

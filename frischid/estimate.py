@@ -297,7 +297,7 @@ def cross_validated(blocks: Sequence[Gram], estimate: Estimate, folds: int = 5, 
     whole = total(blocks)
     held = np.zeros(len(whole.joints))
     for fold in np.array_split(np.arange(len(blocks)), min(folds, len(blocks))):
-        out = total([blocks[i] for i in fold])
+        out = total(blocks[fold[0] : fold[-1] + 1])
         theta = _solve(whole - out, estimate.weights, prior).theta
         held += out.residual_ss(theta)
     return np.asarray(held / whole.counts)

@@ -1,7 +1,6 @@
-"""Filtered rows of some logs, arranged so that a thousand candidate columns can be judged in a second.
+"""Candidate effects held against what logs say, so that a thousand columns can be judged in a second.
 
-The rows of a model are kept joint by joint with their fold. For a candidate with columns C on the joints S, all that
-least squares needs are the moments
+Of a candidate with columns C on the joints S all that least squares needs are the moments that `rows` gathers,
 
     X_j = [Y_j τ_j]ᵀ C_j,   D = Σ_{j∈S} ω_j C_jᵀ C_j        ω_j = 1 / (σ_j² ℓ_j)
 
@@ -15,58 +14,25 @@ where H contains a prior. Everything is fitted on all folds but one and scored o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
+from frischid.cluster import Workers
 from frischid.conditions import correlation_time
-from frischid.effects import Effect, State, Term
+from frischid.effects import Effect
 from frischid.estimate import Prior
 from frischid.gram import Array
 from frischid.log import Log
 from frischid.model import Model
-from frischid.prior import reference_of
-from frischid.regressor import Regressor
-from frischid.signals import Motion, decimating_filter, prepare
+from frischid.recording import Recording
+from frischid.rows import Projection, Rows
+from frischid.signals import Motion
 
-Indices = NDArray[np.intp]
-SCREENED = 10  # shapes of one effect that are judged in full
 IN_SPAN = 1e-5  # share of a candidate's norm left by the base columns below which it is one of them
-
-
-@dataclass(frozen=True, eq=False)
-class JointRows:
-    """Rows of one joint over all logs.
-
-    Attributes
-    ----------
-    Y : ndarray, shape (n, p)
-    tau : ndarray, shape (n,)
-    fold : ndarray of int, shape (n,)
-        Part of the data the row belongs to.
-    block : ndarray of int, shape (n,)
-        Stretch of about a second the row belongs to.
-    picked : list of ndarray of int
-        For each motion, which filtered samples these rows are.
-    """
-
-    Y: Array
-    tau: Array
-    fold: Indices
-    block: Indices
-    picked: list[Indices]
-
-
-@dataclass(frozen=True, eq=False)
-class Projection:
-    """One candidate's columns over all rows: position in the joints -> (n_j, k)."""
-
-    effect: Effect
-    columns: Mapping[int, Array]
-    signs: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,92 +66,78 @@ class Evidence:
     Parameters
     ----------
     model : Model
-    logs : sequence of Log
-        Every log is a fold; a single log is cut into four.
+    logs : sequence of Log or Recording
+        Every log is a fold; of a single one each motion is cut into four.
     prior : Prior
+    workers : Workers, optional
+        Where candidates' columns are computed, this process by default.
     """
 
-    def __init__(self, model: Model, logs: Sequence[Log], prior: Prior) -> None:
+    def __init__(
+        self, model: Model, logs: Sequence[Log | Recording], prior: Prior, workers: Workers | None = None
+    ) -> None:
         self.model, self.prior = model, prior
         self.joints = model.joints
-        self.regressor = Regressor(model.robot, model.effects, reference_of(model))
-        self.motions: list[Motion] = []
-        folds: list[int] = []
-        for number, log in enumerate(logs):
-            prepared = prepare(log.select(model.robot.joints), model.lowpass, velocity=model.velocity).motions
-            self.motions += prepared
-            folds += [number] * len(prepared)
-        self._states = [self.regressor.state(m) for m in self.motions]
-        self._row = {j: row for row, j in enumerate(model.torque_index)}
-        self._filtered: dict[str, tuple[list[dict[int, Array]], tuple[int, ...]]] = {}
-        self._filters = [
-            decimating_filter(model.lowpass.taps(m.step), len(m.t), model.lowpass.decimation(m.step))
-            for m in self.motions
-        ]
-        self.rows = self._rows(folds, len(logs))
-        self._sparse = [_at(state, t) for state, t in zip(self._states, self.times, strict=True)]
-        self.folds = 1 + max(int(r.fold.max()) for r in self.rows)
+        self.data = Rows(model, logs, workers)
+        self._added: tuple[Projection, ...] = ()
+        self._on(self.data)
+
+    def _on(self, data: Rows) -> None:
+        """Take these rows."""
+        self.data, self.rows, self.counts = data, data.joints, data.counts
+        self.spread = np.array([r.tau.std() for r in self.rows])
+        self.G = data.gram
+        added, self._added = self._added, ()
+        for candidate in added:
+            self._take(candidate)
         self._weigh()
 
-    # ------------------------------------------------------------------ rows
+    def _take(self, candidate: Projection) -> None:
+        """Put a candidate's columns behind the others: their moments beside those already there."""
+        X, D = self.moments(candidate)
+        p, k = self.G.shape[-1] - 1, len(candidate.signs)
+        G = np.zeros((*self.G.shape[:2], p + k + 1, p + k + 1))
+        old, new = np.append(np.arange(p), p + k), np.arange(p, p + k)
+        G[:, :, old[:, None], old] = self.G
+        for row, x in X.items():
+            G[:, row][:, old[:, None], new] = x
+            G[:, row][:, new[:, None], old] = x.transpose(0, 2, 1)
+            G[:, row][:, new[:, None], new] = D[row]
+        self.G, self._added = G, (*self._added, candidate)
 
-    def _rows(self, folds: Sequence[int], logs: int) -> list[JointRows]:
-        base = list(self.model.base)
-        index = self.model.torque_index
-        Y: list[list[Array]] = [[] for _ in index]
-        tau: list[list[Array]] = [[] for _ in index]
-        fold: list[list[Indices]] = [[] for _ in index]
-        block: list[list[Indices]] = [[] for _ in index]
-        picked: list[list[Indices]] = [[] for _ in index]
-        self.times: list[Array] = []
-        blocks = 0
-        for motion, number in zip(self.motions, folds, strict=True):
-            pieces = list(self.regressor.blocks(motion, self.model.lowpass))
-            t = np.concatenate([p.t for p in pieces])
-            used = np.concatenate([p.used for p in pieces])
-            self.times.append(t)
-            parts = np.minimum(4 * np.arange(len(t)) // len(t), 3) if logs == 1 else np.full(len(t), number)
-            seconds = blocks + ((t - t[0]) / max(1.0, 12 / (self.model.lowpass.cutoff or 12))).astype(int)
-            blocks = int(seconds.max()) + 1
-            for row, j in enumerate(index):
-                keep = np.flatnonzero(used[:, j])
-                Y[row].append(np.concatenate([p.Y[:, base, j] for p in pieces])[keep])
-                tau[row].append(np.concatenate([p.tau[:, j] for p in pieces])[keep])
-                fold[row].append(parts[keep])
-                block[row].append(seconds[keep])
-                picked[row].append(keep)
-        return [
-            JointRows(
-                np.concatenate(Y[row]),
-                np.concatenate(tau[row]),
-                np.concatenate(fold[row]),
-                np.concatenate(block[row]),
-                picked[row],
-            )
-            for row in range(len(index))
-        ]
+    @property
+    def folds(self) -> int:
+        """Parts of the data."""
+        return self.data.folds
+
+    @property
+    def motions(self) -> Iterable[Motion]:
+        """Motions of the logs, one at a time, each time anew."""
+        return self.data.motions
+
+    @property
+    def sources(self) -> list[str]:
+        """The log of each motion."""
+        return self.data.sources
+
+    @property
+    def times(self) -> list[Array]:
+        """Times of each motion's filtered samples, s."""
+        return self.data.times
 
     def _weigh(self) -> None:
-        """Moments, and from the base model's residuals: their spread, correlation time, effective samples."""
+        """From the base model's residuals: their spread, correlation time, effective samples."""
         J = len(self.rows)
-        self.counts = np.array([[np.count_nonzero(r.fold == f) for r in self.rows] for f in range(self.folds)])
-        self.spread = np.array([r.tau.std() for r in self.rows])
-        self.G = np.stack([self._moments(f) for f in range(self.folds)])
         sigma, self.correlation = self.spread.copy(), np.ones(J)
         for _ in range(4):
             self.omega = 1.0 / (np.maximum(sigma, 1e-9 * self.spread) ** 2 * self.correlation)
             self.systems = [self._solve(f) for f in (*range(self.folds), None)]
             self.theta = self.systems[-1][1]
-            residuals = [r.tau - r.Y @ self.theta for r in self.rows]
+            residuals = [x for _, x in self.residuals()]
             sigma = np.array([x.std() for x in residuals])
             self.correlation = np.array([correlation_time(x) for x in residuals])
         self.sigma = sigma
         self.effective = self.counts.sum(axis=0) / self.correlation
-
-    def _moments(self, fold: int) -> Array:
-        """Moments of [Y τ] of every joint in one part of the data, (J, p + 1, p + 1)."""
-        parts = [np.column_stack([r.Y, r.tau])[r.fold == fold] for r in self.rows]
-        return np.stack([Z.T @ Z for Z in parts])
 
     def _solve(self, left_out: int | None) -> tuple[tuple[Array, bool], Array]:
         train = [f for f in range(self.folds) if f != left_out]
@@ -198,71 +150,31 @@ class Evidence:
 
     # ------------------------------------------------------------------ candidates
 
-    def project(self, effects: Sequence[Effect]) -> list[Projection]:
+    def project(self, effects: Sequence[Effect], progress: Callable[[str], None] = lambda _: None) -> list[Projection]:
         """Filtered columns of candidate effects over all rows."""
-        fresh = [effect for effect in effects if str(effect) not in self._filtered]
-        for effect in fresh:
-            signs: tuple[int, ...] = ()
-            columns: list[dict[int, Array]] = []
-            for state, F in zip(self._states, self._filters, strict=True):
-                terms = effect.terms(state)
-                signs = tuple(term.column.sign for term in terms)
-                columns.append({row: np.asarray(F @ C) for row, C in self._columns(terms, len(state.t)).items()})
-            self._filtered[str(effect)] = columns, signs
-        return [self._collect(effect, *self._filtered[str(effect)]) for effect in effects]
+        return self.data.project(effects, progress)
 
-    def _columns(self, terms: Sequence[Term], samples: int) -> dict[int, Array]:
-        """Columns of an effect's terms by row of the fitted joints, (samples, k)."""
-        columns: dict[int, Array] = {}
-        for k, term in enumerate(terms):
-            for j, values in term.rows.items():
-                if j in self._row:
-                    columns.setdefault(self._row[j], np.zeros((samples, len(terms))))[:, k] = values
-        return columns
+    def joined(self, parts: Sequence[Projection]) -> Projection:
+        """Several places of an effect as one candidate."""
+        return self.data.joined(parts)
 
-    def screened(self, effects: Sequence[Effect], keep: int = SCREENED) -> Sequence[Effect]:
-        """Those of many shapes of one effect that best fit what is left, judged by unfiltered columns at the rows."""
-        if len(effects) <= 2 * keep or any(effect.memory for effect in effects):
-            return effects
-        left = dict(self.residuals())
-        gains = [self._rough_gain(effect, left) for effect in effects]
-        best = sorted(np.argsort(gains)[::-1][:keep].tolist())
-        return [effects[i] for i in best]
+    def screened(self, places: Sequence[Sequence[Effect]]) -> list[Sequence[Effect]]:
+        """Of the many shapes of each effect those that best fit what is left."""
+        return self.data.screened(places, [x for _, x in self.residuals()], self.omega)
 
-    def _rough_gain(self, effect: Effect, left: Mapping[int, Array]) -> float:
-        found = [self._columns(effect.terms(state), len(state.t)) for state in self._sparse]
-        gain = 0.0
-        for row in found[0]:
-            picked = [m[row][keep] for m, keep in zip(found, self.rows[row].picked, strict=True)]
-            C = np.concatenate(picked)
-            C = C - C.mean(axis=0)
-            fitted = C @ np.linalg.lstsq(C, left[row], rcond=1e-6)[0]
-            gain += self.omega[row] * float(left[row] @ fitted)
-        return gain
-
-    def _collect(self, effect: Effect, per_motion: Sequence[Mapping[int, Array]], signs: tuple[int, ...]) -> Projection:
-        rows = sorted({row for m in per_motion for row in m})
-        columns = {
-            row: np.concatenate(
-                [
-                    m[row][keep] if row in m else np.zeros((len(keep), len(signs)))
-                    for m, keep in zip(per_motion, self.rows[row].picked, strict=True)
-                ]
-            )
-            for row in rows
-        }
-        return Projection(effect, columns, signs)
-
-    def moments(self, candidate: Projection) -> tuple[dict[int, Array], dict[int, Array]]:
+    def moments(self, candidate: Projection) -> tuple[Mapping[int, Array], Mapping[int, Array]]:
         """Cross moments with [Y τ] and own moments, by joint: (folds, p + 1, k) and (folds, k, k)."""
-        X, D = {}, {}
-        for row, C in candidate.columns.items():
-            r = self.rows[row]
-            Z = np.column_stack([r.Y, r.tau])
-            parts = [np.flatnonzero(r.fold == f) for f in range(self.folds)]
-            X[row] = np.stack([Z[i].T @ C[i] for i in parts])
-            D[row] = np.stack([C[i].T @ C[i] for i in parts])
-        return X, D
+        X, D = self.data.moments(candidate)
+        if not self._added:
+            return X, D
+        between = [self.data.between(a, candidate) for a in self._added]
+        k = len(candidate.signs)
+        cross = {}
+        for row, x in X.items():
+            none = [np.zeros((self.folds, len(a.signs), k)) for a in self._added]
+            others = [found.get(row, zero) for found, zero in zip(between, none, strict=True)]
+            cross[row] = np.concatenate([x[:, :-1], *others, x[:, -1:]], axis=1)
+        return cross, D
 
     def base_sse(self) -> Array:
         """Held-out sum of squared residuals without any candidate, (folds, J)."""
@@ -342,64 +254,94 @@ class Evidence:
 
     def believing(self, prior: Prior) -> Evidence:
         """The same rows under another prior."""
-        new = object.__new__(Evidence)
-        new.__dict__.update(self.__dict__)
+        new = copy(self)
         new.prior = prior
         new._weigh()
         return new
 
     def without(self, stretches: Sequence[tuple[str, float, float]]) -> Evidence:
         """The same evidence with some stretches of time left out: (source, start, stop) each, s."""
-        new = object.__new__(Evidence)
-        new.__dict__.update(self.__dict__)
-        new.rows = []
-        for r in self.rows:
-            kept = []
-            for motion, t, picked in zip(self.motions, self.times, r.picked, strict=True):
-                inside = [(t[picked] >= a) & (t[picked] <= b) for source, a, b in stretches if source == motion.source]
-                kept.append(~np.any(inside, axis=0) if inside else np.ones(len(picked), bool))
-            keep = np.concatenate(kept)
-            left = [p[k] for p, k in zip(r.picked, kept, strict=True)]
-            new.rows.append(JointRows(r.Y[keep], r.tau[keep], r.fold[keep], r.block[keep], left))
-        new._weigh()
+        new = copy(self)
+        new._on(self.data.without(stretches))
         return new
 
     def extended(self, candidate: Projection) -> Evidence:
         """The same rows with a candidate's columns taken into the base."""
-        new = object.__new__(Evidence)
-        new.__dict__.update(self.__dict__)
-        k = len(candidate.signs)
-        new.rows = [
-            replace(r, Y=np.column_stack([r.Y, candidate.columns.get(row, np.zeros((len(r.tau), k)))]))
-            for row, r in enumerate(self.rows)
-        ]
-        p = len(self.prior.mean)
+        new = copy(self)
+        new._take(candidate)
+        p, k = len(self.prior.mean), len(candidate.signs)
         precision = np.zeros((p + k, p + k))
         precision[:p, :p] = self.prior.precision
         new.prior = Prior(np.append(self.prior.mean, np.zeros(k)), precision)
         new._weigh()
         return new
 
-    def speeds(self, motion: int) -> Array:
-        """Speeds of the fitted joints at a motion's filtered samples, over their root mean square, (N, J)."""
-        v = self._sparse[motion].v[:, list(self.model.torque_index)]
-        return np.asarray(v / np.maximum(np.sqrt((v**2).mean(axis=0)), 1e-12))
+    def speeds(self) -> Iterator[Array]:
+        """Speeds of the fitted joints at each motion's filtered samples, over their root mean square, (N, J)."""
+        for state in self.data.sampled():
+            v = state.v[:, list(self.model.torque_index)]
+            yield np.asarray(v / np.maximum(np.sqrt((v**2).mean(axis=0)), 1e-12))
 
     def variables(self, row: int) -> dict[str, Array]:
         """What a joint's residual may depend on, at its rows: ``q1``, ``v1``, ``a1``, ..., and t in its log."""
         numbers = [str(self.model.robot.numbers[name]) for name in self.model.robot.joints]
         pieces: dict[str, list[Array]] = {}
-        for state, picked in zip(self._sparse, self.rows[row].picked, strict=True):
+        for state, picked in zip(self.data.sampled(), self.rows[row].picked, strict=True):
             pieces.setdefault("t", []).append(state.t[picked] - state.start)
             for symbol, values in (("q", state.q), ("v", state.v), ("a", state.a)):
                 for number, x in zip(numbers, values.T, strict=True):
                     pieces.setdefault(symbol + number, []).append(x[picked])
         return {name: np.concatenate(parts) for name, parts in pieces.items()}
 
+    def predicted(
+        self, row: int, theta: Array, candidate: Projection | None = None, beta: Array | None = None
+    ) -> Array:
+        """Torque of a joint's rows, (n,); of parameters (p,), or of those of each row's fold (folds, p).
+
+        Parameters
+        ----------
+        row : int
+        theta : ndarray, shape (p,) or (folds, p)
+        candidate : Projection, optional
+        beta : ndarray, shape (k,) or (folds, k), optional
+            Coefficients of the candidate.
+        """
+        ends = np.cumsum([len(self.model.base), *(len(a.signs) for a in self._added)]).tolist()
+        added = [(a, theta[..., start:stop]) for a, start, stop in zip(self._added, ends[:-1], ends[1:], strict=True)]
+        if candidate is not None and beta is not None:
+            added.append((candidate, beta))
+        return self.data.predicted(row, theta[..., : ends[0]], added)
+
+    def residual(self, row: int, theta: Array) -> Array:
+        """Residual of a joint's rows under some parameters, (n,)."""
+        return np.asarray(self.rows[row].tau - self.predicted(row, theta))
+
     def residuals(self) -> Iterator[tuple[int, Array]]:
         """Residual of every joint's rows with the parameters fitted to everything."""
+        for row in range(len(self.rows)):
+            yield row, self.residual(row, self.theta)
+
+    def block_gains(self, candidate: Projection) -> Array | None:
+        """By how much the candidate lowers the weighted squared held-out error, block of time by block of time.
+
+        None when in some fold it cannot be fitted.
+        """
+        X, D = self.moments(candidate)
+        fits = [self.fit(X, D, candidate, fold) for fold in range(self.folds)]
+        found = [fit for fit in fits if fit is not None]
+        if len(found) < self.folds:
+            return None
+        theta = np.stack([self.systems[fold][1] for fold in range(self.folds)])
+        changed = theta + np.stack([fit.change for fit in found])
+        beta = np.stack([fit.beta for fit in found])
+        blocks = 1 + max(int(r.block.max(initial=0)) for r in self.rows)
+        gain, there = np.zeros(blocks), np.zeros(blocks, bool)
         for row, r in enumerate(self.rows):
-            yield row, r.tau - r.Y @ self.theta
+            before = r.tau - self.predicted(row, theta)
+            after = r.tau - self.predicted(row, changed, candidate, beta)
+            gain += np.bincount(r.block, self.omega[row] * (before**2 - after**2), minlength=blocks)
+            there[r.block] = True
+        return np.asarray(gain[there])
 
     @property
     def information(self) -> Array:
@@ -427,15 +369,7 @@ class Evidence:
         effective: Array = np.array(self.effective, dtype=np.float64)
         if fit is None:
             return effective
-        for row, C in candidate.columns.items():
-            r = self.rows[row]
-            left = r.tau - r.Y @ (self.theta + fit.change) - C @ fit.beta
+        for row in candidate.columns:
+            left = self.rows[row].tau - self.predicted(row, self.theta + fit.change, candidate, fit.beta)
             effective[row] = max(effective[row], len(left) / correlation_time(left))
         return effective
-
-
-def _at(state: State, t: Array) -> State:
-    """A motion's state at some of its samples."""
-    k = np.clip(np.searchsorted(state.t, t - 1e-9), 0, len(state.t) - 1)
-    parts = {name: getattr(state, name)[k] for name in ("t", "q", "v", "a", "load", "torque")}
-    return replace(state, **parts, extra={name: x[k] for name, x in state.extra.items()})

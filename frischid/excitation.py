@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from frischid.clearance import Clearance
+from frischid.cluster import Workers
 from frischid.criteria import Criterion, criterion_of
 from frischid.effects import BASELINE, Effect
 from frischid.envelope import Envelope, Excess, Violation, violations
@@ -33,7 +34,7 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.log import Log
 from frischid.readers import write_log
 from frischid.robot import Robot
-from frischid.search import Bounds, Cost, Progress, Search
+from frischid.search import ATTEMPTS, Bounds, Cost, Progress, Search
 from frischid.trajectory import FAMILIES, ClosedForm, Family
 
 Array = NDArray[np.float64]
@@ -104,6 +105,8 @@ def plan(
     clearance: Clearance | None = None,
     budget: int = BUDGET,
     seed: int = 0,
+    starts: int = 1,
+    workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> Plan:
     """Search for an exciting motion.
@@ -131,17 +134,24 @@ def plan(
     clearance : Clearance, optional
         Pairs of bodies to keep apart; made from the URDF's collision shapes, floor at the base, when not given.
     budget : int
-        Evaluations of the criterion, the cost of its gradients included.
+        Evaluations of the criterion of each start, the cost of its gradients included.
     seed : int
         The same seed gives the same motion.
+    starts : int
+        Searches from different beginnings; the best motion that fits is taken.
+    workers : Workers, optional
+        Where the searches are done, this process by default; the motion is the same.
     progress : callable, optional
-        Called with the share of the budget that is used and the best cost so far.
+        Called with the share of the budget that is used and the best cost so far; elsewhere, with the share of the
+        searches that are done.
 
     Returns
     -------
     Plan
     """
-    start = time.perf_counter()
+    began = time.perf_counter()
+    if starts < 1:
+        raise InputError(f"a search needs at least one start, got {starts}")
     if not (np.isfinite(duration) and duration > 0):
         raise InputError(f"the duration must be a positive number of seconds, got {duration}")
     if family not in FAMILIES:
@@ -153,31 +163,72 @@ def plan(
     limits = envelope if isinstance(envelope, Envelope) else Envelope.of(robot, envelope)
     space = Clearance.of(robot) if clearance is None else clearance
     shape = Family.named(family, duration, _size(family, size, duration))
+    instants = _instants(family, shape, samples, duration)
+    box = _box(limits, shape) if family == "points" else None
+    looked_at = criterion_of(criterion)
+    task = _Task(robot, tuple(effects), shape, instants, looked_at, limits, space, duration, bounds, budget, box)
+    seeds = [seed + ATTEMPTS * k for k in range(starts)]
+    if workers is None:
+        done = []
+        for k, own in enumerate(seeds):
+            done.append(_searched(own, task, None if progress is None else _share(progress, k, starts)))
+    else:
+        told = progress or (lambda share, best: None)
+        done = workers.gather(workers.map(_searched, seeds, task), lambda count, of: told(count / of, np.nan))
+    best = min(done, key=lambda each: (len(each.violations), each.cost))
+    evaluations = sum(each.evaluations for each in done)
+    return replace(best, evaluations=evaluations, seconds=time.perf_counter() - began)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What every start of a search has in common."""
+
+    robot: Robot
+    effects: tuple[Effect, ...]
+    shape: Family
+    instants: Array
+    criterion: Criterion
+    limits: Envelope
+    space: Clearance
+    duration: float
+    bounds: Bounds
+    budget: int
+    box: tuple[Array, Array] | None
+
+
+def _searched(seed: int, task: _Task, progress: Progress | None = None) -> Plan:
+    """One start, in any process."""
     search = Search(
-        family=shape,
-        cost=Cost(robot, effects, _instants(family, shape, samples, duration), criterion_of(criterion), seed),
-        excess=Excess(robot, limits, space),
-        duration=duration,
-        bounds=bounds,
-        budget=budget,
-        box=_box(limits, shape) if family == "points" else None,
+        family=task.shape,
+        cost=Cost(task.robot, task.effects, task.instants, task.criterion, seed),
+        excess=Excess(task.robot, task.limits, task.space),
+        duration=task.duration,
+        bounds=task.bounds,
+        budget=task.budget,
+        box=task.box,
         progress=progress,
     )
     # Small products are slower on several threads.
     with threadpool_limits(limits=1, user_api="blas"):
         X = search.run(seed)
-    motion = shape.build(X)
+    motion = task.shape.build(X)
     return Plan(
-        joints=robot.joints,
+        joints=task.robot.joints,
         trajectory=motion,
         criterion=search.cost.criterion.name,
         cost=search.cost(search.at_samples @ X),
         history=np.array(search.history).reshape(-1, 2),
         evaluations=search.cost.evaluations,
-        seconds=time.perf_counter() - start,
-        violations=tuple(violations(robot, motion, limits, space)),
-        notes=space.notes,
+        seconds=0.0,
+        violations=tuple(violations(task.robot, motion, task.limits, task.space)),
+        notes=task.space.notes,
     )
+
+
+def _share(progress: Progress, number: int, starts: int) -> Progress:
+    """Progress of one start as progress of all."""
+    return lambda share, best: progress((number + share) / starts, best)
 
 
 def default_size(family: str, duration: float) -> int:

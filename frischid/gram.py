@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import lru_cache, reduce
+from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from frischid.errors import InputError, UnknownNameError
 
 Array = NDArray[np.float64]
 Sign = Literal[-1, 0, 1]
+LARGE = 2**20  # bytes of moments above which a block is worth packing
 
 
 @dataclass(frozen=True)
@@ -173,12 +175,121 @@ class Gram:
         return np.asarray(np.maximum(self.moments[:, -1, -1] - self.counts * mean**2, 0.0))
 
 
+class Blocks(Sequence[Gram]):
+    """Moments of consecutive stretches of time.
+
+    Large ones are kept as triangles over the columns that are not zero, and made whole when they are asked for: a joint
+    feels the links it moves, and moments are symmetric. Of a chain of thirty joints that leaves a sixth of the numbers.
+    Small ones stay as they are: packing them would take longer than adding them.
+    """
+
+    def __init__(self, grams: Iterable[Gram] = ()) -> None:
+        self._kept: list[Gram | _Packed] = []
+        for gram in grams:
+            self.append(gram)
+
+    def append(self, gram: Gram) -> None:
+        """Add a block behind the others."""
+        self._kept.append(_kept(gram))
+
+    def merge(self, gram: Gram) -> None:
+        """Add to the last block."""
+        self._kept[-1] = _sum(self._kept[-1], _kept(gram))
+
+    def halve(self) -> None:
+        """Add neighbours to each other, of an even number of blocks."""
+        self._kept = [_sum(a, b) for a, b in zip(self._kept[::2], self._kept[1::2], strict=True)]
+
+    def described(self, columns: Sequence[Column]) -> Blocks:
+        """The same with other words for the columns."""
+        found = Blocks()
+        found._kept = [replace(block, columns=tuple(columns)) for block in self._kept]
+        return found
+
+    def total(self) -> Gram:
+        """Sum of all, of which there is at least one."""
+        return _whole(reduce(_sum, self._kept))
+
+    @property
+    def nbytes(self) -> int:
+        """Of all blocks together."""
+        return sum(block.moments.nbytes if isinstance(block, Gram) else block.nbytes for block in self._kept)
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    @overload
+    def __getitem__(self, index: int) -> Gram: ...
+    @overload
+    def __getitem__(self, index: slice) -> Blocks: ...
+    def __getitem__(self, index: int | slice) -> Gram | Blocks:
+        if isinstance(index, int):
+            return _whole(self._kept[index])
+        found = Blocks()
+        found._kept = self._kept[index]
+        return found
+
+
+def _kept(gram: Gram) -> Gram | _Packed:
+    return _Packed.of(gram) if gram.moments.nbytes > LARGE else gram
+
+
+def _whole(block: Gram | _Packed) -> Gram:
+    return block if isinstance(block, Gram) else block.whole()
+
+
+def _sum(a: Gram | _Packed, b: Gram | _Packed) -> Gram | _Packed:
+    if isinstance(a, _Packed) and isinstance(b, _Packed) and all(map(np.array_equal, a.where, b.where)):
+        triangles = tuple(x + y for x, y in zip(a.triangles, b.triangles, strict=True))
+        return replace(a, triangles=triangles, sums=a.sums + b.sums, counts=a.counts + b.counts)
+    return _kept(_whole(a) + _whole(b))
+
+
+@dataclass(frozen=True, eq=False)
+class _Packed:
+    """A Gram without its zeros and without the half that symmetry gives."""
+
+    columns: tuple[Column, ...]
+    joints: tuple[str, ...]
+    where: tuple[NDArray[np.intp], ...]
+    triangles: tuple[Array, ...]
+    sums: Array
+    counts: Array
+
+    @classmethod
+    def of(cls, gram: Gram) -> _Packed:
+        where = tuple(np.flatnonzero(np.diag(M)) for M in gram.moments)
+        triangles = tuple(M[own[:, None], own][_lower(len(own))] for M, own in zip(gram.moments, where, strict=True))
+        return cls(gram.columns, gram.joints, where, triangles, gram.sums, gram.counts)
+
+    def whole(self) -> Gram:
+        """The Gram it was made of."""
+        size = len(self.columns) + 1
+        moments = np.zeros((len(self.joints), size, size))
+        for M, own, triangle in zip(moments, self.where, self.triangles, strict=True):
+            square = np.zeros((len(own), len(own)))
+            square[_lower(len(own))] = triangle
+            square.T[_lower(len(own))] = triangle
+            M[own[:, None], own] = square
+        return Gram(self.columns, self.joints, moments, self.sums, self.counts)
+
+    @property
+    def nbytes(self) -> int:
+        return self.sums.nbytes + sum(x.nbytes + i.nbytes for x, i in zip(self.triangles, self.where, strict=True))
+
+
+@lru_cache(maxsize=64)
+def _lower(size: int) -> NDArray[np.bool_]:
+    return np.tri(size, dtype=bool)
+
+
 def total(grams: Iterable[Gram]) -> Gram:
-    """Sum of at least one Gram."""
-    parts = list(grams)
-    if not parts:
+    """Sum of at least one Gram, two in memory at a time."""
+    if isinstance(grams, Blocks) and len(grams):
+        return grams.total()
+    result: Gram | None = None
+    for part in grams:
+        result = part if result is None else result + part
+    if result is None:
         raise InputError("no Gram to sum: no log gave any sample")
-    result = parts[0]
-    for part in parts[1:]:
-        result = result + part
     return result

@@ -200,12 +200,9 @@ def identify(
     regressor = Regressor(robot, effects, reference)
     reduction = structure(regressor, rows)
     columns = reduction.base_columns()
-    blocks = [
-        replace(g, columns=columns)
-        for g in accumulate(
-            regressor, motions, lowpass, rows, seconds=seen.seconds if streamed else None, base=reduction.base
-        )
-    ]
+    blocks = accumulate(
+        regressor, motions, lowpass, rows, seconds=seen.seconds if streamed else None, base=reduction.base
+    ).described(columns)
     notes += pieces.notes
     if reduction.gap < 100:
         warnings.append(
@@ -239,7 +236,7 @@ def identify(
         estimate = replace(estimate, theta=selection.theta, estimator="frisch")
     if estimator in {"sensorwise", "eiv", "iv"}:
         progress(f"estimator {estimator}")
-        estimate, box = _by_sensors(estimator, regressor, list(motions), lowpass, rows, reduction, estimate)
+        estimate, box = _by_sensors(estimator, regressor, motions, lowpass, rows, reduction, estimate)
         if box is not None:
             bounds["sensorwise"] = box
     warnings += [*estimate.notes, *moving_but_locked(seen.moving), *_doubts(triangle, recursed)]
@@ -537,7 +534,7 @@ def _digits(values: Array) -> list[float | None]:
 def _by_sensors(
     estimator: str,
     regressor: Regressor,
-    motions: Sequence[Motion],
+    motions: Iterable[Motion],
     lowpass: LowPass,
     rows: Sequence[str],
     reduction: Reduction,
@@ -545,9 +542,9 @@ def _by_sensors(
 ) -> tuple[Estimate, Box | None]:
     """Estimators that know which sensor the noise comes from."""
     if estimator == "iv":
-        return iv(regressor, motions, lowpass, reduction.base, start), None
+        return iv(regressor, list(motions), lowpass, reduction.base, start), None
     if estimator == "eiv":
-        stretches = samples(regressor, motions, lowpass, rows, reduction.base)
+        stretches = samples(regressor, list(motions), lowpass, rows, reduction.base)
         return eiv(stretches, start.columns, rows), None
     names = [c.name for c in start.columns]
     data = sensor_moments(regressor, motions, lowpass, rows, reduction.base, names=names, weights=start.weights)

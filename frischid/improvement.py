@@ -17,6 +17,7 @@ from frischid.identification import identify
 from frischid.log import Log
 from frischid.model import Model
 from frischid.prior import reference_of
+from frischid.recording import Recording, pieces_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +48,9 @@ class Step:
 def add(
     model: Model,
     effects: Sequence[Effect],
-    logs: Sequence[Log],
+    logs: Sequence[Log | Recording],
     *,
-    valid: Sequence[Log] = (),
+    valid: Sequence[Log | Recording] = (),
     situation: Situation = "always",
     finding: Finding | None = None,
 ) -> Step:
@@ -60,9 +61,9 @@ def add(
     model : Model
     effects : sequence of Effect
         What to add.
-    logs : sequence of Log
+    logs : sequence of Log or Recording
         Data to fit.
-    valid : sequence of Log
+    valid : sequence of Log or Recording
         Data to measure the error on.
     situation : {"auto", "always", "changed"}
         ``"auto"`` is decided as by `diagnose`. ``"always"``: all parameters are fitted again. ``"changed"``: the
@@ -94,7 +95,9 @@ def add(
         "error_after": after,
         "measured_on": measured_on,
         "sentence": "" if finding is None else finding.sentence,
-        "logs": [{"source": log.source, "sha256": log.sha256, "samples": len(log)} for log in logs],
+        "logs": [
+            {"source": log.source, "sha256": log.sha256, "samples": sum(map(len, pieces_of(log)))} for log in logs
+        ],
         "held_out_logs": [{"source": log.source, "sha256": log.sha256} for log in valid],
     }
     new = replace(new, history=(*model.history, event), previous=model)
@@ -103,9 +106,9 @@ def add(
 
 def improve(
     model: Model,
-    logs: Sequence[Log],
+    logs: Sequence[Log | Recording],
     *,
-    valid: Sequence[Log] = (),
+    valid: Sequence[Log | Recording] = (),
     situation: Situation = "auto",
     most: int = 8,
     progress: Callable[[str], None] = lambda _: None,
@@ -115,7 +118,7 @@ def improve(
     Parameters
     ----------
     model : Model
-    logs, valid : sequence of Log
+    logs, valid : sequence of Log or Recording
         Data to fit, and data to measure the error on.
     situation : {"auto", "always", "changed"}
         As in `diagnose`; decided once, for all steps.
@@ -149,7 +152,7 @@ def improve(
 
 
 def searched(
-    model: Model, effects: Sequence[Effect], text: str, logs: Sequence[Log], situation: Situation
+    model: Model, effects: Sequence[Effect], text: str, logs: Sequence[Log | Recording], situation: Situation
 ) -> tuple[Effect, ...]:
     """Give effects whose shape the user did not state the shape that fits best, joint by joint.
 
@@ -159,7 +162,7 @@ def searched(
     effects : sequence of Effect
     text : str
         What the user wrote; an effect written with parentheses keeps its shape.
-    logs : sequence of Log
+    logs : sequence of Log or Recording
     situation : {"auto", "always", "changed"}
     """
     chosen: list[Effect] = []
@@ -197,7 +200,9 @@ def _cross_validated(model: Model) -> float:
     return float(model.history[-1]["cross_validated_nrmse"])
 
 
-def _refitted(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log], situation: Situation) -> Model:
+def _refitted(
+    model: Model, effects: tuple[Effect, ...], logs: Sequence[Log | Recording], situation: Situation
+) -> Model:
     if situation != "changed":
         found = identify(
             model.robot,
@@ -214,7 +219,7 @@ def _refitted(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log], si
     return _changed(model, effects, logs)
 
 
-def _changed(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log]) -> Model:
+def _changed(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log | Recording]) -> Model:
     evidence, _ = gathered(model, logs, "changed")
     new = effects[len(model.effects) :]
     columns = columns_of(model.robot, effects)

@@ -24,8 +24,9 @@ import numpy as np
 from scipy import stats
 
 from frischid.effects import Coulomb, Effect
-from frischid.evidence import Evidence, Projection, Score
+from frischid.evidence import Evidence, Score
 from frischid.gram import Array
+from frischid.rows import Projection
 
 TOGETHER = 6  # effects in one place each that may enter together
 POOL = 40  # candidates that go on after the first round
@@ -130,13 +131,9 @@ def ranking(
     ndarray, shape (J,)
         Held-out NRMSE of each joint with all that entered.
     """
-    pool: list[Judged] = []
-    for kind in kinds:
-        progress(f"trying {kind.id}")
-        for alternatives in kind.candidates(evidence.model.robot):
-            projections = distinct(evidence, alternatives)
-            if projections and (found := judged(evidence, projections)) is not None:
-                pool.append(found)
+    places = [alternatives for kind in kinds for alternatives in kind.candidates(evidence.model.robot)]
+    scored = (judged(evidence, shapes) for shapes in distinct(evidence, places, progress) if shapes)
+    pool = [found for found in scored if found is not None]
     tried = len(pool)
     progress("judging them against each other")
     chosen, full = _together(evidence, pool, tried)
@@ -144,19 +141,25 @@ def ranking(
     return _ranked(evidence, pool, chosen, unique, tried), full.nrmse(full.base_sse())
 
 
-def distinct(evidence: Evidence, alternatives: Sequence[Effect]) -> list[Projection]:
-    """Projections of the shapes of one candidate that are not in the model, whose columns have a row here."""
-    present = {c.name for c in evidence.regressor.columns}
-    measured = set.intersection(*({*m.extra} for m in evidence.motions))
-    robot = evidence.model.robot
-    fresh = [
-        effect
-        for effect in (as_dry(effect, evidence.model.effects) for effect in alternatives)
-        if measured.issuperset(effect.channels(robot))
-        and not any(column.name in present for column in effect.columns(robot))
-    ]
-    found = evidence.project(evidence.screened(fresh))
-    return [p for p in found if p.columns and all(np.isfinite(x).all() for x in p.columns.values())]
+def distinct(
+    evidence: Evidence, places: Sequence[Sequence[Effect]], progress: Callable[[str], None] = lambda _: None
+) -> list[list[Projection]]:
+    """Projections of the shapes of candidates that are not in the model, whose columns have a row here.
+
+    All of them at once, because each time the motions are gone through.
+    """
+    robot, measured = evidence.model.robot, evidence.data.channels
+    present = {c.name for c in evidence.data.regressor.columns}
+
+    def fresh(effect: Effect) -> bool:
+        return measured.issuperset(effect.channels(robot)) and not any(
+            column.name in present for column in effect.columns(robot)
+        )
+
+    dry = ([as_dry(effect, evidence.model.effects) for effect in alternatives] for alternatives in places)
+    kept = evidence.screened([[effect for effect in alternatives if fresh(effect)] for alternatives in dry])
+    found = iter(evidence.project([effect for effects in kept for effect in effects], progress))
+    return [[p for p in itertools.islice(found, len(effects)) if p.columns and p.finite] for effects in kept]
 
 
 def as_dry(effect: Effect, known: Sequence[Effect]) -> Effect:
@@ -285,7 +288,7 @@ def refined(evidence: Evidence, candidate: Judged) -> Judged:
                 for chosen in itertools.product(*values.values())
                 if all(x * float(now.parameters[n]) > 0 for n, x in zip(values, chosen, strict=True))
             ]
-            projections = distinct(evidence, near)
+            (projections,) = distinct(evidence, [near])
             better = judged(evidence, projections) if projections else None
             if better is None or better.removed <= candidate.removed:
                 break
@@ -309,9 +312,7 @@ def _best_places(evidence: Evidence, places: Sequence[Judged]) -> list[Judged]:
 
 def _joined(evidence: Evidence, places: Sequence[Judged], worth: float, tried: int, entered: bool) -> Ranked:
     """All places of an effect as one candidate."""
-    together = places[0].projection
-    for place in places[1:]:
-        together = merged(evidence, together, place.projection)
+    together = places[0].projection if len(places) == 1 else evidence.joined([p.projection for p in places])
     whole = places[0] if len(places) == 1 else judged(evidence, [together])
     if whole is None or len(places) == 1 or whole.gain <= places[0].gain:
         places, whole = places[:1], places[0]
@@ -327,17 +328,6 @@ def _joined(evidence: Evidence, places: Sequence[Judged], worth: float, tried: i
         min(place.chance(tried) for place in places) if steady else 1.0,
         entered,
     )
-
-
-def merged(evidence: Evidence, a: Projection, b: Projection) -> Projection:
-    """Two places of an effect as one candidate."""
-    columns = {}
-    for row in {*a.columns, *b.columns}:
-        n = len(evidence.rows[row].tau)
-        left = a.columns.get(row, np.zeros((n, len(a.signs))))
-        right = b.columns.get(row, np.zeros((n, len(b.signs))))
-        columns[row] = np.column_stack([left, right])
-    return Projection(a.effect, columns, (*a.signs, *b.signs))
 
 
 def _told_apart(evidence: Evidence, found: list[Ranked]) -> list[Ranked]:
@@ -365,24 +355,7 @@ def _told_apart(evidence: Evidence, found: list[Ranked]) -> list[Ranked]:
 
 def block_test(evidence: Evidence, projection: Projection) -> float:
     """P value of a paired one-sided t test over blocks of time: the held-out squared error is smaller."""
-    X, D = evidence.moments(projection)
-    gains: dict[int, float] = {}
-    for fold in range(evidence.folds):
-        fit = evidence.fit(X, D, projection, fold)
-        if fit is None:
-            return 1.0
-        theta = evidence.systems[fold][1]
-        for row, r in enumerate(evidence.rows):
-            part = r.fold == fold
-            before = r.tau[part] - r.Y[part] @ theta
-            after = before - r.Y[part] @ fit.change
-            if row in projection.columns:
-                after = after - projection.columns[row][part] @ fit.beta
-            difference = evidence.omega[row] * (before**2 - after**2)
-            blocks, where = np.unique(r.block[part], return_inverse=True)
-            for b, g in zip(blocks, np.bincount(where, difference), strict=True):
-                gains[int(b)] = gains.get(int(b), 0.0) + float(g)
-    g = np.array(list(gains.values()))
-    if len(g) < 3 or not g.std() > 0:
+    g = evidence.block_gains(projection)
+    if g is None or len(g) < 3 or not g.std() > 0:
         return 1.0
     return float(stats.t.sf(g.mean() / (g.std(ddof=1) / np.sqrt(len(g))), len(g) - 1))

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import islice
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from threadpoolctl import ThreadpoolController
 
 from frischid.effects import Effect, State, columns_of
 from frischid.errors import InputError
-from frischid.gram import Array, Column, Gram, total
+from frischid.gram import Array, Blocks, Column, Gram, total
 from frischid.robot import Robot
 from frischid.signals import LowPass, Motion, decimating_filter
 from frischid.triangular import StreamingQR
@@ -30,7 +30,7 @@ EXTRA = 6  # columns filtered beside Y: τ, ones, known torque, q, q̇, q̈
 DRIVES = ("rigid", "rotor_inertia", "offset")  # columns that are not friction
 RESTING = 0.01  # share of a filtered sample's weight that may come from standstill
 LEAST_BLOCKS, MAX_BLOCKS = 16, 64
-BLOCK_BYTES = 256 * 2**20  # of all blocks together: hundreds of parameters on dozens of joints have fewer blocks
+BLOCK_BYTES = 128 * 2**20  # of all blocks together: hundreds of parameters on dozens of joints have fewer blocks
 FEWEST_KEPT = 24  # all the same, so that half of them still make standard errors
 
 
@@ -238,18 +238,22 @@ class Regressor:
         reach = len(taps) - 1
         stride = max(1, chunk // every) * every
         width, J = len(self.columns) + EXTRA, len(self.robot.joints)
-        tail, resting = np.empty((0, width, J)), np.empty((0, J))
+        # One room for all pieces where a filter makes something new of them; its end is moved to its beginning.
+        filtered = bool(reach) or every > 1
+        room = np.empty((min(stride + reach, len(motion.t)) if filtered else 0, width, J))
+        tail, resting = room[:0], np.empty((0, J))
         remembered = self.remember(motion)
         position = 0
         while position < len(motion.t):
             part = slice(position, min(position + stride + reach - len(tail), len(motion.t)))
             position = part.stop
-            buffer = np.empty((len(tail) + part.stop - part.start, width, J))
+            size = len(tail) + part.stop - part.start
+            buffer = room[:size] if filtered else np.empty((size, width, J))
             buffer[: len(tail)] = tail
             self._fill(motion, part, remembered, buffer[len(tail) :])
             rest = np.concatenate([resting, motion.still[part]])
             kept, still = buffer, rest
-            if reach or every > 1:
+            if filtered:
                 F = decimating_filter(taps, len(buffer), every)
                 kept, still = (F @ buffer.reshape(len(buffer), -1)).reshape(-1, width, J), abs(F) @ rest
             if len(kept) == 0:
@@ -306,7 +310,7 @@ def accumulate(
     *,
     seconds: float | None = None,
     base: Sequence[int] | None = None,
-) -> list[Gram]:
+) -> Blocks:
     """Moments of motions in blocks of consecutive time.
 
     Blocks serve cross-validation and standard errors that respect correlation: about `MAX_BLOCKS` of equal length,
@@ -329,23 +333,24 @@ def accumulate(
 
     Returns
     -------
-    list of Gram
+    Blocks
     """
     if seconds is None:
         motions = list(motions)
         seconds = float(sum(m.t[-1] - m.t[0] for m in motions))
-    kept: list[Gram] = []
+    kept = Blocks()
     each, level = 1, 0  # blocks added into one, and how many of them the last one has
     # Small products are slower on several threads, and sums then depend on their number.
     with _threads().limit(limits=1, user_api="blas"):
         for gram in _sums(regressor, motions, lowpass, joints, seconds):
             part = gram if base is None else gram.select(base)
             if 0 < level < each:
-                kept[-1], level = kept[-1] + part, level + 1
+                kept.merge(part)
+                level += 1
                 continue
-            most = max(FEWEST_KEPT, min(2 * MAX_BLOCKS, BLOCK_BYTES // part.moments.nbytes // 2 * 2))
-            if len(kept) >= most and len(kept) % 2 == 0:
-                kept = [a + b for a, b in zip(kept[::2], kept[1::2], strict=True)]
+            full = len(kept) >= 2 * MAX_BLOCKS or (len(kept) >= FEWEST_KEPT and kept.nbytes > BLOCK_BYTES)
+            if full and len(kept) % 2 == 0:
+                kept.halve()
                 each *= 2
             kept.append(part)
             level = 1
@@ -383,8 +388,9 @@ def _sums(
         pieces = max(1, round(samples / max(CHUNK, 2 * len(lowpass.taps(motion.step)))))
         chunk = max(1, round(samples / pieces / every)) * every
         grams = (gram_of(regressor, block, joints) for block in regressor.blocks(motion, lowpass, chunk))
-        while group := list(islice(grams, pieces)):
-            yield total(group)
+        for first in grams:
+            # one by one: in long blocks there are many, and they need not all be there at once
+            yield total(chain([first], islice(grams, pieces - 1)))
 
 
 def _check_torque_present(motion: Motion, robot: Robot, joints: Sequence[str]) -> None:

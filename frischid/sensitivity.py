@@ -25,7 +25,7 @@ the columns as a function of the state.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -111,7 +111,7 @@ def _derived(x: Array, source: Array, taps: Array) -> bool:
 
 def sensor_moments(
     regressor: Regressor,
-    motions: Sequence[Motion],
+    motions: Iterable[Motion],
     lowpass: LowPass,
     joints: Sequence[str],
     base: Sequence[int],
@@ -127,7 +127,8 @@ def sensor_moments(
     Parameters
     ----------
     regressor : Regressor
-    motions : sequence of Motion
+    motions : iterable of Motion
+        Gone through twice, and twice more for every sensor; one at a time is in memory.
     lowpass : LowPass
     joints : sequence of str
         Joints whose torque rows are used.
@@ -148,11 +149,23 @@ def sensor_moments(
     SensorMoments
     """
     rng = np.random.default_rng(seed)
-    per_motion = [{s.name: s for s in sensors_of(m, regressor.robot, lowpass)} for m in motions]
+    per_motion: list[dict[str, Sensor]] = []
+    steps: dict[str, float] = {}
+    seconds = 0.0
+    for motion in motions:
+        per_motion.append({s.name: s for s in sensors_of(motion, regressor.robot, lowpass)})
+        for name, sensor in per_motion[-1].items():
+            steps[name] = min(steps.get(name, np.inf), _step(motion, sensor, step))
+        seconds += float(motion.t[-1] - motion.t[0])
     sensors = list(dict.fromkeys(name for found in per_motion for name in found))
 
-    def moments(moved: Sequence[Motion]) -> list[Gram]:
-        return accumulate(regressor, moved, lowpass, joints)
+    def moments(moved: Iterable[Motion]) -> Sequence[Gram]:
+        return accumulate(regressor, moved, lowpass, joints, seconds=seconds)
+
+    def shifted(name: str, size: float) -> Iterator[Motion]:
+        """Every motion with random errors of this size on one sensor."""
+        for m, found in zip(motions, per_motion, strict=True):
+            yield moved(m, found[name], size * _signs(m, found[name], rng)) if name in found else m
 
     def weighted(grams: Sequence[Gram]) -> Array:
         return np.stack([g.select(list(base)).weighted(weights) for g in grams])
@@ -161,16 +174,12 @@ def sensor_moments(
     here = weighted(grams)
     noise = np.zeros((len(sensors) + 1, *here.shape))
     for s, name in enumerate(sensors):
-        owners = [found.get(name) for found in per_motion]
-        size = min(_step(m, o, step) for m, o in zip(motions, owners, strict=True) if o is not None)
+        size = steps[name]
         for _ in range(repeats):
-            signs = [None if o is None else _signs(m, o, rng) for m, o in zip(motions, owners, strict=True)]
-            sides = []
+            here_in_line, sides = rng.bit_generator.state, []
             for h in (size, -size):
-                pairs = zip(motions, owners, signs, strict=True)
-                sides.append(
-                    weighted(moments([m if o is None or w is None else moved(m, o, h * w) for m, o, w in pairs]))
-                )
+                rng.bit_generator.state = here_in_line  # the same signs on both sides, without keeping them
+                sides.append(weighted(moments(shifted(name, h))))
             noise[s] += (sides[0] + sides[1] - 2 * here) / (2 * size**2 * repeats)
     noise[-1, :, -1, -1] = [g.counts.sum() for g in grams]
     columns = [regressor.columns[i].name for i in base] if names is None else names
@@ -206,7 +215,7 @@ def _rms(x: Array, joint: int) -> float:
     return float(max(rms[joint], 0.01 * rms.max(), 1e-6))
 
 
-def noise_levels(motions: Sequence[Motion], robot: Robot, lowpass: LowPass) -> dict[str, float]:
+def noise_levels(motions: Iterable[Motion], robot: Robot, lowpass: LowPass) -> dict[str, float]:
     """Standard deviation of each sensor's errors, from fourth differences of its signal (`signals.noise_level`).
 
     A fast motion sampled slowly also has fourth differences, so this is an upper limit rather than a measurement.
@@ -228,7 +237,7 @@ def noise_levels(motions: Sequence[Motion], robot: Robot, lowpass: LowPass) -> d
 
 
 def noise_limits(
-    motions: Sequence[Motion], robot: Robot, lowpass: LowPass, margin: float = 1.5
+    motions: Iterable[Motion], robot: Robot, lowpass: LowPass, margin: float = 1.5
 ) -> dict[str, tuple[float, float]]:
     """Limits for `frischid.sensorwise.sensorwise` where there is no data sheet: at most `margin` times `noise_levels`.
 

@@ -20,9 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from frischid.diagnosis import Diagnosis, Finding
-from frischid.evidence import Evidence, Indices, Projection
+from frischid.evidence import Evidence
 from frischid.gram import Array
 from frischid.prediction import Prediction
+from frischid.rows import Indices
 
 BINS = 24
 VARIABLES = ("q", "v", "a", "load", "t")
@@ -77,16 +78,14 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
     evidence = diagnosis.evidence
     if not finding.members:
         return None
-    candidate = _together(evidence.project(finding.members))
+    candidate = evidence.joined(evidence.project(finding.members))
     fit = evidence.fit(*evidence.moments(candidate), candidate, None)
     if fit is None or sum(len(t) for t in evidence.times) != len(prediction.t):
         return None
     best: tuple[float, int, Array, Array] | None = None
     for row, r in enumerate(evidence.rows):
-        residual = r.tau - r.Y @ evidence.theta
-        added = r.Y @ fit.change
-        if row in candidate.columns:
-            added = added + candidate.columns[row] @ fit.beta
+        residual = evidence.residual(row, evidence.theta)
+        added = evidence.predicted(row, fit.change, candidate, fit.beta)
         removed = float((residual**2).sum() - ((residual - added) ** 2).sum()) / max(float((r.tau**2).sum()), 1e-300)
         if best is None or removed > best[0]:
             best = (removed, row, residual, added)
@@ -131,18 +130,6 @@ def correlation_ratio(x: Array, y: Array, bins: int = BINS) -> float:
     count = np.bincount(where, minlength=len(edges) - 1)
     mean = np.bincount(where, y, minlength=len(edges) - 1) / np.maximum(count, 1)
     return float((count * (mean - y.mean()) ** 2).sum() / ((y - y.mean()) ** 2).sum())
-
-
-def _together(projections: list[Projection]) -> Projection:
-    """Several members as one candidate."""
-    widths = [len(p.signs) for p in projections]
-    starts = np.concatenate([[0], np.cumsum(widths)])
-    columns: dict[int, Array] = {}
-    for p, start in zip(projections, starts, strict=False):
-        for row, values in p.columns.items():
-            whole = columns.setdefault(row, np.zeros((len(values), int(starts[-1]))))
-            whole[:, start : start + values.shape[1]] = values
-    return Projection(projections[0].effect, columns, tuple(s for p in projections for s in p.signs))
 
 
 def _samples(evidence: Evidence, row: int) -> Indices:

@@ -132,18 +132,19 @@ def measure(entry: Entry, job: Job) -> Part | Skipped:
             missing = [n for n in job.rows if not head_of(log).select([n]).has("tau")[0]]
             if missing:
                 raise InputError(f"no torque of {', '.join(missing)}, which other logs have")
-            motions = Motions([log], robot.joints, job.lowpass, job.velocity)
+            pieces = Motions([log], robot.joints, job.lowpass, job.velocity)
+            motions = pieces if isinstance(log, Recording) else list(pieces)
             seconds = seen.seconds if isinstance(log, Recording) else None
             grams = accumulate(regressor, motions, job.lowpass, job.rows, seconds=seconds, base=job.base)
             merged = tuple(_merged(grams, BLOCKS))
             first = next(pieces_of(log)).select(robot.joints)
-            motion = prepare(first, job.lowpass, velocity=job.velocity).motions
+            known = motions if isinstance(motions, list) else prepare(first, job.lowpass, velocity=job.velocity).motions
             report = inspect(
                 robot,
                 first,
                 lambda: structure(Regressor(robot, BASELINE), robot.joints),
                 alone=False,
-                prepared=(job.lowpass, motion),
+                prepared=(job.lowpass, known),
             )
             warnings = tuple(f"{entry.address}: {finding.short}" for finding in report.findings)
             return Part(entry.address, merged, seen.samples[0], seen.seconds, warnings)

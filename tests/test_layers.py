@@ -14,7 +14,7 @@ PACKAGE = Path(frischid.__file__).parent
 
 LAYERS = (
     ("errors", "inertia", "urdf_text"),
-    ("robot", "log", "gram", "triangular", "cluster", "archive"),
+    ("robot", "log", "gram", "triangular", "cluster", "archive", "store"),
     ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance", "recording", "tree"),
     (
         *("regressor", "reduction", "estimate", "deviation", "eiv", "iv", "frisch", "bbrf", "selection", "physical"),
@@ -35,6 +35,7 @@ LAYERS = (
         "prior",
         "ranking",
         "evidence",
+        "rows",
         "contact",
         "description",
         "prediction",

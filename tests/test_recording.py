@@ -8,9 +8,10 @@ import pytest
 
 import frischid as fr
 from frischid.errors import InputError
+from frischid.gram import Blocks, total
 from frischid.log import Log
 from frischid.recording import Motions, Recording
-from frischid.regressor import MAX_BLOCKS, Regressor, accumulate
+from frischid.regressor import MAX_BLOCKS, Regressor, accumulate, gram_of
 from frischid.signals import LowPass, prepare
 
 ROBOT = fr.Robot.load("planar2")
@@ -79,6 +80,36 @@ def test_blocks_do_not_grow_with_the_logs():
     total = sum(g.moments for g in many)
     np.testing.assert_allclose(total, 40 * sum(g.moments for g in once), rtol=1e-12)
     assert sum(g.rows for g in many) == 40 * sum(g.rows for g in once)
+
+
+def test_blocks_are_their_grams_in_half_the_room(monkeypatch):
+    monkeypatch.setattr("frischid.gram.LARGE", 0)
+    robot, lowpass = fr.Robot.load("ur5"), LowPass(5.0)
+    log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=100.0)
+    regressor = Regressor(robot, fr.BASELINE)
+    grams = [
+        gram_of(regressor, b, robot.joints) for m in prepare(log, lowpass).motions for b in regressor.blocks(m, lowpass)
+    ]
+    blocks = Blocks(grams)
+    assert blocks.nbytes < 0.5 * sum(g.moments.nbytes for g in grams)
+    for block, gram in zip(blocks, grams, strict=True):
+        np.testing.assert_array_equal(block.moments, gram.moments)
+        np.testing.assert_array_equal(block.counts, gram.counts)
+    np.testing.assert_array_equal(total(blocks).moments, total(grams).moments)
+    np.testing.assert_array_equal(total(blocks[1:3]).moments, (grams[1] + grams[2]).moments)
+    blocks.merge(grams[0])
+    np.testing.assert_allclose(blocks[-1].moments, (grams[-1] + grams[0]).moments)
+
+
+def test_the_sensor_wise_scheme_reads_recordings():
+    log = log_of()
+    whole = fr.identify(ROBOT, [log], recursion="none", estimator="sensorwise", effects=fr.BASELINE)
+    pieces = fr.identify(
+        ROBOT, [recording_of(log, [4000, 8000])], recursion="none", estimator="sensorwise", effects=fr.BASELINE,
+        cutoff=whole.model.lowpass.cutoff,
+    )  # fmt: skip
+    box, other = whole.model.bounds["sensorwise"], pieces.model.bounds["sensorwise"]
+    np.testing.assert_allclose(other.width, box.width, rtol=0.2)
 
 
 def test_a_recording_without_motion_is_refused():

@@ -132,3 +132,21 @@ def test_noise_levels_are_read_off_the_log():
     assert levels["v joint1"] < 1e-3
     with pytest.raises(InputError, match="sensors of this log are q joint1"):
         samples(regressor, [m], NOTHING, regressor.robot.joints, base, sigma={"w": 1.0})
+
+
+def test_motions_are_gone_through_one_at_a_time():
+    """Moments of the sensors' noise need no list of motions, and are the same without one."""
+
+    class Passing:
+        def __iter__(self):
+            return iter(motions)
+
+        def __len__(self):
+            raise AssertionError("nobody needs to know how many there are")
+
+    regressor, base, motion = planar()
+    motions = [motion, motion]
+    joints = regressor.robot.joints
+    held, passing = (sensor_moments(regressor, m, NOTHING, joints, base) for m in (motions, Passing()))
+    np.testing.assert_array_equal(held.noise, passing.noise)
+    np.testing.assert_array_equal(held.moments, passing.moments)

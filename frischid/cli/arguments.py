@@ -18,6 +18,7 @@ IN_MEMORY = 32 * 2**20
 """Size of all files together, in bytes, up to which they are read as a whole."""
 
 if TYPE_CHECKING:
+    from frischid.cluster import Workers
     from frischid.log import Log
     from frischid.robot import Robot
 
@@ -56,6 +57,14 @@ situation_option = click.option(
     type=click.Choice(["auto", "always", "changed"]),
     default="auto",
     help="Was the effect always there, or did the robot change since it was identified?",
+)
+scheduler_option = click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Where to work: the address of a Dask scheduler (tcp://host:8786), local (this machine's cores), or none.",
+)
+workers_option = click.option(
+    "--workers", type=click.IntRange(min=1), help="Processes of a local cluster, one a core by default."
 )
 valid_option = click.option("--valid", multiple=True, help="Log to measure the error on; repeatable. Never fitted.")
 
@@ -190,6 +199,18 @@ def working(quiet: bool) -> Iterator[Callable[[str], None]]:
 
     with Console(stderr=True).status("working") as status:
         yield lambda text: status.update(text)
+
+
+@contextmanager
+def elsewhere(scheduler: str | None, count: int | None) -> Iterator[Workers | None]:
+    """Where to work if the user says so; otherwise None, which is this process."""
+    if scheduler is None and count is None:
+        yield None
+        return
+    from frischid.cluster import workers
+
+    with workers(scheduler, count) as pool:
+        yield pool
 
 
 def show_page(page: Any, as_json: bool) -> None:

@@ -15,16 +15,12 @@ from frischid.cli.arguments import (
     map_option,
     matching,
     robot_options,
+    scheduler_option,
     show_page,
+    workers_option,
     working,
 )
 from frischid.cli.group import main
-
-scheduler_option = click.option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="Where to work: the address of a Dask scheduler (tcp://host:8786), local (this machine's cores), or none.",
-)
 
 
 @main.command()
@@ -37,7 +33,7 @@ scheduler_option = click.option(
 @click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
 @click.option("--velocity", type=click.Choice(["auto", "measured", "derived"]), default="auto")
 @scheduler_option
-@click.option("--workers", type=click.IntRange(min=1), help="Processes of a local cluster, one a core by default.")
+@workers_option
 @click.option("--strict", is_flag=True, help="Stop at a log that cannot be used instead of skipping it.")
 @click.option("--diagnosed", default=20, show_default=True, help="Of the robots that differ, how many to diagnose.")
 @click.option("-o", "--output", type=click.Path(), help="Write the model of the fleet here (JSON).")

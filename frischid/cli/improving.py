@@ -7,13 +7,16 @@ from typing import Any
 import click
 
 from frischid.cli.arguments import (
+    elsewhere,
     json_option,
     map_option,
     matching,
-    read,
+    opened,
+    scheduler_option,
     show_page,
     situation_option,
     valid_option,
+    workers_option,
     working,
 )
 from frischid.cli.group import main
@@ -27,6 +30,8 @@ from frischid.errors import InputError
 @map_option
 @situation_option
 @click.option("--try", "only", help="Effects to try, comma separated; all by default.")
+@scheduler_option
+@workers_option
 @json_option
 def diagnose(
     model: str,
@@ -35,6 +40,8 @@ def diagnose(
     mapping: str | None,
     situation: Any,
     only: str | None,
+    scheduler: str | None,
+    workers: int | None,
     as_json: bool,
 ) -> None:
     """Which physical effect the model is missing, by held-out evidence."""
@@ -43,14 +50,15 @@ def diagnose(
     from frischid.show import improving as show
 
     loaded = Model.load(model)
-    with working(as_json) as progress:
+    with working(as_json) as progress, elsewhere(scheduler, workers) as pool:
         progress("reading logs")
         found = run(
             loaded,
-            read(logs, loaded.robot, mapping),
-            valid=read(valid, loaded.robot, mapping),
+            opened(logs, loaded.robot, mapping),
+            valid=opened(valid, loaded.robot, mapping),
             situation=situation,
             effects=None if only is None else [x.strip() for x in only.split(",")],
+            workers=pool,
             progress=progress,
         )
     show_page(show.diagnosis(found), as_json)
@@ -92,7 +100,7 @@ def add(
     names = matching(joints, loaded.robot.joints)
     with working(as_json) as progress:
         progress("refitting")
-        data, held_out = read(logs, loaded.robot, mapping), read(valid, loaded.robot, mapping)
+        data, held_out = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
         chosen = parse_effects(effect if names is None or "@" in effect else f"{effect}@{'+'.join(names)}")
         chosen = searched(loaded, chosen, effect, [*data, *held_out], situation)
         step = run(loaded, chosen, data, valid=held_out, situation=situation)
@@ -129,7 +137,7 @@ def improve(
     loaded = Model.load(model)
     with working(as_json) as progress:
         progress("reading logs")
-        data, held_out = read(logs, loaded.robot, mapping), read(valid, loaded.robot, mapping)
+        data, held_out = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
         steps, last = run(loaded, data, valid=held_out, situation=situation, most=most, progress=progress)
     final = steps[-1].model if steps else loaded
     if output:

@@ -10,12 +10,15 @@ from frischid.cli.arguments import (
     channels_of,
     effects_of,
     effects_option,
+    elsewhere,
     json_option,
     load,
     number,
     pairs,
     robot_options,
+    scheduler_option,
     show_page,
+    workers_option,
     working,
 )
 from frischid.cli.group import main
@@ -99,6 +102,9 @@ def simulate(
 @click.option("--limits", default=0.9, show_default=True, help="Share of the URDF's limits to use.")
 @click.option("--budget", default=30_000, show_default=True, help="Evaluations of the criterion.")
 @click.option("--seed", default=0, show_default=True, help="The same seed gives the same motion.")
+@click.option("--starts", default=1, show_default=True, help="Searches from different beginnings; the best is taken.")
+@scheduler_option
+@workers_option
 @click.option("--picture", type=click.Path(), help="Draw the motion and the falling cost here (HTML).")
 @click.option(
     "--separate",
@@ -118,6 +124,9 @@ def excite(
     limits: float,
     budget: int,
     seed: int,
+    starts: int,
+    scheduler: str | None,
+    workers: int | None,
     picture: str | None,
     separate: str | None,
     effects: str | None,
@@ -142,13 +151,15 @@ def excite(
             f"--separate '{separate}' must name two effects, for example stribeck@joint2,hysteresis@joint2"
         )
     apart = None
-    with working(as_json) as progress:
+    with working(as_json) as progress, elsewhere(scheduler, workers) as pool:
         search: dict[str, Any] = {
             "duration": duration,
             "family": family,
             "envelope": limits,
             "budget": budget,
             "seed": seed,
+            "starts": starts,
+            "workers": pool,
             "progress": lambda share, best: progress(f"planning: {share:.0%} of the budget, cost {best:.4g}"),
         }
         if pair:

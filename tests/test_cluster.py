@@ -1,0 +1,53 @@
+"""Diagnosis, excitation and Monte Carlo do their work where `cluster` says, with the same result."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from frischid.cluster import Here, workers
+from frischid.diagnosis import diagnose
+from frischid.effects import BASELINE, parse_effects
+from frischid.excitation import plan
+from frischid.identification import identify
+from frischid.robot import Robot
+from frischid.simulation import Noise, simulate
+from frischid.trajectory import random_fourier
+
+ARM = Robot.load("planar2")
+TRIED = ("joint_spring", "stribeck", "hysteresis", "elasticity")
+
+
+@pytest.fixture(scope="module")
+def process():
+    """One process besides this one."""
+    with workers("local", 1) as pool:
+        yield pool
+
+
+@cache
+def logs():
+    effects = (*BASELINE, *parse_effects("joint_spring@joint2"))
+    values = {"fv1": 0.2, "fv2": 0.2, "fc1": 0.3, "fc2": 0.3, "ks2": 1.5}
+    motions = [random_fourier(ARM, 12.0, seed=k) for k in (1, 2)]
+    noise = Noise(q=1e-5, tau=0.01)
+    return [simulate(ARM, m, rate=100.0, effects=effects, parameters=values, noise=noise, seed=1) for m in motions]
+
+
+def test_a_diagnosis_is_the_same_in_another_process(process):
+    model = identify(ARM, logs()[:1], recursion="none").model
+    here, there = (diagnose(model, logs(), effects=TRIED, workers=pool).to_dict() for pool in (None, process))
+    assert here["findings"][0]["effect"] == "joint_spring"
+    assert there == here
+
+
+def test_starts_of_a_search_are_the_same_in_another_process(process):
+    options = {"duration": 4.0, "samples": 30, "budget": 150, "seed": 3, "starts": 2}
+    plain, here, there = (plan(ARM, **options, workers=pool) for pool in (None, Here(), process))
+    t = np.linspace(0.0, 4.0, 50)
+    for other in (here, there):
+        assert other.cost == pytest.approx(plain.cost, rel=1e-10)
+        np.testing.assert_allclose(other.trajectory(t)[0], plain.trajectory(t)[0], rtol=1e-10, atol=1e-12)
+    single = plan(ARM, **options | {"starts": 1})
+    assert plain.cost <= single.cost
+    assert plain.evaluations > single.evaluations

@@ -1,0 +1,125 @@
+"""What a diagnosis keeps of its logs: the same wherever it is, from moments alone, and no more for longer logs."""
+
+import tracemalloc
+from functools import cache
+
+import numpy as np
+import pytest
+
+import frischid.store
+from frischid.diagnosis import diagnose
+from frischid.effects import BASELINE, parse_effects
+from frischid.evidence import Evidence
+from frischid.identification import identify
+from frischid.prior import nominal
+from frischid.recording import Recording
+from frischid.robot import Robot
+from frischid.simulation import Noise, simulate
+from frischid.store import Store
+from frischid.trajectory import random_fourier
+
+ARM = Robot.load("planar2")
+TRIED = ("joint_spring", "stribeck", "hysteresis", "thermal_drift")
+BYTES = 40  # a sample at 200 Hz; 20 for each joint at every fourth are 10. Rows and columns would be 300
+
+
+def log_of(seed: int, seconds: float = 20.0):
+    effects = (*BASELINE, *parse_effects("joint_spring@joint2"))
+    values = {"fv1": 0.2, "fv2": 0.2, "fc1": 0.3, "fc2": 0.3, "ks2": 1.5}
+    motion = random_fourier(ARM, seconds, seed=seed)
+    noise = Noise(q=1e-5, tau=0.01)
+    return simulate(ARM, motion, rate=200.0, effects=effects, parameters=values, noise=noise, seed=seed, channels=())
+
+
+@cache
+def model():
+    return identify(ARM, [log_of(1)], recursion="none").model
+
+
+def in_pieces(log, samples=1500, times=1):
+    def read(_):
+        for k in range(times):
+            for first in range(0, len(log) - 10, samples):
+                piece = log.slice(first, min(first + samples, len(log)))
+                yield piece if k == 0 else later(piece, k * (log.t[-1] - log.t[0] + log.t[1] - log.t[0]))
+
+    return Recording(log.source, read)
+
+
+def later(log, seconds):
+    return type(log)(log.t + seconds, log.joints, log.q, tau=log.tau, source=log.source)
+
+
+def test_a_file_gives_back_what_was_written():
+    store, rng = Store(limit=1000), np.random.default_rng(0)
+    arrays = [rng.normal(size=shape) for shape in [(10, 3), (50, 4), (0, 2), (7,), (300, 2)]]
+    kept = [store.put(x) for x in arrays]
+    assert [k.held is None for k in kept] == [False, True, False, False, True]
+    for stored, x in zip(kept, arrays, strict=True):
+        np.testing.assert_array_equal(stored.read(), x)
+    assert store.written == arrays[1].nbytes + arrays[4].nbytes
+
+
+def test_where_rows_are_kept_changes_nothing(monkeypatch):
+    logs = [log_of(1), log_of(2)]
+    here = diagnose(model(), logs, effects=TRIED)
+    monkeypatch.setattr(frischid.store, "LIMIT", 0)
+    there = diagnose(model(), logs, effects=TRIED)
+    assert there.to_dict() == here.to_dict()
+    assert here.findings[0].effect == "joint_spring"
+    assert here.evidence.data.store.written == 0
+    assert there.evidence.data.store.written > 0
+
+
+def test_a_recording_says_what_its_log_says():
+    logs = [log_of(1), log_of(2)]
+    whole = diagnose(model(), logs, effects=TRIED)
+    pieces = diagnose(model(), [in_pieces(log) for log in logs], effects=TRIED)
+    assert pieces.verdict == whole.verdict == "effect"
+    first, again = whole.findings[0], pieces.findings[0]
+    assert (again.effect, again.joints) == (first.effect, first.joints)
+    assert again.parameters["ks2"] == pytest.approx(first.parameters["ks2"], rel=1e-3)
+    assert pieces.error == pytest.approx(whole.error, rel=1e-3)
+    np.testing.assert_allclose(pieces.evidence.counts, whole.evidence.counts, atol=5)
+
+
+def test_moments_with_a_candidate_are_those_of_the_rows_with_its_columns():
+    evidence = Evidence(model(), [log_of(1), log_of(2)], nominal(model()))
+    spring, drag, play = evidence.project(
+        parse_effects("joint_spring@joint2")
+        + parse_effects("quadratic_viscous@joint1")
+        + parse_effects("joint_spring@joint1")
+    )
+    cut = evidence.without([(evidence.sources[0], 3.0, 5.0)])
+    assert cut.counts.sum() < evidence.counts.sum()
+    for start in (evidence, cut):
+        both = start.joined([spring, drag])
+        assert len(both.signs) == 2
+        now = start.extended(both).extended(play)
+        base, k = len(start.theta), 3
+        for row, r in enumerate(now.rows):
+            unit = np.eye(base + k)
+            Z = np.column_stack([*(now.predicted(row, e) for e in unit), r.tau])
+            for fold in range(now.folds):
+                own = Z[r.fold == fold]
+                np.testing.assert_allclose(now.G[fold, row], own.T @ own, rtol=1e-9, atol=1e-9 * np.abs(Z).max() ** 2)
+        np.testing.assert_allclose(now.counts, start.counts)
+        gains = start.block_gains(spring)
+        assert len(gains) == len(np.unique(np.concatenate([r.block for r in start.rows])))
+        assert gains.sum() > 0
+
+
+def test_memory_grows_by_little_more_than_torques(monkeypatch):
+    """Rows and candidates' columns of a longer log go to the file."""
+    monkeypatch.setattr(frischid.store, "LIMIT", 0)
+    log = log_of(1)
+    peaks = []
+    for times in (2, 8):
+        known = model()
+        tracemalloc.start()
+        evidence = Evidence(known, [in_pieces(log, 2000, times)], nominal(known))
+        found = evidence.project(parse_effects("joint_spring") + parse_effects("hysteresis(distance=0.01)"))
+        assert evidence.score(found[:1]) is not None
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert (peaks[1] - peaks[0]) / (6 * len(log)) < BYTES
