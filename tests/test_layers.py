@@ -18,7 +18,7 @@ LAYERS = (
     ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance", "recording", "tree"),
     (
         *("regressor", "reduction", "estimate", "deviation", "eiv", "iv", "frisch", "bbrf", "selection", "physical"),
-        *("sensorwise", "sensitivity", "criteria", "envelope", "survey", "belief", "drives"),
+        *("sensorwise", "sensitivity", "criteria", "envelope", "survey", "belief", "drives", "sharpness"),
     ),
     ("model",),
     ("datasets", "proposal"),
