@@ -134,7 +134,7 @@ class JointCoupling(Effect):
         "f = fvm·ṡ + fcm·tanh(ṡ/width) + Iam·s̈ on joint i, ratio·f on joint j,  s = q_i + ratio·q_j"
     )
     sentence: ClassVar[str] = (
-        "{joint} feel each other's speed: a motor turns with both at once, as in many wrists, and brings its friction "
+        "{joints} feel each other's speed: a motor turns with both at once, as in many wrists, and brings its friction "
         "and inertia to both"
     )
     looks_like: ClassVar[str] = "each of two joints needs torque when only the other moves"

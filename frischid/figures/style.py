@@ -97,11 +97,6 @@ def typeset(text: str) -> str:
     return re.sub(r"(?<=\d) (?=(?:%|×|rad|m/|m\b|N|s\b|ms\b|Hz|kg)(?!\w{3}))", "\u00a0", text)
 
 
-def listed(names: Sequence[str]) -> str:
-    """``a, b and c``."""
-    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
-
-
 def _axis(**extra: Any) -> dict[str, Any]:
     return {
         "gridcolor": GRID, "zerolinecolor": GRID, "linecolor": FAINT, "tickcolor": FAINT,

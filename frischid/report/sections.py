@@ -12,11 +12,12 @@ import numpy as np
 from frischid import figures
 from frischid.diagnosis import Finding
 from frischid.effects import EFFECTS
-from frischid.figures.style import listed, number
+from frischid.figures.style import number
 from frischid.regressor import Regressor
 from frischid.report.html import esc, folded, items, plot, plots, said, table
 from frischid.report.study import Study, missing, opened
 from frischid.shapes import shape_of
+from frischid.words import listed
 
 SHOWN = 6  # findings drawn; the others stand in the ranking
 VARIABLES = ("q", "v", "a", "load", "t")

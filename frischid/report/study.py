@@ -13,7 +13,6 @@ from frischid.comparison import Comparison, compare
 from frischid.consistency import Consistency, make_consistent
 from frischid.diagnosis import Diagnosis, diagnose
 from frischid.errors import FrischidError, InputError
-from frischid.figures.style import listed
 from frischid.gram import Array
 from frischid.identification import HOPELESS, structure
 from frischid.log import Log
@@ -22,6 +21,7 @@ from frischid.prediction import Prediction, predict
 from frischid.quality import Quality, quality
 from frischid.reduction import Reduction
 from frischid.regressor import Regressor, nominal_parameters
+from frischid.words import listed
 
 WEAK = 0.5  # relative standard error above which a parameter is hardly known
 

@@ -19,10 +19,11 @@ from frischid.diagnosis import Finding
 from frischid.effects import EFFECTS
 from frischid.figures import Drawing
 from frischid.figures.history import steps_of
-from frischid.figures.style import listed, typeset
+from frischid.figures.style import typeset
 from frischid.report.study import missing, opened
 from frischid.studio.bench import Bench, State, message_of
 from frischid.studio.stage import Stage, Track
+from frischid.words import listed
 
 SHOWN = 6
 VARIABLES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "load", "time": "t"}
