@@ -57,7 +57,7 @@ def main() -> None:
         shown = report(model, logs, page)
         with opened(page.as_uri(), WIDTH, HEIGHT) as seen:
             seen.page.evaluate("document.querySelector('#fails').scrollIntoView({behavior: 'instant'})")
-            seen.page.wait_for_function("document.querySelector('#fails .plot').dataset.drawn")
+            seen.page.wait_for_selector("#fails .plot[data-drawn]")
             seen.page.wait_for_timeout(1500)
             keep(seen.page.screenshot(), "report.webp")
         assert shown.diagnosis is not None

@@ -30,6 +30,7 @@ from frischid.noise import noise_floor
 from frischid.prior import identified, nominal
 from frischid.ranking import SIGNIFICANCE, TRIFLE, Ranked, ranking
 from frischid.recording import Recording
+from frischid.words import each_of, listed
 
 Verdict = Literal["none", "effect", "contact", "unknown"]
 Known = Literal["always", "changed"]
@@ -313,7 +314,7 @@ def _finding(evidence: Evidence, floor: Array, ranked: Ranked) -> Finding:
         ranked.p_value,
         dict(zip(names, map(float, ranked.score.beta), strict=True)) | shapes,
         ranked.rivals,
-        ranked.kind.sentence.format(joint=", ".join(joints) if joints else "the robot"),
+        ranked.kind.sentence.format(joint=each_of(joints), joints=listed(joints)),
         members,
     )
 

@@ -350,7 +350,8 @@ class Evidence:
 
     def nrmse(self, sse: Array) -> Array:
         """Held-out NRMSE of each joint from its sums of squares over the folds, (J,)."""
-        return np.asarray(np.sqrt(sse.sum(axis=0) / self.counts.sum(axis=0)) / self.spread)
+        # Moments of exact data may miss zero by their last digit.
+        return np.asarray(np.sqrt(np.maximum(sse.sum(axis=0), 0.0) / self.counts.sum(axis=0)) / self.spread)
 
     def log_likelihood(self, before: Array, after: Array, effective: Array) -> float:
         """Held-out log likelihood ratio, in effectively independent samples of each joint (J,)."""

@@ -18,7 +18,7 @@ import numpy as np
 from frischid.bbrf import Recursion, Variant, bbrf
 from frischid.belief import Choice, chosen, urdf_priors
 from frischid.comparison import Comparison, compare
-from frischid.effects import BASELINE, Coulomb, Effect
+from frischid.effects import BASELINE, Effect
 from frischid.eiv import eiv
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimate import Estimate, cross_validated, ols, wls
@@ -35,17 +35,14 @@ from frischid.robot import Robot
 from frischid.selection import Selection, select
 from frischid.sensitivity import noise_limits, samples, sensor_moments
 from frischid.sensorwise import sensorwise
+from frischid.sharpness import baseline, dry_width
 from frischid.signals import LowPass, Motion, choose_lowpass, prepare
 from frischid.survey import Data, Survey, check_usable, held_by, moving_but_locked, survey
 from frischid.survey import torque_joints as torque_joints_of
 from frischid.triangular import SAFE_CONDITION
 
 MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see
-WIDTHS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s (m/s)
-FINER = (1.5, 1.2)  # steps from the best of these to a better one
-SAMPLE = 6000  # samples on which the width of dry friction's sign is chosen
-FIRST_PIECES = 4  # of a recording, on which it is chosen
-DECISIVE = 0.98  # share of a sharper one's error below which a wider sign is worth it
+FIRST_PIECES = 4  # of a recording, on which the width of dry friction's sign is chosen
 HOPELESS = 0.8  # cross-validated NRMSE above which a joint is not explained but wrong
 MOST_ROWS = 100_000  # of the bounding-box recursion, which needs them all in memory and inverts a matrix for each
 ESTIMATORS = ("wls", "ols", "frisch", "sensorwise", "eiv", "iv")
@@ -194,7 +191,12 @@ def identify(
         _refuse_worthless(reports)
 
     if effects is None:
-        effects = _baseline(robot, motions, lowpass, rows, notes)
+        # Of a recording, the beginning must do: reading all of it takes long.
+        some = motions if isinstance(motions, list) else list(islice(motions, FIRST_PIECES))
+        width = dry_width(robot, some, lowpass, rows, structure(Regressor(robot, BASELINE), rows))
+        effects = BASELINE if width is None else baseline(width)
+        if width is not None:
+            notes.append(f"dry friction changes its direction over ±{width:g} rad/s (m/s), chosen by cross-validation")
 
     progress("regressor and moments")
     regressor = Regressor(robot, effects, reference)
@@ -278,42 +280,6 @@ def identify(
         tuple(warnings),
         choice,
     )
-
-
-def _baseline(
-    robot: Robot, motions: Iterable[Motion], lowpass: LowPass, rows: Sequence[str], notes: list[str]
-) -> tuple[Effect, ...]:
-    """The baseline effects, with the width of dry friction's sign that predicts best a part of the data left out."""
-    # Of a recording, the beginning must do: reading all of it takes long.
-    some = motions if isinstance(motions, list) else list(islice(motions, FIRST_PIECES))
-    share = min(1.0, SAMPLE / sum(len(m.t) for m in some))
-    parts = [m.middle(share) for m in some]
-
-    @cache
-    def error(width: float) -> float:
-        regressor = Regressor(robot, _with_width(width))
-        reduction = structure(regressor, rows)
-        blocks = [g.select(reduction.base) for g in accumulate(regressor, parts, lowpass, rows)]
-        blocks = [replace(g, columns=reduction.base_columns()) for g in blocks]
-        if len(blocks) < 2 or total(blocks).rows < 2 * reduction.rank:
-            raise IdentifiabilityError("too few samples to choose the width of dry friction's sign")
-        return float(np.mean(_nrmse(total(blocks), cross_validated(blocks, wls(blocks)))))
-
-    try:
-        # Dry friction is sharp: smoothing it must pay, and where data do not say, a sharp one errs least on others.
-        best = min(w for w in WIDTHS if DECISIVE * error(w) <= min(map(error, WIDTHS)))
-        for ratio in FINER:
-            near = min((best / ratio, best * ratio), key=error)
-            best = near if error(near) < DECISIVE * error(best) else best
-    except IdentifiabilityError:
-        return BASELINE  # what the whole logs can do is judged later
-    best = float(f"{best:.2g}")
-    notes.append(f"dry friction changes its direction over ±{best:g} rad/s (m/s), chosen by cross-validation")
-    return _with_width(best)
-
-
-def _with_width(width: float) -> tuple[Effect, ...]:
-    return tuple(replace(e, width=width) if isinstance(e, Coulomb) else e for e in BASELINE)
 
 
 def _independent_rows(seen: Survey, lowpass: LowPass) -> float:
@@ -559,11 +525,9 @@ def _doubts(triangle: Simplex, recursed: Recursion | None) -> list[str]:
     if not triangle.same_orthant:
         names = triangle.disagreeing
         doubts.append(
-            f"Theorem 1 of the Frisch scheme does not apply: the {len(triangle.names) + 1} least-squares solutions "
-            "lie in "
-            f"different orthants ({len(names)} parameters change sign: "
-            f"{', '.join(names[:6])}{' ...' * (len(names) > 6)}). "
-            "The true parameters need not lie in the simplex or in its box"
+            f"the classical Frisch box need not hold the truth: its Theorem 1 asks for {len(triangle.names) + 1} "
+            f"least-squares solutions of equal signs, and {len(names)} parameters change theirs "
+            f"({', '.join(names[:6])}{' ...' * (len(names) > 6)})"
         )
     if recursed is not None and recursed.emptied is not None:
         doubts.append(str(EmptyBoxError(*recursed.emptied)))

@@ -15,21 +15,20 @@ be told from physics, and counts as unexplained.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from frischid.effects import Effect
+from frischid.effects import State, columns_of
 from frischid.gram import Array
 from frischid.model import Model
 from frischid.regressor import Regressor
-from frischid.signals import LowPass, Motion, correlate, derivative_taps, noise_level
+from frischid.signals import LowPass, Motion, correlate, decimating_filter, derivative_taps, noise_level
 
 SEED = 0  # of the draws: the same log gives the same floor
-SAMPLES = 8_000  # of one motion, from its middle, on which draws are made
+SAMPLES = 12_000  # of one motion, from its middle, on which draws are made
 SHARP = 1e-4  # width of dry friction's sign that is as good as none, rad/s (m/s)
 NEAR = 3.0  # times the cut-off: where the noise next to the filter's band is looked at
 SIXTH = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
@@ -93,23 +92,29 @@ def _through_the_motion(model: Model, motion: Motion) -> Array:
     """Mean square of what noise of q, q̇ and q̈ does to the model's filtered torque, shape (J,)."""
     path = _smoothed(motion.middle(min(1.0, SAMPLES / len(motion.t))), model.lowpass)
     seen = _with_noise(path, motion, model.lowpass)
-    sharp = [_sharp(e) for e in model.effects]
-    truth = _torques(model, sharp, path)
-    errors = []
-    for effects in (model.effects, sharp):
-        total, count = np.zeros(len(model.joints)), np.zeros(len(model.joints))
-        for (tau, used), (other, _) in zip(truth, _torques(model, effects, seen), strict=True):
-            total += ((tau - other) ** 2 * used).sum(axis=0)
-            count += used.sum(axis=0)
-        errors.append(total / np.maximum(count, 1))
-    return np.minimum(*errors)
+    regressor, index = Regressor(model.robot, model.effects, model.reference), model.torque_index
+    taps, every = model.lowpass.taps(path.step), model.lowpass.decimation(path.step)
+    F = decimating_filter(taps, len(path.t), every)
+    used = regressor.counted(abs(F) @ path.still)[:, index]
+    truth = regressor.torque(path, model.full_theta) + _sharpened(model, path)
+    smooth = regressor.torque(seen, model.full_theta)
+    errors = [F @ (truth - x)[:, index] * used for x in (smooth, smooth + _sharpened(model, seen))]
+    return np.asarray(np.minimum(*((x**2).sum(axis=0) for x in errors)) / np.maximum(used.sum(axis=0), 1))
 
 
-def _torques(model: Model, effects: Sequence[Effect], motion: Motion) -> list[tuple[Array, NDArray[np.bool_]]]:
-    """Filtered torques of the model with its effects in another shape, and which of them count, in pieces."""
-    index = model.torque_index
-    blocks = Regressor(model.robot, effects, model.reference).blocks(motion, model.lowpass)
-    return [((model.full_theta @ b.Y + b.known)[:, index], b.used[:, index]) for b in blocks]
+def _sharpened(model: Model, motion: Motion) -> Array:
+    """What the torque changes by, unfiltered, where dry friction changes its sign at once, shape (N, J)."""
+    theta = dict(zip((c.name for c in columns_of(model.robot, model.effects)), model.full_theta, strict=True))
+    none = np.zeros(motion.q.shape)
+    state = State(model.robot, motion.t, motion.q, motion.v, motion.a, none, none, motion.start, motion.extra)
+    change = none.copy()
+    for effect in model.effects:
+        if "width" in effect.parameters and not effect.loaded:
+            sharp = type(effect)(joints=effect.joints, **effect.parameters | {"width": SHARP})
+            for after, before in zip(sharp.terms(state), effect.terms(state), strict=True):
+                for joint, values in after.rows.items():
+                    change[:, joint] += theta[after.column.name] * (values - before.rows[joint])
+    return change
 
 
 def _smoothed(motion: Motion, lowpass: LowPass) -> Motion:
@@ -135,9 +140,3 @@ def _with_noise(path: Motion, motion: Motion, lowpass: LowPass) -> Motion:
     a = np.where(own_v, correlate(first, of_v), correlate(second, of_q))
     a = np.where(own_a, rng.normal(size=path.a.shape) * noise_level(motion.a), a)
     return replace(path, q=path.q + of_q[half : len(of_q) - half], v=path.v + v, a=path.a + a)
-
-
-def _sharp(effect: Effect) -> Effect:
-    """The effect with a sign of the speed that changes at once."""
-    changed: dict[str, Any] = {"width": SHARP} if "width" in effect.parameters else {}
-    return type(effect)(joints=effect.joints, **effect.parameters | changed)

@@ -232,6 +232,16 @@ class Regressor:
         motion_of = (motion.t, motion.q, motion.v, motion.a)
         return State(self.robot, *motion_of, load, torque, motion.start, motion.extra, static.reference[:rigid], drag)
 
+    def torque(self, motion: Motion, theta: Array) -> Array:
+        """Unfiltered torque of all columns (and of what is known) over a motion, shape (N, J), for parameters (C,)."""
+        out, remembered = np.empty(motion.q.shape), self.remember(motion)
+        for start in range(0, len(motion.t), CHUNK):
+            part = slice(start, min(start + CHUNK, len(motion.t)))
+            Z = np.empty((part.stop - start, len(self.columns) + EXTRA, motion.q.shape[1]))
+            self._fill(motion, part, remembered, Z)
+            out[part] = np.einsum("ncj,c->nj", Z[:, :-EXTRA], theta) + Z[:, len(self.columns) + 2]
+        return out
+
     def blocks(self, motion: Motion, lowpass: LowPass, chunk: int = CHUNK) -> Iterator[Block]:
         """Filtered, decimated pieces of a motion, in order; together they are the same for any `chunk`."""
         taps, every = lowpass.taps(motion.step), lowpass.decimation(motion.step)
@@ -260,8 +270,12 @@ class Regressor:
                 return
             done = len(kept) * every
             times = motion.t[position - len(buffer) + reach // 2 :][:done:every]
-            yield Block(times, kept, (still < RESTING) | ~self.resting, motion.source)
+            yield Block(times, kept, self.counted(still), motion.source)
             tail, resting = buffer[done:], rest[done:]
+
+    def counted(self, still: Array) -> NDArray[np.bool_]:
+        """Which filtered torques count, from the share of their weight that comes from standstill, both (N, J)."""
+        return np.asarray((still < RESTING) | ~self.resting)
 
     def _fill(self, motion: Motion, part: slice, remembered: Mapping[int, list[dict[int, Array]]], out: Array) -> None:
         """Write the columns of a `Block.Z`, unfiltered."""

@@ -413,11 +413,13 @@ class _Derivatives:
         with np.errstate(invalid="ignore"):
             lag = -np.sum((measured - derived) * acceleration, axis=0) / (np.sum(acceleration**2, axis=0) + 1e-300)
         late = present & (off > LATE_VELOCITY)
-        notes = [
-            f"{log.source}: measured velocity of {log.joints[j]} differs from its positions' slope by {off[j]:.0%}"
-            f" (it lags {lag[j]:.3g} s): derived from the positions instead"
-            for j in np.flatnonzero(late)
-        ]
+        notes = []
+        if late.any():
+            names = [name for name, wrong in zip(log.joints, late, strict=True) if wrong]
+            notes.append(
+                f"{log.source}: measured velocity of {', '.join(names)} differs from the slope of the positions by "
+                f"{_range(100 * off[late])} % (it lags {_range(lag[late])} s): derived from the positions instead"
+            )
         return present & ~late & self.better(self.a_from_v), notes
 
     def better(self, acceleration: Array) -> NDArray[np.bool_]:
@@ -449,3 +451,9 @@ def decimating_filter(taps: Array, samples: int, decimation: int) -> sparse.csr_
     return sparse.csr_array(
         (np.tile(taps, outputs), columns, len(taps) * np.arange(outputs + 1)), shape=(outputs, samples)
     )
+
+
+def _range(values: Array) -> str:
+    """Smallest to largest, or the one value there is."""
+    low, high = (f"{x:.2g}" for x in (values.min(), values.max()))
+    return low if low == high else f"{low} to {high}"

@@ -67,8 +67,8 @@ def column(effect, state, number=0):
 def test_every_page_is_complete(kind):
     for text in (kind.title, kind.equation, kind.sentence, kind.looks_like, kind.confirmed_by, kind.reference):
         assert len(text) > 2
-    kind.sentence.format(joint="joint 1")
-    assert "{joint}" in kind.sentence
+    kind.sentence.format(joint="joint 1", joints="joint 1 and joint 2")
+    assert "{joint" in kind.sentence
     assert any(character.isdigit() for character in kind.reference), "a source has a year"
     assert kind.confused_with
     assert set(kind.confused_with) <= set(EFFECTS) - {kind.id}

@@ -13,12 +13,12 @@ import frischid
 PACKAGE = Path(frischid.__file__).parent
 
 LAYERS = (
-    ("errors", "inertia", "urdf_text"),
+    ("errors", "inertia", "urdf_text", "words"),
     ("robot", "log", "gram", "triangular", "cluster", "archive", "store"),
     ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance", "recording", "tree"),
     (
         *("regressor", "reduction", "estimate", "deviation", "eiv", "iv", "frisch", "bbrf", "selection", "physical"),
-        *("sensorwise", "sensitivity", "criteria", "envelope", "survey", "belief", "drives"),
+        *("sensorwise", "sensitivity", "criteria", "envelope", "survey", "belief", "drives", "sharpness"),
     ),
     ("model",),
     ("datasets", "proposal"),

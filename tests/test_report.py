@@ -128,6 +128,10 @@ def test_it_prints_every_figure_in_light_colours(spring, tmp_path):
         seen.page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
         drawn = {p.get_attribute("data-drawn") for p in seen.page.query_selector_all(".plot")}
         assert drawn == {"light"}
+        seen.page.emulate_media(media="print")
+        cut = """[...document.querySelectorAll(".plot")].filter(
+            (p) => p.querySelector(".main-svg").getBoundingClientRect().width > p.clientWidth + 1).length"""
+        assert seen.page.evaluate(cut) == 0
         assert seen.complaints == []
 
 
@@ -159,9 +163,9 @@ def test_verdict_names_the_spring_and_counts_the_warnings(spring):
     assert f"<title>planar2: {len(warnings)} warning" in text
     assert "Missing: joint_spring on joint2" in text
     assert "frischid add model.json joint_spring --joints joint2 LOG... -o better.json" in text
-    assert "On 1 log it has never seen" in text
+    assert "On a log it has never seen" in text
     start = text.index('id="missing"')
-    for words in ("Evidence", "Could be", "Tell apart", "what joint_spring adds"):
+    for words in ("Evidence", "Could also be", "To be sure", "what joint_spring adds"):
         assert words in text[start:]
 
 

@@ -1,6 +1,7 @@
 """The studio: the bench alone, then the page in a real browser: load, play, add, see the error fall, undo, save."""
 
 import re
+import socket
 import threading
 import time
 
@@ -21,8 +22,10 @@ from frischid.trajectory import random_fourier
 
 pytest.importorskip("viser", reason="the extra frischid[studio] is not installed")
 
+from viser import transforms as tf
+
+from frischid.studio import Studio, studio
 from frischid.studio import bench as bench_module  # needs viser
-from frischid.studio import studio
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import urdf_of
 from frischid.studio.stage import Track, colour_of
@@ -236,6 +239,76 @@ def test_a_session_in_the_browser(case, tmp_path):
         running.stop()
 
 
+def spot(running, page, joint):
+    """Where a joint is seen, in pixels of the page: its position through the camera of the one tab there is."""
+    ((number, tab),) = running.tabs.items()
+    camera = running.server.get_clients()[number].camera
+    canvas = page.locator("canvas").first.bounding_box()
+    x, y, z = tf.SO3(camera.wxyz).inverse() @ (tab.stage.markers[joint].position - camera.position)
+    assert z > 0, "behind the camera"
+    focal = canvas["height"] / 2 / np.tan(camera.fov / 2)
+    return canvas["x"] + canvas["width"] / 2 + focal * x / z, canvas["y"] + canvas["height"] / 2 + focal * y / z
+
+
+def at_rest(place, seconds=1.0):
+    """What `place` returns once it has not changed for a while: panels dock, and the camera is put, one by one."""
+    last, since = place(), time.monotonic()
+
+    def same():
+        nonlocal last, since
+        if (now := place()) != last:
+            last, since = now, time.monotonic()
+        return time.monotonic() - since > seconds
+
+    settled(same)
+    return last
+
+
+# of the curve "measured" in the first figure of the page: its largest value
+HIGHEST = """() => {
+  const plot = document.querySelector(".js-plotly-plot");
+  const curve = plot && plot.calcdata && plot.calcdata.find((c) => c[0].trace.name === "measured");
+  return curve ? Math.max(...curve.map((p) => p.y).filter(Number.isFinite)) : null;
+}"""
+
+
+@needs_browser
+def test_a_click_on_a_joint_shows_its_curves(case, tmp_path):
+    running = studio(*case, tmp_path / "model.json", port=8210)
+    try:
+        with opened(running.address, height=700, flags=SOLID) as seen:
+            page = seen.page
+            highest = dict(zip(("joint1", "joint2"), running.bench.state.prediction.measured.max(axis=0), strict=True))
+
+            def shown(joint):
+                return page.evaluate(HIGHEST) == pytest.approx(highest[joint], rel=1e-5)
+
+            settled(lambda: shown("joint2"))  # the worst: it has the spring
+            for joint in ("joint1", "joint2"):
+                page.mouse.click(*at_rest(lambda joint=joint: spot(running, page, joint)))
+                page.wait_for_selector(f"text={joint}: measured torque against the model's")
+                settled(lambda joint=joint: shown(joint))
+                assert page.get_by_label("Joint", exact=True).first.input_value() == joint
+    finally:
+        running.stop()
+
+
+@needs_browser
+def test_a_page_may_be_there_before_its_model(case, tmp_path):
+    running = Studio(port=8230)
+    try:
+        with opened(running.address, height=700, flags=SOLID) as seen:
+            seen.page.wait_for_selector("text=Reading the logs")
+            with pytest.raises(InputError, match="no log"):
+                running.show(case[0], [], tmp_path / "model.json")
+            running.show(*case, tmp_path / "model.json")
+            seen.page.wait_for_selector(".js-plotly-plot .scatterlayer path")
+            assert error_shown(seen.page) == pytest.approx(running.bench.state.error, abs=1e-4)
+            assert seen.page.get_by_text("Reading the logs").count() == 0
+    finally:
+        running.stop()
+
+
 @needs_browser
 def test_two_tabs_show_one_model(case, tmp_path):
     running = studio(*case, tmp_path / "model.json", port=8220)
@@ -284,6 +357,15 @@ def test_being_open_to_others_is_said(case, tmp_path, monkeypatch):
         assert result.exit_code == 0, result.output
         assert ("whoever reaches it can change the model" in result.stdout.replace("\n", " ")) == said
         assert "model-studio.json" in result.stdout.replace("\n", "")
+
+
+def test_what_cannot_be_read_ends_it(case, tmp_path):
+    case[0].save(tmp_path / "model.json")
+    result = CliRunner().invoke(main, ["studio", str(tmp_path / "model.json"), "nowhere.parquet", "--port", "8270"])
+    assert result.exit_code == 2
+    assert "nowhere.parquet" in result.stderr
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 8270))
 
 
 def test_a_missing_extra_is_named(case, tmp_path, monkeypatch):

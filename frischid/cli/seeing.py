@@ -55,18 +55,25 @@ def studio(
     import time
     from pathlib import Path
 
-    from frischid.model import Model
-    from frischid.show import seeing as show
-    from frischid.studio import studio as run
+    from frischid.studio import Studio
 
-    loaded = Model.load(model)
     path = output or str(Path(model).with_name(f"{Path(model).stem}-studio.json"))
-    with working(as_json) as progress:
-        progress("reading logs")
-        running = run(loaded, read(logs, loaded.robot, mapping), path, host=host, port=port)
-    show_page(show.studio(running.address, path, host), as_json)
+    running = Studio(host, port)  # before all that takes time: a browser may begin to load the page
     try:
+        from frischid.show import studio as show
+
+        show_page(show.studio(running.address, path, host), as_json)
+        with working(as_json) as progress:
+            progress("reading logs")
+            from frischid.model import Model
+
+            loaded = Model.load(model)
+            data = read(logs, loaded.robot, mapping)
+            progress("comparing")
+            running.show(loaded, data, path)
         while True:
             time.sleep(3600)
     except KeyboardInterrupt:
+        pass
+    finally:
         running.stop()

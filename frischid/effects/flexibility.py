@@ -65,7 +65,7 @@ class Elasticity(Effect):
     looks_like: ClassVar[str] = "an error like the load's second derivative, largest where the motion is most sudden"
     confused_with: ClassVar[tuple[str, ...]] = ("backlash", "time_delay", "rotor_inertia")
     confirmed_by: ClassVar[str] = (
-        "fast oscillations up to the first resonance; or load the tip and measure how it sinks"
+        "record fast oscillations up to the first resonance; or load the tip and measure how it sinks"
     )
     reference: ClassVar[str] = "Spong 1987, ASME J. Dynamic Systems, Measurement and Control 109(4)"
 

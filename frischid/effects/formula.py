@@ -40,7 +40,7 @@ class Formula(Effect):
     sentence: ClassVar[str] = "{joint} needs torque that follows a formula of your own"
     looks_like: ClassVar[str] = "whatever the formula says"
     confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "cogging", "quadratic_viscous")
-    confirmed_by: ClassVar[str] = "a motion on which the formula's variables change independently of one another"
+    confirmed_by: ClassVar[str] = "record a motion on which the formula's variables change independently of one another"
     reference: ClassVar[str] = "Brunton, Proctor and Kutz 2016, PNAS 113(15)"
 
     loaded: ClassVar[bool] = True

@@ -90,7 +90,7 @@ class Offset(Effect):
     title: ClassVar[str] = "torque offset"
     equation: ClassVar[str] = "off"
     sentence: ClassVar[str] = (
-        "{joint}'s torque is off by a constant: sensor or amplifier offset, or uneven dry friction"
+        "the torque of {joint} is off by a constant: sensor or amplifier offset, or uneven dry friction"
     )
     looks_like: ClassVar[str] = "the whole residual lies above or below zero"
     confused_with: ClassVar[tuple[str, ...]] = ("asymmetric_coulomb", "joint_spring")

@@ -40,7 +40,9 @@ class LoadFriction(Effect):
     sentence: ClassVar[str] = "{joint} rubs harder where it carries more: friction that grows with the load"
     looks_like: ClassVar[str] = "a step at zero speed that is taller in poses and moments of high load"
     confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "drive_gain", "hysteresis")
-    confirmed_by: ClassVar[str] = "the same slow reversals with the arm stretched out and folded, or with a payload"
+    confirmed_by: ClassVar[str] = (
+        "record the same slow reversals with the arm stretched out and folded, or with a payload"
+    )
     reference: ClassVar[str] = "Hamon, Gautier and Garrec 2010, IEEE/RSJ IROS"
 
     friction: ClassVar[bool] = True
@@ -80,7 +82,8 @@ class ThermalDrift(Effect):
     title: ClassVar[str] = "friction that changes with temperature"
     equation: ClassVar[str] = "(fvt·v + fct·tanh(v/width))·(1 − exp(−t/constant)), or ·(temperature − at)"
     sentence: ClassVar[str] = (
-        "{joint}'s friction at the end of the log is not what it was at the beginning: it warms up (or cools down)"
+        "the friction of {joint} at the end of the log is not what it was at the beginning: "
+        "warming up (or cooling down)"
     )
     looks_like: ClassVar[str] = "the friction's step and slope shrink (or grow) steadily from the beginning to the end"
     confused_with: ClassVar[tuple[str, ...]] = ("viscous", "coulomb")

@@ -43,7 +43,9 @@ class Stribeck(Effect):
     )
     looks_like: ClassVar[str] = "against speed, a peak on each side of zero that dies out within a tenth of a rad/s"
     confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "quadratic_viscous", "cubic_viscous", "hysteresis")
-    confirmed_by: ClassVar[str] = "many slow constant speeds, from 0.01 to 0.5 rad/s: the torque falls before it rises"
+    confirmed_by: ClassVar[str] = (
+        "record many slow constant speeds, from 0.01 to 0.5 rad/s: the torque falls before it rises"
+    )
     reference: ClassVar[str] = "Bo and Pavelescu 1982, Wear 82(3)"
 
     friction: ClassVar[bool] = True
@@ -80,12 +82,12 @@ class QuadraticViscous(Effect):
     title: ClassVar[str] = "quadratic viscous friction"
     equation: ClassVar[str] = "fvv·v·|v|"
     sentence: ClassVar[str] = (
-        "{joint}'s friction does not grow in proportion to its speed but with its square: churning or shear-thinning "
-        "lubricant, or air drag"
+        "the friction of {joint} does not grow in proportion to the speed but with its square: churning or "
+        "shear-thinning lubricant, or air drag"
     )
     looks_like: ClassVar[str] = "against speed, an S that bends the viscous line up (or down) at both ends"
     confused_with: ClassVar[tuple[str, ...]] = ("cubic_viscous", "viscous", "stribeck")
-    confirmed_by: ClassVar[str] = "constant speeds up to the joint's limit, in both directions"
+    confirmed_by: ClassVar[str] = "record constant speeds up to the joint's limit, in both directions"
     reference: ClassVar[str] = "Simoni, Beschi, Legnani and Visioli 2015, IEEE/RSJ IROS"
 
     friction: ClassVar[bool] = True
@@ -103,10 +105,12 @@ class CubicViscous(Effect):
     id: ClassVar[str] = "cubic_viscous"
     title: ClassVar[str] = "cubic viscous friction"
     equation: ClassVar[str] = "fvvv·v³"
-    sentence: ClassVar[str] = "{joint}'s friction bends away from a straight line at high speed: cubic viscous friction"
+    sentence: ClassVar[str] = (
+        "the friction of {joint} bends away from a straight line at high speed: cubic viscous friction"
+    )
     looks_like: ClassVar[str] = "against speed, a flat middle and steep ends"
     confused_with: ClassVar[tuple[str, ...]] = ("quadratic_viscous", "viscous", "stribeck")
-    confirmed_by: ClassVar[str] = "constant speeds up to the joint's limit, in both directions"
+    confirmed_by: ClassVar[str] = "record constant speeds up to the joint's limit, in both directions"
     reference: ClassVar[str] = "Taghirad and Bélanger 1998, ASME J. Dynamic Systems, Measurement and Control 120(4)"
 
     friction: ClassVar[bool] = True
@@ -130,7 +134,7 @@ class AsymmetricViscous(Effect):
     )
     looks_like: ClassVar[str] = "against speed, a V: both halves of the line tilt the same way"
     confused_with: ClassVar[tuple[str, ...]] = ("offset", "asymmetric_coulomb")
-    confirmed_by: ClassVar[str] = "the same constant speeds forward and backward through the same angles"
+    confirmed_by: ClassVar[str] = "record the same constant speeds forward and backward through the same angles"
     reference: ClassVar[str] = "Armstrong-Hélouvry 1991, Control of Machines with Friction, Kluwer"
 
     friction: ClassVar[bool] = True
@@ -155,7 +159,7 @@ class AsymmetricCoulomb(Effect):
     title: ClassVar[str] = "direction-dependent Coulomb friction"
     equation: ClassVar[str] = "fca·tanh(|v|/width)"
     sentence: ClassVar[str] = (
-        "{joint}'s dry friction is larger in one direction than in the other; while it moves, that is a torque offset"
+        "the dry friction of {joint} is larger in one direction than in the other; in motion, that is a torque offset"
     )
     looks_like: ClassVar[str] = "an offset that is there in motion and gone at rest"
     confused_with: ClassVar[tuple[str, ...]] = ("offset", "asymmetric_viscous")

@@ -69,12 +69,14 @@ class Hysteresis(Effect):
     title: ClassVar[str] = "presliding friction with memory"
     equation: ClassVar[str] = "fh·(z − tanh(v/width)),  dz/dq = (1 − z·sgn v)/distance"
     sentence: ClassVar[str] = (
-        "{joint}'s dry friction does not turn over at once when it reverses but over some distance: presliding "
-        "friction with memory"
+        "the dry friction of {joint} does not turn over at once when the motion reverses but over some distance: "
+        "presliding friction with memory"
     )
     looks_like: ClassVar[str] = "after each reversal an error that depends on the path since, not on the speed"
     confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "coulomb", "backlash", "cable_hose")
-    confirmed_by: ClassVar[str] = "tiny slow back-and-forth motions of growing size: torque against angle makes loops"
+    confirmed_by: ClassVar[str] = (
+        "record tiny slow back-and-forth motions of growing size: torque against angle makes loops"
+    )
     reference: ClassVar[str] = "Dahl 1968, Aerospace Corporation TOR-0158; Canudas de Wit et al. 1995, IEEE TAC 40(3)"
 
     friction: ClassVar[bool] = True
@@ -118,7 +120,9 @@ class CableHose(Effect):
     )
     looks_like: ClassVar[str] = "against angle, a slanted loop"
     confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis")
-    confirmed_by: ClassVar[str] = "slow sweeps over the whole range, out and back; once more with the cables taken off"
+    confirmed_by: ClassVar[str] = (
+        "record slow sweeps over the whole range, out and back; once more with the cables taken off"
+    )
     reference: ClassVar[str] = "Wang, Gondokaryono, Munawar and Fischer 2019, IEEE Robotics and Automation Letters 4(4)"
     generalises: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis")
 

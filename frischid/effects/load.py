@@ -81,7 +81,7 @@ class Payload(Effect):
     )
     looks_like: ClassVar[str] = "errors that follow the pose on all joints up to that link, most on those nearest to it"
     confused_with: ClassVar[tuple[str, ...]] = ("gravity_tilt", "drive_gain", "encoder_zero", "joint_spring")
-    confirmed_by: ClassVar[str] = "the same motion with and without it; or weigh it"
+    confirmed_by: ClassVar[str] = "record the same motion with and without it; or weigh it"
     reference: ClassVar[str] = "Khalil, Gautier and Lemoine 2007, IEEE ICRA"
 
     single: ClassVar[bool] = True
@@ -123,7 +123,9 @@ class GravityTilt(Effect):
     )
     looks_like: ClassVar[str] = "errors that follow the pose at any speed, also about a vertical first axis"
     confused_with: ClassVar[tuple[str, ...]] = ("payload", "encoder_zero", "joint_spring", "offset")
-    confirmed_by: ClassVar[str] = "a spirit level on the base; or turn the stretched arm slowly about its first axis"
+    confirmed_by: ClassVar[str] = (
+        "put a spirit level on the base; or turn the stretched arm slowly about its first axis"
+    )
     reference: ClassVar[str] = "Hollerbach, Khalil and Gautier 2016, Springer Handbook of Robotics, chapter 6"
 
     loaded: ClassVar[bool] = True

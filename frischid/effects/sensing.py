@@ -32,12 +32,12 @@ class DriveGain(Effect):
     title: ClassVar[str] = "mis-scaled torque channel"
     equation: ClassVar[str] = "gain·τ_model"
     sentence: ClassVar[str] = (
-        "{joint}'s torque is too large or too small by one factor throughout: its motor constant, current scale or "
-        "gear ratio is off"
+        "the torque of {joint} is too large or too small by one factor throughout: the motor constant, current scale "
+        "or gear ratio is off"
     )
     looks_like: ClassVar[str] = "the residual is a copy of the torque itself, on this joint only"
     confused_with: ClassVar[tuple[str, ...]] = ("payload", "load_friction", "time_delay")
-    confirmed_by: ClassVar[str] = "a known weight on the link: the torque must change by what it weighs"
+    confirmed_by: ClassVar[str] = "put a known weight on the link: the torque must change by what it weighs"
     reference: ClassVar[str] = "Gautier and Briot 2014, ASME J. Dynamic Systems, Measurement and Control 136(5)"
 
     loaded: ClassVar[bool] = True
@@ -61,11 +61,11 @@ class TimeDelay(Effect):
     title: ClassVar[str] = "delay between torque and position"
     equation: ClassVar[str] = "delay·(τ_model(t − size) − τ_model(t))/size"
     sentence: ClassVar[str] = (
-        "{joint}'s torque is recorded later (or earlier) than its position: the channels are shifted"
+        "the torque of {joint} is recorded later (or earlier) than the position: the channels are shifted"
     )
     looks_like: ClassVar[str] = "an error like the torque's slope, largest where the torque changes fastest"
     confused_with: ClassVar[tuple[str, ...]] = ("viscous", "elasticity", "rotor_inertia")
-    confirmed_by: ClassVar[str] = "a sudden step of one joint: compare when the two channels move"
+    confirmed_by: ClassVar[str] = "record a sudden step of one joint: compare when the two channels move"
     reference: ClassVar[str] = "Leboutet, Roux, Janot, Guadarrama-Olvera and Cheng 2021, Applied Sciences 11(9)"
 
     memory: ClassVar[bool] = True
@@ -101,7 +101,7 @@ class EncoderZero(Effect):
     title: ClassVar[str] = "shifted encoder zero"
     equation: ClassVar[str] = "−zero·∂τ_rigid/∂q"
     sentence: ClassVar[str] = (
-        "{joint}'s angle is off by a constant: its encoder was zeroed, or slipped, by a small angle"
+        "the angle of {joint} is off by a constant: the encoder was zeroed, or slipped, by a small angle"
     )
     looks_like: ClassVar[str] = "errors that follow the pose, on this joint and on those it turns against gravity"
     confused_with: ClassVar[tuple[str, ...]] = ("gravity_tilt", "payload", "offset")

@@ -47,7 +47,9 @@ class RotorInertia(Effect):
     sentence: ClassVar[str] = "{joint} needs torque in proportion to its acceleration beyond its links': rotor inertia"
     looks_like: ClassVar[str] = "a straight line through zero when the residual is drawn against acceleration"
     confused_with: ClassVar[tuple[str, ...]] = ("payload", "elasticity", "time_delay")
-    confirmed_by: ClassVar[str] = "fast oscillations of this joint alone, in poses with different link inertia about it"
+    confirmed_by: ClassVar[str] = (
+        "record fast oscillations of this joint alone, in poses with different link inertia about it"
+    )
     reference: ClassVar[str] = "Sciavicco, Siciliano and Villani 1996, Robotica 14(4); Featherstone 2008, sec. 9.6"
 
     code: ClassVar[Mapping[str, str]] = {"Ia": "{a}"}
@@ -86,11 +88,11 @@ class Cogging(Effect):
     title: ClassVar[str] = "cogging and gear ripple"
     equation: ClassVar[str] = "A·sin(N·q) + B·cos(N·q)"
     sentence: ClassVar[str] = (
-        "{joint}'s torque ripples with its angle: cogging of the motor's magnets, or the teeth of the gear"
+        "the torque of {joint} ripples with the angle: cogging of the motor's magnets, or the teeth of the gear"
     )
     looks_like: ClassVar[str] = "a regular wave when the residual is drawn against angle, the same in both directions"
     confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "payload")
-    confirmed_by: ClassVar[str] = "one slow turn at constant speed, sampled well above N times the speed"
+    confirmed_by: ClassVar[str] = "record one slow turn at constant speed, sampled well above N times the speed"
     reference: ClassVar[str] = "Holtz and Springob 1996, IEEE Trans. Industrial Electronics 43(2)"
 
     code: ClassVar[Mapping[str, str]] = {"A": "sin({order} * {q})", "B": "cos({order} * {q})"}
@@ -132,7 +134,7 @@ class JointCoupling(Effect):
         "f = fvm·ṡ + fcm·tanh(ṡ/width) + Iam·s̈ on joint i, ratio·f on joint j,  s = q_i + ratio·q_j"
     )
     sentence: ClassVar[str] = (
-        "{joint} feel each other's speed: a motor turns with both at once, as in many wrists, and brings its friction "
+        "{joints} feel each other's speed: a motor turns with both at once, as in many wrists, and brings its friction "
         "and inertia to both"
     )
     looks_like: ClassVar[str] = "each of two joints needs torque when only the other moves"

@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from frischid.comparison import Comparison
-from frischid.figures.style import SCALE, VERMILION, WORDS, Drawing, drawing, plain, short, units_of
+from frischid.figures.style import LOAD, SCALE, VERMILION, WORDS, Drawing, drawing, number, plain, short, units_of
 from frischid.gram import Array
 from frischid.prediction import Prediction
 
@@ -14,6 +14,12 @@ ORDER = (
     "near reversal", "slow", "fast", "forwards", "backwards", "low angles", "middle angles", "high angles",
     "high load", "high acceleration", "beginning", "end",
 )  # fmt: skip
+PHRASES = {
+    "near reversal": "near reversals", "slow": "at low speed", "fast": "at high speed", "forwards": "going forwards",
+    "backwards": "going backwards", "low angles": "at low angles", "middle angles": "at middle angles",
+    "high angles": "at high angles", "high load": "under high load", "high acceleration": "at high acceleration",
+    "beginning": "at the beginning of the logs", "end": "at the end of the logs",
+}  # fmt: skip
 CERTAIN = 0.01
 BINS = 16
 CELLS = 20
@@ -43,7 +49,7 @@ def matrix(comparison: Comparison) -> Drawing:
     certain = sorted((c for c in found.values() if c.p_value < CERTAIN), key=lambda c: -c.ratio)
     labels = dict(zip(joints, names, strict=True))
     reading = (
-        f"{labels[certain[0].joint]}, {certain[0].condition}: {certain[0].ratio:.1f} × its average."
+        stands_out(labels[certain[0].joint], certain[0].condition, certain[0].ratio)
         if certain
         else "No condition stands out: the error is about the same everywhere."
     )
@@ -51,6 +57,11 @@ def matrix(comparison: Comparison) -> Drawing:
         "Error under each condition, as a multiple of the joint's average (* more than chance, p < 0.01)",
         reading, figure, 90 + 30 * max(len(order), 2), margin={"l": 116, "r": 8, "t": 10, "b": 70},
     )  # fmt: skip
+
+
+def stands_out(joint: str, condition: str, ratio: float) -> str:
+    """Where a joint's error is larger than elsewhere, as a sentence."""
+    return f"The error of {joint} is {ratio:.1f} × its average {PHRASES.get(condition, condition)}."
 
 
 def against(prediction: Prediction, joint: str, variable: str, sliding: bool = False) -> Drawing:
@@ -79,7 +90,7 @@ def against(prediction: Prediction, joint: str, variable: str, sliding: bool = F
         line={"color": VERMILION, "width": 1.8},
     )  # fmt: skip
     units = units_of(sliding)
-    figure.update_xaxes(title_text=f"{WORDS[variable]}, {units[variable]}")
+    figure.update_xaxes(title_text=f"{WORDS[variable]}{LOAD * (variable == 'load')}, {units[variable]}")
     figure.update_yaxes(title_text=f"residual, {units['load']}", zeroline=True)
     reading = "No sample of this joint is in motion."
     if len(centre):
@@ -87,8 +98,8 @@ def against(prediction: Prediction, joint: str, variable: str, sliding: bool = F
         widest = int(half.argmax())
         times = half[widest] / max(float(np.median(half)), 1e-300)
         reading = (
-            f"Median from {spread[2].min():.2g} to {spread[2].max():.2g} {units['load']}; spread widest around "
-            f"{centre[widest]:.2g} {units[variable]}, {times:.1f} × the usual."
+            f"Median from {number(spread[2].min(), 2)} to {number(spread[2].max(), 2)} {units['load']}; spread widest "
+            f"around {number(centre[widest], 2)} {units[variable]}, {times:.1f} × the usual."
         )
     return drawing(
         f"Residual against {WORDS[variable]}", reading, figure, 250, showlegend=False,
@@ -118,11 +129,12 @@ def plane(prediction: Prediction, joint: str, sliding: bool = False) -> Drawing:
     figure.update_yaxes(title_text=f"velocity q̇, {units['v']}", showgrid=False)
     worst = np.unravel_index(np.nanargmax(rms), rms.shape)
     where = (
-        f"q {(columns[worst[1]] + columns[worst[1] + 1]) / 2:.2g}, q̇ {(rows[worst[0]] + rows[worst[0] + 1]) / 2:.2g}"
+        f"q = {number((columns[worst[1]] + columns[worst[1] + 1]) / 2, 2)} {units['q']}, "
+        f"q̇ = {number((rows[worst[0]] + rows[worst[0] + 1]) / 2, 2)} {units['v']}"
     )
     return drawing(
         "Rms residual over position and velocity",
-        f"Darkest where the model misses most: {float(np.nanmax(rms)):.2g} {units['load']} around {where}.",
+        f"Darkest where the model misses most: {number(float(np.nanmax(rms)), 2)} {units['load']} around {where}.",
         figure, 250, margin={"l": 64, "r": 8, "t": 8, "b": 46},
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from frischid.figures.failure import binned
-from frischid.figures.style import BLUE, MEASURED, VERMILION, WORDS, Drawing, drawing, plain, thinned, units_of
+from frischid.figures.style import BLUE, LOAD, MEASURED, VERMILION, WORDS, Drawing, drawing, plain, thinned, units_of
 from frischid.shapes import Shape
 
 
@@ -25,10 +25,16 @@ def shape(found: Shape, title: str, sliding: bool = False) -> Drawing:
     """
     units = units_of(sliding)
     figure = _along(found) if found.stretch else _over(found)
-    figure.update_xaxes(title_text=f"{WORDS[found.variable]}, {units[found.variable]}")
+    figure.update_xaxes(
+        title_text=f"{WORDS[found.variable]}{LOAD * (found.variable == 'load')}, {units[found.variable]}"
+    )
     figure.update_yaxes(title_text=f"residual, {units['load']}")
-    how = "Blue follows the residual where it is right" if found.stretch else "Diamonds on the blue line are explained"
-    reading = f"{how}: {title} accounts for {100 * max(found.explained, 0.0):.0f} % of this joint's squared residual."
+    how = (
+        "The closer blue follows grey, the better"
+        if found.stretch
+        else "The nearer the diamonds are to the blue line, the better"
+    )
+    reading = f"{how}: {title} explains {100 * max(found.explained, 0.0):.0f} % of this joint's squared residual."
     where = f"a stretch of {Path(found.stretch).name}" if found.stretch else f"residual against {WORDS[found.variable]}"
     return drawing(f"{found.joint}: {where}", reading, figure, 300)
 

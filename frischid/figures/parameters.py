@@ -13,14 +13,19 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from frischid.figures.style import BLUE, COLOURS, GREEN, INK, MEASURED, PURPLE, Drawing, drawing, plain
+from frischid.figures.style import BLUE, COLOURS, GREEN, INK, MEASURED, PURPLE, Drawing, drawing, number, plain
 from frischid.gram import Array
 from frischid.model import Model
 
-WORDS = {"frisch": "classical Frisch", "bbrf": "BBRF", "sensorwise": "sensor-wise Frisch"}
-LOOKS = {"frisch": (COLOURS[5], 11.0), "bbrf": (COLOURS[4], 7.5), "sensorwise": (PURPLE, 5.0)}
-"""Widest and lightest first, so that one lies on the other and they differ in grey by thickness."""
+WORDS = {"frisch": "Classical Frisch", "bbrf": "BBRF", "sensorwise": "Sensor-wise Frisch"}
+LOOKS = {"frisch": ("#a6d5f5", 11.0), "bbrf": (COLOURS[4], 7.0), "sensorwise": (PURPLE, 5.0)}
+"""Widest and lightest first, so that one lies on the other and they differ in grey too."""
 FURTHEST = 6.0  # decades of standard errors that are drawn
+
+
+def title(method: str) -> str:
+    """Name of a method that gives bounds."""
+    return WORDS.get(method, method)
 
 
 def scaled(d: Array) -> Array:
@@ -42,9 +47,12 @@ def intervals(model: Model, nominal: Array | None = None, truth: Array | None = 
     unit = np.where(e.stderr > 0, e.stderr, 1.0)
     figure = go.Figure()
     for method, box in model.bounds.items():
-        low, high = scaled((box.lower - e.theta) / unit), scaled((box.upper - e.theta) / unit)
+        low, high = (box.lower - e.theta) / unit, (box.upper - e.theta) / unit
+        # Without any bound there is nothing to draw; with one, the bar reaches the edge on the open side.
+        open_ = np.isinf(low) & np.isinf(high)
+        low, high = scaled(np.where(open_, np.nan, low)), scaled(np.where(open_, np.nan, high))
         colour, width = LOOKS.get(method, (COLOURS[3], 5.0))
-        _bars(figure, names, low, high, WORDS.get(method, method), colour, width)
+        _bars(figure, names, low, high, title(method), colour, width)
     two = np.full(len(names), float(scaled(np.array(2.0))))
     _bars(figure, names, -two, two, "± 2 standard errors", INK, 2.0)
     marks = (("URDF", nominal, "circle-open", MEASURED), ("true value", truth, "cross", GREEN))
@@ -85,11 +93,15 @@ def _widths(model: Model, unit: Array) -> str:
         half = (box.upper - box.lower) / 2 / unit
         known = half[np.isfinite(half)]
         if len(known) == 0:
-            parts.append(f"{WORDS.get(method, method)} bounds nothing")
+            parts.append(f"{title(method)} bounds nothing")
             continue
         share = "" if len(known) == len(half) else f" ({len(half) - len(known)} open)"
-        parts.append(f"{WORDS.get(method, method)} ± {np.median(known):.3g} standard errors in the median{share}")
-    return "; ".join(parts) + "." if parts else "This model keeps standard errors alone."
+        parts.append(f"{title(method)} ± {number(float(np.median(known)), 2)}{share}")
+    return (
+        f"Half-widths in standard errors, median: {'; '.join(parts)}."
+        if parts
+        else "This model keeps standard errors alone."
+    )
 
 
 def correlation(model: Model) -> Drawing:
@@ -112,8 +124,8 @@ def correlation(model: Model) -> Drawing:
     off = np.abs(rho - np.diag(np.diag(rho)))
     i, k = sorted(int(n) for n in np.unravel_index(int(off.argmax()), off.shape))
     reading = (
-        f"Most alike to these logs: {names[i]} and {names[k]} (ρ = {rho[i, k]:.2f}). "
-        f"Pairs above 0.9, of which one gains what the other loses: {int((off > 0.9).sum() // 2)}."
+        f"Hardest to tell apart on these logs: {names[i]} and {names[k]} (ρ = {rho[i, k]:.2f}). "
+        f"Pairs beyond ± 0.9: {int((off > 0.9).sum() // 2)}."
     )
     height = max(320, 90 + (13 if len(names) <= 30 else 9) * len(names))
     return drawing("Correlation of the estimates", reading, figure, height, margin={"l": 60, "r": 6, "t": 10, "b": 60})
@@ -151,7 +163,7 @@ def closing(model: Model, most: int = 6) -> list[Drawing]:
         drawings.append(
             drawing(
                 f"{name}: BBRF's bounds close in",
-                f"From {first[i]:.3g} to {final:.3g} {record['units'][i]} wide; dotted: the estimate.",
+                f"From {number(first[i], 3)} to {number(final, 3)} {record['units'][i]} wide; dotted: the estimate.",
                 figure, 240, margin={"l": 70, "r": 8, "t": 30, "b": 46},
             )
         )  # fmt: skip

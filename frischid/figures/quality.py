@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import plotly.graph_objects as go
 
-from frischid.figures.style import BLUE, COLOURS, MEASURED, Drawing, drawing, plain, short
+from frischid.figures.style import BLUE, COLOURS, MEASURED, Drawing, drawing, number, plain, short
 from frischid.quality import Quality
 from frischid.robot import Robot
 
@@ -39,9 +39,7 @@ def reach(robot: Robot, logs: Sequence[Quality]) -> Drawing:
     bounded = np.isfinite(limits.upper - limits.lower) & (limits.upper > limits.lower)
     if bounded.any():
         k = int(np.where(bounded, share, np.inf).argmin())
-        reading = (
-            f"{names[k]} uses least of its range, {100 * share[k]:.0f} %: what it could show elsewhere is unknown."
-        )
+        reading = f"{names[k]} uses least of its range, {100 * share[k]:.0f} %; how it behaves elsewhere is unknown."
     else:
         reading = "The URDF limits no position, so there is nothing to compare the range with."
     return drawing("Positions reached", reading, figure, 140 + 26 * len(names))
@@ -53,9 +51,9 @@ def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -
     word = {"tau": "torque", "q": "position"}[channel]
     unit = {"tau": ("N·m", "N·m (N)"), "q": ("rad", "rad (m)")}[channel][bool(robot.prismatic.any())]
     figure = go.Figure()
-    for number, log in enumerate(logs):
+    for i, log in enumerate(logs, start=1):
         figure.add_scatter(
-            x=plain(log.noise[channel]), y=names, mode="markers", showlegend=False, name=f"log {number + 1}",
+            x=plain(log.noise[channel]), y=names, mode="markers", showlegend=False, name=f"log {i}",
             marker={"color": COLOURS[1] if channel == "tau" else BLUE, "size": 9, "line": {"width": 1.5},
                     "symbol": "circle-open" if channel == "tau" else "diamond-open"},
         )  # fmt: skip
@@ -63,5 +61,5 @@ def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -
     figure.update_yaxes(autorange="reversed", automargin=True)
     level = np.nanmedian([q.noise[channel] for q in logs], axis=0)
     k = int(np.nanargmax(level))
-    reading = f"{names[k]} is the noisiest, {level[k]:.2g} {unit}; one mark a log, before any filter."
+    reading = f"{names[k]} is the noisiest, {number(level[k], 2)} {unit}. One mark a log, before any filter."
     return drawing(f"White noise of the measured {word}", reading, figure, 140 + 26 * len(names))

@@ -8,6 +8,7 @@ each curve are kept, so that a peak of one sample is drawn however long the log.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,8 +34,13 @@ POINTS = 1600
 UNITS = {"q": "rad", "v": "rad/s", "a": "rad/s²", "load": "N·m", "t": "s"}
 SLIDING = {"q": "m", "v": "m/s", "a": "m/s²", "load": "N", "t": "s"}
 WORDS = {
-    "q": "position q", "v": "velocity q̇", "a": "acceleration q̈", "load": "load (the model's torque)", "t": "time"
+    "q": "position q", "v": "velocity q̇", "a": "acceleration q̈", "load": "load", "t": "time"
 }  # fmt: skip
+
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+LOAD = " (the model's torque)"
+"""What load is, for an axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +74,27 @@ class Drawing:
 def drawing(title: str, reading: str, figure: go.Figure, height: int, **layout: Any) -> Drawing:
     """Give a figure the house's look."""
     figure.update_layout(template=TEMPLATE, height=height, **layout)
-    return Drawing(title, reading, figure, height)
+    return Drawing(typeset(title), typeset(reading), figure, height)
+
+
+def number(x: float | None, digits: int = 4) -> str:
+    """A number with few digits, as a person writes it; a dash where there is none."""
+    if x is None or not np.isfinite(x):
+        return "–"
+    if abs(x) < 1e-15:  # what is left of a zero
+        return "0"
+    mantissa, _, exponent = f"{x:.{digits - 1}e}".partition("e")
+    if -4 <= int(exponent) < 6:
+        text = f"{x:.{digits}g}"
+        return (f"{x:.0f}" if "e" in text else text).replace("-", "−")
+    mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+    return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}".replace("-", "−")
+
+
+def typeset(text: str) -> str:
+    """Prose with minus signs, and with numbers that stay in one line with their unit."""
+    text = re.sub(r"(?<![\w.])-(?=\.?\d)", "−", text)
+    return re.sub(r"(?<=\d) (?=(?:%|×|rad|m/|m\b|N|s\b|ms\b|Hz|kg)(?!\w{3}))", "\u00a0", text)
 
 
 def _axis(**extra: Any) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from frischid.figures.style import (
     VERMILION,
     Drawing,
     drawing,
+    number,
     plain,
     short,
     thinned,
@@ -108,8 +109,8 @@ def _band(figure: go.Figure, x: Array, low: Array, high: Array, log: NDArray[np.
     """One closed outline a log."""
     xs: list[Array] = []
     ys: list[Array] = []
-    for number in np.unique(log):
-        part = log == number
+    for one in np.unique(log):
+        part = log == one
         xs += [x[part], x[part][::-1], np.array([np.nan])]
         ys += [high[part], low[part][::-1], np.array([np.nan])]
     figure.add_scatter(
@@ -149,9 +150,9 @@ def _worst(
     j = prediction.joints.index(joint)
     where = f" of {_name(prediction.sources[prediction.log[k]])}" if len(prediction.sources) > 1 else ""
     return (
-        f"The model misses {100 * fit.nrmse:.1f} % of this joint's torque (rms {fit.rmse:.3g} {unit}; sensors alone "
-        f"{100 * fit.noise_floor:.1f} %). Worst at {prediction.t[k]:.2f} s{where}: measured "
-        f"{prediction.measured[k, j]:.3g}, model {prediction.fitted[k, j]:.3g} {unit}."
+        f"The model misses {100 * fit.nrmse:.1f} % of this joint's torque (rms {number(fit.rmse, 3)} {unit}; sensors "
+        f"alone {100 * fit.noise_floor:.1f} %). Worst at {prediction.t[k]:.2f} s{where}: measured "
+        f"{number(prediction.measured[k, j], 3)} {unit}, model {number(prediction.fitted[k, j], 3)} {unit}."
     )
 
 

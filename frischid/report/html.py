@@ -5,9 +5,8 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Sequence
 
-import numpy as np
-
 from frischid.figures import Drawing
+from frischid.figures.style import typeset
 
 
 def esc(text: object) -> str:
@@ -15,11 +14,9 @@ def esc(text: object) -> str:
     return html.escape(str(text), quote=True)
 
 
-def number(x: float | None, digits: int = 4) -> str:
-    """A number with few digits; a dash where there is none."""
-    if x is None or not np.isfinite(x):
-        return "–"
-    return f"{x:.{digits}g}".replace("-", "−")
+def said(text: str) -> str:
+    """Prose as HTML, with minus signs and units as they should be."""
+    return esc(typeset(text))
 
 
 def plot(drawing: Drawing) -> str:
@@ -41,13 +38,13 @@ def plots(drawings: Iterable[Drawing]) -> str:
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[str]], words: int = 1, caption: str = "") -> str:
     """A table that scrolls sideways on a small screen; cells are HTML already, the first `words` columns are text."""
-    head = "".join(f'<th{_kind(i, words)} scope="col">{esc(h)}</th>' for i, h in enumerate(headings))
+    head = "".join(f'<th{_kind(i, words)} scope="col">{said(h)}</th>' for i, h in enumerate(headings))
     body = "".join(
         f"<tr>{''.join(f'<td{_kind(i, words)}>{cell}</td>' for i, cell in enumerate(row))}</tr>" for row in rows
     )
-    said = f'<p class="caption">{esc(caption)}</p>' if caption else ""
+    above = f'<p class="caption">{said(caption)}</p>' if caption else ""
     return (
-        f'{said}<div class="scroll" tabindex="0" role="region" aria-label="{esc(caption or headings[0])}"><table>'
+        f'{above}<div class="scroll" tabindex="0" role="region" aria-label="{esc(caption or headings[0])}"><table>'
         f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
 
@@ -63,4 +60,4 @@ def folded(summary: str, content: str, *, opened: bool = False) -> str:
 
 def items(texts: Iterable[str]) -> str:
     """A list of plain texts."""
-    return f"<ul>{''.join(f'<li>{esc(t)}</li>' for t in texts)}</ul>"
+    return f"<ul>{''.join(f'<li>{said(t)}</li>' for t in texts)}</ul>"

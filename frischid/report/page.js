@@ -4,7 +4,7 @@
   const DARK = {
     "#222222": "#e6e8ea", "#555555": "#a7adb5", "#e2e2e2": "#343941", "#ececec": "#2b2f37", "#f3d9b1": "#54401f",
     "#0072b2": "#56b4e9", "#d55e00": "#ff8f45", "#000000": "#f0f0f0", "#808080": "#9b9b9b", "#f4f4f4": "#2b2f37",
-    "#fdfdfd": "#1c1f25", "#fde0c0": "#5b3512", "#e8873a": "#d27427", "#8c3a00": "#ffd0a1"
+    "#a6d5f5": "#27567a", "#fdfdfd": "#1c1f25", "#fde0c0": "#5b3512", "#e8873a": "#d27427", "#8c3a00": "#ffd0a1"
   };
   const wanted = window.matchMedia("(prefers-color-scheme: dark)");
   const plots = [...document.querySelectorAll(".plot")];
@@ -29,7 +29,8 @@
       config.displayModeBar = false;
     }
     plot.querySelectorAll("script").forEach((s) => s.remove());
-    Plotly.react(plot, spec.data, spec.layout, config);
+    Plotly.purge(plot); // one that is drawn again would keep its width, on paper too
+    Plotly.newPlot(plot, spec.data, spec.layout, config);
     plot.dataset.drawn = dark ? "dark" : "light";
   }
 
@@ -44,12 +45,12 @@
   window.addEventListener("beforeprint", () => {
     printing = true;
     document.querySelectorAll("details").forEach((d) => { d.dataset.was = d.open ? "1" : ""; d.open = true; });
-    document.body.style.width = "700px";
+    document.body.classList.add("printing");
     plots.forEach(draw);
   });
   window.addEventListener("afterprint", () => {
     printing = false;
-    document.body.style.width = "";
+    document.body.classList.remove("printing");
     document.querySelectorAll("details").forEach((d) => { d.open = d.dataset.was === "1"; });
     plots.filter((p) => p.dataset.drawn).forEach(draw);
   });

@@ -12,12 +12,20 @@ import numpy as np
 from frischid import figures
 from frischid.diagnosis import Finding
 from frischid.effects import EFFECTS
-from frischid.report.html import esc, folded, items, number, plot, plots, table
-from frischid.report.study import Study, missing
+from frischid.figures.style import number
+from frischid.regressor import Regressor
+from frischid.report.html import esc, folded, items, plot, plots, said, table
+from frischid.report.study import Study, missing, opened
 from frischid.shapes import shape_of
+from frischid.words import listed
 
 SHOWN = 6  # findings drawn; the others stand in the ranking
 VARIABLES = ("q", "v", "a", "load", "t")
+VELOCITY = {
+    "auto": "velocity as measured where it agrees with the positions, otherwise from them",
+    "measured": "velocity as measured",
+    "derived": "velocity from the positions",
+}
 
 
 def sections(study: Study, model_path: str) -> list[tuple[str, str, str]]:
@@ -51,20 +59,23 @@ def verdict(study: Study, model_path: str) -> str:
     """How good, what is wrong, what to do next; then the warnings."""
     c = study.verdict
     count = len(study.held_out) or len(study.logs)
-    plural = "logs" if count > 1 else "log"
-    where = f"On {count} {plural} it has never seen" if study.held_out else f"On {count} {plural} it was fitted to"
+    which = f"{count} logs" if count > 1 else "a log"
+    where = f"On {which} it has never seen" if study.held_out else f"On {which} it was fitted to"
     worst = max(c.joints, key=lambda n: c.joints[n].nrmse)
     good = (
-        f"{where}, the model misses <strong>{100 * c.nrmse:.1f} %</strong> of the torque's spread (NRMSE "
-        f"{c.nrmse:.4f}, mean over {len(c.joints)} joints). The URDF alone misses {100 * c.nominal:.0f} %, a constant "
-        f"torque {100 * c.constant:.0f} %, and the sensors' noise alone would leave {100 * c.noise_floor:.1f} %."
+        f"{where}, the model misses <strong>{said(f'{100 * c.nrmse:.1f} %')}</strong> of the torque's spread (NRMSE "
+        f"{c.nrmse:.4f}, mean over {len(c.joints)} joints). "
+    ) + said(
+        f"The URDF alone misses {100 * c.nominal:.0f} %, a constant torque {100 * c.constant:.0f} %, and the sensors' "
+        f"noise alone would leave {100 * c.noise_floor:.1f} %."
     )
-    wrong = f"Worst is {esc(worst)}, of which it misses {100 * c.joints[worst].nrmse:.1f} %. "
-    wrong += f"{esc(figures.matrix(study.verdict).reading)} "
-    wrong += f"{esc(missing(study.diagnosis))}." if study.diagnosis is not None else ""
-    said = study.warnings()
-    listing = f'<h3>{_count(said)}</h3><div class="warnings">{items(said)}</div>' if said else "<p>No warnings.</p>"
-    return f'<p class="lead">{good} {wrong} {_next(study, model_path)}</p>{listing}'
+    wrong = f"Worst is {worst}: {100 * c.joints[worst].nrmse:.1f} %. {figures.matrix(study.verdict).reading} "
+    wrong += f"{missing(study.diagnosis)}." if study.diagnosis is not None else ""
+    doubts = study.warnings()
+    listing = (
+        f'<h3>{_count(doubts)}</h3><div class="warnings">{items(doubts)}</div>' if doubts else "<p>No warnings.</p>"
+    )
+    return f'<p class="lead">{good} {said(wrong)}</p><p class="lead">{_next(study, model_path)}</p>{listing}'
 
 
 def _count(warnings: Sequence[str]) -> str:
@@ -81,7 +92,8 @@ def _next(study: Study, model_path: str) -> str:
     if best is not None:
         where = f" --joints {','.join(best.joints)}" if best.joints else ""
         command = f"frischid add {shlex.quote(Path(model_path).name)} {best.effect}{where} LOG... -o better.json"
-        return f"Next: add it, held-out {best.error_before:.4f} → {best.error_after:.4f}: <code>{esc(command)}</code>"
+        fall = f"{best.error_before:.4f} → {best.error_after:.4f}"
+        return f"Next: add it. On data held out of its fit the NRMSE goes {fall}: <code>{esc(command)}</code>"
     if study.weak:
         return (
             f"Next: {len(study.weak)} parameters are hardly known ({esc(', '.join(study.weak[:4]))}"
@@ -101,9 +113,9 @@ def torque(study: Study) -> str:
     ]
     rows = []
     for name, j in study.comparison.joints.items():
-        texts = [number(j.rmse), unit_of(study, name), *(f"{x:.4f}" for x in (j.nrmse, j.noise_floor))]
-        rows.append([esc(name), *texts, f"{j.fit:.1f}", number(j.bias), f"{j.nominal:.3f}", f"{j.constant:.3f}"])
-    headings = ["joint", "rms error", "", "NRMSE", "noise floor", "fit %", "bias", "URDF", "constant"]
+        texts = [number(j.rmse), number(j.bias), *(f"{x:.4f}" for x in (j.nrmse, j.noise_floor))]
+        rows.append([esc(name), unit_of(study, name), *texts, f"{j.nominal:.3f}", f"{j.constant:.3f}", f"{j.fit:.1f}"])
+    headings = ["joint", "unit", "rms error", "bias", "NRMSE", "noise floor", "URDF alone", "constant torque", "fit, %"]
     rest = study.comparison.resting
     note = (
         f"<p>{100 * rest:.1f} % of the samples are left out because the joint rests: dry friction is undetermined "
@@ -111,12 +123,18 @@ def torque(study: Study) -> str:
         if rest > 0
         else ""
     )
-    caption = "Errors joint by joint; NRMSE is the rms error over the torque's standard deviation"
-    key = (
-        f"<p>Band: what the model's own uncertainty allows ({esc(study.prediction.band)}). Grey: the joint rests. "
-        "Orange: a contact. Dotted: the next log begins.</p>"
+    caption = (
+        "Errors joint by joint, over all logs. NRMSE is the rms error over the torque's standard deviation; so are the "
+        "three columns after it: what the sensors alone would leave, and what two simpler models miss. fit = 100 (1 − "
+        "NRMSE)"
     )
-    return table(headings, rows, caption=caption) + note + key + "".join(plot(d) for d in drawings)
+    touched = " Orange: a contact." if contacts else ""
+    several = " Dotted: the next log begins." if len(study.logs) > 1 else ""
+    key = (
+        f"<p>Band: what the model's own uncertainty allows ({esc(study.prediction.band)}). Grey: the joint rests."
+        f"{touched}{several}</p>"
+    )
+    return table(headings, rows, words=2, caption=caption) + note + key + "".join(plot(d) for d in drawings)
 
 
 # ---------------------------------------------------------------------- 3
@@ -126,17 +144,17 @@ def fails(study: Study) -> str:
     """The matrix, then each joint's residual against what it might depend on; the worst joint is open."""
     c = study.comparison
     conditions = sorted((x for x in c.residuals.conditions() if x.p_value < 0.01), key=lambda x: -x.ratio)
-    lines = [f"{x.joint}, {x.condition}: {x.ratio:.1f} × its average" for x in conditions[:3]]
+    lines = [figures.failure.stands_out(x.joint, x.condition, x.ratio) for x in conditions[:3]]
     left = c.residuals.structure()
     worst = max(c.joints, key=lambda n: c.joints[n].nrmse)
     parts = [items(lines) if lines else "", plot(figures.matrix(c))]
     for name, fit in c.joints.items():
         on = [figures.style.WORDS[v] for v, p in left[name].depends_on.items() if p < 0.01]
-        says = f"depends on {', '.join(on)}" if on else "depends on nothing that shows"
+        says = f"depends on {listed(on)}" if on else "depends on nothing that shows"
         slides = sliding(study, name)
         drawings = [figures.against(study.prediction, name, v, slides) for v in VARIABLES]
         drawings.append(figures.plane(study.prediction, name, slides))
-        summary = f"<strong>{esc(name)}</strong> misses {100 * fit.nrmse:.1f} %; its residual {esc(says)}"
+        summary = f"<strong>{esc(name)}</strong>: {said(f'{100 * fit.nrmse:.1f} %')} missed; the residual {esc(says)}"
         parts.append(folded(summary, plots(drawings), opened=name == worst))
     return "".join(parts)
 
@@ -156,7 +174,7 @@ def lacking(study: Study) -> str:
         f"{diagnosis.noise_floor:.4f} from the sensors alone.</p>"
     )
     contacts = [
-        f"Contact in {Path(c.source).name} from {c.start:.2f} to {c.stop:.2f} s on {', '.join(c.joints)}: left out"
+        f"Contact in {Path(c.source).name} from {c.start:.2f} to {c.stop:.2f} s on {listed(c.joints)}: left out"
         for c in diagnosis.contacts
     ]
     significant = [f for f in diagnosis.findings if f.significant]
@@ -168,12 +186,20 @@ def lacking(study: Study) -> str:
     )
     rows = [
         [esc(f.effect), esc(", ".join(f.joints) or "robot"), f"{f.error_after:.4f}", f"{100 * f.share:.0f} %",
-         number(f.gain, 3), "&lt; 1e−16" if f.p_value < 1e-16 else number(f.p_value, 2),
+         number(f.gain, 3), "&lt; 10⁻¹⁵" if f.p_value < 1e-15 else number(f.p_value, 2),
          esc(", ".join(f.confused_with))]
         for f in diagnosis.findings if f.members
     ]  # fmt: skip
     headings = ["effect", "where", "NRMSE after", "removes", "gain", "p", "confused with"]
-    ranking = table(headings, rows, words=2, caption="removes: share of the error above the noise floor on its joints")
+    ranking = table(
+        headings,
+        rows,
+        words=2,
+        caption=(
+            "removes: share of the error above the noise floor on its joints; gain: of log likelihood; p: probability "
+            "of such a gain by chance"
+        ),
+    )
     described = "" if diagnosis.description is None else f"<p>{esc(str(diagnosis.description))}.</p>"
     listed = items(contacts) if contacts else ""
     return head + listed + described + more + cards + folded("The whole ranking", ranking)
@@ -182,24 +208,29 @@ def lacking(study: Study) -> str:
 def _card(study: Study, rank: int, finding: Finding) -> str:
     kind = EFFECTS.get(finding.effect)
     if kind is None:
-        return f"<article><h3>{rank}. {esc(finding.sentence)}</h3></article>"
-    found = ", ".join(f"{k} = {number(v)}" for k, v in list(finding.parameters.items())[:12])
-    confused = ", ".join(finding.confused_with) or "nothing on these logs"
-    p = "below 1e−16" if finding.p_value < 1e-16 else number(finding.p_value, 2)
+        return f"<article><h3>{rank}. {said(opened(finding.sentence))}</h3></article>"
+    columns = Regressor(study.model.robot, finding.members, study.model.reference).columns
+    units = {c.name: f" {c.unit}" for c in columns}
+    found = ", ".join(f"{k} = {number(v)}{units.get(k, '')}" for k, v in list(finding.parameters.items())[:12])
+    confused = listed(finding.confused_with) or "nothing on these logs"
+    other = (*finding.confused_with, *kind.confused_with)[0]
+    p = "below 10⁻¹⁵" if finding.p_value < 1e-15 else number(finding.p_value, 2)
     facts = [
         ("Evidence", f"held-out NRMSE {finding.error_before:.4f} → {finding.error_after:.4f}; removes "
          f"{100 * finding.share:.0f} % of what is above the noise floor on its joints; log likelihood gained "
-         f"{finding.gain:.0f}, chance {p}"),
+         f"{finding.gain:.0f}, probability by chance {p}"),
         ("Effect", f"{finding.effect}: {kind.title}"),
         ("Found", found),
-        ("Could be", f"{confused} (in general: {', '.join(kind.confused_with)})"),
-        ("Tell apart", f"record {kind.confirmed_by}; `frischid excite --separate A,B` plans a motion for it"),
+        ("Could also be", f"{confused} (in general: {listed(kind.confused_with)})"),
+        ("To be sure", f"{kind.confirmed_by}. To plan a motion that tells it from {other}:"),
     ]  # fmt: skip
-    listing = "".join(f"<dt>{k}</dt><dd>{esc(v)}</dd>" for k, v in facts)
+    command = esc(f"frischid excite ROBOT --separate {finding.effect},{other} -o motion.csv")
+    listing = "".join(f"<dt>{k}</dt><dd>{said(v)}</dd>" for k, v in facts)
+    listing = f"{listing.removesuffix('</dd>')} <code>{command}</code></dd>"
     shape = shape_of(study.diagnosis, finding, study.prediction) if study.diagnosis is not None else None
     picture = "" if shape is None else plot(figures.shape(shape, kind.title, sliding(study, shape.joint)))
-    heading = f"{rank}. {finding.sentence}"
-    return f"<article><h3>{esc(heading)}</h3><dl>{listing}</dl>{picture}</article>"
+    heading = f"{rank}. {opened(finding.sentence)}"
+    return f"<article><h3>{said(heading)}</h3><dl>{listing}</dl>{picture}</article>"
 
 
 # ---------------------------------------------------------------------- 5
@@ -229,7 +260,7 @@ def parameters(study: Study) -> str:
     intro = (
         f"<p>{len(e.theta)} base parameters, estimator {esc(e.estimator)}, condition number {number(e.condition, 3)}. "
         + (f"{len(study.weak)} are known to no better than half their value. " if study.weak else "")
-        + (f"Sign impossible: {esc(', '.join(study.impossible))}." if study.impossible else "Every known sign holds.")
+        + (f"Of impossible sign: {esc(listed(study.impossible))}." if study.impossible else "Every known sign holds.")
         + f"</p><p>{_physical(study)}</p>"
     )
     known = [("true", study.truth), ("URDF", study.nominal)]
@@ -241,13 +272,14 @@ def parameters(study: Study) -> str:
             flags.append("impossible sign")
         if column.name in study.weak:
             flags.append("hardly known")
-        boxes = [f"{number(b.lower[i], 3)} … {number(b.upper[i], 3)}" for b in model.bounds.values()]
+        boxes = [_range(float(b.lower[i]), float(b.upper[i])) for b in model.bounds.values()]
         values = [number(float(x[i])) for _, x in given]
-        row = [esc(column.name), number(e.theta[i]), number(e.stderr[i], 2), esc(column.unit)]
+        row = [esc(column.name), esc(column.unit), number(e.theta[i]), number(e.stderr[i], 2)]
         rows.append([*row, *values, *boxes, esc(", ".join(flags)), esc(model.expressions[i])])
-    methods = [f"{figures.parameters.WORDS.get(k, k)} box" for k in model.bounds]
-    headings = ["parameter", "value", "± s.e.", "unit", *(n for n, _ in given), *methods, "flags", "stands for"]
-    listing = table(headings, rows, caption="Base parameters; R marks one that others are regrouped into")
+    methods = [f"{figures.parameters.title(k)} box" for k in model.bounds]
+    headings = ["parameter", "unit", "value", "± s.e.", *(n for n, _ in given), *methods, "flags", "stands for"]
+    caption = "Base parameters; R marks one that others are regrouped into; s.e. is the standard error"
+    listing = table(headings, rows, words=2, caption=caption)
     listing = f'<div class="wide">{listing}</div>'
     closing = figures.closing(model)
     record = figures.parameters.recursion_of(model)
@@ -263,6 +295,13 @@ def parameters(study: Study) -> str:
     )
 
 
+def _range(low: float, high: float) -> str:
+    """A box's side; an open end is infinite."""
+    if np.isinf(low) and np.isinf(high):
+        return "open"
+    return f"{'−∞' if np.isinf(low) else number(low, 3)} … {'∞' if np.isinf(high) else number(high, 3)}"
+
+
 def _physical(study: Study) -> str:
     """Whether links that could exist have these base parameters."""
     found = study.physical
@@ -272,7 +311,7 @@ def _physical(study: Study) -> str:
     demanded = f" What holds them back: {esc(limits)}." if limits else ""
     return (
         "Physical links: links that could exist (positive mass, possible inertia, centre of mass within the body) "
-        f"reproduce these parameters to {found.unexplained:.1f} standard errors (rms).{demanded}"
+        f"reproduce these parameters to {said(f'{found.unexplained:.1f} standard errors')} (rms).{demanded}"
     )
 
 
@@ -315,13 +354,13 @@ def data(study: Study) -> str:
     for q in study.qualities:
         short, long = (1e3 * s for s in q.steps)
         role = "held out" if q.source in study.held_out else "fitted"
-        texts = [str(q.samples), number(q.seconds), number(q.rate), f"{number(short, 3)} … {number(long, 3)}"]
+        texts = [str(q.samples), number(q.seconds), number(q.rate), _steps(number(short, 3), number(long, 3))]
         rows.append([esc(Path(q.source).name), role, *texts, str(q.gaps), number(q.kept)])
     headings = ["log", "role", "samples", "seconds", "Hz", "step, ms", "gaps", "seconds kept"]
     done = _grouped(study)
     lowpass = study.model.lowpass
     cut = f"{lowpass.cutoff:g} Hz" if lowpass.cutoff else "nothing"
-    done.insert(0, f"low-pass: {cut} ({lowpass.reason}), velocity: {study.model.velocity}")
+    done.insert(0, f"low-pass: {cut} ({lowpass.reason}), {VELOCITY[study.model.velocity]}")
     robot = study.model.robot
     speed, acceleration = (np.max([getattr(q, k) for q in study.qualities], axis=0) for k in ("speed", "acceleration"))
     rest = np.average([q.resting for q in study.qualities], axis=0, weights=[q.kept for q in study.qualities])
@@ -343,6 +382,10 @@ def data(study: Study) -> str:
     )  # fmt: skip
 
 
+def _steps(short: str, long: str) -> str:
+    return short if short == long else f"{short} … {long}"
+
+
 def _grouped(study: Study) -> list[str]:
     """What was done, each note once with the logs it holds for."""
     found: dict[str, list[str]] = {}
@@ -351,6 +394,10 @@ def _grouped(study: Study) -> list[str]:
             found.setdefault(note.removeprefix(f"{q.source}: "), []).append(Path(q.source).name)
     every = len(study.qualities)
     return [
-        f"{note} ({f'all {every} logs' if len(logs) == every else ', '.join(logs)})" if every > 1 else note
+        f"{note} ({_all(every) if len(logs) == every else listed(logs)})" if every > 1 else note
         for note, logs in found.items()
     ]
+
+
+def _all(logs: int) -> str:
+    return "both logs" if logs == 2 else f"all {logs} logs"

@@ -21,6 +21,7 @@ from frischid.prediction import Prediction, predict
 from frischid.quality import Quality, quality
 from frischid.reduction import Reduction
 from frischid.regressor import Regressor, nominal_parameters
+from frischid.words import listed
 
 WEAK = 0.5  # relative standard error above which a parameter is hardly known
 
@@ -84,16 +85,16 @@ class Study:
         hopeless = [n for n, j in self.verdict.joints.items() if j.nrmse > HOPELESS]
         if hopeless:
             found.append(
-                f"The torque of {', '.join(hopeless)} is hardly predicted at all: are columns swapped, a sign "
+                f"The torque of {listed(hopeless)} is hardly predicted at all: are columns swapped, a sign "
                 "flipped, or a channel dead?"
             )
         worse = [n for n, j in self.verdict.joints.items() if j.nominal < j.nrmse and n not in hopeless]
         if worse:
-            found.append(f"The URDF's own parameters predict {', '.join(worse)} better than this model does.")
+            found.append(f"The URDF's own parameters predict {listed(worse)} better than this model does.")
         if self.diagnosis is not None and self.diagnosis.verdict != "none":
             found.append(f"{missing(self.diagnosis)}.")
         if self.impossible:
-            found.append(f"Physically impossible sign: {', '.join(self.impossible)}. A known sign is violated.")
+            found.append(f"The sign of {listed(self.impossible)} is physically impossible.")
         identified: Mapping[str, Any] = next((e for e in reversed(self.model.history) if "warnings" in e), {})
         of_logs = [f"{Path(q.source).name}: {w}" for q in self.qualities for w in q.warnings]
         earlier = [self._brief(w) for w in identified.get("warnings", ())]
@@ -111,7 +112,7 @@ class Study:
 def missing(diagnosis: Diagnosis) -> str:
     """What a diagnosis says, in one clause."""
     best = next((f for f in diagnosis.findings if f.significant and f.members), None)
-    named = "" if best is None else f"{best.effect} on {', '.join(best.joints) or 'the whole robot'}"
+    named = "" if best is None else f"{best.effect} on {listed(best.joints) or 'the whole robot'}"
     if diagnosis.verdict == "contact":
         count = len(diagnosis.contacts)
         touched = f"Something touched the robot {'once' if count == 1 else f'{count} times'} (left out)"
@@ -119,6 +120,11 @@ def missing(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "unknown":
         return "Something is missing that nothing in the catalogue explains"
     return f"Missing: {named}" if named else "Nothing is missing that these logs can show"
+
+
+def opened(sentence: str) -> str:
+    """A sentence with a capital, unless it begins with a joint's name."""
+    return f"T{sentence[1:]}" if sentence.startswith("the ") else sentence
 
 
 def study(

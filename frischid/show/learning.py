@@ -27,7 +27,7 @@ def effect(kind: type[Effect]) -> Page:
     lines = [
         f"[bold]{kind.id}[/bold]: {kind.title}",
         f"  equation      {kind.equation}",
-        f"  in words      {kind.sentence.format(joint='the joint')}",
+        f"  in words      {kind.sentence.format(joint='the joint', joints='two joints')}",
         f"  looks like    {kind.looks_like}",
         f"  confused with {', '.join(kind.confused_with)}",
         f"  confirmed by  {kind.confirmed_by}",

@@ -1,4 +1,4 @@
-"""What was written for looking at, as pages."""
+"""A report that was written, as a page."""
 
 from __future__ import annotations
 
@@ -30,12 +30,3 @@ def report(study: Study, output: str) -> Page:
         data,
         [f"{verdict} {said}", *warning_lines(warnings), f"report written to {output} ({size / 1e6:.1f} MB)"],
     )
-
-
-def studio(address: str, output: str, host: str) -> Page:
-    """Where the studio is, and who can reach it."""
-    open_to = [] if host in ("127.0.0.1", "localhost", "::1") else [
-        f"listening on {host}, not only on this machine: whoever reaches it can change the model and write {output}"
-    ]  # fmt: skip
-    data = {"address": address, "output": output, "warnings": open_to}
-    return Page(data, [f"studio: {address} (Ctrl-C ends it); it saves to {output}", *warning_lines(open_to)])

@@ -36,8 +36,10 @@ def urdf_of(robot: Robot) -> Any:
     -------
     yourdfpy.URDF
     """
+    import trimesh
     import yourdfpy
 
+    visual: Any = trimesh.visual  # untyped
     tree = ET.fromstring(robot.urdf)
     folders = _folders(robot)
     children = _children(tree)
@@ -50,7 +52,15 @@ def urdf_of(robot: Robot) -> Any:
         name = str(link.get("name"))
         link.extend(own or _simple(children.get(name, []), _centre(link), radius))
     text = ET.tostring(tree)
-    return yourdfpy.URDF.load(BytesIO(text), filename_handler=yourdfpy.urdf.filename_handler_null)
+    urdf = yourdfpy.URDF.load(BytesIO(text), filename_handler=yourdfpy.urdf.filename_handler_null)
+    for body in urdf.scene.geometry.values():
+        if body.visual.kind == "face":
+            # A colour without a material is taken for bare metal, which is black where there is nothing to mirror.
+            dull = visual.material.PBRMaterial(
+                baseColorFactor=body.visual.main_color, metallicFactor=0.0, roughnessFactor=0.8
+            )
+            body.visual = visual.TextureVisuals(material=dull)
+    return urdf
 
 
 def thickness_of(robot: Robot) -> float:

@@ -83,7 +83,6 @@ class Stage:
             marker.on_click(partial(_clicked, chosen, name))
             self.markers[name] = marker
         self.turns = {name: _turn(self.urdf.joint_map[name].axis) for name in self.markers}
-        client.scene.configure_default_lights(cast_shadow=False)  # half of the drawing, where no GPU helps
         self.label = client.scene.add_label("/chosen", "")
         client.scene.add_grid("/floor", width=4 * size, height=4 * size, cell_size=size / 5, section_size=size)
         self._names = tuple(self.urdf.actuated_joint_names)

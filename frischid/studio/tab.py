@@ -19,22 +19,25 @@ from frischid.diagnosis import Finding
 from frischid.effects import EFFECTS
 from frischid.figures import Drawing
 from frischid.figures.history import steps_of
-from frischid.report.study import missing
+from frischid.figures.style import typeset
+from frischid.report.study import missing, opened
 from frischid.studio.bench import Bench, State, message_of
 from frischid.studio.stage import Stage, Track
+from frischid.words import listed
 
 SHOWN = 6
 VARIABLES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "load", "time": "t"}
 EVERY = "every joint"
-GLANCE = 0.3  # s
-FRAME = 0.05  # s between two poses of a robot that plays
+GLANCE = 0.5  # s
 WIDTH = 430  # pixels of each panel
 
 
 @dataclass(eq=False)
 class _Place:
-    """Where a figure goes: words above and below it, and the figure once it is there."""
+    """Where a figure goes, `aspect` times as high as wide: words above and below it, then the figure itself."""
 
+    within: Any
+    aspect: float
     title: Any
     reading: Any
     figure: Any = None
@@ -60,18 +63,12 @@ class Tab:
         gui.set_panel_label(f"frischid: {bench.state.model.robot.name}")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
-        self._later: list[Callable[[], None]] = []
         self._curves(gui, joints, worst)
         self._work(gui, joints)
         self.stage = Stage(client, bench, track, self._choose)
         self._drawn: State | None = None
         self._headline(bench.state)
         self.pose()
-        # plotly.js holds the browser up for a second: let it draw robot and words before.
-        client.flush()
-        time.sleep(GLANCE)
-        for add in self._later:
-            add()
         self.refresh()
 
     # ------------------------------------------------------------------ what is on the page
@@ -125,21 +122,10 @@ class Tab:
         self.save.on_click(lambda _: self._attempt(lambda: self._said("Model", self.bench.save())))
         self.export.on_click(lambda _: self._attempt(lambda: self._said("Report", self.bench.export())))
 
-    def _figure(self, gui: Any, place: Any, aspect: float) -> _Place:
-        """A title, a reading, and between them room for a figure `aspect` times as high as wide."""
-        import plotly.graph_objects as go
-
-        title, reading = gui.add_markdown(""), gui.add_markdown("")
-        made = _Place(title, reading)
-
-        def add() -> None:
-            with place:
-                between = (title.order + reading.order) / 2
-                config = {"displayModeBar": False}
-                made.figure = gui.add_plotly(go.Figure(), aspect=aspect, config=config, order=between)
-
-        self._later.append(add)
-        return made
+    @staticmethod
+    def _figure(gui: Any, within: Any, aspect: float) -> _Place:
+        """A title and a reading; between them comes the figure."""
+        return _Place(within, aspect, gui.add_markdown(""), gui.add_markdown(""))
 
     # ------------------------------------------------------------------ showing
 
@@ -154,6 +140,10 @@ class Tab:
                 self._headline(state)
                 self._torque()
                 self._show(self.stairs, figures.staircase(state.model, state.comparison.noise_floor))
+                if before is None:
+                    # What is out of sight at first must not keep the browser from drawing what is in sight.
+                    self.client.flush()
+                    time.sleep(GLANCE)
                 self._show(self.matrix, figures.matrix(state.comparison))
                 self._residual()
                 self.undo.disabled = state.model.previous is None
@@ -171,10 +161,10 @@ class Tab:
         """Put the robot where it was at the slider's time."""
         self.stage.pose(float(self.time.value), str(self.joint.value), self.colouring.value)
 
-    def step(self) -> None:
+    def step(self, seconds: float) -> None:
         """Let the robot move on, if it plays."""
         if self.playing:
-            after = float(self.time.value) + FRAME
+            after = float(self.time.value) + seconds
             self.time.value = after if after < self.time.max else 0.0
             self.pose()
 
@@ -203,7 +193,15 @@ class Tab:
     def _show(self, place: _Place, drawing: Drawing) -> None:
         place.title.content = f"**{plain(drawing.title)}**"
         # In a narrow panel a legend takes two lines.
-        place.figure.figure = drawing.figure.update_layout(height=None, margin={"t": 52} if drawing.legend else {})
+        figure = drawing.figure.update_layout(height=None, margin={"t": 52} if drawing.legend else {})
+        if place.figure is None:
+            between = (place.title.order + place.reading.order) / 2
+            with place.within:
+                place.figure = self.client.gui.add_plotly(
+                    figure, aspect=place.aspect, config={"displayModeBar": False}, order=between
+                )
+        else:
+            place.figure.figure = figure
         place.reading.content = plain(drawing.reading)
 
     def _list(self, state: State) -> None:
@@ -227,8 +225,8 @@ class Tab:
             f"Add {finding.effect}: {finding.error_before:.4f} → {finding.error_after:.4f}"
         )
         button.on_click(lambda _: self._change(lambda: self.bench.add(finding.members, revision, finding)))
-        confused = f" Could also be {', '.join(finding.confused_with)}." if finding.confused_with else ""
-        text = f"{finding.sentence}. To be sure, record {EFFECTS[finding.effect].confirmed_by}.{confused}"
+        confused = f" Could also be {listed(finding.confused_with)}." if finding.confused_with else ""
+        text = f"{opened(finding.sentence)}. To be sure, {EFFECTS[finding.effect].confirmed_by}.{confused}"
         self._listed += [button, self.client.gui.add_markdown(plain(text))]
 
     # ------------------------------------------------------------------ doing
@@ -283,6 +281,7 @@ def _measured_on(state: State) -> str:
 
 def plain(text: str) -> str:
     """Text for viser's markdown, which takes braces and angle brackets for code."""
+    text = typeset(text)
     for sign, code in (("<", "&lt;"), ("{", "&#123;"), ("}", "&#125;"), ("*", "\\*")):
         text = text.replace(sign, code)
     return text.replace("_", "\\_")
