@@ -298,7 +298,7 @@ def _finding(evidence: Evidence, floor: Array, ranked: Ranked) -> Finding:
     after = evidence.nrmse(ranked.score.sse)
     rows = list(ranked.together.columns)
     explainable = before[rows] ** 2 - np.minimum(floor / evidence.spread, before)[rows] ** 2
-    share = float((before[rows] ** 2 - after[rows] ** 2).sum()) / max(float(explainable.sum()), 1e-300)
+    share = float((before[rows] ** 2 - after[rows] ** 2).sum()) / max(float(explainable.sum()), TRIFLE**2)
     members = tuple(place.effect for place in ranked.places)
     joints = tuple(dict.fromkeys(j for e in members for j in (e.joints or ())))
     names = [c.name for e in members for c in e.columns(evidence.model.robot)]
@@ -351,7 +351,7 @@ def _refit(model: Model, evidence: Evidence, floor: Array) -> Finding:
     taken = float((errors[0] ** 2 - errors[1] ** 2).sum())
     explainable = float((errors[0] ** 2 - np.minimum(floor / evidence.spread, errors[0]) ** 2).sum())
     chance = float(stats.chi2.sf(2 * ratio, costs)) if gain > 0 else 1.0
-    share = float(np.clip(taken / max(explainable, 1e-300), 0.0, 1.0))
+    share = float(np.clip(taken / max(explainable, TRIFLE**2), 0.0, 1.0))
     sentence = (
         "the old parameters no longer hold, and no single effect says why: several links or friction changed; identify "
         "the robot again"
