@@ -8,7 +8,7 @@ parameters, and a constant (the mean torque of the identification logs). A model
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -19,10 +19,9 @@ from frischid.errors import InputError
 from frischid.gram import Array
 from frischid.log import Log, check_torque
 from frischid.model import Model
-from frischid.noise import noise_variance
+from frischid.noise import NoiseFloor
 from frischid.recording import Recording, head_of
 from frischid.regressor import EXTRA, Block, nominal_parameters
-from frischid.signals import Motion
 
 STRETCH = 1000  # filtered samples kept or left out together, so that residuals stay consecutive
 MOST_KEPT = 60_000  # filtered samples in memory: an hour of motion at usual cut-offs, 20 MB for a six-joint arm
@@ -209,7 +208,7 @@ def compare(
             raise InputError(f"{log.source}: no torque column (tau_<joint>) for {', '.join(missing)}")
     moving, everything, kept = _Sums(len(index)), _Sums(len(index)), Kept()
     nominal = nominal_parameters(model.robot, model.effects)
-    noise = _Noise(model)
+    noise = NoiseFloor(model)
     motions = noise.watch(model.motions(logs))
     pairs = model.evaluate(motions) if evaluated is None else evaluated
     for block, fitted in pairs:
@@ -223,27 +222,7 @@ def compare(
     for _ in motions:  # those of blocks that the caller evaluated are still to be seen
         pass
     residuals = Residuals(model, kept.blocks)
-    return _summary(model, moving, everything, tuple(log.source for log in logs), noise.floor, residuals)
-
-
-class _Noise:
-    """The noise floor of motions as they pass."""
-
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        self.total, self.samples = np.zeros(len(model.joints)), 0
-
-    def watch(self, motions: Iterable[Motion]) -> Iterator[Motion]:
-        """Pass motions on, and see each."""
-        for motion in motions:
-            self.total += len(motion.t) * noise_variance(self.model, motion)
-            self.samples += len(motion.t)
-            yield motion
-
-    @property
-    def floor(self) -> Array:
-        """Standard deviation of each joint's filtered torque, N·m (N), shape (J,)."""
-        return np.asarray(np.sqrt(self.total / self.samples))
+    return _summary(model, moving, everything, tuple(log.source for log in logs), noise, residuals)
 
 
 class Kept:
@@ -279,7 +258,7 @@ class Kept:
 
 
 def _summary(
-    model: Model, sums: _Sums, everything: _Sums, sources: tuple[str, ...], floor: Array, residuals: Residuals
+    model: Model, sums: _Sums, everything: _Sums, sources: tuple[str, ...], noise: NoiseFloor, residuals: Residuals
 ) -> Comparison:
     if (sums.count < 2).any() or (sums.std == 0).any():
         flat = [name for name, n, s in zip(model.joints, sums.count, sums.std, strict=True) if n < 2 or s == 0]
@@ -290,7 +269,7 @@ def _summary(
     n, std = sums.count, sums.std
     rmse, nominal = np.sqrt(sums.error2 / n), np.sqrt(sums.nominal2 / n)
     constant = np.sqrt(std**2 + (sums.tau / n - model.mean_torque) ** 2)
-    joints = {}
+    joints, floor = {}, noise.under(rmse)
     for j, name in enumerate(model.joints):
         worst = sums.worst[j]
         assert worst is not None  # there is at least one sample, or prepare() raised

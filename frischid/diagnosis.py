@@ -26,7 +26,7 @@ from frischid.evidence import Evidence
 from frischid.gram import Array
 from frischid.log import Log
 from frischid.model import Model
-from frischid.noise import noise_floor
+from frischid.noise import NoiseFloor
 from frischid.prior import identified, nominal
 from frischid.ranking import SIGNIFICANCE, TRIFLE, Ranked, ranking
 from frischid.recording import Recording
@@ -184,7 +184,10 @@ def diagnose(
     progress("evidence")
     everything = [*logs, *valid]
     evidence, state = gathered(model, everything, situation, workers)
-    floor = noise_floor(model, evidence.motions)
+    noise = NoiseFloor(model)
+    for _ in noise.watch(evidence.motions):
+        pass
+    floor = noise.under(evidence.nrmse(evidence.base_sse()) * evidence.spread)
     contacts = find_contacts(evidence, floor)
     findings, left = rank(evidence, floor, state, effects, progress)
     if contacts:

@@ -9,13 +9,14 @@ where n are draws of the channels' own noise (`noise_level`), derived q̇ and q�
 differentiator, h are the filter's taps, and s_j² is the torque's noise *next to* the filter's band: drives' noise is
 seldom white, and the part of it that the filter passes is what counts (`level_near`). It contains noise of positions
 that reaches the torque through the accelerations, and reversals that noise moves or makes a model smooth (the second
-τ̂ has the model's own friction or a sharp one, whichever is nearer). What wanders as slowly as the motion itself cannot
-be told from physics, and counts as unexplained.
+τ̂ has the model's own friction or a sharp one, whichever is nearer). A robot whose friction is as smooth as the model's
+has a lower floor; which it is, the error itself says. What wanders as slowly as the motion cannot be told from physics,
+and counts as unexplained.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -34,21 +35,38 @@ NEAR = 3.0  # times the cut-off: where the noise next to the filter's band is lo
 SIXTH = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
 
 
-def noise_floor(model: Model, motions: Iterable[Motion]) -> Array:
-    """Standard deviation of each fitted joint's filtered torque that sensor noise explains, N·m (N), shape (J,)."""
-    total, count = np.zeros(len(model.joints)), 0
-    for motion in motions:
-        total += len(motion.t) * noise_variance(model, motion)
-        count += len(motion.t)
-    return np.asarray(np.sqrt(total / count))
+class NoiseFloor:
+    """The noise floor of motions, gathered as they pass.
 
+    Attributes
+    ----------
+    bounds : ndarray, shape (2, J)
+        Sum over samples of the floor's square, (N·m)² (N²): for dry friction as smooth as the model's, and for a sharp
+        one.
+    samples : int
+    """
 
-def noise_variance(model: Model, motion: Motion) -> Array:
-    """Squared noise floor of one motion, shape (J,)."""
-    taps = model.lowpass.taps(motion.step)
-    index = model.torque_index
-    torque = level_near(motion.tau[:, index], motion.v[:, index], motion.step, model.lowpass) * np.linalg.norm(taps)
-    return np.asarray(torque**2 + _through_the_motion(model, motion))
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.bounds, self.samples = np.zeros((2, len(model.joints))), 0
+
+    def watch(self, motions: Iterable[Motion]) -> Iterator[Motion]:
+        """Pass motions on, and see each."""
+        for motion in motions:
+            index, taps = self.model.torque_index, self.model.lowpass.taps(motion.step)
+            level = level_near(motion.tau[:, index], motion.v[:, index], motion.step, self.model.lowpass)
+            here = (level * np.linalg.norm(taps)) ** 2 + _through_the_motion(self.model, motion)
+            self.bounds += len(motion.t) * here
+            self.samples += len(motion.t)
+            yield motion
+
+    def under(self, rmse: Array) -> Array:
+        """Floor of each joint, N·m (N), shape (J,), for a model that leaves this much.
+
+        What is left says how sharp the robot's friction is: not so sharp that the sensors alone would leave more.
+        """
+        smooth, sharp = np.sqrt(self.bounds / self.samples)
+        return np.asarray(np.maximum(smooth, np.minimum(sharp, rmse)))
 
 
 def level_near(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
@@ -89,17 +107,18 @@ def level_near(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
 
 
 def _through_the_motion(model: Model, motion: Motion) -> Array:
-    """Mean square of what noise of q, q̇ and q̈ does to the model's filtered torque, shape (J,)."""
+    """Mean square of what noise of q, q̇, q̈ does to the model's filtered torque with a smooth and a sharp friction."""
     path = _smoothed(motion.middle(min(1.0, SAMPLES / len(motion.t))), model.lowpass)
     seen = _with_noise(path, motion, model.lowpass)
     regressor, index = Regressor(model.robot, model.effects, model.reference), model.torque_index
     taps, every = model.lowpass.taps(path.step), model.lowpass.decimation(path.step)
     F = decimating_filter(taps, len(path.t), every)
     used = regressor.counted(abs(F) @ path.still)[:, index]
-    truth = regressor.torque(path, model.full_theta) + _sharpened(model, path)
-    smooth = regressor.torque(seen, model.full_theta)
-    errors = [F @ (truth - x)[:, index] * used for x in (smooth, smooth + _sharpened(model, seen))]
-    return np.asarray(np.minimum(*((x**2).sum(axis=0) for x in errors)) / np.maximum(used.sum(axis=0), 1))
+    truth, found = (regressor.torque(motion, model.full_theta) for motion in (path, seen))
+    sharp_truth, sharp_found = (_sharpened(model, motion) for motion in (path, seen))
+    errors = (truth - found, truth + sharp_truth - found, truth + sharp_truth - found - sharp_found)
+    smooth, *sharp = (((F @ x[:, index] * used) ** 2).sum(axis=0) / np.maximum(used.sum(axis=0), 1) for x in errors)
+    return np.array([smooth, np.maximum(smooth, np.minimum(*sharp))])
 
 
 def _sharpened(model: Model, motion: Motion) -> Array:

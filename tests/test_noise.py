@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from frischid.comparison import compare
 from frischid.effects import parse_effects
 from frischid.identification import identify
-from frischid.noise import level_near, noise_floor
+from frischid.noise import NoiseFloor, level_near
 from frischid.robot import Robot
 from frischid.signals import LowPass, noise_level
 from frischid.simulation import Noise, simulate
@@ -82,6 +82,30 @@ def test_the_floor_does_not_rise_with_what_the_model_misses():
     fit, held_out = logs_of(robot, Noise(q=2e-5, tau=0.01), ())
     model = identify(robot, [fit], recursion="none").model
     missing = replace(held_out, tau=held_out.tau + 0.1 * held_out.tau.std(axis=0) * np.sin(3 * held_out.q))
-    floors = [noise_floor(model, list(model.motions([log]))) for log in (held_out, missing)]
+    floors = []
+    for log in (held_out, missing):
+        noise = NoiseFloor(model)
+        assert list(noise.watch(model.motions([log])))
+        floors.append(noise.under(np.full(6, np.inf)))
     assert np.allclose(floors[1], floors[0], rtol=0.02)
     assert compare(model, [missing]).nrmse > 3 * compare(model, [missing]).noise_floor
+
+
+def test_a_smooth_friction_has_a_lower_floor_than_a_sharp_one():
+    robot = Robot.load("ur5")
+    effects = parse_effects("viscous, coulomb(width=0.005), offset, rotor_inertia")
+    values = {f"{kind}{k}": size for k in robot.numbers.values() for kind, size in FRICTION.items()}
+    logs = [
+        simulate(
+            *(robot, random_fourier(robot, 20.0, seed=s)),
+            **{"rate": 250, "effects": effects, "parameters": values, "channels": ("v",), "seed": s},
+            noise=Noise(q=2e-5, v=1e-3, tau=0.003),
+        )
+        for s in range(2)
+    ]
+    model = identify(robot, logs[:1], recursion="none").model
+    found, noise = compare(model, logs[1:]), NoiseFloor(model)
+    assert list(noise.watch(model.motions(logs[1:])))
+    smooth, sharp = (noise.under(np.full(6, x)) for x in (0.0, np.inf))
+    assert (sharp > 1.2 * smooth).any()
+    assert 0.8 < found.nrmse / found.noise_floor < 1.25
