@@ -1,13 +1,10 @@
 """Where a model fails: its error under each condition of the motion, against its average, joint by joint.
 
 A condition is a set of samples (near a reversal, fast, high load, ...). Its ratio is rms(residual inside) /
-rms(residual
-everywhere). Residuals are correlated, so the significance comes from blocks of about a second: a one-sided t test of
-the
-mean squared residual inside against outside, block by block (Welch). Whether the residual depends on a variable at
-all is Chatterjee's ξ (2021, JASA 116(536)) on samples thinned to the residual's correlation time; whether it is
-white is
-its correlation time against the one the filter alone would give.
+rms(residual everywhere). Residuals are correlated, so the significance comes from blocks of about a second: a one-sided
+t test of the mean squared residual inside against outside, block by block (Welch). Whether the residual depends on a
+variable at all is Chatterjee's ξ (2021, JASA 116(536)) on samples thinned to the residual's correlation time; whether
+it is white is its correlation time against the one the filter alone would give.
 """
 
 from __future__ import annotations
@@ -26,6 +23,7 @@ from frischid.regressor import Block
 
 Flags = NDArray[np.bool_]
 LEAST = 20  # samples below which a condition says nothing
+APART = 10  # independent samples below which nothing is said of dependence; the test errs on the safe side there
 AROUND_REVERSAL = 0.2  # s
 
 
@@ -171,7 +169,7 @@ class Residuals:
         p = {}
         for name, x in variables.items():
             x_thin, r_thin = x[used, j][thin], r[thin]
-            enough = len(r_thin) >= LEAST and np.ptp(x_thin) > 0 and np.ptp(r_thin) > 0
+            enough = len(r_thin) >= APART and np.ptp(x_thin) > 0 and np.ptp(r_thin) > 0
             p[name] = float(stats.chatterjeexi(x_thin, r_thin).pvalue) if enough else 1.0
         return Structure(time, self.white_time, p)
 

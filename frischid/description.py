@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from frischid.conditions import APART
 from frischid.effects import Formula
 from frischid.evidence import Evidence
 from frischid.gram import Array
 from frischid.ranking import SIGNIFICANCE, Judged, judged
 
 TERMS = 3
-SAMPLES = 30  # independent samples below which nothing is said of dependence
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def describe(evidence: Evidence) -> Description:
 def _dependence(evidence: Evidence, row: int, residual: Array) -> dict[str, float]:
     apart = max(1, round(evidence.correlation[row]))
     variables = evidence.variables(row)
-    if len(residual) // apart < SAMPLES:
+    if len(residual) // apart < APART:
         return {}
     found = {}
     for name, x in variables.items():

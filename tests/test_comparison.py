@@ -12,7 +12,8 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.identification import identify
 from frischid.regressor import nominal_parameters
 from frischid.robot import Robot
-from frischid.simulation import Noise
+from frischid.simulation import Noise, simulate
+from frischid.trajectory import random_fourier
 
 UR10 = robot("ur10")
 VALUES = random_values(UR10, BASELINE)
@@ -149,3 +150,17 @@ def test_to_dict_holds_everything():
     usual = ("rmse", "nrmse", "fit", "bias", "std", "nominal_nrmse", "constant_nrmse", "worst")
     assert set(usual) <= set(data["joints"]["elbow_joint"])
     json.dumps(data, allow_nan=False)
+
+
+def test_ten_independent_samples_say_what_a_slow_residual_depends_on():
+    robot = Robot.load("planar2")
+    effects = (*BASELINE, *parse_effects("joint_spring@joint2"))
+    logs = [
+        simulate(robot, random_fourier(robot, 40.0, seed=s), rate=100, effects=effects, parameters={"ks2": 1.5})
+        for s in (1, 2, 3)
+    ]
+    model = identify(robot, logs[:1], recursion="none").model
+    left = compare(model, logs).residuals
+    slow = left.structure()["joint2"]
+    assert 10 <= len(left.t) * left.step / slow.correlation_time < 20
+    assert slow.depends_on["q"] < 0.01
