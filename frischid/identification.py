@@ -160,43 +160,21 @@ def identify(
     EmptyBoxError
         The estimator is ``"frisch"`` and BBRF contradicted itself.
     """
-    if estimator not in ESTIMATORS:
-        raise UnknownNameError("estimator", estimator, ESTIMATORS)
-    if recursion not in RECURSIONS:
-        raise UnknownNameError("recursion", recursion, RECURSIONS)
-    if prior not in PRIORS:
-        raise UnknownNameError("prior", prior, PRIORS)
-    if prior == "urdf" and estimator != "wls":
-        raise InputError(f"a prior needs the estimator wls, not {estimator}; leave one of the two out")
+    _check_options(estimator, recursion, prior)
     robot, notes = held_by(robot, logs)
     rows = torque_joints_of(robot, logs, torque_joints, notes)
     _check_apart(logs, valid)
     streamed = any(isinstance(log, Recording) for log in logs)
-    try:
-        _check_cutoff(cutoff, [*logs, *valid])
-        seen = survey(robot, logs, rows, cutoff)
-        lowpass = seen.lowpass
-        notes.append(_filtering(lowpass))
-        pieces = Motions(logs, robot.joints, lowpass, velocity)
-        # What is in memory anyway is prepared once; a recording is read again each time it is gone through.
-        motions: Iterable[Motion] = pieces if streamed else list(pieces)
-    except InputError:
-        if not anyway:  # a wrong unit is a better reason than what follows from it
-            _refuse_worthless(_reports(robot, logs))
-        raise
+    seen, pieces, motions = _prepared(robot, logs, valid, rows, cutoff, velocity, anyway)
+    lowpass = seen.lowpass
+    notes.append(_filtering(lowpass))
     progress("checking the logs")
     reports = _reports(robot, logs, None if streamed else (lowpass, list(motions)))
     warnings = [f"{report.source}: {finding.short}" for report in reports for finding in report.findings]
     if not anyway:
         _refuse_worthless(reports)
-
     if effects is None:
-        # Of a recording, the beginning must do: reading all of it takes long.
-        some = motions if isinstance(motions, list) else list(islice(motions, FIRST_PIECES))
-        width = dry_width(robot, some, lowpass, rows, structure(Regressor(robot, BASELINE), rows))
-        effects = BASELINE if width is None else baseline(width)
-        if width is not None:
-            notes.append(f"dry friction changes its direction over ±{width:g} rad/s (m/s), chosen by cross-validation")
+        effects = _default_effects(robot, motions, lowpass, rows, notes)
 
     progress("regressor and moments")
     regressor = Regressor(robot, effects, reference)
@@ -280,6 +258,53 @@ def identify(
         tuple(warnings),
         choice,
     )
+
+
+def _check_options(estimator: str, recursion: str, prior: str) -> None:
+    for kind, name, known in (
+        ("estimator", estimator, ESTIMATORS),
+        ("recursion", recursion, RECURSIONS),
+        ("prior", prior, PRIORS),
+    ):
+        if name not in known:
+            raise UnknownNameError(kind, name, known)
+    if prior == "urdf" and estimator != "wls":
+        raise InputError(f"a prior needs the estimator wls, not {estimator}; leave one of the two out")
+
+
+def _prepared(
+    robot: Robot,
+    logs: Sequence[Data],
+    valid: Sequence[Data],
+    rows: Sequence[str],
+    cutoff: float | Literal["auto"] | None,
+    velocity: str,
+    anyway: bool,
+) -> tuple[Survey, Motions, Iterable[Motion]]:
+    """What the logs hold, and their motions: read again each time they are gone through, or all in memory."""
+    try:
+        _check_cutoff(cutoff, [*logs, *valid])
+        seen = survey(robot, logs, rows, cutoff)
+        pieces = Motions(logs, robot.joints, seen.lowpass, velocity)
+        # What is in memory anyway is prepared once; a recording is read again each time it is gone through.
+        return seen, pieces, pieces if any(isinstance(log, Recording) for log in logs) else list(pieces)
+    except InputError:
+        if not anyway:  # a wrong unit is a better reason than what follows from it
+            _refuse_worthless(_reports(robot, logs))
+        raise
+
+
+def _default_effects(
+    robot: Robot, motions: Iterable[Motion], lowpass: LowPass, rows: Sequence[str], notes: list[str]
+) -> Sequence[Effect]:
+    """The baseline, its dry friction as sharp as the data say."""
+    # Of a recording, the beginning must do: reading all of it takes long.
+    some = motions if isinstance(motions, list) else list(islice(motions, FIRST_PIECES))
+    width = dry_width(robot, some, lowpass, rows, structure(Regressor(robot, BASELINE), rows))
+    if width is None:
+        return BASELINE
+    notes.append(f"dry friction changes its direction over ±{width:g} rad/s (m/s), chosen by cross-validation")
+    return baseline(width)
 
 
 def _independent_rows(seen: Survey, lowpass: LowPass) -> float:

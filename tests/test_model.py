@@ -229,6 +229,6 @@ def test_an_interrupted_write_keeps_the_old_file(tmp_path, monkeypatch):
 def test_history_says_what_was_done():
     (event,) = model().history
     assert event["action"] == "identify"
-    assert event["effects"] == [str(e) for e in BASELINE]
+    assert event["effects"] == [str(e) for e in model().effects]
     assert event["held_out_nrmse"] == found().comparison.nrmse
     assert any("low-passed at 8 Hz" in n for n in event["notes"])
