@@ -236,16 +236,11 @@ def gathered(
     """
     evidence = Evidence(model, logs, nominal(model), workers)
     if situation == "auto":
-        situation = "changed" if not _own(model, logs) and _frozen(evidence) > CHANGED * _error(evidence) else "always"
+        own = any(model.made_from(log) for log in logs)
+        situation = "changed" if not own and _frozen(evidence) > CHANGED * _error(evidence) else "always"
     if situation == "changed":
         evidence = evidence.believing(identified(model))
     return evidence, situation
-
-
-def _own(model: Model, logs: Sequence[Log | Recording]) -> bool:
-    """Whether the model was made from one of these logs."""
-    own = {entry["sha256"] or entry["source"] for event in model.history for entry in event.get("logs", [])}
-    return any((log.sha256 or log.source) in own for log in logs)
 
 
 def _error(evidence: Evidence) -> float:

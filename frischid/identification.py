@@ -337,12 +337,12 @@ def _event(
         "action": "identify",
         "effects": [str(e) for e in effects],
         "logs": [
-            {"source": log.source, "sha256": log.sha256, "samples": count}
+            {"source": log.source, "sha256": log.identity, "samples": count}
             for log, count in zip(logs, samples, strict=True)
         ],
         "cross_validated_nrmse": float(np.mean(list(held_out.values()))),
         "held_out_nrmse": None if comparison is None else comparison.nrmse,
-        "held_out_logs": [{"source": log.source, "sha256": log.sha256} for log in valid],
+        "held_out_logs": [{"source": log.source, "sha256": log.identity} for log in valid],
     }
 
 

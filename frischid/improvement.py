@@ -96,9 +96,9 @@ def add(
         "measured_on": measured_on,
         "sentence": "" if finding is None else finding.sentence,
         "logs": [
-            {"source": log.source, "sha256": log.sha256, "samples": sum(map(len, pieces_of(log)))} for log in logs
+            {"source": log.source, "sha256": log.identity, "samples": sum(map(len, pieces_of(log)))} for log in logs
         ],
-        "held_out_logs": [{"source": log.source, "sha256": log.sha256} for log in valid],
+        "held_out_logs": [{"source": log.source, "sha256": log.identity} for log in valid],
     }
     new = replace(new, history=(*model.history, event), previous=model)
     return Step(new, effects[0], before, after, measured_on, finding)

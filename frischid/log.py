@@ -11,8 +11,10 @@ In a table every column has a name: ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<jo
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -75,6 +77,16 @@ class Log:
     source: str = "log"
     sha256: str | None = None
     notes: tuple[str, ...] = ()
+
+    @cached_property
+    def identity(self) -> str:
+        """Hash of the file it was read from, or of its samples where it was made in memory."""
+        if self.sha256 is not None:
+            return self.sha256
+        digest = hashlib.sha256(repr(self.joints).encode())
+        for x in (self.t, self.q, self.v, self.a, self.tau, self.current, *self.extra.values()):
+            digest.update(b"-" if x is None else np.ascontiguousarray(x).tobytes())
+        return digest.hexdigest()
 
     def __post_init__(self) -> None:
         self._put(joints=tuple(self.joints), notes=tuple(self.notes), t=_read_only(self.t))

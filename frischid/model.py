@@ -188,6 +188,11 @@ class Model:
             for block in regressor.blocks(motion, self.lowpass):
                 yield block, self.full_theta @ block.Y
 
+    def made_from(self, log: Log | Recording) -> bool:
+        """Whether this log is one of those the parameters were fitted to: by its hash, or by its name if it has none."""
+        fitted = {x["sha256"] or x["source"] for event in self.history for x in event.get("logs", ())}
+        return (log.identity or log.source) in fitted
+
     @cached_property
     def full_theta(self) -> Array:
         """Value of every column of the full regressor: the physical one, or zero where it is no base parameter."""

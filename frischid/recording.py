@@ -55,6 +55,11 @@ class Recording:
         """Hash of the file, computed when first asked for."""
         return None if self.digest is None else self.digest()
 
+    @property
+    def identity(self) -> str | None:
+        """The same, under the name that a `Log` has for it."""
+        return self.sha256
+
     @classmethod
     def open(
         cls,

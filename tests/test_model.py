@@ -17,6 +17,7 @@ from frischid.frisch import Box
 from frischid.gram import Column
 from frischid.identification import identify
 from frischid.model import SCHEMA, Model, check_writable
+from frischid.recording import Recording
 from frischid.regressor import nominal_parameters
 from frischid.robot import Robot
 from frischid.signals import LowPass
@@ -224,6 +225,20 @@ def test_an_interrupted_write_keeps_the_old_file(tmp_path, monkeypatch):
         model().save(path)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_log_is_known_by_its_samples_not_by_its_name():
+    machine = Robot.load("planar2")
+    values = random_values(machine, BASELINE)
+    logs = [exact_log(machine, BASELINE, values, seed=s) for s in (1, 2)]
+    logs = [replace(log, source="log", sha256=None) for log in logs]
+    fitted = identify(machine, logs[:1], recursion="none").model
+    assert fitted.made_from(replace(logs[0], source="the same under another name"))
+    assert not fitted.made_from(logs[1])
+    recorded = Recording("log", lambda _: iter(logs))
+    assert not fitted.made_from(recorded)
+    named = replace(fitted, history=({"logs": [{"source": "log", "sha256": None}]},))
+    assert named.made_from(recorded)
 
 
 def test_history_says_what_was_done():

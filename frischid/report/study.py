@@ -158,8 +158,7 @@ def study(
     if not logs:
         raise InputError("there is no log to report on")
     progress("comparing")
-    fitted = {x["sha256"] or x["source"] for event in model.history for x in event.get("logs", ())}
-    held = [log for log in logs if (log.sha256 or log.source) not in fitted]
+    held = [log for log in logs if not model.made_from(log)]
     evaluated = [list(model.blocks([log])) for log in logs]
     comparison = compare(model, logs, [b for part in evaluated for b in part])
     prediction = predict(model, logs, evaluated)

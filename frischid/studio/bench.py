@@ -75,8 +75,7 @@ class Bench:
 
     def __init__(self, model: Model, logs: Sequence[Log], output: Path) -> None:
         self.logs, self.output = list(logs), output
-        own = {x["sha256"] or x["source"] for event in model.history for x in event.get("logs", ())}
-        fitted = [log for log in self.logs if (log.sha256 or log.source) in own]
+        fitted = [log for log in self.logs if model.made_from(log)]
         self.fit = fitted or self.logs
         self.valid = [log for log in self.logs if fitted and log not in fitted]
         self._turn = threading.Lock()
