@@ -189,7 +189,7 @@ class Model:
                 yield block, self.full_theta @ block.Y
 
     def made_from(self, log: Log | Recording) -> bool:
-        """Whether this log is one of those the parameters were fitted to: by its hash, or by its name if it has none."""
+        """Whether the parameters were fitted to this log, known by its hash, or by its name if it has none."""
         fitted = {x["sha256"] or x["source"] for event in self.history for x in event.get("logs", ())}
         return (log.identity or log.source) in fitted
 
