@@ -232,8 +232,9 @@ def _exchanged(
         return chosen, full
     likely = sorted((c for c in pool if c.gain > 0), key=lambda c: -c.removed)[:POOL]
     for k in range(len(chosen)):
-        without = _extended(evidence, [c for i, c in enumerate(chosen) if i != k])
-        others = [c for c in likely if c is chosen[k] or all(c is not x for x in chosen)]
+        rest = [c for i, c in enumerate(chosen) if i != k]
+        without = _extended(evidence, rest)
+        others = [c for c in likely if not any(c is x or _excluded(c, x) for x in rest)]
         scored = [(c, j) for c in others if (j := judged(without, [c.projection])) is not None]
         if not scored:
             continue

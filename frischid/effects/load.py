@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +88,11 @@ class Payload(Effect):
     change: ClassVar[bool] = True
 
     full: bool = False
+
+    @classmethod
+    def candidates(cls, robot: Robot) -> list[list[Self]]:
+        """On each link, a body small enough for its mass and first moment to say all, or a large one."""
+        return [[cls((name,), full=full)] for name in robot.joints for full in (False, True)]
 
     def acts_on(self, robot: Robot) -> list[tuple[int, str, str]]:
         """The joints named; the last one when none is."""

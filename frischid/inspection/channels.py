@@ -178,7 +178,8 @@ def _held(x: Array) -> int:
 def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
     """Positions that no joint can have in radians.
 
-    Much faster or much further out than the robot's limits; a degree is 57 times too large.
+    Much further out than the robot's limits, or much faster and over more than a turn; a degree is 57 times too large.
+    Simulated robots are often faster than their URDF allows, but then stay within a turn.
     """
     limits = robot.limits
     lower, upper = limits.lower, limits.upper
@@ -192,12 +193,11 @@ def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
     far = limited & ((log.q > upper + room) | (log.q < lower - room)).any(axis=0)
     # Without any limit to compare with, two full turns is where a joint of an arm becomes suspicious.
     turns = ~limited & ~np.isfinite(limits.velocity) & (np.ptp(log.q, axis=0) > 4 * np.pi)
-    found = ((typical > 3 * limits.velocity) | far | turns) & ~robot.prismatic
+    fast = (typical > 3 * limits.velocity) & (np.ptp(log.q, axis=0) > 2 * np.pi)
+    found = (fast | far | turns) & ~robot.prismatic
     if not found.any():
         return
-    evidence = (
-        "far outside the URDF's limits" if (far | (typical > 3 * limits.velocity)).any() else "several full turns"
-    )
+    evidence = "far outside the URDF's limits" if (far | fast).any() else "several full turns"
     notes.find(
         "degrees",
         f"motion implausible in radians ({evidence}: {span(np.abs(log.q[:, found]).max(axis=0))} rad), it looks "
