@@ -216,3 +216,15 @@ def test_parameters_that_no_longer_hold_are_a_finding():
     assert found.findings[0].effect == OLD
     assert found.findings[0].share > 0.9
     assert "identify the robot again" in found.findings[0].sentence
+
+
+def test_a_large_payload_is_found_with_its_inertias():
+    body = {"m6": 2.0, "mx6": 0.1, "mz6": 0.3, "Ixx6": 0.12, "Iyy6": 0.12, "Izz6": 0.06}
+    nominal = dict(zip(UR5.all_names, UR5.nominal, strict=True))
+    loaded = [log_of(s, **{name: nominal[name] + value for name, value in body.items()}) for s in (5, 6)]
+    found = diagnose(healthy(), loaded[:1], valid=loaded[1:])
+    best = found.findings[0]
+    assert (found.situation, best.effect, best.joints) == ("changed", "payload", ("wrist_3_joint",))
+    assert best.parameters["dm6"] == pytest.approx(2.0, rel=0.02)
+    assert best.parameters["dIzz6"] == pytest.approx(0.06, rel=0.2)
+    assert best.error_after < 1.3 * found.noise_floor

@@ -239,6 +239,14 @@ def test_identify_prints_the_short_form_and_refuses_what_is_worthless():
     assert any("degrees" in w for w in found.warnings)
 
 
+def test_a_motion_faster_than_the_urdf_allows_is_not_in_degrees():
+    log = clean("kinova")
+    fast = replace(log, t=log.t[0] + (log.t - log.t[0]) / 6, v=None if log.v is None else 6 * log.v)
+    assert (np.ptp(fast.q, axis=0) < 2 * np.pi).all()
+    (report,) = examine(machine("kinova"), [fast])
+    assert "degrees" not in {finding.kind for finding in report.findings}
+
+
 def test_identify_refuses_to_hold_out_what_it_fitted():
     robot, log = machine("planar2"), clean("planar2")
     with pytest.raises(InputError, match="both fitted and held out"):
