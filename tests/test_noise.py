@@ -109,3 +109,15 @@ def test_a_smooth_friction_has_a_lower_floor_than_a_sharp_one():
     smooth, sharp = (noise.under(np.full(6, x)) for x in (0.0, np.inf))
     assert (sharp > 1.2 * smooth).any()
     assert 0.8 < found.nrmse / found.noise_floor < 1.25
+
+
+def test_of_many_motions_some_stand_for_the_rest():
+    robot = Robot.load("planar2")
+    log = simulate(robot, random_fourier(robot, 10.0, seed=1), rate=100, noise=Noise(q=2e-5, tau=0.01), channels=())
+    model = identify(robot, [log], recursion="none").model
+    motions = list(model.motions([log]))
+    few, many = NoiseFloor(model), NoiseFloor(model)
+    assert len(list(few.watch(motions))) == 1
+    assert len(list(many.watch(100 * motions))) == 100
+    assert many.samples == 18 * few.samples  # sixteen, the 32nd and the 64th
+    assert np.allclose(many.under(np.ones(2)), few.under(np.ones(2)))
