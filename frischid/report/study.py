@@ -124,7 +124,8 @@ def missing(diagnosis: Diagnosis) -> str:
 
 def opened(sentence: str) -> str:
     """A sentence with a capital, unless it begins with a joint's name."""
-    return f"T{sentence[1:]}" if sentence.startswith("the ") else sentence
+    ours = sentence.startswith(("the ", "each of ", "something "))
+    return sentence[:1].upper() + sentence[1:] if ours else sentence
 
 
 def study(
