@@ -439,7 +439,7 @@ def _same(one: Data, other: Data) -> bool:
     """Whether two logs hold the same samples."""
     if isinstance(one, Log) and isinstance(other, Log):
         return np.array_equal(one.t, other.t) and np.array_equal(one.q, other.q)
-    return one.sha256 is not None and one.sha256 == other.sha256
+    return one.identity is not None and one.identity == other.identity
 
 
 def _check_cutoff(cutoff: float | str | None, logs: Sequence[Data]) -> None:

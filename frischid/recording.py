@@ -51,14 +51,9 @@ class Recording:
     digest: Callable[[], str] | None = None
 
     @cached_property
-    def sha256(self) -> str | None:
+    def identity(self) -> str | None:
         """Hash of the file, computed when first asked for."""
         return None if self.digest is None else self.digest()
-
-    @property
-    def identity(self) -> str | None:
-        """The same, under the name that a `Log` has for it."""
-        return self.sha256
 
     @classmethod
     def open(

@@ -18,7 +18,7 @@ from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 
 from frischid.effects.dynamics import RigidDynamics, Slopes
 from frischid.errors import InputError, UnknownNameError
@@ -101,11 +101,7 @@ class State:
             The samples are not in the order of time, so nothing can be differentiated.
         """
         degree = min(5, len(self.t) - 1)
-        if degree < order:
-            return np.zeros_like(x)
-        if (np.diff(self.t) <= 0).any():
-            raise InputError("an effect needs the rate of the torque: give the samples' times, in increasing order")
-        return np.asarray(make_interp_spline(self.t, x, k=degree).derivative(order)(self.t))
+        return np.zeros_like(x) if degree < order else np.asarray(self._spline(x, degree).derivative(order)(self.t))
 
     def earlier(self, x: Array, by: float) -> Array:
         """Channels (N, ...) as they were some seconds earlier (later, where negative): the spline through them.
@@ -118,9 +114,14 @@ class State:
         degree = min(3, len(self.t) - 1)
         if degree < 1:
             return x
+        return np.asarray(self._spline(x, degree)(np.clip(self.t - by, self.t[0], self.t[-1])))
+
+    def _spline(self, x: Array, degree: int) -> BSpline:
         if (np.diff(self.t) <= 0).any():
-            raise InputError("an effect needs the torque's past: give the samples' times, in increasing order")
-        return np.asarray(make_interp_spline(self.t, x, k=degree)(np.clip(self.t - by, self.t[0], self.t[-1])))
+            raise InputError(
+                "an effect needs the torque's past and its rate: give the samples' times, in increasing order"
+            )
+        return make_interp_spline(self.t, x, k=degree)
 
 
 @dataclass(frozen=True, eq=False)
