@@ -37,6 +37,7 @@ Indices = NDArray[np.intp]
 
 _EXHAUSTIVE = 20_000  # subsets of rows that are all tried before turning to exchanges
 _TIE = 1e-6  # relative difference below which two costs, or two coefficients, are the same number
+_ROUNDING = 1e-7  # relative singular value that rounding, even of moments, does not reach
 _MISALIGNED = 100.0  # × tol: what a URDF's angle written 1.5708 leaves of an exact relation (3.7e-6 rad)
 
 
@@ -246,7 +247,8 @@ def _rank(sigma: Array, tol: float) -> tuple[int, float, float]:
     gaps = np.where((relative > dust) & (ahead <= _MISALIGNED * tol), relative / ahead, 0.0)
     p = int(np.argmax(gaps)) + 1
     # Rounding perturbs the moments, and V2 to second order; a misaligned axis perturbs W, and V2 to first.
-    error = ahead[p - 1] / relative[p - 1] if ahead[p - 1] > tol else (tol / relative[p - 1]) ** 2
+    after = float(np.append(relative, 0.0)[p])
+    error = after / relative[p - 1] if after > _ROUNDING else (tol / relative[p - 1]) ** 2
     return p, float(gaps[p - 1]), float(np.clip(10.0 * error, 1e-8, 1e-3))
 
 

@@ -347,3 +347,10 @@ def test_examination_says_facts():
     assert found.facts["channels"] == ["v", "a", "tau"]
     degrees = Log(log.t, log.joints, np.rad2deg(log.q), tau=log.tau)
     assert any("degrees" in w for w in examine(PLANAR, [degrees])[0].warnings)
+
+
+def test_roughly_written_angles_do_not_tie_friction_to_a_rotor():
+    # What 1.5708 leaves of an exact relation once gave every coefficient of friction a millionth of a rotor inertia.
+    machine = Robot.load("xarm7")
+    names = {c.name for c in structure(Regressor(machine, BASELINE), machine.joints).base_columns()}
+    assert {"fv1", "fc7", "off3", "Ia6"} <= names
