@@ -1,10 +1,10 @@
 """How far a robot's bodies are from one another and from the floor.
 
 The URDF's ``<collision>`` shapes are taken as they are if primitive, and by their convex hull if meshes (never smaller
-than the mesh, and quick to measure). Distances are Coal's (Gilbert, Johnson and Keerthi 1988; negative for overlap).
-Left out are pairs on one body, pairs joined by a joint, and pairs that overlap in nearly every pose, because they were
-drawn so. Between a body and the next but one the gap is often a few millimetres by design: there a tenth of the
-margin is kept.
+than the mesh, and quick to measure), or by the mesh itself where Coal can make no hull. Distances are Coal's (Gilbert,
+Johnson and Keerthi 1988; negative for overlap). Left out are pairs on one body, pairs joined by a joint, and pairs that
+overlap in nearly every pose, because they were drawn so. Between a body and the next but one the gap is often a few
+millimetres by design: there a tenth of the margin is kept.
 A mesh that is not found is not checked, and `Clearance.notes` says so.
 """
 
@@ -212,7 +212,11 @@ def _geometry(robot: Robot, urdf: str, kind: Any) -> Any:
 def _convex(shape: Any) -> Any:
     if not isinstance(shape, coal.BVHModelBase):
         return shape
-    shape.buildConvexHull(True, "Qt")
+    try:
+        shape.buildConvexHull(True, "Qt")
+    except RuntimeError:
+        # Coal gives up on a corner where more than 255 edges meet (the rim of a round cap); the mesh itself is slower.
+        return shape
     return shape.convex
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cases import MIXED, joint, link, made, urdf
 
-from frischid.clearance import Clearance
+from frischid.clearance import Clearance, body_boxes
 from frischid.criteria import CRITERIA, Condition, DOptimal, Paper, criterion_of
 from frischid.effects import BASELINE, Coulomb, RotorInertia, Viscous
 from frischid.envelope import Envelope, Excess, nominal_torque, violations
@@ -234,6 +234,13 @@ def test_a_missing_mesh_is_said_and_no_failure():
     notes = Clearance.of(robot).notes
     assert notes == ("no mesh file for base: not checked for collision",)
     assert NO_SHAPES in Clearance.of(Robot.load("planar2")).notes[0]
+
+
+def test_a_mesh_without_a_hull_is_taken_as_it_is():
+    # Round caps, where more edges meet than Coal's convex hull can hold.
+    boxes = body_boxes(Robot.load("TwoDofs"))
+    assert set(boxes) == {"J1", "J2"}
+    assert all(np.all(low < high) for low, high in boxes.values())
 
 
 @pytest.mark.parametrize(
