@@ -245,7 +245,8 @@ def _worlds(spec: CaseSpec, robot: Robot, rng: np.random.Generator, count: int) 
     if spec.simulator == "mujoco":
         from hidden_mujoco import followed  # MuJoCo is needed for these cases only
 
-        return [followed(model, robot, plan, drive, k) for k, plan in enumerate(plans)]
+        stiff = spec.number % 2 == 1
+        return [followed(model, robot, plan, drive, k, stiff=stiff) for k, plan in enumerate(plans)]
     return [prescribed(model, robot, plan, drive, k) for k, plan in enumerate(plans)]
 
 

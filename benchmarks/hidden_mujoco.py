@@ -1,8 +1,9 @@
 """Motion from MuJoCo: forward dynamics under feedback, with MuJoCo's own friction.
 
-The true tree is written as MJCF, body by body, with ``armature``, ``damping`` and ``frictionloss`` (a constraint
-solved at every step, so that joints really stick). The controller is proportional-derivative feedback plus the gravity
-torque of the *nominal* URDF; nothing makes the arm follow exactly. MuJoCo: E. Todorov et al., IROS 2012.
+The true tree is written as MJCF, body by body, with ``armature``, ``damping`` and ``frictionloss`` (a constraint solved
+at every step, so that joints really stick: in half of the cases nearly at once, in the others as MuJoCo has it by
+default, when it brakes a joint over 10 ms before it turns). The controller is proportional-derivative feedback plus the
+gravity torque of the *nominal* URDF; nothing makes the arm follow exactly. MuJoCo: E. Todorov et al., IROS 2012.
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ from frischid.robot import Robot
 
 BANDWIDTH = 2 * np.pi * 12.0
 """Of the position control, rad/s."""
+STIFF = 'solreffriction="0.002 1" solimpfriction="0.98 0.999 0.001"'
+"""Dry friction that is nearly a step."""
 
 
-def followed(model: Any, robot: Robot, plan: Path, drive: Drive, number: int) -> World:
+def followed(model: Any, robot: Robot, plan: Path, drive: Drive, number: int, *, stiff: bool = True) -> World:
     """Let a simulated arm follow a motion.
 
     Parameters
@@ -33,6 +36,8 @@ def followed(model: Any, robot: Robot, plan: Path, drive: Drive, number: int) ->
     drive : Drive
     number : int
         Of the motion.
+    stiff : bool
+        Whether dry friction is nearly a step, or as MuJoCo has it by default.
 
     Returns
     -------
@@ -43,7 +48,7 @@ def followed(model: Any, robot: Robot, plan: Path, drive: Drive, number: int) ->
     from mujoco import rollout
 
     kp, kd = _gains(model, robot, plan, drive)
-    simulated = mujoco.MjModel.from_xml_string(mjcf(model, drive, kp, kd))
+    simulated = mujoco.MjModel.from_xml_string(mjcf(model, drive, kp, kd, stiff))
     forward = _gravity(robot, plan.q)
     control = plan.q + (kd * plan.v + forward) / kp
     start = np.zeros(mujoco.mj_stateSize(simulated, mujoco.mjtState.mjSTATE_FULLPHYSICS))
@@ -58,7 +63,7 @@ def followed(model: Any, robot: Robot, plan: Path, drive: Drive, number: int) ->
     return World(model, robot, path, drive, rnea(model, robot, path), torque, np.tanh(path.v / SMOOTH), number)
 
 
-def mjcf(model: Any, drive: Drive, kp: Array, kd: Array) -> str:
+def mjcf(model: Any, drive: Drive, kp: Array, kd: Array, stiff: bool) -> str:
     """Write a Pinocchio tree of revolute joints as a MuJoCo model with position servos."""
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
@@ -73,8 +78,7 @@ def mjcf(model: Any, drive: Drive, kp: Array, kd: Array) -> str:
         x, y, z, w = pin.Quaternion(place.rotation).coeffs()
         I = inertial.inertia  # noqa: E741
         spin = f'armature="{drive.rotor[j]:.17g}" damping="{drive.viscous[j]:.17g}"'
-        # Stiff: by default MuJoCo's dry friction brakes over 20 ms.
-        dry = f'frictionloss="{drive.coulomb[j]:.17g}" solreffriction="0.002 1" solimpfriction="0.98 0.999 0.001"'
+        dry = f'frictionloss="{drive.coulomb[j]:.17g}" {STIFF if stiff else ""}'
         return (
             f'<body pos="{_row(place.translation)}" quat="{_row([w, x, y, z])}">'
             f'<inertial pos="{_row(inertial.lever)}" mass="{inertial.mass:.17g}" '

@@ -99,7 +99,10 @@ def _effects(model: Model, place: str, spelled: Callable[[str], str], friction_o
                 )
             j = model.robot.joints.index(column.joint)
             values = {k: f"{float(x)!r}" for k, x in effect.parameters.items() if not isinstance(x, str)}
-            term = effect.code[symbol].format(**{k: place.format(k, j) for k in "qva"}, **values)
+            state = {k: place.format(k, j) for k in "qva"}
+            if friction_only:  # a function of q and v: friction at constant speed
+                state["a"] = "0.0"
+            term = effect.code[symbol].format(**state, **values)
             found.append((j, f"{model.parameter(column.name)!r} * ({spelled(term)})"))
     return found
 

@@ -35,7 +35,7 @@ from frischid.robot import Robot
 from frischid.selection import Selection, select
 from frischid.sensitivity import noise_limits, samples, sensor_moments
 from frischid.sensorwise import sensorwise
-from frischid.sharpness import baseline, dry_width
+from frischid.sharpness import baseline, dry_friction
 from frischid.signals import LowPass, Motion, choose_lowpass, prepare
 from frischid.survey import Data, Survey, check_usable, held_by, moving_but_locked, survey
 from frischid.survey import torque_joints as torque_joints_of
@@ -300,11 +300,14 @@ def _default_effects(
     """The baseline, its dry friction as sharp as the data say."""
     # Of a recording, the beginning must do: reading all of it takes long.
     some = motions if isinstance(motions, list) else list(islice(motions, FIRST_PIECES))
-    width = dry_width(robot, some, lowpass, rows, structure(Regressor(robot, BASELINE), rows))
-    if width is None:
+    dry = dry_friction(robot, some, lowpass, rows, structure(Regressor(robot, BASELINE), rows))
+    if dry is None:
         return BASELINE
-    notes.append(f"dry friction changes its direction over ±{width:g} rad/s (m/s), chosen by cross-validation")
-    return baseline(width)
+    ahead = f", {1e3 * dry.lead:g} ms ahead of the motion" if dry.lead else ""
+    notes.append(
+        f"dry friction changes its direction over ±{dry.width:g} rad/s (m/s){ahead}, chosen by cross-validation"
+    )
+    return baseline(dry)
 
 
 def _independent_rows(seen: Survey, lowpass: LowPass) -> float:

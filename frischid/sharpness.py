@@ -1,16 +1,17 @@
-"""How sharply dry friction changes its sign, read off the data.
+"""When and how sharply dry friction changes its direction, read off the data.
 
-    τ_dry = fc tanh(q̇ / width)
+    τ_dry = fc tanh((q̇ + lead q̈) / width)
 
-Dry friction is a step at zero speed; sensors and pre-sliding make a ramp of it. The width of that ramp enters no
-linear fit, so moments of all widths are taken in one pass, each a column of its own, and the one that predicts best a
-part of the data left out is kept: first of a series, then of values between its members. A wider one must pay for
-itself, because a sharp sign errs least on other motions.
+Dry friction is a step at zero speed; sensors and pre-sliding make a ramp of it, and a joint that friction stops before
+it turns feels it change ahead of the motion. Neither width nor lead enters a linear fit, so moments of many are taken
+in one pass, each a column of its own, and the one that predicts best a part of the data left out is kept: first of a
+series of widths, then of leads, then of values between. A wider one, and any lead, must pay for itself, because a sharp
+sign at the reversal itself errs least on other motions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,63 +26,91 @@ from frischid.robot import Robot
 from frischid.signals import LowPass, Motion
 
 WIDTHS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s (m/s)
-BETWEEN = (0.65, 0.8, 1.25, 1.5)  # of the best of these
+LEADS = (0.001, 0.002, 0.005, 0.01, 0.02)  # s
+AHEAD = (0.002, 0.01)  # widths with which they are tried, rad/s (m/s): what looks wide without a lead is narrow with it
+BETWEEN = (0.65, 0.8, 0.95, 1.25, 1.5)  # of the best of these
 SAMPLE = 6000  # samples that are looked at
-DECISIVE = 0.98  # share of a sharper one's error below which a wider sign is worth it
+OVER = 20.0  # times the cut-off: the rate of samples that is enough
+DECISIVE = 0.98  # share of a simpler one's error below which a wider sign, or a lead, is worth it
 
 
-def dry_width(
+def dry_friction(
     robot: Robot, motions: Sequence[Motion], lowpass: LowPass, joints: Sequence[str], reduction: Reduction
-) -> float | None:
-    """Width of dry friction's sign that predicts best a part of the data left out.
+) -> Coulomb | None:
+    """Dry friction with the width and lead that predict best a part of the data left out.
 
     Parameters
     ----------
     robot : Robot
     motions : sequence of Motion
-        Their middles are looked at, `SAMPLE` samples in all.
+        Their middles are looked at, `SAMPLE` samples in all, no more often than the filter needs.
     lowpass : LowPass
     joints : sequence of str
         Joints whose torque rows are used.
     reduction : Reduction
-        Base parameters under the baseline effects; they are the same for any width.
+        Base parameters under the baseline effects; they are the same for any width and lead.
 
     Returns
     -------
-    float or None
-        rad/s (m/s); None: too little data for a choice.
+    Coulomb or None
+        None: too little data for a choice.
     """
-    share = min(1.0, SAMPLE / sum(len(m.t) for m in motions))
-    parts = [m.middle(share) for m in motions]
+    coarse = [m.part(slice(None, None, _every(m, lowpass))) for m in motions]
+    share = min(1.0, SAMPLE / sum(len(m.t) for m in coarse))
+    parts = [m.middle(share) for m in coarse]
+
+    simple, ahead = [Coulomb(width=w) for w in WIDTHS], [Coulomb(width=w, lead=lead) for w in AHEAD for lead in LEADS]
     try:
-        errors = _errors(robot, parts, lowpass, joints, reduction, WIDTHS)
-        best = min(w for w, error in errors.items() if DECISIVE * error <= min(errors.values()))
-        near = _errors(robot, parts, lowpass, joints, reduction, [float(f"{best * x:.2g}") for x in BETWEEN])
+        known = _errors(robot, parts, lowpass, joints, reduction, [*simple, *ahead])
+        best = _simplest(simple, known)
+        best = _simplest([best, min(ahead, key=lambda c: known[c])], known)
+        near = _near(best)
+        known |= _errors(robot, parts, lowpass, joints, reduction, near)
     except IdentifiabilityError:
         return None  # what the whole logs can do is judged later
-    better = min(near, key=lambda width: near[width])
-    return better if near[better] < DECISIVE * errors[best] else best
+    return _simplest([best, min(near, key=lambda c: known[c])], known)
 
 
-def baseline(width: float) -> tuple[Effect, ...]:
-    """The baseline effects with dry friction of this width, rad/s (m/s)."""
-    return tuple(replace(e, width=width) if isinstance(e, Coulomb) else e for e in BASELINE)
+def _every(motion: Motion, lowpass: LowPass) -> int:
+    """Of how many samples one is looked at: a filter to a few hertz needs no kilohertz."""
+    return 1 if lowpass.cutoff is None else max(1, int(1.0 / (OVER * lowpass.cutoff * motion.step)))
+
+
+def _simplest(ordered: Sequence[Coulomb], errors: Mapping[Coulomb, float]) -> Coulomb:
+    """Take the first whose error is not clearly above the least."""
+    return next(c for c in ordered if DECISIVE * errors[c] <= min(errors[x] for x in ordered))
+
+
+def _near(best: Coulomb) -> list[Coulomb]:
+    """Values between those of the series."""
+    leads = [best.lead * x for x in (*BETWEEN, 1.0)] if best.lead else [0.0]
+    return [Coulomb(width=_rounded(best.width * x), lead=_rounded(lead)) for x in BETWEEN for lead in leads]
+
+
+def _rounded(x: float) -> float:
+    return float(f"{x:.2g}")
+
+
+def baseline(dry: Coulomb) -> tuple[Effect, ...]:
+    """The baseline effects with this dry friction."""
+    return tuple(dry if isinstance(e, Coulomb) else e for e in BASELINE)
 
 
 @dataclass(frozen=True)
-class _Widths(Coulomb):
-    """Dry friction of several widths, each in columns of its own."""
+class _Several(Coulomb):
+    """Several dry frictions, each in columns of its own."""
 
-    widths: tuple[float, ...] = ()
+    members: tuple[Coulomb, ...] = ()
 
     def terms(self, state: State) -> list[Term]:
-        return [term for w in self.widths for term in self._of(w, state)]
-
-    def _of(self, w: float, state: State) -> list[Term]:
-        return self.per_joint(state, f"fc({w:g})", "", lambda i: np.tanh(state.v[:, i] / w), sign=1)
+        return [
+            replace(term, column=replace(term.column, name=f"{term.column.name}_{k}"))
+            for k, member in enumerate(self.members)
+            for term in member.terms(state)
+        ]
 
     def nominal(self, robot: Robot) -> list[float]:
-        return [x for _ in self.widths for x in super(_Widths, self).nominal(robot)]
+        return [x for member in self.members for x in member.nominal(robot)]
 
 
 def _errors(
@@ -90,10 +119,10 @@ def _errors(
     lowpass: LowPass,
     joints: Sequence[str],
     reduction: Reduction,
-    widths: Sequence[float],
-) -> dict[float, float]:
-    """Mean cross-validated NRMSE for each width."""
-    several = _Widths(widths=tuple(widths))
+    members: Sequence[Coulomb],
+) -> dict[Coulomb, float]:
+    """Mean cross-validated NRMSE with each of some dry frictions."""
+    several = _Several(members=tuple(members))
     regressor = Regressor(robot, [several if isinstance(e, Coulomb) else e for e in BASELINE])
     place = {c.name: k for k, c in enumerate(regressor.columns)}
     blocks = list(accumulate(regressor, motions, lowpass, joints))
@@ -101,10 +130,10 @@ def _errors(
         raise IdentifiabilityError("too few samples to choose the width of dry friction's sign")
     leading = [reduction.columns[k] for k in reduction.base]
     found = {}
-    for w in widths:
-        names = [f"fc({w:g}){c.name.removeprefix('fc')}" if c.effect == Coulomb.id else c.name for c in leading]
+    for k, member in enumerate(members):
+        names = [f"{c.name}_{k}" if c.effect == Coulomb.id else c.name for c in leading]
         chosen = [replace(b.select([place[n] for n in names]), columns=reduction.base_columns()) for b in blocks]
         variance = cross_validated(chosen, wls(chosen))
         whole = total(chosen)
-        found[w] = float(np.mean(np.sqrt(variance / (whole.torque_ss() / whole.counts))))
+        found[member] = float(np.mean(np.sqrt(variance / (whole.torque_ss() / whole.counts))))
     return found

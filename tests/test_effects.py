@@ -492,7 +492,7 @@ def test_ways_to_write_an_effect():
         ("viscos", "viscous"),
         ("coulomb(width=)", "no value"),
         ("coulomb(widht=1)", "width"),
-        ("coulomb(1, 2)", "1 parameters"),
+        ("coulomb(1, 2, 3)", "2 parameters"),
         ("coulomb(0.1", "name\\(parameter=value\\)"),
         ("viscous@a@b", "name\\(parameter=value\\)"),
         ("viscous, viscous", "twice"),

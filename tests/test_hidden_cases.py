@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from frischid.comparison import compare
+from frischid.diagnosis import diagnose
 from frischid.identification import identify
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
@@ -102,6 +103,18 @@ def test_mujoco_agrees_with_inverse_dynamics_while_joints_move():
     moving = (np.abs(simulated.path.v) > 0.05) & (plan.t[:, None] > 0.5)
     error = np.abs(simulated.base - expected.base)[moving] / expected.base.std()
     assert np.percentile(error, 99) < 2e-3
+
+
+def test_a_healthy_robot_in_mujoco_needs_no_effect():
+    # As MuJoCo has it by default, dry friction brakes a joint over timeconst · dmax / 2 = 9.5 ms before it turns.
+    pytest.importorskip("mujoco")
+    spec = first(kind="healthy", background=0.0)
+    sensors = replace(spec.sensors, rate=250.0, channels="", jitter=0.0)
+    case = build(replace(spec, number=0, arm="elbow3", simulator="mujoco", duration=20.0, pauses=0, sensors=sensors))
+    model = identify(case.robot, case.fit, recursion="none").model
+    dry = next(e for e in model.effects if e.id == "coulomb")
+    assert 0.007 < dry.lead < 0.012
+    assert diagnose(model, case.fit, valid=case.valid).verdict == "none"
 
 
 def test_friction_has_memory():

@@ -1,13 +1,13 @@
-"""The width of dry friction's sign is read off the data."""
+"""The width and lead of dry friction's sign are read off the data."""
 
 import numpy as np
 import pytest
 
-from frischid.effects import parse_effects
+from frischid.effects import Coulomb, parse_effects
 from frischid.identification import identify, structure
 from frischid.regressor import Regressor
 from frischid.robot import Robot
-from frischid.sharpness import baseline, dry_width
+from frischid.sharpness import baseline, dry_friction
 from frischid.signals import choose_lowpass, prepare
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier
@@ -15,9 +15,9 @@ from frischid.trajectory import random_fourier
 PLANAR = Robot.load("planar2")
 
 
-def log_of(width, seconds=20.0):
-    """A log of an arm whose dry friction has this width."""
-    effects = parse_effects(f"viscous, coulomb(width={width}), offset, rotor_inertia")
+def log_of(width, seconds=20.0, lead=0.0):
+    """A log of an arm whose dry friction has this width and lead."""
+    effects = parse_effects(f"viscous, coulomb(width={width}, lead={lead}), offset, rotor_inertia")
     values = {"fv1": 0.5, "fv2": 0.5, "fc1": 1.0, "fc2": 0.6, "Ia1": 0.1, "Ia2": 0.1}
     motion = random_fourier(PLANAR, seconds, seed=3)
     noise = Noise(q=1e-5, tau=0.003)
@@ -29,13 +29,22 @@ def test_the_width_is_found(width, lower, upper):
     found = identify(PLANAR, [log_of(width)], recursion="none")
     friction = next(e for e in found.model.effects if e.id == "coulomb")
     assert lower < friction.width <= upper
+    assert friction.lead == 0
     assert any("chosen by cross-validation" in note for note in found.notes)
+
+
+def test_the_lead_is_found():
+    # That of MuJoCo's frictionloss, as it is by default.
+    found = identify(PLANAR, [log_of(0.002, lead=0.0095)], recursion="none")
+    friction = next(e for e in found.model.effects if e.id == "coulomb")
+    assert 0.008 < friction.lead < 0.011
+    assert any("ms ahead of the motion" in note for note in found.notes)
 
 
 def test_too_little_data_leaves_the_choice_open():
     log = log_of(0.01, 3.0)
     lowpass = choose_lowpass([log], log.joints)
     motions = [m.part(slice(0, 40)) for m in prepare(log, lowpass).motions]
-    reduction = structure(Regressor(PLANAR, baseline(0.01)), PLANAR.joints)
-    assert dry_width(PLANAR, motions, lowpass, PLANAR.joints, reduction) is None
-    assert np.isclose(baseline(0.03)[1].width, 0.03)
+    reduction = structure(Regressor(PLANAR, baseline(Coulomb(width=0.01))), PLANAR.joints)
+    assert dry_friction(PLANAR, motions, lowpass, PLANAR.joints, reduction) is None
+    assert np.isclose(baseline(Coulomb(width=0.03))[1].width, 0.03)

@@ -1,21 +1,30 @@
 """Friction and constant torque at a joint, the terms every robot needs.
 
-    τ_f,j = fv_j q̇_j + fc_j tanh(q̇_j / w) + off_j
+    τ_f,j = fv_j q̇_j + fc_j tanh((q̇_j + T q̈_j) / w) + off_j
 
 The sign of the speed is smoothed over ±w, because at standstill the measured speed is noise and its sign a coin toss.
 
-Source: Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7).
+Where friction stops a joint before it turns round, the torque begins to change before the speed does. MuJoCo's
+``frictionloss`` is a constraint that wants ``q̈ = −q̇/T`` with T = timeconst · dmax / 2 (of ``solreffriction`` and
+``solimpfriction``; 9.5 ms by default) and cannot push harder than fc: with d the constraint's impedance and I the
+joint's inertia it is ``fc sat((q̇ + T q̈)/w)``, ``w = fc T (1 − d)/(I d)``.
+
+Sources: Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7); Todorov 2014, ICRA, "Convex and
+analytically-invertible dynamics with contacts and constraints".
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
-from frischid.effects.base import WIDTH, Effect, State, Term
+from frischid.effects.base import WIDTH, Effect, State, Term, is_number
+from frischid.errors import InputError
+from frischid.gram import Array
 from frischid.robot import Robot
 
 
@@ -46,17 +55,19 @@ class Viscous(Effect):
 
 @dataclass(frozen=True)
 class Coulomb(Effect):
-    """Dry friction of constant size against the motion, ``fc tanh(q̇ / width)``.
+    """Dry friction of constant size against the motion, ``fc tanh((q̇ + lead q̈) / width)``.
 
     Attributes
     ----------
     width : float
         Speed over which the sign is smoothed, rad/s (m/s).
+    lead : float
+        Time by which friction changes its direction ahead of the motion, s.
     """
 
     id: ClassVar[str] = "coulomb"
     title: ClassVar[str] = "Coulomb (dry) friction"
-    equation: ClassVar[str] = "fc·tanh(v/width)"
+    equation: ClassVar[str] = "fc·tanh((v + lead·a)/width)"
     sentence: ClassVar[str] = "{joint} needs a constant torque against its motion, whatever the speed: Coulomb friction"
     looks_like: ClassVar[str] = "a step at zero when the residual is drawn against speed"
     confused_with: ClassVar[tuple[str, ...]] = ("viscous", "load_friction", "hysteresis")
@@ -64,18 +75,26 @@ class Coulomb(Effect):
     reference: ClassVar[str] = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
 
     friction: ClassVar[bool] = True
-    code: ClassVar[Mapping[str, str]] = {"fc": "tanh({v} / {width})"}
+    code: ClassVar[Mapping[str, str]] = {"fc": "tanh(({v} + {lead} * {a}) / {width})"}
 
     dry: ClassVar[bool] = True
 
     width: float = WIDTH
+    lead: float = 0.0
 
     def __post_init__(self) -> None:
         self.require_positive(width="speed in rad/s (m/s)")
+        if not is_number(self.lead) or self.lead < 0:
+            raise InputError(f"coulomb: lead must be a time in s, zero or more, got {self.lead}")
 
     def terms(self, state: State) -> list[Term]:
         """One column a joint: the smoothed sign of its speed."""
-        return self.per_joint(state, "fc", "", lambda i: np.tanh(state.v[:, i] / self.width), sign=1)
+        return self.per_joint(state, "fc", "", partial(self.sign, state), sign=1)
+
+    def sign(self, state: State, joint: int) -> Array:
+        """Direction of dry friction of one joint, -1 to 1, (N,)."""
+        ahead = self.lead * state.a[:, joint] if self.lead else 0.0
+        return np.asarray(np.tanh((state.v[:, joint] + ahead) / self.width))
 
     def nominal(self, robot: Robot) -> list[float]:
         """``<dynamics friction>`` of the URDF."""
