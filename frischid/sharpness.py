@@ -121,7 +121,7 @@ def _errors(
     reduction: Reduction,
     members: Sequence[Coulomb],
 ) -> dict[Coulomb, float]:
-    """Mean cross-validated NRMSE with each of some dry frictions."""
+    """Geometric mean over the joints of the cross-validated NRMSE with each of some dry frictions."""
     several = _Several(members=tuple(members))
     regressor = Regressor(robot, [several if isinstance(e, Coulomb) else e for e in BASELINE])
     place = {c.name: k for k, c in enumerate(regressor.columns)}
@@ -135,5 +135,6 @@ def _errors(
         chosen = [replace(b.select([place[n] for n in names]), columns=reduction.base_columns()) for b in blocks]
         variance = cross_validated(chosen, wls(chosen))
         whole = total(chosen)
-        found[member] = float(np.mean(np.sqrt(variance / (whole.torque_ss() / whole.counts))))
+        # The mean of logarithms, as in the likelihood of joints that each have noise of their own.
+        found[member] = float(np.exp(0.5 * np.mean(np.log(variance / (whole.torque_ss() / whole.counts)))))
     return found

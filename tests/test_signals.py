@@ -290,10 +290,20 @@ def test_unknown_choice_of_velocity():
 def test_standstill():
     q = np.where(T < 5, 0.0, np.where(T < 10, np.sin(2 * (T - 5)), np.sin(10.0)))[:, None]
     q += 1e-5 * np.random.default_rng(0).normal(size=q.shape)
-    still = standstill(q, np.gradient(q, 1 / RATE, axis=0), 1 / RATE)[:, 0]
+    v = np.gradient(q, 1 / RATE, axis=0)
+    still = standstill(q, v, np.gradient(v, 1 / RATE, axis=0), 1 / RATE)[:, 0]
     assert still[T < 4.7].all()
     assert still[T > 10.3].all()
     assert not still[(T > 5.2) & (T < 9.8)].any(), "a reversal is no rest"
+
+
+def test_a_short_rest_before_a_joint_turns_is_rest():
+    move = np.clip(T - 2.0, 0, 1) - np.clip(T - 3.3, 0, 1)  # there, 0.3 s of rest, and back
+    q = (move**3 * (10 - 15 * move + 6 * move**2))[:, None]
+    v = np.gradient(q, 1 / RATE, axis=0)
+    still = standstill(q, v, np.gradient(v, 1 / RATE, axis=0), 1 / RATE)[:, 0]
+    assert still[(T > 3.05) & (T < 3.25)].all()
+    assert not still[(T > 2.1) & (T < 2.9)].any()
 
 
 # ---- the cut-off from the data
