@@ -4,8 +4,8 @@ Every effect of the catalogue, on every joint and in every shape, is added to th
 parameters, and scored on data it was not fitted to; then candidates are judged against each other (see `ranking`).
 
 Two situations differ in what is known of the base parameters. An effect that was *always* there: they are refitted,
-under a weak
-prior from the URDF. A robot that *changed* since it was identified: the identification's own information is the prior.
+under a weak prior from the URDF. A robot that *changed* since it was identified: the identification's own information
+is the prior.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Verdict = Literal["none", "effect", "contact", "unknown"]
 Known = Literal["always", "changed"]
 Situation = Literal["auto", "always", "changed"]
 LARGE = 0.01  # of a joint's torque: an error below this is not called unexplained
-ABOVE = 3.0  # noise floors: the same, the floor being an estimate
+ABOVE = 2.0  # noise floors: the same, the floor being an estimate
 EXPLAINED = 0.6  # share of the bursts' energy that is left if a steady effect is what makes them
 BEATEN = 1.5  # what a refit must remove over what the best single effect removes
 OLD = "old_parameters"  # the finding that they no longer hold
@@ -332,6 +332,7 @@ def _verdict(
         return "contact"
     best = next((f for f in findings if f.significant), None)
     noise = floor / evidence.spread
+    left = np.minimum(left, evidence.nrmse(evidence.base_sse()))  # a finding on one joint may cost another a little
     unexplained = np.where((left > LARGE) & (left > ABOVE * noise), left**2 - noise**2, 0.0).max()
     if best is None:
         return "unknown" if unexplained > 0 else "none"

@@ -322,8 +322,9 @@ class Evidence:
             yield row, self.residual(row, self.theta)
 
     def block_gains(self, candidate: Projection) -> Array | None:
-        """By how much the candidate lowers the weighted squared held-out error, block of time by block of time.
+        """By how much the candidate lowers the squared held-out error, block of time by block of time.
 
+        Every joint counts as in `log_likelihood`, to first order: its independent samples over its squares held out.
         None when in some fold it cannot be fitted.
         """
         X, D = self.moments(candidate)
@@ -336,10 +337,11 @@ class Evidence:
         beta = np.stack([fit.beta for fit in found])
         blocks = 1 + max(int(r.block.max(initial=0)) for r in self.rows)
         gain, there = np.zeros(blocks), np.zeros(blocks, bool)
+        weight = self.effective / np.maximum(self.base_sse().sum(axis=0), 1e-300)
         for row, r in enumerate(self.rows):
             before = r.tau - self.predicted(row, theta)
             after = r.tau - self.predicted(row, changed, candidate, beta)
-            gain += np.bincount(r.block, self.omega[row] * (before**2 - after**2), minlength=blocks)
+            gain += np.bincount(r.block, weight[row] * (before**2 - after**2), minlength=blocks)
             there[r.block] = True
         return np.asarray(gain[there])
 
