@@ -30,6 +30,7 @@ from frischid.noise import NoiseFloor
 from frischid.prior import identified, nominal
 from frischid.ranking import SIGNIFICANCE, TRIFLE, Ranked, ranking
 from frischid.recording import Recording
+from frischid.robot import Robot
 from frischid.words import each_of, listed
 
 Verdict = Literal["none", "effect", "contact", "unknown"]
@@ -89,6 +90,18 @@ class Finding:
     def significant(self) -> bool:
         """Whether it is more than chance, and more than a trifle."""
         return self.gain > 0 and self.p_value < SIGNIFICANCE and self.removed > TRIFLE**2
+
+    def found(self, robot: Robot) -> list[tuple[str, float, str]]:
+        """Its `parameters` to read: name, value and unit (empty for a pure number), coefficients first."""
+        values = [
+            (c.name, self.parameters[c.name], "" if c.unit == "1" else c.unit)
+            for member in self.members
+            for c in member.columns(robot)
+        ]
+        for member in self.members:
+            where = f" of {listed(member.joints or ('the robot',))}" if len(self.members) > 1 else ""
+            values += [(f"{k}{where}", x, member.unit(k, robot)) for k, x in _shape(member).items()]
+        return values
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -181,7 +194,7 @@ def diagnose(
     for name in effects or ():
         if name not in EFFECTS:
             raise UnknownNameError("effect", name, EFFECTS)
-    progress("evidence")
+    progress("gathering evidence")
     everything = [*logs, *valid]
     evidence, state = gathered(model, everything, situation, workers)
     noise = NoiseFloor(model)

@@ -122,7 +122,7 @@ class _Band:
         box = model.bounds.get("sensorwise")
         whole = box is not None and bool(np.isfinite(box.lower).all() and np.isfinite(box.upper).all())
         self.box = box if whole else None
-        self.name = "sensor-wise Frisch bounds" if whole else "95 % of the standard errors"
+        self.name = "sensor-wise Frisch bounds" if whole else "95 %, from the standard errors"
 
     def __call__(self, Y: Array, fitted: Array) -> tuple[Array, Array]:
         """Band of rows Y (M, p, J) around their torque (M, J)."""

@@ -135,7 +135,7 @@ def ranking(
     scored = (judged(evidence, shapes) for shapes in distinct(evidence, places, progress) if shapes)
     pool = [found for found in scored if found is not None]
     tried = len(pool)
-    progress("judging them against each other")
+    progress("judging candidates against each other")
     chosen, full = _together(evidence, pool, tried)
     unique = {id(c): _worth(evidence, chosen, c, full) for c in chosen}
     return _ranked(evidence, pool, chosen, unique, tried), full.nrmse(full.base_sse())

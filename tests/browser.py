@@ -12,6 +12,17 @@ QUIET = ("--disable-quic", "--no-first-run", "--disable-background-networking", 
          "--disable-sync", "--no-sandbox")  # fmt: skip
 FLAT = ("--disable-gpu",)
 SOLID = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+OVERLAPS = r"""(within) => {
+  const turned = (t) => /rotate\((-?[\d.]+)/.exec(t.getAttribute('transform'));
+  const level = (t) => turned(t) === null || [0, 90].includes(Math.abs(Number(turned(t)[1])));
+  const boxes = [...within.querySelectorAll('svg text')]
+    .filter((t) => t.textContent.trim() && getComputedStyle(t).visibility != 'hidden' && level(t))
+    .map((t) => [t.textContent, t.getBoundingClientRect()]).filter(([, b]) => b.width > 0);
+  const meet = (a, b, low, high) => Math.min(a[high], b[high]) - Math.max(a[low], b[low]) > 2;
+  return boxes.flatMap(([m, a], i) => boxes.slice(i + 1)
+    .filter(([, b]) => meet(a, b, 'left', 'right') && meet(a, b, 'top', 'bottom')).map(([n]) => m + ' / ' + n));
+}"""
+"""Words of figures that cover each other, in pairs; not slanted ones: their boxes overlap where they do not."""
 SETTLED = 120_000  # ms; a page on a busy machine is slow, not wrong
 
 

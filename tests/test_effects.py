@@ -76,6 +76,19 @@ def test_every_page_is_complete(kind):
     assert set(kind.shapes) <= set(kind().parameters)
     for values in kind.shapes.values():
         assert list(values) == sorted(set(values)), "the diagnosis refines between neighbours"
+    numbers = {k for k, v in kind().parameters.items() if isinstance(v, float)}
+    assert set(kind.units) == numbers - {"rubbing", "exponent", "ratio"}, "what is no pure number has a unit"
+
+
+def test_the_unit_of_a_shape_is_that_of_the_joint():
+    machine = robot("mixed mimic")
+    turns, slides = (next(n for n, p in zip(machine.joints, machine.prismatic, strict=True) if p == s) for s in (0, 1))
+    assert Hysteresis().unit("distance") == "rad (m)"
+    assert Hysteresis().unit("distance", machine) == "rad (m)"
+    assert Hysteresis(joints=(turns,)).unit("distance", machine) == "rad"
+    assert Hysteresis(joints=(slides,)).unit("width", machine) == "m/s"
+    assert ThermalDrift().unit("constant", machine) == "s"
+    assert Stribeck().unit("exponent") == ""
 
 
 def test_names_are_unique_across_the_catalogue():

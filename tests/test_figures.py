@@ -1,6 +1,7 @@
 """What is drawn: no peak is lost, every axis has its unit, bands hold what they promise."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from frischid import figures
 from frischid.comparison import compare
 from frischid.effects import parse_effects
 from frischid.figures.parameters import recursion_of, scaled
-from frischid.figures.style import POINTS, thinned
+from frischid.figures.style import BLACK, INK, POINTS, WHITE, on_scale, thinned, typeset
 from frischid.identification import identify
 from frischid.model import Model
 from frischid.prediction import predict
@@ -142,3 +143,41 @@ def test_effects_are_named_in_the_staircase(case):
     picture = figures.staircase(step.model, 0.001)
     assert list(picture.figure.layout.xaxis.ticktext) == ["identify", "joint<br>spring"]
     assert picture.reading.startswith("1 effect added")
+    assert "broken" not in picture.reading
+
+
+def test_many_steps_make_room_for_each_other(case):
+    model = case[0]
+    event = {"action": "add", "effects": ["joint_spring@joint2"], "error_before": 0.02, "error_after": 0.01}
+    picture = figures.staircase(replace(model, history=(*model.history, *[event] * 7)), 0.001)
+    stairs, steps = picture.figure.data[:2]
+    assert list(steps.textposition[:2]) == ["top center", "bottom center"]
+    assert picture.figure.layout.xaxis.tickangle
+    assert None in stairs.x  # 0.01 after one step, 0.02 before the next: other data
+    assert "Where the stair is broken" in picture.reading
+
+
+def test_joints_share_the_axis_of_time(case):
+    _, _, prediction, comparison = case
+    ranges = {figures.measured(prediction, comparison, j).figure.layout.xaxis.range for j in prediction.joints}
+    assert len(ranges) == 1
+
+
+def test_labels_of_the_bounds_reach_as_far_as_the_bars(case):
+    model = case[0]
+    e = model.estimate
+    for away, last in ((1.0, "10"), (1e3, "10⁶")):
+        axis = figures.intervals(replace(model, bounds={}), e.theta + away * e.stderr).figure.layout.xaxis
+        assert last in axis.ticktext
+        assert sorted(axis.tickvals) == pytest.approx([-x for x in sorted(axis.tickvals, reverse=True)])
+
+
+def test_numbers_on_strong_colours_can_be_read(case):
+    words = list(figures.matrix(case[3]).figure.select_traces({"mode": "text"}))
+    assert len(words) == 1
+    assert len(words[0].text) == len(words[0].textfont.color)
+    assert [on_scale(x) for x in (float("nan"), 0.2, 0.7, 1.0)] == [INK, INK, BLACK, WHITE]
+
+
+def test_prose_is_typeset():
+    assert typeset("removes 18% of -3 N, k = -2 rad") == ("removes 18\u00a0% of −3\u00a0N, k\u00a0=\u00a0−2\u00a0rad")

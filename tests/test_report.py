@@ -2,12 +2,13 @@
 
 import os
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import needs_browser, opened
+from browser import OVERLAPS, needs_browser, opened
 
 from frischid.comparison import compare
 from frischid.effects import BASELINE, parse_effects
@@ -15,6 +16,7 @@ from frischid.errors import InputError
 from frischid.identification import identify
 from frischid.readers import read_log
 from frischid.report import page, report, study
+from frischid.report.study import opened as capital
 from frischid.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier
@@ -73,7 +75,9 @@ def unroll(page):
     page.wait_for_function("[...document.querySelectorAll('.plot')].every(p => p.dataset.drawn)")
 
 
-DRAWN = """() => [...document.querySelectorAll('.plot')].map(p => ({
+DRAWN = (
+    f"() => {{ const overlaps = {OVERLAPS};"
+    + """ return [...document.querySelectorAll('.plot')].map(p => ({
   label: p.getAttribute('aria-label'),
   marks: [...p.querySelectorAll('.scatterlayer path, .heatmaplayer image')].filter(
     m => { const b = m.getBoundingClientRect(); return b.width + b.height > 4; }).length,
@@ -83,7 +87,9 @@ DRAWN = """() => [...document.querySelectorAll('.plot')].map(p => ({
     const b = t.getBoundingClientRect(), o = p.getBoundingClientRect();
     return b.width && (b.left < o.left - 3 || b.right > o.right + 3 || b.bottom > o.bottom + 3 || b.top < o.top - 3);
   }).map(t => t.textContent),
-}))"""
+  over: overlaps(p),
+}))}"""
+)
 
 
 def check(path, width, scheme):
@@ -99,6 +105,7 @@ def check(path, width, scheme):
             assert plot["marks"], plot["label"]
             assert plot["width"] <= width, plot["label"]
             assert plot["cut"] == [], plot["label"]
+            assert plot["over"] == [], plot["label"]
         assert {p.get_attribute("data-drawn") for p in seen.page.query_selector_all(".plot")} == {scheme}
         return plots
 
@@ -162,11 +169,39 @@ def test_verdict_names_the_spring_and_counts_the_warnings(spring):
     warnings = spring[1].warnings()
     assert f"<title>planar2: {len(warnings)} warning" in text
     assert "Missing: joint_spring on joint2" in text
-    assert "frischid add model.json joint_spring --joints joint2 LOG... -o better.json" in text
+    command = "frischid add model.json joint_spring --joints joint2 LOG... -o better.json"
+    assert command in text.replace("<span>", "").replace("</span>", "")
     assert "On a log it has never seen" in text
     start = text.index('id="missing"')
     for words in ("Evidence", "Could also be", "To be sure", "what joint_spring adds"):
         assert words in text[start:]
+
+
+def test_what_was_found_has_its_units(spring):
+    shown = spring[1]
+    found = {f.effect: f for f in shown.diagnosis.findings}
+    hose, robot = found["cable_hose"], shown.model.robot
+    assert [(name, unit) for name, _, unit in found["joint_spring"].found(robot)] == [("ks2", "N·m/rad")]
+    assert [unit for _, _, unit in hose.found(robot)] == ["N·m/rad", "N·m", "rad"]
+    assert list(hose.to_dict()["parameters"]) == ["kh2", "fz2", "distance"]
+    text = spring[0].read_text(encoding="utf-8")
+    assert re.search(r"ks2\u00a0=\u00a0[\d.]+\u00a0N·m/rad", text)
+    assert "In parentheses an effect&#x27;s shape: width in rad/s" in text
+
+
+def test_a_shape_of_several_joints_says_whose_it_is(spring):
+    found = next(f for f in spring[1].diagnosis.findings if f.effect == "cable_hose")
+    members = [replace(found.members[0], joints=(j,)) for j in ("joint1", "joint2")]
+    names = ("kh1", "fz1", "kh2", "fz2", "distance_1", "distance_2")
+    both = replace(found, members=tuple(members), parameters=dict.fromkeys(names, 1.0))
+    shapes = [name for name, _, _ in both.found(spring[1].model.robot)][-2:]
+    assert shapes == ["distance of joint1", "distance of joint2"]
+
+
+def test_sentences_begin_with_a_capital_or_a_joint():
+    assert capital("gravity pulls", ("joint1",)) == "Gravity pulls"
+    assert capital("each of joint1 and joint2 rubs", ("joint1", "joint2")) == "Each of joint1 and joint2 rubs"
+    assert capital("joint1, joint2 and joint3 feel each other", ("joint1", "joint2")).startswith("joint1,")
 
 
 def test_names_from_files_are_escaped(spring):

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from browser import SOLID, needs_browser, opened
+from browser import OVERLAPS, SOLID, needs_browser, opened
 from cases import MIXED, made
 from click.testing import CliRunner
 
@@ -176,6 +176,15 @@ def test_colours_run_from_calm_to_alarm():
     assert colour_of(0.0, 0.1) != colour_of(0.1, 0.1) == colour_of(5.0, 0.1)
 
 
+def test_progress_never_goes_back(bench):
+    shares = []
+    bench.on_progress(lambda text, share: shares.append(share) if text else None)
+    bench.diagnose()
+    assert len(set(shares)) > 5
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0 < shares[-1] <= 1.0
+
+
 def test_text_is_no_markup():
     assert plain("a_b <i>{x}") == "a\\_b &lt;i>&#123;x&#125;"
 
@@ -289,6 +298,31 @@ def test_a_click_on_a_joint_shows_its_curves(case, tmp_path):
                 page.wait_for_selector(f"text={joint}: measured torque against the model's")
                 settled(lambda joint=joint: shown(joint))
                 assert page.get_by_label("Joint", exact=True).first.input_value() == joint
+    finally:
+        running.stop()
+
+
+@needs_browser
+def test_on_a_phone_the_robot_stands_above_a_sheet_as_wide_as_the_page(case, tmp_path):
+    running = studio(*case, tmp_path / "model.json", port=8250)
+    try:
+        with opened(running.address, width=390, height=844, flags=SOLID) as seen:
+            page = seen.page
+            page.set_default_timeout(180_000)
+            page.wait_for_selector("text=misses")
+            sheet = page.locator(".mantine-Paper-root[style*='max-height: 60%']")
+            at_rest(lambda: sheet.bounding_box())
+            top = sheet.bounding_box()["y"]
+            assert sheet.bounding_box()["width"] == 390
+            for joint in ("joint1", "joint2"):
+                x, y = at_rest(lambda joint=joint: spot(running, page, joint))
+                assert 0 < x < 390
+                assert 0 < y < top
+            page.get_by_text("Motion", exact=True).click()
+            page.wait_for_selector(".js-plotly-plot .scatterlayer path")
+            page.get_by_role("tab", name="Fails where").click()
+            page.wait_for_selector(".heatmaplayer image")
+            assert page.evaluate(f"({OVERLAPS})(document)") == []
     finally:
         running.stop()
 

@@ -30,6 +30,9 @@ Array = NDArray[np.float64]
 EFFECTS: dict[str, type[Effect]] = {}
 """The catalogue: identifier -> effect class, in order of definition."""
 
+ANGLE, SPEED, SECONDS, CELSIUS = ("rad", "m"), ("rad/s", "m/s"), ("s", "s"), ("°C", "°C")
+"""Units of shape parameters on a turning joint, on a sliding one."""
+
 WIDTH = 0.005
 """Speed over which the sign of a speed is smoothed, rad/s (m/s): at standstill its sign is a coin toss."""
 
@@ -178,6 +181,8 @@ class Effect(ABC):
     """Size of its parameters below which the effect is not worth its name, however significant."""
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     """Values the diagnosis tries for each shape parameter, in order; it refines between neighbours."""
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {}
+    """Units of its parameters on a turning joint, on a sliding one; those that are pure numbers are not in it."""
 
     friction: ClassVar[bool] = False
     """Whether it is part of what `Model.friction` returns."""
@@ -263,6 +268,12 @@ class Effect(ABC):
     def parameters(self) -> dict[str, float | bool | str]:
         """Shape parameters of this effect (not identified, only stated)."""
         return {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "joints"}
+
+    def unit(self, parameter: str, robot: Robot | None = None) -> str:
+        """Unit of a shape parameter, empty for a pure number: on a robot's joints, or on turning (and sliding) ones."""
+        sliding = [False, True] if robot is None else sorted(bool(robot.prismatic[i]) for i, *_ in self.acts_on(robot))
+        turns, *slides = dict.fromkeys(self.units.get(parameter, ("", ""))[s] for s in sliding)
+        return turns + "".join(f" ({unit})" for unit in slides)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values from which `effect_from_dict` builds the effect again."""

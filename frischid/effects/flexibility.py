@@ -25,7 +25,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from frischid.effects.base import Array, Effect, State, Term, is_number, torque_unit
+from frischid.effects.base import ANGLE, Array, Effect, State, Term, is_number, torque_unit
 from frischid.errors import InputError
 
 
@@ -165,6 +165,8 @@ class Backlash(Effect):
         "size": (0.0003, 0.001, 0.003, 0.01, 0.03),
         "rubbing": (0.0, 0.5),
     }
+
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"size": ANGLE}
 
     size: float = 0.003
     rubbing: float = 0.0

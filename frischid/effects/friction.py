@@ -22,7 +22,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from frischid.effects.base import WIDTH, Effect, State, Term, is_number
+from frischid.effects.base import SECONDS, SPEED, WIDTH, Effect, State, Term, is_number
 from frischid.errors import InputError
 from frischid.gram import Array
 from frischid.robot import Robot
@@ -78,6 +78,8 @@ class Coulomb(Effect):
     code: ClassVar[Mapping[str, str]] = {"fc": "tanh(({v} + {lead} * {a}) / {width})"}
 
     dry: ClassVar[bool] = True
+
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED, "lead": SECONDS}
 
     width: float = WIDTH
     lead: float = 0.0

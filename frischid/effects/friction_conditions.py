@@ -17,7 +17,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from frischid.effects.base import WIDTH, Array, Effect, State, Term, is_number
+from frischid.effects.base import CELSIUS, SECONDS, SPEED, WIDTH, Array, Effect, State, Term, is_number
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot import Robot
 
@@ -49,6 +49,8 @@ class LoadFriction(Effect):
 
     dry: ClassVar[bool] = True
     loaded: ClassVar[bool] = True
+
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED}
 
     width: float = WIDTH
 
@@ -94,6 +96,8 @@ class ThermalDrift(Effect):
 
     dry: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"constant": (10.0, 30.0, 100.0, 300.0, 1000.0)}
+
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"constant": SECONDS, "at": CELSIUS, "width": SPEED}
 
     constant: float = 300.0
     by: str = "time"

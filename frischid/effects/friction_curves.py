@@ -17,7 +17,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from frischid.effects.base import WIDTH, Effect, State, Term
+from frischid.effects.base import SPEED, WIDTH, Effect, State, Term
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,8 @@ class Stribeck(Effect):
         "speed": (0.02, 0.05, 0.1, 0.2, 0.5),
         "exponent": (1.0, 2.0),
     }
+
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"speed": SPEED, "width": SPEED}
 
     speed: float = 0.1
     exponent: float = 2.0
@@ -172,6 +174,8 @@ class AsymmetricCoulomb(Effect):
     code: ClassVar[Mapping[str, str]] = {"fca": "tanh(abs({v}) / {width})"}
 
     dry: ClassVar[bool] = True
+
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED}
 
     width: float = 0.05
 

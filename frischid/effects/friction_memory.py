@@ -18,7 +18,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from frischid.effects.base import WIDTH, Array, Effect, State, Term
+from frischid.effects.base import ANGLE, SPEED, WIDTH, Array, Effect, State, Term
 
 
 def presliding(t: Array, v: Array, distance: float) -> Array:
@@ -85,6 +85,8 @@ class Hysteresis(Effect):
     memory: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"distance": (0.0005, 0.002, 0.006, 0.02, 0.06)}
 
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"distance": ANGLE, "width": SPEED}
+
     distance: float = 0.006
     width: float = WIDTH
 
@@ -128,6 +130,8 @@ class CableHose(Effect):
 
     memory: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"distance": (0.1, 0.3, 1.0)}
+
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"distance": ANGLE}
 
     distance: float = 0.3
 

@@ -18,7 +18,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from frischid.effects.base import Effect, State, Term, is_number, torque_unit
+from frischid.effects.base import SECONDS, Effect, State, Term, is_number, torque_unit
 from frischid.effects.dynamics import felt_slopes
 from frischid.errors import InputError
 from frischid.robot import Robot
@@ -72,6 +72,8 @@ class TimeDelay(Effect):
     least: ClassVar[float] = 1e-3  # s: a period of the usual torque loop
     loaded: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"size": (-0.03, -0.003, 0.003, 0.01, 0.03, 0.1)}
+
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"size": SECONDS}
 
     size: float = 0.003
 

@@ -22,7 +22,7 @@ from typing import ClassVar, Literal, Self
 
 import numpy as np
 
-from frischid.effects.base import Array, Effect, State, Term, is_number, torque_unit
+from frischid.effects.base import ANGLE, Array, Effect, State, Term, is_number, torque_unit
 from frischid.errors import InputError, UnknownNameError
 
 FORMS = ("linear", "smooth")
@@ -115,6 +115,8 @@ class Counterbalance(Effect):
     reference: ClassVar[str] = "Arakelian 2016, Advanced Robotics 30(2)"
 
     candidate: ClassVar[Literal["joint", "robot", "never"]] = "never"  # joint_spring's smooth form finds it
+
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"rest": ANGLE}
 
     ratio: float = 0.3
     rest: float = 0.0

@@ -23,7 +23,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from frischid.effects.base import WIDTH, Effect, State, Term, is_number, torque_unit
+from frischid.effects.base import SPEED, WIDTH, Effect, State, Term, is_number, torque_unit
 from frischid.errors import InputError
 from frischid.robot import Robot
 
@@ -101,6 +101,8 @@ class Cogging(Effect):
         "order": tuple(map(float, [*range(3, 64), *range(64, 202, 2)])),
     }
 
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"order": ("per turn", "rad/m")}
+
     order: float = 12.0
 
     def __post_init__(self) -> None:
@@ -143,6 +145,8 @@ class JointCoupling(Effect):
     reference: ClassVar[str] = "Janot, Vandanjon and Gautier 2014, IEEE Trans. Control Systems Technology 22(1)"
 
     dry: ClassVar[bool] = True
+
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED}
 
     ratio: float = 1.0
     width: float = WIDTH

@@ -6,7 +6,19 @@ import numpy as np
 import plotly.graph_objects as go
 
 from frischid.comparison import Comparison
-from frischid.figures.style import LOAD, SCALE, VERMILION, WORDS, Drawing, drawing, number, plain, short, units_of
+from frischid.figures.style import (
+    LOAD,
+    SCALE,
+    VERMILION,
+    WORDS,
+    Drawing,
+    drawing,
+    number,
+    on_scale,
+    plain,
+    short,
+    units_of,
+)
 from frischid.gram import Array
 from frischid.prediction import Prediction
 
@@ -31,25 +43,33 @@ def matrix(comparison: Comparison) -> Drawing:
     joints = list(comparison.joints)
     found = {(c.joint, c.condition): c for c in comparison.residuals.conditions()}
     order = [name for name in ORDER if any((j, name) in found for j in joints)]
-    ratio = np.array([[found[j, n].ratio if (j, n) in found else np.nan for j in joints] for n in order])
-    text = [
-        ["" if (c := found.get((j, n))) is None else f"{c.ratio:.1f}{'*' * (c.p_value < CERTAIN)}" for j in joints]
-        for n in order
-    ]
+    cells = [found.get((j, n)) for n in order for j in joints]
+    text = ["" if c is None else f"{c.ratio:.1f}{'*' * (c.p_value < CERTAIN)}" for c in cells]
+    ratio = np.array([np.nan if c is None else c.ratio for c in cells]).reshape(len(order), len(joints))
+    top = max(2.0, float(np.nanmax(ratio, initial=1.0)))
     names = short(joints)
     figure = go.Figure(
         go.Heatmap(
-            z=plain(ratio.reshape(len(order), len(joints))), x=names, y=order, text=text, texttemplate="%{text}",
-            colorscale=SCALE, zmin=1.0, zmax=max(2.0, float(np.nanmax(ratio, initial=1.0))), xgap=2, ygap=2,
+            z=plain(ratio), x=names, y=order, colorscale=SCALE, zmin=1.0, zmax=top, xgap=2, ygap=2,
             showscale=False, hovertemplate="%{x}, %{y}: %{z:.2f} × its average<extra></extra>",
         )
     )  # fmt: skip
-    figure.update_yaxes(autorange="reversed", showgrid=False, automargin=True)
-    figure.update_xaxes(showgrid=False, automargin=True, tickangle=-40 if sum(map(len, names)) > 40 else 0)
+    shares = (ratio.ravel() - 1) / (top - 1)
+    figure.add_scatter(
+        x=names * len(order), y=[n for n in order for _ in names], text=text, mode="text", hoverinfo="skip",
+        textfont={"color": [on_scale(share) for share in shares]}, showlegend=False,
+    )  # fmt: skip
+    figure.update_yaxes(range=[len(order) - 0.5, -0.5], showgrid=False, automargin=True)
+    tilted = -40 if sum(map(len, names)) > 40 else 0
+    figure.update_xaxes(
+        range=[-0.5, len(names) - 0.5],
+        showgrid=False,
+        automargin=True,
+        tickangle=tilted,
+    )
     certain = sorted((c for c in found.values() if c.p_value < CERTAIN), key=lambda c: -c.ratio)
-    labels = dict(zip(joints, names, strict=True))
     reading = (
-        stands_out(labels[certain[0].joint], certain[0].condition, certain[0].ratio)
+        stands_out(certain[0].joint, certain[0].condition, certain[0].ratio)
         if certain
         else "No condition stands out: the error is about the same everywhere."
     )
@@ -134,7 +154,8 @@ def plane(prediction: Prediction, joint: str, sliding: bool = False) -> Drawing:
     )
     return drawing(
         "Rms residual over position and velocity",
-        f"Darkest where the model misses most: {number(float(np.nanmax(rms)), 2)} {units['load']} around {where}.",
+        f"The model misses most, {number(float(np.nanmax(rms)), 2)} {units['load']}, around {where}. Blank: "
+        "it never was there.",
         figure, 250, margin={"l": 64, "r": 8, "t": 8, "b": 46},
     )  # fmt: skip
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import plotly.graph_objects as go
 
-from frischid.figures.style import BLUE, FAINT, GREEN, Drawing, drawing
+from frischid.figures.style import BLUE, GREEN, Drawing, drawing
 from frischid.model import Model
+
+CROWD = 6
+"""Steps beyond which names and numbers get in each other's way on a small screen, and give way."""
 
 
 def steps_of(model: Model) -> list[tuple[str, float | None, float]]:
@@ -37,6 +40,7 @@ def staircase(model: Model, floor: float) -> Drawing:
         Noise floor, NRMSE.
     """
     steps = steps_of(model)
+    crowded = len(steps) > CROWD
     x: list[float | None] = []
     y: list[float | None] = []
     for i, (_, before, after) in enumerate(steps):
@@ -51,16 +55,18 @@ def staircase(model: Model, floor: float) -> Drawing:
     figure.add_scatter(x=x, y=y, mode="lines", line={"color": BLUE, "width": 3}, name="held-out error")
     figure.add_scatter(
         x=list(range(len(steps))), y=[s[2] for s in steps], mode="markers+text", showlegend=False,
-        text=[f"{s[2]:.4f}" for s in steps], textposition="top center", marker={"size": 8, "color": BLUE},
-        cliponaxis=False,
+        text=[f"{s[2]:.4f}" for s in steps], marker={"size": 8, "color": BLUE}, cliponaxis=False,
+        textposition=[("top center", "bottom center")[crowded and k % 2] for k in range(len(steps))],
+        textfont={"size": 10 if crowded else 12},
     )  # fmt: skip
     figure.add_scatter(
         x=[-0.5, len(steps) - 0.5], y=[floor, floor], mode="lines", name=f"noise floor {floor:.4f}",
         line={"color": GREEN, "dash": "dash", "width": 2},
     )  # fmt: skip
     figure.update_xaxes(
-        automargin=True, tickvals=list(range(len(steps))), ticktext=[_wrapped(s[0]) for s in steps],
-        showgrid=False, tickcolor=FAINT,
+        automargin=True, tickvals=list(range(len(steps))), tickangle=-50 if crowded else 0,
+        ticktext=[s[0].replace("_", " ") if crowded else _wrapped(s[0]) for s in steps],
+        showgrid=False, zeroline=False,
         range=[-0.6, max(len(steps), 2) - 0.4],
     )  # fmt: skip
     top = max([floor, *(s[2] for s in steps), *(s[1] or 0.0 for s in steps)], default=1.0)
@@ -71,6 +77,8 @@ def staircase(model: Model, floor: float) -> Drawing:
         reading = (
             f"{added} effect{'s' * (added > 1)} added: {first:.4f} → {last:.4f}, {last / floor:.1f} × the noise floor."
         )
+        if None in x:
+            reading += " Where the stair is broken, the step before was measured on other data."
     else:
         reading = "Nothing has been added to this model yet: one step, and how far it is from the noise floor."
     return drawing("Error after each step (NRMSE)", reading, figure, 320)

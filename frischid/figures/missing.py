@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,10 @@ import plotly.graph_objects as go
 from frischid.figures.failure import binned
 from frischid.figures.style import BLUE, LOAD, MEASURED, VERMILION, WORDS, Drawing, drawing, plain, thinned, units_of
 from frischid.shapes import Shape
+from frischid.words import listed
 
 
-def shape(found: Shape, title: str, sliding: bool = False) -> Drawing:
+def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = False) -> Drawing:
     """Residual of the joint a finding helps most, with the finding's fitted shape on it.
 
     Parameters
@@ -20,6 +22,8 @@ def shape(found: Shape, title: str, sliding: bool = False) -> Drawing:
     found : Shape
     title : str
         Of the effect, in words.
+    joints : sequence of str
+        Where it acts; none for the whole robot.
     sliding : bool
         Whether the joint is prismatic.
     """
@@ -34,7 +38,9 @@ def shape(found: Shape, title: str, sliding: bool = False) -> Drawing:
         if found.stretch
         else "The nearer the diamonds are to the blue line, the better"
     )
-    reading = f"{how}: {title} explains {100 * max(found.explained, 0.0):.0f} % of this joint's squared residual."
+    elsewhere = "" if not joints or found.joint in joints else f", which it helps more than {listed(joints)}"
+    share = f"{100 * max(found.explained, 0.0):.0f} % of the squared residual of {found.joint}{elsewhere}"
+    reading = f"{how}: {title} explains {share}."
     where = f"a stretch of {Path(found.stretch).name}" if found.stretch else f"residual against {WORDS[found.variable]}"
     return drawing(f"{found.joint}: {where}", reading, figure, 300)
 

@@ -21,6 +21,9 @@ WORDS = {"frisch": "Classical Frisch", "bbrf": "BBRF", "sensorwise": "Sensor-wis
 LOOKS = {"frisch": ("#a6d5f5", 11.0), "bbrf": (COLOURS[4], 7.0), "sensorwise": (PURPLE, 5.0)}
 """Widest and lightest first, so that one lies on the other and they differ in grey too."""
 FURTHEST = 6.0  # decades of standard errors that are drawn
+NEAR = {"1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0}
+FAR = {"10": 1e1, "100": 1e2, "10⁴": 1e4, "10⁶": 1e6}
+"""Labelled distances, where nothing is drawn beyond ten standard errors and where something is."""
 
 
 def title(method: str) -> str:
@@ -55,7 +58,7 @@ def intervals(model: Model, nominal: Array | None = None, truth: Array | None = 
         _bars(figure, names, low, high, title(method), colour, width)
     two = np.full(len(names), float(scaled(np.array(2.0))))
     _bars(figure, names, -two, two, "± 2 standard errors", INK, 2.0)
-    marks = (("URDF", nominal, "circle-open", MEASURED), ("true value", truth, "cross", GREEN))
+    marks = (("URDF", nominal, "circle-open", INK), ("true value", truth, "cross", GREEN))
     for name, values, symbol, colour in marks:
         if values is not None:
             d = (np.asarray(values, dtype=float) - e.theta) / unit
@@ -63,18 +66,24 @@ def intervals(model: Model, nominal: Array | None = None, truth: Array | None = 
                 x=plain(scaled(d)), y=names, mode="markers", name=name,
                 marker={"symbol": symbol, "size": 8, "color": colour, "line": {"width": 1.5}},
             )  # fmt: skip
-    ticks = [-1e4, -1e2, -1e1, -2.0, 0.0, 2.0, 1e1, 1e2, 1e4]
+    ticks = _ticks(np.concatenate([trace.x for trace in figure.data]))
     figure.update_xaxes(
-        tickvals=[float(scaled(np.array(x))) for x in ticks],
-        ticktext=["−10⁴", "−100", "−10", "−2", "0", "2", "10", "100", "10⁴"],
+        tickvals=list(ticks.values()), ticktext=list(ticks), tickangle=0,
         title_text="distance from the estimate, standard errors",
-    )
+    )  # fmt: skip
     figure.update_yaxes(
         range=[len(names) - 0.4, -0.6], tickfont={"size": 10}, showgrid=False, tickmode="array", tickvals=names
     )
     reading = "The shorter the bar, the better the parameter is known. " + _widths(model, unit)
     layout = {"margin": {"l": 70, "r": 10, "t": 56, "b": 44}}
     return drawing("Bounds of every parameter around its estimate", reading, figure, 120 + 17 * len(names), **layout)
+
+
+def _ticks(drawn: Array) -> dict[str, float]:
+    """Labels of the scale and where they stand: so sparse that a small screen has room for them."""
+    sizes = NEAR if np.nanmax(np.abs(drawn)) < scaled(np.array(10.0)) else FAR
+    sides = [(name, float(scaled(np.array(x)))) for name, x in sizes.items()]
+    return {"0": 0.0} | dict(sides) | {f"−{name}": -x for name, x in sides}
 
 
 def _bars(

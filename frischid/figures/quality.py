@@ -39,7 +39,9 @@ def reach(robot: Robot, logs: Sequence[Quality]) -> Drawing:
     bounded = np.isfinite(limits.upper - limits.lower) & (limits.upper > limits.lower)
     if bounded.any():
         k = int(np.where(bounded, share, np.inf).argmin())
-        reading = f"{names[k]} uses least of its range, {100 * share[k]:.0f} %; how it behaves elsewhere is unknown."
+        reading = (
+            f"{robot.joints[k]} uses least of its range, {100 * share[k]:.0f} %; how it behaves elsewhere is unknown."
+        )
     else:
         reading = "The URDF limits no position, so there is nothing to compare the range with."
     return drawing("Positions reached", reading, figure, 140 + 26 * len(names))
@@ -61,5 +63,5 @@ def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -
     figure.update_yaxes(autorange="reversed", automargin=True)
     level = np.nanmedian([q.noise[channel] for q in logs], axis=0)
     k = int(np.nanargmax(level))
-    reading = f"{names[k]} is the noisiest, {number(level[k], 2)} {unit}. One mark a log, before any filter."
+    reading = f"{robot.joints[k]} is the noisiest, {number(level[k], 2)} {unit}. One mark a log, before any filter."
     return drawing(f"White noise of the measured {word}", reading, figure, 140 + 26 * len(names))

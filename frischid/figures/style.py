@@ -27,8 +27,11 @@ BLUE, VERMILION, GREEN, PURPLE, ORANGE = COLOURS[:5]
 MEASURED = "#808080"
 """Measured torque: thick and grey behind the model's thin line, visible on white and on black."""
 INK, FAINT, GRID, SHADE = "#222222", "#555555", "#e2e2e2", "#ececec"
-SCALE = ((0.0, "#fdfdfd"), (0.3, "#fde0c0"), (0.65, "#e8873a"), (1.0, "#8c3a00"))
-"""Light to dark, one hue: reads the same in grey."""
+BLACK, WHITE = "#101010", "#ffffff"
+"""Of numbers on strong colours: black stays black in the dark, white does not stay white."""
+SCALE = ((0.0, "#fdf1e3"), (0.3, "#fde0c0"), (0.65, "#e8873a"), (1.0, "#8c3a00"))
+"""Light to dark, one hue: reads the same in grey; nowhere as light as the page, which is where there is nothing."""
+STRONG, FULL = 0.55, 0.85
 POINTS = 1600
 """Samples drawn of one curve."""
 UNITS = {"q": "rad", "v": "rad/s", "a": "rad/s²", "load": "N·m", "t": "s"}
@@ -92,15 +95,18 @@ def number(x: float | None, digits: int = 4) -> str:
 
 
 def typeset(text: str) -> str:
-    """Prose with minus signs, and with numbers that stay in one line with their unit."""
+    """Prose with minus signs, and with numbers that stay in one line with their name and their unit."""
     text = re.sub(r"(?<![\w.])-(?=\.?\d)", "−", text)
+    text = re.sub(r"(?<=\d)%", " %", text)
+    text = re.sub(r" = (?=[−\d])", "\u00a0=\u00a0", text)
     return re.sub(r"(?<=\d) (?=(?:%|×|rad|m/|m\b|N|s\b|ms\b|Hz|kg)(?!\w{3}))", "\u00a0", text)
 
 
 def _axis(**extra: Any) -> dict[str, Any]:
     return {
-        "gridcolor": GRID, "zerolinecolor": GRID, "linecolor": FAINT, "tickcolor": FAINT,
-        "title": {"standoff": 8}, **extra,
+        "gridcolor": GRID, "zerolinecolor": GRID, "linecolor": FAINT, "title": {"standoff": 8, "font": {"size": 12}},
+        # Ticks that nobody sees keep the two axes' numbers apart in the corner.
+        "ticks": "outside", "ticklen": 4, "tickcolor": "rgba(0,0,0,0)", **extra,
     }  # fmt: skip
 
 
@@ -119,6 +125,11 @@ TEMPLATE = go.layout.Template(
     }
 )
 """The house's look; the colours of INK, GRID, ... are swapped by the report's page in the dark."""
+
+
+def on_scale(share: float) -> str:
+    """Colour of a number written on `SCALE`; the page swaps it in the dark together with what is under it."""
+    return INK if not share > STRONG else BLACK if share < FULL else WHITE
 
 
 def short(names: Sequence[str]) -> list[str]:

@@ -22,7 +22,6 @@ from frischid.figures.style import (
     drawing,
     number,
     plain,
-    short,
     thinned,
 )
 from frischid.gram import Array
@@ -90,8 +89,10 @@ def measured(
     figure.update_yaxes(title_text=f"residual, {unit}", row=2, col=1)
     several = len(prediction.sources) > 1
     figure.update_xaxes(title_text=f"time, s{' (logs side by side)' if several else ''}", row=2, col=1)
-    name = short(list(prediction.joints))[j]
-    return drawing(f"{name}: measured torque against the model's", reading, figure, 340)
+    margin = 0.01 * float(np.ptp(x))
+    # The same for every joint, wherever its worst moment is.
+    figure.update_xaxes(range=[float(x.min()) - margin, float(x.max()) + margin])
+    return drawing(f"{joint}: measured torque against the model's", reading, figure, 340)
 
 
 def side_by_side(prediction: Prediction) -> tuple[Array, float]:

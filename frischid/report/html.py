@@ -19,6 +19,11 @@ def said(text: str) -> str:
     return esc(typeset(text))
 
 
+def command(text: str) -> str:
+    """A command line that breaks between its words only, if they are not wider than the page."""
+    return f"<code>{' '.join(f'<span>{esc(word)}</span>' for word in text.split(' '))}</code>"
+
+
 def plot(drawing: Drawing) -> str:
     """A figure: title above, reading below, and its data for the page's script."""
     # "<" is the one character that could end the script element early.

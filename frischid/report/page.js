@@ -4,7 +4,7 @@
   const DARK = {
     "#222222": "#e6e8ea", "#555555": "#a7adb5", "#e2e2e2": "#343941", "#ececec": "#2b2f37", "#f3d9b1": "#54401f",
     "#0072b2": "#56b4e9", "#d55e00": "#ff8f45", "#000000": "#f0f0f0", "#808080": "#9b9b9b", "#f4f4f4": "#2b2f37",
-    "#a6d5f5": "#27567a", "#fdfdfd": "#1c1f25", "#fde0c0": "#5b3512", "#e8873a": "#d27427", "#8c3a00": "#ffd0a1"
+    "#a6d5f5": "#27567a", "#fdf1e3": "#33261b", "#fde0c0": "#5b3512", "#e8873a": "#d27427", "#8c3a00": "#ffd0a1", "#ffffff": "#14161a", "#009e73": "#3ecfa4"
   };
   const wanted = window.matchMedia("(prefers-color-scheme: dark)");
   const plots = [...document.querySelectorAll(".plot")];
@@ -24,10 +24,13 @@
       if (!spec.layout.xaxis.tickangle) spec.layout.margin.b = 34;
     }
     if (plot.clientWidth < 480) {
-      // A small screen: narrower margins, fewer ticks, and no toolbar over the curves.
+      // A small screen: smaller letters, room for a legend of several lines, and no toolbar over the curves.
       spec.layout.font = { size: 11 };
+      const named = spec.data.filter((trace) => trace.name && trace.showlegend !== false);
+      if (named.length > 3 && spec.layout.showlegend !== false) spec.layout.height += 44;
       config.displayModeBar = false;
     }
+    plot.style.height = spec.layout.height + "px";
     plot.querySelectorAll("script").forEach((s) => s.remove());
     Plotly.purge(plot); // one that is drawn again would keep its width, on paper too
     Plotly.newPlot(plot, spec.data, spec.layout, config);

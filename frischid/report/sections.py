@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,8 +14,7 @@ from frischid import figures
 from frischid.diagnosis import Finding
 from frischid.effects import EFFECTS
 from frischid.figures.style import number
-from frischid.regressor import Regressor
-from frischid.report.html import esc, folded, items, plot, plots, said, table
+from frischid.report.html import command, esc, folded, items, plot, plots, said, table
 from frischid.report.study import Study, missing, opened
 from frischid.shapes import shape_of
 from frischid.words import listed
@@ -26,6 +26,15 @@ VELOCITY = {
     "measured": "velocity as measured",
     "derived": "velocity from the positions",
 }
+ESTIMATORS = {
+    "wls": "weighted least squares", "ols": "least squares", "map": "least squares with the URDF as a prior",
+    "frisch": "best point of the Frisch box", "sensorwise": "sensor-wise Frisch scheme", "eiv": "errors in variables",
+    "iv": "instrumental variables",
+}  # fmt: skip
+RECURSIONS = {
+    "strict": "the paper's Algorithm 1", "undo": "windows that would empty the box are left out",
+    "calibrated": "every window's box is widened by its sampling error",
+}  # fmt: skip
 
 
 def sections(study: Study, model_path: str) -> list[tuple[str, str, str]]:
@@ -91,13 +100,13 @@ def _next(study: Study, model_path: str) -> str:
         return "Next: look below at where the residual lies, and try a formula of your own in the studio."
     if best is not None:
         where = f" --joints {','.join(best.joints)}" if best.joints else ""
-        command = f"frischid add {shlex.quote(Path(model_path).name)} {best.effect}{where} LOG... -o better.json"
+        add = f"frischid add {shlex.quote(Path(model_path).name)} {best.effect}{where} LOG... -o better.json"
         fall = f"{best.error_before:.4f} → {best.error_after:.4f}"
-        return f"Next: add it. On data held out of its fit the NRMSE goes {fall}: <code>{esc(command)}</code>"
+        return f"Next: add it. On data held out of its fit the NRMSE goes {fall}: {command(add)}"
     if study.weak:
         return (
             f"Next: {len(study.weak)} parameters are hardly known ({esc(', '.join(study.weak[:4]))}"
-            f"{' …' * (len(study.weak) > 4)}); plan a motion that shows them with <code>frischid excite</code>."
+            f"{' …' * (len(study.weak) > 4)}); plan a motion that shows them with {command('frischid excite')}."
         )
     return "Next: nothing needs to be done; record another kind of motion to test the model further."
 
@@ -191,15 +200,12 @@ def lacking(study: Study) -> str:
         for f in diagnosis.findings if f.members
     ]  # fmt: skip
     headings = ["effect", "where", "NRMSE after", "removes", "gain", "p", "confused with"]
-    ranking = table(
-        headings,
-        rows,
-        words=2,
-        caption=(
-            "removes: share of the error above the noise floor on its joints; gain: of log likelihood; p: probability "
-            "of such a gain by chance"
-        ),
+    caption = (
+        "NRMSE after: with this effect alone; removes: share of the error above the noise floor on its joints; gain: "
+        "of log likelihood; p: probability of such a gain by chance. Ranked by what the error rises by when one "
+        "alone is taken away again beside the others, so what others explain as well is not counted for it"
     )
+    ranking = table(headings, rows, words=2, caption=caption)
     described = "" if diagnosis.description is None else f"<p>{esc(str(diagnosis.description))}.</p>"
     listed = items(contacts) if contacts else ""
     return head + listed + described + more + cards + folded("The whole ranking", ranking)
@@ -208,10 +214,8 @@ def lacking(study: Study) -> str:
 def _card(study: Study, rank: int, finding: Finding) -> str:
     kind = EFFECTS.get(finding.effect)
     if kind is None:
-        return f"<article><h3>{rank}. {said(opened(finding.sentence))}</h3></article>"
-    columns = Regressor(study.model.robot, finding.members, study.model.reference).columns
-    units = {c.name: f" {c.unit}" for c in columns}
-    found = ", ".join(f"{k} = {number(v)}{units.get(k, '')}" for k, v in list(finding.parameters.items())[:12])
+        return f"<article><h3>{rank}. {said(opened(finding.sentence, finding.joints))}</h3></article>"
+    found = ", ".join(f"{k} = {number(x)} {unit}".rstrip() for k, x, unit in finding.found(study.model.robot))
     confused = listed(finding.confused_with) or "nothing on these logs"
     other = (*finding.confused_with, *kind.confused_with)[0]
     p = "below 10⁻¹⁵" if finding.p_value < 1e-15 else number(finding.p_value, 2)
@@ -224,12 +228,14 @@ def _card(study: Study, rank: int, finding: Finding) -> str:
         ("Could also be", f"{confused} (in general: {listed(kind.confused_with)})"),
         ("To be sure", f"{kind.confirmed_by}. To plan a motion that tells it from {other}:"),
     ]  # fmt: skip
-    command = esc(f"frischid excite ROBOT --separate {finding.effect},{other} -o motion.csv")
+    separate = command(f"frischid excite ROBOT --separate {finding.effect},{other} -o motion.csv")
     listing = "".join(f"<dt>{k}</dt><dd>{said(v)}</dd>" for k, v in facts)
-    listing = f"{listing.removesuffix('</dd>')} <code>{command}</code></dd>"
+    listing = f"{listing.removesuffix('</dd>')} {separate}</dd>"
     shape = shape_of(study.diagnosis, finding, study.prediction) if study.diagnosis is not None else None
-    picture = "" if shape is None else plot(figures.shape(shape, kind.title, sliding(study, shape.joint)))
-    heading = f"{rank}. {opened(finding.sentence)}"
+    picture = (
+        "" if shape is None else plot(figures.shape(shape, kind.title, finding.joints, sliding(study, shape.joint)))
+    )
+    heading = f"{rank}. {opened(finding.sentence, finding.joints)}"
     return f"<article><h3>{said(heading)}</h3><dl>{listing}</dl>{picture}</article>"
 
 
@@ -248,7 +254,17 @@ def history(study: Study) -> str:
         before = event.get("error_before")
         rows.append([str(i), esc(event["action"]), esc(listed), number(before), number(after), esc(on)])
     headings = ["step", "action", "effects", "before", "after", "NRMSE measured on"]
-    return plot(figures.staircase(study.model, floor)) + table(headings, rows, words=3, caption="Steps of the model")
+    caption = f"Steps of the model. {_shapes(study)}"
+    return plot(figures.staircase(study.model, floor)) + table(headings, rows, words=3, caption=caption)
+
+
+def _shapes(study: Study) -> str:
+    """Units of what stands in an effect's parentheses."""
+    robot = study.model.robot
+    units: dict[str, str] = {}
+    for effect in study.model.effects:
+        units |= {name: unit for name in effect.parameters if (unit := effect.unit(name, robot))}
+    return f"In parentheses an effect's shape: {', '.join(f'{k} in {u}' for k, u in units.items())}" if units else ""
 
 
 # ---------------------------------------------------------------------- 6
@@ -258,7 +274,8 @@ def parameters(study: Study) -> str:
     """Bounds, values, correlation, regrouping, and BBRF over the windows."""
     model, e = study.model, study.model.estimate
     intro = (
-        f"<p>{len(e.theta)} base parameters, estimator {esc(e.estimator)}, condition number {number(e.condition, 3)}. "
+        f"<p>{len(e.theta)} base parameters, {esc(ESTIMATORS.get(e.estimator, e.estimator))}, condition number "
+        f"{number(e.condition, 3)}. "
         + (f"{len(study.weak)} are known to no better than half their value. " if study.weak else "")
         + (f"Of impossible sign: {esc(listed(study.impossible))}." if study.impossible else "Every known sign holds.")
         + f"</p><p>{_physical(study)}</p>"
@@ -275,7 +292,7 @@ def parameters(study: Study) -> str:
         boxes = [_range(float(b.lower[i]), float(b.upper[i])) for b in model.bounds.values()]
         values = [number(float(x[i])) for _, x in given]
         row = [esc(column.name), esc(column.unit), number(e.theta[i]), number(e.stderr[i], 2)]
-        rows.append([*row, *values, *boxes, esc(", ".join(flags)), esc(model.expressions[i])])
+        rows.append([*row, *values, *boxes, esc(", ".join(flags)), _sum(model.expressions[i])])
     methods = [f"{figures.parameters.title(k)} box" for k in model.bounds]
     headings = ["parameter", "unit", "value", "± s.e.", *(n for n, _ in given), *methods, "flags", "stands for"]
     caption = "Base parameters; R marks one that others are regrouped into; s.e. is the standard error"
@@ -295,6 +312,11 @@ def parameters(study: Study) -> str:
     )
 
 
+def _sum(expression: str) -> str:
+    """A regrouped parameter, with minus signs, and factors that stay with what they multiply."""
+    return esc(re.sub(r"(?<=\d) (?=[a-zA-Z])", "\u00a0", expression.replace(" - ", " − ")))
+
+
 def _range(low: float, high: float) -> str:
     """A box's side; an open end is infinite."""
     if np.isinf(low) and np.isinf(high):
@@ -307,8 +329,11 @@ def _physical(study: Study) -> str:
     found = study.physical
     if isinstance(found, str):
         return f"Physical links: none found. {esc(found)}"
-    limits = "; ".join(f"{a.where}: {a.constraint}" for a in found.active)
-    demanded = f" What holds them back: {esc(limits)}." if limits else ""
+    limits: dict[str, list[str]] = {}
+    for active in found.active:
+        limits.setdefault(active.constraint, []).append(active.where)
+    held = "; ".join(f"{listed(where)}: {constraint}" for constraint, where in limits.items())
+    demanded = f" What holds them back: {esc(held)}." if held else ""
     return (
         "Physical links: links that could exist (positive mass, possible inertia, centre of mass within the body) "
         f"reproduce these parameters to {said(f'{found.unexplained:.1f} standard errors')} (rms).{demanded}"
@@ -334,9 +359,13 @@ def _regrouping(study: Study) -> str:
 
 def _recursion(record: dict[str, Any] | None) -> str:
     if record is None:
-        return "<p>The model was identified without it (<code>frischid identify --bbrf</code>).</p>"
+        return f"<p>The model was identified without it ({command('frischid identify --bbrf')}).</p>"
     emptied = record["emptied"]
-    text = f"Variant {esc(record['variant'])}, {record['windows']} windows. "
+    meant = RECURSIONS.get(record["variant"], record["variant"])
+    text = (
+        f"Every short window of the logs gives a box of its own, and the recursion intersects them: "
+        f"{record['windows']} windows, variant {esc(record['variant'])} ({esc(meant)}). "
+    )
     if isinstance(emptied, dict):
         text += (
             f"The bounds of {esc(emptied['parameter'])} crossed at window {emptied['window']}: the windows contradict "
@@ -394,7 +423,7 @@ def _grouped(study: Study) -> list[str]:
             found.setdefault(note.removeprefix(f"{q.source}: "), []).append(Path(q.source).name)
     every = len(study.qualities)
     return [
-        f"{note} ({_all(every) if len(logs) == every else listed(logs)})" if every > 1 else note
+        f"{_all(every) if len(logs) == every else listed(logs)}: {note}" if every > 1 else note
         for note, logs in found.items()
     ]
 

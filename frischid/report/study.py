@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -122,10 +122,9 @@ def missing(diagnosis: Diagnosis) -> str:
     return f"Missing: {named}" if named else "Nothing is missing that these logs can show"
 
 
-def opened(sentence: str) -> str:
-    """A sentence with a capital, unless it begins with a joint's name."""
-    ours = sentence.startswith(("the ", "each of ", "something "))
-    return sentence[:1].upper() + sentence[1:] if ours else sentence
+def opened(sentence: str, joints: Collection[str]) -> str:
+    """A sentence with a capital, unless it begins with the name of a joint."""
+    return sentence if sentence.split(maxsplit=1)[0].rstrip(",") in joints else sentence[:1].upper() + sentence[1:]
 
 
 def study(

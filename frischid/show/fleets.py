@@ -9,7 +9,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from frischid.fleet import Fleet, Member
-from frischid.show.page import Page, figure, plain, table_of, warning_lines
+from frischid.robot import Robot
+from frischid.show.page import Page, figure, plain, quantities, table_of, warning_lines
 
 MOST = 5  # skipped logs, and warnings, that are listed
 
@@ -28,7 +29,7 @@ def fleet(found: Fleet, output: str | None) -> Page:
     if different:
         parts += [
             f"{len(different)} of {len(members)} robots differ from the others, most first",
-            _different(different),
+            _different(different, found.model.robot),
         ]
         parts += [f"{escape(m.name)}: {escape(sentence(m))}" for m in different if sentence(m)]
     else:
@@ -61,7 +62,7 @@ def _parameters(found: Fleet) -> Table:
     return table
 
 
-def _different(members: tuple[Member, ...]) -> Table:
+def _different(members: tuple[Member, ...], robot: Robot) -> Table:
     table = table_of("robot", "what", "× usual", "p", "error with the fleet's", "with its own", "parameters")
     for m in members:
         table.add_row(
@@ -71,16 +72,16 @@ def _different(members: tuple[Member, ...]) -> Table:
             f"{m.p_value:.1e}",
             f"{m.deviation.error_fleet.mean():.4f}",
             f"{m.deviation.error_own.mean():.4f}",
-            escape(_values(m)),
+            escape(_values(m, robot)),
         )
     return table
 
 
-def _values(m: Member) -> str:
+def _values(m: Member, robot: Robot) -> str:
     if m.parameters_explain:
         changed = [f"{n} {old:.4g} → {new:.4g}" for c in m.changes for n, (old, new) in c.values.items()]
         return ", ".join(changed)
-    return "" if m.finding is None else ", ".join(f"{n} {x:.4g}" for n, x in m.finding.parameters.items())
+    return "" if m.finding is None else quantities(m.finding.found(robot))
 
 
 def sentence(m: Member) -> str:

@@ -9,7 +9,7 @@ from frischid.diagnosis import Diagnosis
 from frischid.effects import EFFECTS
 from frischid.improvement import Step
 from frischid.model import Model
-from frischid.show.page import Page, change, table_of
+from frischid.show.page import Page, change, quantities, table_of
 
 
 def diagnosis(result: Diagnosis) -> Page:
@@ -43,7 +43,7 @@ def diagnosis(result: Diagnosis) -> Page:
     significant = [f for f in result.findings if f.significant]
     if significant:
         best = significant[0]
-        found = ", ".join(f"{k} = {v:.4g}" for k, v in best.parameters.items())
+        found = quantities(best.found(result.evidence.model.robot))
         confirm = f" Found: {found}. To confirm: {EFFECTS[best.effect].confirmed_by}." if best.effect in EFFECTS else ""
         parts.append(f"{best.sentence}.{confirm}")
     if len(significant) > 1:

@@ -10,7 +10,7 @@ from frischid.demo import HIDDEN, STRENGTH, Demo
 from frischid.effects import EFFECTS, Effect
 from frischid.show.fitting import comparison, identified, parameters, summary
 from frischid.show.improving import diagnosis
-from frischid.show.page import Page, change, table_of, warning_lines
+from frischid.show.page import Page, change, quantities, table_of, warning_lines
 
 
 def catalogue() -> Page:
@@ -32,9 +32,14 @@ def effect(kind: type[Effect]) -> Page:
         f"  confused with {', '.join(kind.confused_with)}",
         f"  confirmed by  {kind.confirmed_by}",
         f"  source        {kind.reference}",
-        f"  parameters    {', '.join(f'{k} (default {v})' for k, v in data['parameters'].items()) or 'none'}",
+        f"  parameters    {', '.join(_default(kind(), name) for name in data['parameters']) or 'none'}",
     ]
     return Page(data, lines)
+
+
+def _default(effect: Effect, name: str) -> str:
+    unit = effect.unit(name)
+    return f"{name} (default {effect.parameters[name]}{f', {unit}' if unit else ''})"
 
 
 def _effect_data(kind: type[Effect]) -> dict[str, Any]:
@@ -54,7 +59,7 @@ def _effect_data(kind: type[Effect]) -> dict[str, Any]:
 def _hidden(result: Demo) -> list[Any]:
     """The second half: what was hidden, what the diagnosis said, how the error fell."""
     step, best = result.step, result.diagnosis.findings[0]
-    found = ", ".join(f"{k} {v:.4g}" for k, v in best.parameters.items())
+    found = quantities(best.found(result.model.robot))
     values = ", ".join(f"{k} {v:.4g}" for k, v in STRENGTH.items())
     return [
         f"[bold]A hidden effect.[/bold] The same arm with {HIDDEN} ({values}) that the model knows nothing of. "

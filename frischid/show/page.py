@@ -24,6 +24,11 @@ def change(before: float, after: float) -> str:
     return f"{100 * (after / before - 1):+.1f} %" if before else "–"
 
 
+def quantities(found: Sequence[tuple[str, float, str]]) -> str:
+    """What a finding found, each value with its unit."""
+    return ", ".join(f"{name} = {x:.4g}{f' {unit}' if unit else ''}" for name, x, unit in found)
+
+
 def depends(variables: Sequence[str]) -> str:
     """What a residual is not independent of."""
     return f"not independent of {', '.join(variables)}" if variables else ""

@@ -182,13 +182,14 @@ class Bench:
     def diagnose(self) -> None:
         """Find what the present model is missing; given up when the model changes meanwhile."""
         state = self.state
-        order = {name: k for k, name in enumerate(EFFECTS)}
+        tried: set[str] = set()
 
         def progress(text: str) -> None:
             if self.state.revision != state.revision:
                 raise SupersededError
             name = text.removeprefix("trying ")
-            self._progress(f"looking for what is missing: {name}", order.get(name, 0) / len(order))
+            tried.add(name)
+            self._progress(f"looking for what is missing: {name}", len(tried & EFFECTS.keys()) / len(EFFECTS))
 
         try:
             found = diagnose(state.model, self.fit, valid=self.valid, progress=progress)

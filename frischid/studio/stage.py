@@ -67,9 +67,13 @@ class Stage:
     track : Track
     chosen : callable
         Told the name of a joint that was clicked.
+    phone : bool
+        Whether a sheet covers the lower part of the scene.
     """
 
-    def __init__(self, client: ClientHandle, bench: Bench, track: Track, chosen: Callable[[str], None]) -> None:
+    def __init__(
+        self, client: ClientHandle, bench: Bench, track: Track, chosen: Callable[[str], None], phone: bool = False
+    ) -> None:
         self.client, self.bench, self.track = client, bench, track
         robot: Robot = bench.state.model.robot
         self.urdf = urdf_of(robot)
@@ -83,16 +87,18 @@ class Stage:
             marker.on_click(partial(_clicked, chosen, name))
             self.markers[name] = marker
         self.turns = {name: _turn(self.urdf.joint_map[name].axis) for name in self.markers}
-        self.label = client.scene.add_label("/chosen", "")
+        self.label = client.scene.add_label("/chosen", "", anchor="bottom-center")
         client.scene.add_grid("/floor", width=4 * size, height=4 * size, cell_size=size / 5, section_size=size)
         self._names = tuple(self.urdf.actuated_joint_names)
         self._fixed = {**dict.fromkeys(self._names, 0.0), **robot.locked}
         self.urdf.update_cfg(self._configuration(0.0))
-        self._look(size)
+        self._look(size, phone)
 
-    def _look(self, size: float) -> None:
+    def _look(self, size: float, phone: bool) -> None:
         low, high = self.urdf.scene.bounds if self.urdf.scene.geometry else (np.zeros(3), np.ones(3))
         middle = (low + high) / 2
+        if phone:  # from further away, and looking below the robot: it then stands above the sheet
+            size, middle = 2.3 * size, middle - np.array([0.0, 0.0, size])
         # In this order: moving the camera takes what it looks at along.
         self.client.camera.position = tuple(middle + size * np.array([0.8, -0.9, 0.6]))
         self.client.camera.look_at = tuple(middle)

@@ -28,8 +28,14 @@ from frischid.words import listed
 SHOWN = 6
 VARIABLES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "load", "time": "t"}
 EVERY = "every joint"
+NUMBERS = " On the buttons: NRMSE on data left out of each fit, without the effect → with it."
 GLANCE = 0.5  # s
 WIDTH = 430  # pixels of each panel
+PHONE = 576  # pixels: viser's own limit, below which the panels are sections of one sheet at the bottom
+SHEET = """<style>@media (max-width: 36em) {
+  .mantine-Paper-root[style*="width: 20em"], .mantine-Paper-root [style*="width: 20em"] { width: 100vw !important; }
+}</style>"""
+"""The sheet is as wide as the phone, not two thirds of it."""
 
 
 @dataclass(eq=False)
@@ -59,13 +65,15 @@ class Tab:
         joints = list(bench.state.model.joints)
         worst = max(bench.state.comparison.joints.items(), key=lambda item: item[1].nrmse)[0]
         gui = client.gui
+        self.phone = client.camera.image_width < PHONE
+        gui.add_html(SHEET)
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         gui.set_panel_label(f"frischid: {bench.state.model.robot.name}")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
         self._curves(gui, joints, worst)
         self._work(gui, joints)
-        self.stage = Stage(client, bench, track, self._choose)
+        self.stage = Stage(client, bench, track, self._choose, self.phone)
         self._drawn: State | None = None
         self._headline(bench.state)
         self.pose()
@@ -122,10 +130,9 @@ class Tab:
         self.save.on_click(lambda _: self._attempt(lambda: self._said("Model", self.bench.save())))
         self.export.on_click(lambda _: self._attempt(lambda: self._said("Report", self.bench.export())))
 
-    @staticmethod
-    def _figure(gui: Any, within: Any, aspect: float) -> _Place:
-        """A title and a reading; between them comes the figure."""
-        return _Place(within, aspect, gui.add_markdown(""), gui.add_markdown(""))
+    def _figure(self, gui: Any, within: Any, aspect: float) -> _Place:
+        """A title and a reading; between them comes the figure, higher where it is narrow."""
+        return _Place(within, aspect * (1.35 if self.phone else 1.0), gui.add_markdown(""), gui.add_markdown(""))
 
     # ------------------------------------------------------------------ showing
 
@@ -154,7 +161,7 @@ class Tab:
     def progress(self, text: str, share: float) -> None:
         """Show what the bench is doing; an empty text when it is doing nothing."""
         self.doing.visible = self.bar.visible = bool(text)
-        self.doing.content = plain(f"{text} …")
+        self.doing.content = plain(f"{text[:1].upper()}{text[1:]} …")
         self.bar.value = 100 * share
 
     def pose(self) -> None:
@@ -215,8 +222,9 @@ class Tab:
                     self.client.gui.add_markdown(plain(state.problem or "Looking for what is missing …"))
                 )
                 return
-            self._listed.append(self.client.gui.add_markdown(plain(f"{missing(state.diagnosis)}.")))
             passing = [f for f in state.diagnosis.findings if f.significant and f.members]
+            told = f"{missing(state.diagnosis)}.{NUMBERS if passing else ''}"
+            self._listed.append(self.client.gui.add_markdown(plain(told)))
             for finding in passing[:SHOWN]:
                 self._offer(finding, state.revision)
 
@@ -226,7 +234,9 @@ class Tab:
         )
         button.on_click(lambda _: self._change(lambda: self.bench.add(finding.members, revision, finding)))
         confused = f" Could also be {listed(finding.confused_with)}." if finding.confused_with else ""
-        text = f"{opened(finding.sentence)}. To be sure, {EFFECTS[finding.effect].confirmed_by}.{confused}"
+        text = (
+            f"{opened(finding.sentence, finding.joints)}. To be sure, {EFFECTS[finding.effect].confirmed_by}.{confused}"
+        )
         self._listed += [button, self.client.gui.add_markdown(plain(text))]
 
     # ------------------------------------------------------------------ doing
