@@ -73,6 +73,8 @@ def matrix(comparison: Comparison) -> Drawing:
         if certain
         else "No condition stands out: the error is about the same everywhere."
     )
+    if np.isnan(ratio).any():
+        reading += " Blank: too few samples to say."
     return drawing(
         "Error under each condition, as a multiple of the joint's average (* more than chance, p < 0.01)",
         reading, figure, 90 + 30 * max(len(order), 2), margin={"l": 116, "r": 8, "t": 10, "b": 70},

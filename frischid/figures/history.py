@@ -54,11 +54,14 @@ def staircase(model: Model, floor: float) -> Drawing:
     figure = go.Figure()
     figure.add_scatter(x=x, y=y, mode="lines", line={"color": BLUE, "width": 3}, name="held-out error")
     figure.add_scatter(
-        x=list(range(len(steps))), y=[s[2] for s in steps], mode="markers+text", showlegend=False,
-        text=[f"{s[2]:.4f}" for s in steps], marker={"size": 8, "color": BLUE}, cliponaxis=False,
-        textposition=[("top center", "bottom center")[crowded and k % 2] for k in range(len(steps))],
-        textfont={"size": 10 if crowded else 12},
+        x=list(range(len(steps))), y=[s[2] for s in steps], mode="markers", showlegend=False,
+        marker={"size": 8, "color": BLUE}, cliponaxis=False,
     )  # fmt: skip
+    for i, (_, _, after) in enumerate(steps):
+        figure.add_annotation(
+            x=i, y=after, text=f"{after:.4f}", textangle=-90 if crowded else 0, yanchor="bottom", yshift=5,
+            showarrow=False, font={"size": 11 if crowded else 12},
+        )  # fmt: skip
     figure.add_scatter(
         x=[-0.5, len(steps) - 0.5], y=[floor, floor], mode="lines", name=f"noise floor {floor:.4f}",
         line={"color": GREEN, "dash": "dash", "width": 2},
@@ -70,7 +73,7 @@ def staircase(model: Model, floor: float) -> Drawing:
         range=[-0.6, max(len(steps), 2) - 0.4],
     )  # fmt: skip
     top = max([floor, *(s[2] for s in steps), *(s[1] or 0.0 for s in steps)], default=1.0)
-    figure.update_yaxes(title_text="NRMSE", range=[0, 1.2 * top])
+    figure.update_yaxes(title_text="NRMSE", range=[0, (1.5 if crowded else 1.2) * top])
     if len(steps) > 1:
         first, last = steps[1][1] or steps[0][2], steps[-1][2]
         added = len(steps) - 1

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import plotly.graph_objects as go
 
-from frischid.figures.style import BLUE, COLOURS, MEASURED, Drawing, drawing, number, plain, short
+from frischid.figures.style import BLUE, COLOURS, MEASURED, Drawing, drawing, number, plain, short, units_of
 from frischid.quality import Quality
 from frischid.robot import Robot
 
@@ -55,7 +55,7 @@ def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -
     figure = go.Figure()
     for i, log in enumerate(logs, start=1):
         figure.add_scatter(
-            x=plain(log.noise[channel]), y=names, mode="markers", showlegend=False, name=f"log {i}",
+            x=plain(log.noise[channel]), y=names, mode="markers", showlegend=False, name=f"log {i}", cliponaxis=False,
             marker={"color": COLOURS[1] if channel == "tau" else BLUE, "size": 9, "line": {"width": 1.5},
                     "symbol": "circle-open" if channel == "tau" else "diamond-open"},
         )  # fmt: skip
@@ -63,5 +63,6 @@ def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -
     figure.update_yaxes(autorange="reversed", automargin=True)
     level = np.nanmedian([q.noise[channel] for q in logs], axis=0)
     k = int(np.nanargmax(level))
-    reading = f"{robot.joints[k]} is the noisiest, {number(level[k], 2)} {unit}. One mark a log, before any filter."
+    own = units_of(bool(robot.prismatic[k]))["load" if channel == "tau" else "q"]
+    reading = f"{robot.joints[k]} is the noisiest, {number(level[k], 2)} {own}. One mark a log, before any filter."
     return drawing(f"White noise of the measured {word}", reading, figure, 140 + 26 * len(names))
