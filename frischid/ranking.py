@@ -205,9 +205,13 @@ def _together(evidence: Evidence, pool: Sequence[Judged], tried: int) -> tuple[l
         if not fresh:
             break
         best = max(fresh, key=lambda pair: pair[1].removed)[0]
+        rest = [c for c, _ in fresh if c is not best]
+        extended = now.extended(best.projection)
+        if not _better(now, extended):
+            continue  # once joints are weighed anew it does harm
         chosen.append(best)
-        rest = [c for c, _ in fresh if c is not best and not _excluded(c, best)]
-        now = now.extended(best.projection)
+        rest = [c for c in rest if not _excluded(c, best)]
+        now = extended
     return _exchanged(evidence, pool, chosen, now)
 
 
@@ -239,10 +243,14 @@ def _exchanged(
         if not scored:
             continue
         best = max(scored, key=lambda pair: pair[1].removed)[0]
-        if best is not chosen[k]:
-            chosen[k] = best
-            full = without.extended(best.projection)
+        if best is not chosen[k] and _better(full, extended := without.extended(best.projection)):
+            chosen[k], full = best, extended
     return chosen, full
+
+
+def _better(before: Evidence, after: Evidence) -> bool:
+    """Whether the held-out error is smaller in all."""
+    return removed(before, before.base_sse(), after.base_sse()) > 0
 
 
 def _extended(evidence: Evidence, chosen: Iterable[Judged]) -> Evidence:
