@@ -27,13 +27,15 @@ Three points:
 All derivatives are differences over ±√3 standard deviations, the nodes of a three-point Gauss-Hermite rule. Torque
 noise is given, or at least `signals.noise_level`, raised until the weighted squares average one (Mandel and Paule
 1970): what the sensors do not explain is counted as torque noise. Filtered rows F Y are corrected by Y(ẑ) − Y(z̃).
-The standard errors are a jackknife over blocks of time, so that correlated residuals are counted.
+The standard errors are a jackknife over blocks of time, so that correlated residuals are counted. States, columns and
+slopes of all samples are needed several times in turns; they are in a `Store`, so that one stretch is in memory.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +44,7 @@ from scipy.optimize import brentq
 from frischid.errors import IdentifiabilityError
 from frischid.estimate import LEAST_BLOCKS, WORST_CONDITION, Estimate
 from frischid.gram import Array, Column
+from frischid.store import Store, Stored
 
 NODE = np.sqrt(3.0)
 BLOCKS = 64
@@ -54,15 +57,15 @@ class Samples:
     Attributes
     ----------
     columns : callable
-        States (M, 3J) -> columns (M, p + 1, R): the p parameters', and the torque known outright.
-    state : ndarray, shape (M, 3J)
-        Measured [q v a].
+        States (M, S) -> columns (M, p + 1, R): the p parameters', and the torque known outright.
+    state : ndarray, shape (M, S)
+        What was measured, such as [q v a].
     Y : ndarray, shape (M, p + 1, R)
         The measured columns of the R torque rows, filtered.
     tau : ndarray, shape (M, R)
         Measured torque, N·m (N).
     used : ndarray of bool, shape (M, R)
-    directions : ndarray, shape (D, 3J)
+    directions : ndarray, shape (D, S)
         Rows l_d with ``Σ_d l_d l_dᵀ`` the covariance of a state's errors.
     ratios : ndarray, shape (D,)
         How many times larger that variance was before the filter: it acted on Y then.
@@ -86,96 +89,102 @@ class Samples:
     torque_given: bool
 
 
-@dataclass(frozen=True, eq=False)
-class _Linear:
-    """Samples linearised at their states: columns and their curvature, J L (M, R, D), dry columns' variance (M, R)."""
-
-    Y: Array
-    C: Array
-    JL: Array
-    extra: Array
-
-
 class _Stretch:
-    """One `Samples` with its current states, as whitened corrections: ``ẑ = z̃ − ε L``."""
+    """One `Samples`, its arrays in a store, with its current states as whitened corrections: ``ẑ = z̃ − ε L``.
 
-    def __init__(self, data: Samples) -> None:
-        self.data = data
-        self.origin = data.columns(data.state)
-        self.epsilon = np.zeros((len(data.state), len(data.directions)))
-        self.here: _Linear | None = None
+    By name there are the measured ``state``, ``tau`` and ``used``; ``offset``, by which the measured columns differ
+    from those at the measured state; ``epsilon`` (M, D); and, linearised at the current state, the columns ``Y`` and
+    their curvature ``C`` (M, p + 1, R), ``JL`` (M, R, D), and the variance ``extra`` (M, R) of the dry columns.
+    """
 
-    def linearise(self, theta: Array, inflation: float) -> _Linear:
+    def __init__(self, data: Samples, store: Store) -> None:
+        self.columns, self.directions, self.ratios, self.dry = data.columns, data.directions, data.ratios, data.dry
+        self.torque, self.torque_given, self.samples = data.torque, data.torque_given, len(data.tau)
+        self._store, self._kept = store, dict[str, Stored]()
+        self["state"], self["tau"], self["used"] = data.state, data.tau, data.used
+        self["offset"] = data.Y - data.columns(data.state)
+        self["epsilon"] = np.zeros((len(data.state), len(data.directions)))
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self._kept[name].read()
+
+    def __setitem__(self, name: str, x: NDArray[Any]) -> None:
+        if name in self._kept:
+            self._kept[name].replace(x)
+        else:
+            self._kept[name] = self._store.put(x)
+
+    def measured(self) -> Array:
+        """The measured columns, filtered, (M, p + 1, R)."""
+        return np.asarray(self["offset"] + self.columns(self["state"]))
+
+    def linearise(self, theta: Array, inflation: float) -> None:
         """Columns at the current states, their slopes and curvature, by differences along the sensors' errors."""
-        data, plus_known = self.data, np.append(theta, 1.0)
-        smooth = np.append(~data.dry, True)
-        z = data.state - self.epsilon @ data.directions
-        centre = data.columns(z)
-        Y = data.Y + (centre - self.origin)
+        plus_known, smooth = np.append(theta, 1.0), np.append(~self.dry, True)
+        z = self["state"] - self["epsilon"] @ self.directions
+        centre = self.columns(z)
+        Y = self["offset"] + centre
         bend, square = np.zeros_like(Y), np.zeros_like(Y[:, :-1])
-        JL = np.zeros((len(z), data.tau.shape[1], len(data.directions)))
+        JL = np.zeros((len(z), Y.shape[2], len(self.directions)))
         C = np.zeros_like(Y)
-        for d, (direction, ratio) in enumerate(zip(data.directions, data.ratios, strict=True)):
-            up, down = data.columns(z + NODE * direction), data.columns(z - NODE * direction)
+        for d, (direction, ratio) in enumerate(zip(self.directions, self.ratios, strict=True)):
+            up, down = self.columns(z + NODE * direction), self.columns(z - NODE * direction)
             JL[:, :, d] = np.einsum("kcr,c->kr", (up - down)[:, smooth], plus_known[smooth]) / (2 * NODE)
             second = (up + down - 2 * centre) / 6.0
             bend += second
             C += ratio * second
             square += (up[:, :-1] ** 2 + down[:, :-1] ** 2 - 2 * centre[:, :-1] ** 2) / 6.0
-        dry = np.flatnonzero(data.dry)
+        dry = np.flatnonzero(self.dry)
         mean = Y[:, dry] + bend[:, dry]
         left = np.maximum(Y[:, dry] ** 2 + square[:, dry] - mean**2, 0.0)
         Y[:, dry] = mean
         extra = np.einsum("kcr,c->kr", left, theta[dry] ** 2)
-        K = JL.swapaxes(1, 2) @ np.linalg.inv(np.linalg.cholesky(self.covariance(JL, extra, inflation))).swapaxes(1, 2)
+        root = np.linalg.cholesky(self.covariance(JL, extra, inflation))
+        K = JL.swapaxes(1, 2) @ np.linalg.inv(root).swapaxes(1, 2)
         for r in range(K.shape[2]):
-            step = K[:, :, r] @ data.directions
-            C -= 0.5 * (data.columns(z + step) + data.columns(z - step) - 2 * centre)
+            step = K[:, :, r] @ self.directions
+            C -= 0.5 * (self.columns(z + step) + self.columns(z - step) - 2 * centre)
         C[:, dry] = 0.0
-        self.here = _Linear(Y, C, JL, extra)
-        return self.here
+        self["Y"], self["C"], self["JL"], self["extra"] = Y, C, JL, extra
 
     def covariance(self, JL: Array, extra: Array, inflation: float) -> Array:
         """Σ_ρ of each sample; unit rows and columns where a row is not used."""
-        data = self.data
-        diagonal = np.where(data.used, inflation * data.torque**2 + extra, 1.0)
-        JL = JL * data.used[:, :, None]
+        used = self["used"]
+        diagonal = np.where(used, inflation * self.torque**2 + extra, 1.0)
+        JL = JL * used[:, :, None]
         return np.asarray(JL @ JL.swapaxes(1, 2) + diagonal[:, :, None] * np.eye(diagonal.shape[1]))
 
     def weights(self, inflation: float) -> Array:
         """Σ_ρ⁻¹, zero on rows not used."""
-        assert self.here is not None
-        W = np.linalg.inv(self.covariance(self.here.JL, self.here.extra, inflation))
-        return np.asarray(W * self.data.used[:, :, None] * self.data.used[:, None, :])
+        W, used = np.linalg.inv(self.covariance(self["JL"], self["extra"], inflation)), self["used"]
+        return np.asarray(W * used[:, :, None] * used[:, None, :])
 
-    def target(self) -> Array:
-        """Torque to fit: ``τ̃ − J(z̃ − ẑ)``, less what is known."""
-        assert self.here is not None
-        shift = np.einsum("krd,kd->kr", self.here.JL, self.epsilon)
-        return np.asarray(self.data.tau - shift - (self.here.Y - self.here.C)[:, -1])
+    def equations(self) -> Array:
+        """Curvature-corrected columns, and last what to fit: ``τ̃ − J(z̃ − ẑ)`` less what is known; (M, p + 1, R)."""
+        corrected = self["Y"] - self["C"]
+        shift = np.einsum("krd,kd->kr", self["JL"], self["epsilon"])
+        corrected[:, -1] = self["tau"] - shift - corrected[:, -1]
+        return np.asarray(corrected)
 
     def residual(self, theta: Array) -> Array:
         """Curvature-corrected ρ of each sample, (M, R)."""
-        assert self.here is not None
-        model = np.einsum("kcr,c->kr", (self.here.Y - self.here.C)[:, :-1], theta)
-        return np.asarray(model - self.target())
+        return np.asarray(np.einsum("kcr,c->kr", self.equations(), np.append(theta, -1.0)))
 
     def correct(self, theta: Array, inflation: float) -> None:
         """Move the states to where the data and θ agree best."""
-        assert self.here is not None
         pull = np.einsum("krs,ks->kr", self.weights(inflation), self.residual(theta))
-        self.epsilon = np.einsum("krd,kr->kd", self.here.JL, pull)
+        self["epsilon"] = np.einsum("krd,kr->kd", self["JL"], pull)
 
 
 def eiv(
-    stretches: Sequence[Samples], columns: Sequence[Column], joints: Sequence[str], iterations: int = 3
+    stretches: Iterable[Samples], columns: Sequence[Column], joints: Sequence[str], iterations: int = 3
 ) -> Estimate:
     """Errors-in-variables estimate of the base parameters.
 
     Parameters
     ----------
-    stretches : sequence of Samples
-        From `frischid.sensitivity.samples`.
+    stretches : iterable of Samples
+        From `frischid.sensitivity.samples`; gone through once, and one of them in memory at a time (see `Store`).
     columns : sequence of Column
         The p base parameters.
     joints : sequence of str
@@ -192,13 +201,14 @@ def eiv(
     IdentifiabilityError
         The data leave some combination of parameters undetermined.
     """
-    names = [c.name for c in columns]
-    floor = 1e-6 * max(float(np.abs(s.tau).max(initial=0.0)) for s in stretches)
-    # a torque without any noise would make Σ_ρ singular
-    parts = [_Stretch(replace(s, torque=np.maximum(s.torque, floor))) for s in stretches]
-    theta = _start(stretches, names)
+    names, store = [c.name for c in columns], Store()
+    parts = [_Stretch(s, store) for s in stretches]
+    largest = max(float(np.abs(part["tau"]).max(initial=0.0)) for part in parts)
+    for part in parts:  # a torque without any noise would make Σ_ρ singular
+        part.torque = np.maximum(part.torque, 1e-6 * largest)
+    theta = _start(parts, names)
     inflation = 1.0
-    given = all(s.torque_given for s in stretches)
+    given = all(part.torque_given for part in parts)
     for _ in range(iterations if given else iterations + 1):
         for part in parts:
             part.linearise(theta, inflation)
@@ -211,10 +221,7 @@ def eiv(
     sums = _equations(parts, inflation)
     covariance = covariance_of(sums, theta)
     A, B = sums.sum(axis=0)[:, :-1], len(sums)
-    left = np.concatenate([s.tau - np.einsum("kcr,c->kr", s.Y, np.append(theta, 1.0)) for s in stretches])
-    used = np.concatenate([s.used for s in stretches])
-    sigma = np.sqrt((left**2 * used).sum(axis=0) / np.maximum(used.sum(axis=0), 1))
-    torque = np.mean([p.data.torque for p in parts], axis=0)
+    torque = np.average([part.torque for part in parts], axis=0, weights=[part.samples for part in parts])
     notes = [f"only {B} blocks of data: standard errors are uncertain"] if B < LEAST_BLOCKS else []
     if inflation > 4.0:
         notes.append(
@@ -226,7 +233,7 @@ def eiv(
         theta=theta,
         covariance=covariance,
         joints=tuple(joints),
-        sigma=sigma,
+        sigma=_spread(parts, theta),
         weights=1.0 / (inflation * torque**2),
         condition=condition,
         estimator="eiv",
@@ -242,27 +249,38 @@ def information_of(A: Array, covariance: Array) -> Array:
     return np.asarray(plain / max(1.0, inflation))
 
 
-def _start(stretches: Sequence[Samples], names: Sequence[str]) -> Array:
+def _start(parts: Sequence[_Stretch], names: Sequence[str]) -> Array:
     """Least squares, torque rows in units of their spread."""
     A: Array = np.zeros((len(names), len(names)))
     b = np.zeros(len(names))
-    spread = np.sqrt(np.mean(np.concatenate([s.tau for s in stretches]) ** 2, axis=0)) + 1e-300
-    for s in stretches:
-        Y = s.Y[:, :-1] * (s.used / spread)[:, None, :]
+    squares = np.sum([(part["tau"] ** 2).sum(axis=0) for part in parts], axis=0)
+    spread = np.sqrt(squares / sum(part.samples for part in parts)) + 1e-300
+    for part in parts:
+        measured = part.measured()
+        Y = measured[:, :-1] * (part["used"] / spread)[:, None, :]
         A += np.tensordot(Y, Y, axes=([0, 2], [0, 2]))
-        b += np.tensordot(Y, (s.tau - s.Y[:, -1]) / spread, axes=([0, 2], [0, 1]))
+        b += np.tensordot(Y, (part["tau"] - measured[:, -1]) / spread, axes=([0, 2], [0, 1]))
     return solve_scaled(A, b, names)[0]
+
+
+def _spread(parts: Sequence[_Stretch], theta: Array) -> Array:
+    """Root mean square residual of each row, states uncorrected, (R,)."""
+    squares, count = np.zeros((2, len(parts[0].torque)))
+    for part in parts:
+        left = part["tau"] - np.einsum("kcr,c->kr", part.measured(), np.append(theta, 1.0))
+        squares += (left**2 * part["used"]).sum(axis=0)
+        count += part["used"].sum(axis=0)
+    return np.asarray(np.sqrt(squares / np.maximum(count, 1)))
 
 
 def _equations(parts: Sequence[_Stretch], inflation: float) -> Array:
     """Normal equations [A b] summed over blocks of time, (B, p, p + 1)."""
-    total = sum(len(p.data.tau) for p in parts)
-    p = len(parts[0].data.dry)
+    total = sum(part.samples for part in parts)
+    p = len(parts[0].dry)
     sums, first = np.zeros((min(BLOCKS, total), p, p + 1)), 0
     for part in parts:
-        assert part.here is not None
-        YW = part.here.Y[:, :-1] @ part.weights(inflation)
-        right = np.concatenate([(part.here.Y - part.here.C)[:, :-1], part.target()[:, None, :]], axis=1)
+        YW = part["Y"][:, :-1] @ part.weights(inflation)
+        right = part.equations()
         block = (first + np.arange(len(YW))) * len(sums) // total
         for number in np.unique(block):
             s = block == number
@@ -306,13 +324,14 @@ def solve_scaled(A: Array, b: Array, names: Sequence[str]) -> tuple[Array, float
 
 def _inflation(parts: Sequence[_Stretch], theta: Array) -> float:
     """Factor on the torque's variance at which the weighted squares of the residuals average one; at least one."""
-    rows = sum(int(p.data.used.sum()) for p in parts)
-    squares = [p.residual(theta) for p in parts]
+    rows = sum(int(part["used"].sum()) for part in parts)
+    for part in parts:
+        part["rho"] = part.residual(theta)
 
     def excess(log_factor: float) -> float:
         weighted = (
-            np.einsum("kr,krs,ks->", r, p.weights(float(np.exp(log_factor))), r)
-            for p, r in zip(parts, squares, strict=True)
+            np.einsum("kr,krs,ks->", part["rho"], part.weights(float(np.exp(log_factor))), part["rho"])
+            for part in parts
         )
         return float(sum(weighted)) / max(1, rows - len(theta)) - 1.0
 

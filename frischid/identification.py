@@ -131,7 +131,7 @@ def identify(
     estimator : {"wls", "ols", "frisch", "sensorwise", "eiv", "iv"}
         Whose values become the model's. ``"frisch"`` is the paper's: the best point in the Frisch box. ``"sensorwise"``
         adds the box of `frischid.sensorwise`, with the sensors' noise limited to what the log shows; ``"eiv"`` and
-        ``"iv"`` are errors-in-variables likelihood and instrumental variables. These three hold all motions in memory.
+        ``"iv"`` are errors-in-variables likelihood and instrumental variables.
     prior : {"auto", "none", "urdf"}
         ``"urdf"``: the URDF's parameters are a prior with a stated uncertainty, as strong as predicts best in
         cross-validation. ``"auto"``: so if the logs are too short to determine the parameters alone and
@@ -536,10 +536,9 @@ def _by_sensors(
 ) -> tuple[Estimate, Box | None]:
     """Estimators that know which sensor the noise comes from."""
     if estimator == "iv":
-        return iv(regressor, list(motions), lowpass, reduction.base, start), None
+        return iv(regressor, motions, lowpass, reduction.base, start), None
     if estimator == "eiv":
-        stretches = samples(regressor, list(motions), lowpass, rows, reduction.base)
-        return eiv(stretches, start.columns, rows), None
+        return eiv(samples(regressor, motions, lowpass, rows, reduction.base), start.columns, rows), None
     names = [c.name for c in start.columns]
     data = sensor_moments(regressor, motions, lowpass, rows, reduction.base, names=names, weights=start.weights)
     found = sensorwise(data, limits=noise_limits(motions, regressor.robot, lowpass))

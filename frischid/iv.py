@@ -26,7 +26,7 @@ nearly so; the recorded reference is better.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,7 +35,7 @@ from frischid.eiv import covariance_of, information_of, solve_scaled
 from frischid.errors import InputError
 from frischid.estimate import LEAST_BLOCKS, Estimate
 from frischid.gram import Array
-from frischid.regressor import MAX_BLOCKS, Regressor
+from frischid.regressor import CHUNK, MAX_BLOCKS, Regressor
 from frischid.robot import Robot
 from frischid.sensitivity import noise_levels, sensors_of
 from frischid.signals import LowPass, Motion
@@ -50,7 +50,7 @@ SETTLED = 1e-2  # change of θ, in standard errors, at which the turns end
 
 def iv(
     regressor: Regressor,
-    motions: Sequence[Motion],
+    motions: Iterable[Motion],
     lowpass: LowPass,
     base: Sequence[int],
     start: Estimate,
@@ -63,7 +63,8 @@ def iv(
     Parameters
     ----------
     regressor : Regressor
-    motions : sequence of Motion
+    motions : iterable of Motion
+        Gone through once a turn and once before; one at a time is in memory.
     lowpass : LowPass
     base : sequence of int
         Columns of the base parameters.
@@ -85,19 +86,25 @@ def iv(
     IdentifiabilityError
         The instruments do not determine some combination of parameters.
     """
-    if references is not None and len(references) != len(motions):
-        raise InputError(f"{len(references)} references given for {len(motions)} motions; give one each")
-    pairs = [
-        _smoothed(m, regressor.robot, lowpass) if references is None else (m, _followed(m, references[i]))
-        for i, m in enumerate(motions)
-    ]
+    durations = [_duration(m, references is None) for m in motions]
+    if references is not None and len(references) != len(durations):
+        raise InputError(f"{len(references)} references given for {len(durations)} motions; give one each")
     theta, notes = start.theta, list(start.notes)
     for _ in range(iterations):
-        simulated = [_simulated(regressor, base, theta, reference) for _, reference in pairs]
-        if any(s is None for s in simulated):
-            notes.append("some mass matrix of the current model is not positive: instruments are the reference itself")
-        instruments = [r if s is None else s for s, (_, r) in zip(simulated, pairs, strict=True)]
-        moments = _cross_moments(regressor, [m for m, _ in pairs], instruments, lowpass, base, start)
+        sums = _CrossMoments(regressor, lowpass, base, start, durations)
+        for number, motion in enumerate(motions):
+            here, reference = (
+                _smoothed(motion, regressor.robot, lowpass)
+                if references is None
+                else (motion, _followed(motion, references[number]))
+            )
+            simulated = _simulated(regressor, base, theta, reference)
+            if simulated is None:
+                notes.append(
+                    "some mass matrix of the current model is not positive: instruments are the reference itself"
+                )
+            sums.add(number, here, reference if simulated is None else simulated)
+        moments = sums.blocks()
         whole = moments.sum(axis=0)
         previous = theta
         theta, condition = solve_scaled(whole[:, :-1], whole[:, -1], [c.name for c in start.columns])
@@ -117,27 +124,58 @@ def iv(
     )
 
 
-def _cross_moments(
-    regressor: Regressor,
-    motions: Sequence[Motion],
-    instruments: Sequence[Motion],
-    lowpass: LowPass,
-    base: Sequence[int],
-    start: Estimate,
-) -> Array:
-    """``Σ_j w_j Z_jᵀ [Y_j τ_j]`` of consecutive blocks of time, (B, p, p + 1)."""
-    index = [regressor.robot.joints.index(n) for n in start.joints]
-    columns = list(base)
-    seconds = max(1.0, sum(m.t[-1] - m.t[0] for m in motions) / MAX_BLOCKS)
-    found = []
-    for motion, instrument in zip(motions, instruments, strict=True):
-        chunk = max(1, round(seconds / motion.step))
-        blocks = (regressor.blocks(m, lowpass, chunk) for m in (motion, instrument))
-        for here, there in zip(*blocks, strict=True):
-            weight = here.used[:, index] * start.weights
-            Y = np.concatenate([here.Y[:, columns], here.tau[:, None, :]], axis=1)[:, :, index]
-            found.append(np.tensordot(there.Y[:, columns][:, :, index] * weight[:, None, :], Y, axes=([0, 2], [0, 2])))
-    return np.array(found)
+class _CrossMoments:
+    """``Σ_j w_j Z_jᵀ [Y_j τ_j]`` of consecutive blocks of time.
+
+    About `MAX_BLOCKS` of equal length, none over two motions, unless these are so many that neighbours share a block.
+    """
+
+    def __init__(
+        self, regressor: Regressor, lowpass: LowPass, base: Sequence[int], start: Estimate, durations: Sequence[float]
+    ) -> None:
+        self.regressor, self.lowpass, self.weights = regressor, lowpass, start.weights
+        self.index = [regressor.robot.joints.index(n) for n in start.joints]
+        self.columns = list(base)
+        self.seconds = max(1.0, sum(durations) / MAX_BLOCKS)
+        self.motions = len(durations)
+        self.sums: dict[tuple[int, int], Array] = {}
+
+    def add(self, number: int, motion: Motion, instrument: Motion) -> None:
+        """Count a motion."""
+        every = self.lowpass.decimation(motion.step)
+        each = max(1, round(self.seconds / motion.step) // every)  # rows of a block
+        first = 0
+        pieces = (self.regressor.blocks(m, self.lowpass) for m in (motion, instrument))
+        for here, there in zip(*pieces, strict=True):
+            weight = here.used[:, self.index] * self.weights
+            Y = np.concatenate([here.Y[:, self.columns], here.tau[:, None, :]], axis=1)[:, :, self.index]
+            Z = there.Y[:, self.columns][:, :, self.index] * weight[:, None, :]
+            block = (first + np.arange(len(Y))) // each
+            for k in np.unique(block):
+                own = block == k
+                alone = (number, int(k)) if self.motions <= MAX_BLOCKS else (number * MAX_BLOCKS // self.motions, 0)
+                self.sums[alone] = self.sums.get(alone, 0.0) + np.tensordot(Z[own], Y[own], axes=([0, 2], [0, 2]))
+            first += len(Y)
+
+    def blocks(self) -> Array:
+        """All of them, (B, p, p + 1)."""
+        return np.array(list(self.sums.values()))
+
+
+def _duration(motion: Motion, smoothed: bool) -> float:
+    """Length of what is used of a motion, s."""
+    half = _half(motion) if smoothed else 0
+    return float(motion.t[len(motion.t) - 1 - half] - motion.t[half])
+
+
+def _half(motion: Motion) -> int:
+    """Samples to either side that make the reference of a sample."""
+    half, N = max(DEGREE + 3, round(SPAN / motion.step)), len(motion.t)
+    if 2 * half + 2 > N:
+        raise InputError(
+            f"{motion.source}: {N} samples are too few to make a reference from; {2 * half + 2} are needed"
+        )
+    return half
 
 
 def _followed(motion: Motion, reference: Trajectory) -> Motion:
@@ -147,12 +185,7 @@ def _followed(motion: Motion, reference: Trajectory) -> Motion:
 
 def _smoothed(motion: Motion, robot: Robot, lowpass: LowPass) -> tuple[Motion, Motion]:
     """The inner part of a motion, and a reference for it made of each sample's neighbours."""
-    half = max(DEGREE + 3, round(SPAN / motion.step))
-    N = len(motion.t)
-    if 2 * half + 2 > N:
-        raise InputError(
-            f"{motion.source}: {N} samples are too few to make a reference from; {2 * half + 2} are needed"
-        )
+    half, N = _half(motion), len(motion.t)
     levels = noise_levels([motion], robot, lowpass)
     sensors = sensors_of(motion, robot, lowpass)
     channels = {"q": motion.q, "v": motion.v, "a": motion.a}
@@ -224,9 +257,13 @@ class _Torque:
         self.regressor, self.theta = regressor, theta
 
     def __call__(self, q: Array, v: Array, a: Array) -> Array:
-        torque = np.einsum("ncj,c->nj", self.regressor(np.zeros(len(q)), q, v, a), self.theta)
-        known = self.regressor.robot.known_torque(q, v, a)
-        return np.asarray(torque if known is None else torque + known)
+        out = np.empty_like(q)
+        for first in range(0, len(q), CHUNK):  # the columns of a whole motion need not be there at once
+            s = slice(first, first + CHUNK)
+            Y = self.regressor(np.zeros(len(q[s])), q[s], v[s], a[s])
+            known = self.regressor.robot.known_torque(q[s], v[s], a[s])
+            out[s] = np.einsum("ncj,c->nj", Y, self.theta) + (0.0 if known is None else known)
+        return out
 
     def mass_and_rest(self, q: Array, v: Array) -> tuple[Array, Array]:
         """M (N, J, J) and h (N, J) with ``τ = M q̈ + h``."""

@@ -43,6 +43,9 @@ CHANNELS = ("q", "v", "a")
 STEP = 0.03
 """Displacement of a sensor for differences, as a share of what its channels span: rms of q̇ and q̈, 1 rad (m) of q."""
 
+STRETCH = 256
+"""Filtered samples that are corrected at once."""
+
 UNIT = np.ones(1)
 SAME = 2e-7  # relative difference of two channels that is rounding of the derivative's weights
 
@@ -249,19 +252,20 @@ def noise_limits(
 
 def samples(
     regressor: Regressor,
-    motions: Sequence[Motion],
+    motions: Iterable[Motion],
     lowpass: LowPass,
     joints: Sequence[str],
     base: Sequence[int],
     *,
     sigma: Mapping[str, float] | None = None,
-) -> list[Samples]:
+) -> Iterator[Samples]:
     """Filtered samples of motions with the errors of their states, for `frischid.eiv`.
 
     Parameters
     ----------
     regressor : Regressor
-    motions : sequence of Motion
+    motions : iterable of Motion
+        Gone through twice; one at a time is in memory.
     lowpass : LowPass
     joints : sequence of str
         Joints whose torque rows are used.
@@ -273,8 +277,8 @@ def samples(
 
     Returns
     -------
-    list of Samples
-        One a chunk of the log.
+    iterator of Samples
+        Of stretches of `STRETCH` filtered samples or a few more, their states [q v a t].
     """
     robot = regressor.robot
     levels = noise_levels(motions, robot, lowpass)
@@ -282,51 +286,77 @@ def samples(
         if name not in levels and name not in {known.split()[0] for known in levels}:
             raise InputError(f"noise is given for '{name}'; sensors of this log are {', '.join(levels)}")
     given = {n: (sigma or {}).get(n, (sigma or {}).get(n.split()[0], level)) for n, level in levels.items()}
+    columns = list(base)
     index = [robot.joints.index(n) for n in joints]
     torque_given = all(f"{TORQUE} {n}" in (sigma or {}) or TORQUE in (sigma or {}) for n in joints)
     dry_effects = {e.id for e in regressor.effects if e.dry}
     dry = np.array([regressor.columns[i].effect in dry_effects for i in base])
     static = Regressor(robot, [e for e in regressor.effects if not e.memory])
-    found = []
-    for motion in motions:
-        filtered = lowpass.taps(motion.step)
-        sensors = sensors_of(motion, robot, lowpass)
-        directions, ratios = _directions(sensors, given, filtered, len(robot.joints))
-        torque = np.array([given[f"{TORQUE} {n}"] for n in joints]) * np.linalg.norm(filtered)
-        for block in regressor.blocks(motion, lowpass):
-            Y = np.concatenate([block.Y[:, list(base)], block.known[:, None, :]], axis=1)[:, :, index]
-            state = np.concatenate([block.q, block.v, block.a], axis=1)
-            tau, used = (block.tau + block.known)[:, index], block.used[:, index]
-            columns = _Columns(static, block, tuple(regressor.columns[i].name for i in base), tuple(index))
-            found.append(Samples(columns, state, Y, tau, used, directions, ratios, torque, dry, torque_given))
-    return found
+    at = _Columns(static, tuple(regressor.columns[i].name for i in base), tuple(index))
+
+    def stretches() -> Iterator[Samples]:
+        for motion in motions:
+            taps = lowpass.taps(motion.step)
+            sensors = sensors_of(motion, robot, lowpass)
+            directions, ratios = _directions(sensors, given, taps, len(robot.joints))
+            torque = np.array([given[f"{TORQUE} {n}"] for n in joints]) * np.linalg.norm(taps)
+            for blocks in _stretches(regressor.blocks(motion, lowpass)):
+                state = [np.concatenate([b.q, b.v, b.a, b.t[:, None]], axis=1) for b in blocks]
+                Y = [np.concatenate([b.Y[:, columns], b.known[:, None]], axis=1)[:, :, index] for b in blocks]
+                tau = [(b.tau + b.known)[:, index] for b in blocks]
+                used = [b.used[:, index] for b in blocks]
+                yield Samples(
+                    at,
+                    np.concatenate(state),
+                    np.concatenate(Y),
+                    np.concatenate(tau),
+                    np.concatenate(used),
+                    directions,
+                    ratios,
+                    torque,
+                    dry,
+                    torque_given,
+                )
+
+    return stretches()
+
+
+def _stretches(blocks: Iterable[Block]) -> Iterator[list[Block]]:
+    """Consecutive blocks of `STRETCH` samples together, the last ones of fewer: at a high rate a block has few."""
+    kept: list[Block] = []
+    for block in blocks:
+        kept.append(block)
+        if sum(len(b.t) for b in kept) >= STRETCH:
+            yield kept
+            kept = []
+    if kept:
+        yield kept
 
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """Base columns, and the torque of known parameters as a last one, at other states of a block.
+    """Base columns, and the torque of known parameters as a last one, at states [q v a t].
 
     Columns that depend on more than the state stay zero: their change with the sensors' noise is not counted.
     """
 
     regressor: Regressor
-    block: Block
     base: tuple[str, ...]
     index: tuple[int, ...]
 
     def __call__(self, state: Array) -> Array:
-        q, v, a = np.split(state, 3, axis=1)
+        q, v, a = np.split(state[:, :-1], 3, axis=1)
         where = {c.name: i for i, c in enumerate(self.regressor.columns)}
         Y = np.zeros((len(q), len(self.base), q.shape[1]))
         kept = [(k, where[name]) for k, name in enumerate(self.base) if name in where]
-        Y[:, [k for k, _ in kept]] = self.regressor(self.block.t, q, v, a)[:, [i for _, i in kept]]
+        Y[:, [k for k, _ in kept]] = self.regressor(state[:, -1], q, v, a)[:, [i for _, i in kept]]
         known = self.regressor.robot.known_torque(q, v, a)
         known = np.zeros_like(q) if known is None else known
         return np.concatenate([Y, known[:, None, :]], axis=1)[:, :, list(self.index)]
 
 
 def _directions(sensors: Sequence[Sensor], sigma: Mapping[str, float], filtered: Array, J: int) -> tuple[Array, Array]:
-    """Square root of the covariance of a filtered state's errors (D, 3J), and the unfiltered variances' ratio to it."""
+    """Root of the covariance of a filtered state's errors (D, 3J + 1), and the unfiltered variances' ratio to it."""
     rows, ratios = [], []
     for sensor in sensors:
         if not sigma[sensor.name] > 0:
@@ -342,6 +372,6 @@ def _directions(sensors: Sequence[Sensor], sigma: Mapping[str, float], filtered:
             if value > 1e-12 * values[-1]:
                 row = np.zeros((3, J))
                 row[:, sensor.joint] = sigma[sensor.name] * np.sqrt(value) * vector
-                rows.append(row.ravel())
+                rows.append(np.append(row, 0.0))  # time is exact
                 ratios.append(float(vector @ raw @ raw.T @ vector / value))
-    return np.array(rows).reshape(-1, 3 * J), np.array(ratios)
+    return np.array(rows).reshape(-1, 3 * J + 1), np.array(ratios)

@@ -1,8 +1,8 @@
 """Arrays that are read again and again: in memory while there are few, beyond that in a temporary file.
 
-A diagnosis goes through its filtered rows some dozens of times. Making them anew would mean reading and preparing the
-logs each time; a file of them is smaller than the logs they come from, is read at the speed of memory, and gives back
-what was written, bit by bit. So results do not depend on where an array is.
+A diagnosis goes through its filtered rows some dozens of times, an errors-in-variables estimate through its corrected
+states. Making them anew would mean reading and preparing the logs each time; a file of them is read at the speed of
+memory, and gives back what was written, bit by bit. So results do not depend on where an array is.
 """
 
 from __future__ import annotations
@@ -11,15 +11,18 @@ import os
 import tempfile
 import threading
 import weakref
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-
-from frischid.gram import Array
+from numpy.typing import NDArray
 
 LIMIT = 64 * 2**20
 """Bytes of all arrays of a store together that stay in memory."""
+
+Values = NDArray[Any]
 
 
 class Store:
@@ -46,27 +49,31 @@ class Store:
             self.left -= size
             return True
 
-    def put(self, x: Array) -> Stored:
+    def put(self, x: Values) -> Stored:
         """Keep an array."""
         if self.takes(x.nbytes):
-            # not a view, which would keep all of what it looks into
-            return Stored(x.shape, x if x.base is None else x.copy())
+            return Stored(x.shape, x.dtype, _own(x))
         with self._lock:
             if self._file is None:
                 self._file, path = tempfile.mkstemp(prefix="frischid-")
                 Path(path).unlink()
                 weakref.finalize(self, os.close, self._file)
             place, self.written = self.written, self.written + x.nbytes
+        self.write(x, place)
+        return Stored(x.shape, x.dtype, None, self, place)
+
+    def write(self, x: Values, place: int) -> None:
+        """Put an array at a place of the file."""
+        assert self._file is not None  # the place was given by `put`
         view = _bytes(np.ascontiguousarray(x))
         done = 0
         while done < len(view):
             done += os.pwrite(self._file, view[done:], place + done)
-        return Stored(x.shape, None, self, place)
 
-    def read(self, shape: tuple[int, ...], place: int) -> Array:
+    def read(self, shape: tuple[int, ...], dtype: np.dtype[Any], place: int) -> Values:
         """An array from the file."""
         assert self._file is not None  # it was written
-        out = np.empty(shape)
+        out = np.empty(shape, dtype)
         view = _bytes(out)
         done = 0
         while done < len(view):
@@ -77,22 +84,67 @@ class Store:
         return out
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Stored:
     """One array, in memory or in the file of a store."""
 
     shape: tuple[int, ...]
-    held: Array | None
+    dtype: np.dtype[Any]
+    held: Values | None
     store: Store | None = None
     place: int = 0
 
-    def read(self) -> Array:
+    def read(self) -> Values:
         """The array itself; not to be written to."""
         if self.held is not None:
             return self.held
         assert self.store is not None  # it is either held or written
-        return self.store.read(self.shape, self.place)
+        return self.store.read(self.shape, self.dtype, self.place)
+
+    def replace(self, x: Values) -> None:
+        """Put another array of the same shape and type in its place."""
+        if self.held is not None:
+            self.held = _own(x)
+        elif self.store is not None:
+            self.store.write(x, self.place)
 
 
-def _bytes(x: Array) -> memoryview:
+class Series:
+    """Arrays (n, ...) of a store that differ in n only, one after the other: 16 bytes in memory for one in the file.
+
+    A diagnosis has some thousand arrays of every motion, and a `Stored` for each would outweigh many a log.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._held: dict[int, Values] = {}
+        self._length, self._place = array("q"), array("q")
+        self._form: tuple[tuple[int, ...], np.dtype[Any]] = (), np.dtype(float)
+
+    def __len__(self) -> int:
+        return len(self._length)
+
+    def append(self, x: Values) -> None:
+        """Keep one more."""
+        kept = self._store.put(x)
+        if kept.held is not None:
+            self._held[len(self)] = kept.held
+        self._form = x.shape[1:], x.dtype
+        self._length.append(len(x))
+        self._place.append(kept.place)
+
+    def __getitem__(self, number: int) -> Values:
+        """One of them; not to be written to."""
+        if number in self._held:
+            return self._held[number]
+        shape, dtype = self._form
+        return self._store.read((self._length[number], *shape), dtype, self._place[number])
+
+
+def _own(x: Values) -> Values:
+    """The array as a file would give it back: no view, which would keep all of what it looks into, and in order."""
+    return x if x.base is None and x.flags.c_contiguous else np.array(x, order="C")
+
+
+def _bytes(x: Values) -> memoryview:
     return x.reshape(-1).view(np.uint8).data

@@ -127,6 +127,23 @@ def test_rows_not_used_do_not_count():
     assert eiv([data], LINE, ["joint"]).theta[0] == pytest.approx(2.0, abs=0.02)
 
 
+def test_where_states_are_kept_changes_nothing(monkeypatch):
+    _, here = estimate(0.02, given=False)
+    monkeypatch.setattr("frischid.store.LIMIT", 0)
+    _, there = estimate(0.02, given=False)
+    np.testing.assert_array_equal(there.theta, here.theta)
+    np.testing.assert_array_equal(there.covariance, here.covariance)
+
+
+def test_the_length_of_stretches_changes_nothing(monkeypatch):
+    _, long = estimate(0.02, given=False)
+    monkeypatch.setattr("frischid.sensitivity.STRETCH", 1)
+    monkeypatch.setattr("frischid.regressor.Regressor.blocks.__defaults__", (50,))
+    _, short = estimate(0.02, given=False)
+    np.testing.assert_allclose(short.theta, long.theta, rtol=1e-10)
+    np.testing.assert_allclose(short.covariance, long.covariance, rtol=1e-7, atol=1e-12 * long.covariance.max())
+
+
 def test_a_column_without_motion_is_named():
     data = spring(np.zeros(100), np.ones(100), 0.0, 1.0)
     with pytest.raises(IdentifiabilityError, match="never excites k"):

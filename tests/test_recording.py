@@ -1,6 +1,7 @@
 """Recordings: read in pieces, nothing lost, nothing counted twice."""
 
 import json
+import tracemalloc
 from itertools import pairwise
 
 import numpy as np
@@ -110,6 +111,35 @@ def test_the_sensor_wise_scheme_reads_recordings():
     )  # fmt: skip
     box, other = whole.model.bounds["sensorwise"], pieces.model.bounds["sensorwise"]
     np.testing.assert_allclose(other.width, box.width, rtol=0.2)
+
+
+@pytest.mark.parametrize("estimator", ["eiv", "iv"])
+def test_estimators_that_correct_states_read_recordings(estimator):
+    log = log_of()
+    options = {"recursion": "none", "estimator": estimator, "effects": fr.BASELINE, "cutoff": 8.0}
+    whole = fr.identify(ROBOT, [log], **options).model.estimate
+    pieces = fr.identify(ROBOT, [recording_of(log, [4000, 8000])], **options).model.estimate
+    assert pieces.estimator == estimator
+    # of every piece the noise is read off anew, and a reference's ends are trimmed
+    assert (np.abs(pieces.theta - whole.theta) < 0.5 * whole.stderr).all()
+
+
+@pytest.mark.parametrize("estimator", ["eiv", "iv"])
+def test_memory_of_such_estimators_does_not_grow(estimator, monkeypatch):
+    monkeypatch.setattr("frischid.store.LIMIT", 0)
+    log, peaks = log_of(20.0), []
+
+    def repeated(times):
+        later = (k * (log.t[-1] + log.t[1]) for k in range(times))
+        return (Log(start + log.t, log.joints, log.q.copy(), tau=log.tau.copy()) for start in later)
+
+    for times in (2, 10):
+        tracemalloc.start()
+        options = {"recursion": "none", "prior": "none", "estimator": estimator, "cutoff": 8.0}
+        fr.identify(ROBOT, [Recording("long", lambda _, n=times: repeated(n))], effects=fr.BASELINE, **options)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert (peaks[1] - peaks[0]) / (8 * len(log)) < 8  # bytes a sample; a filtered state alone has 10, a log 40
 
 
 def test_a_recording_without_motion_is_refused():

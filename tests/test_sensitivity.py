@@ -111,11 +111,12 @@ def test_derived_and_filtered_noise_is_followed_through_the_pipeline():
 def test_states_know_the_covariance_of_their_errors():
     regressor, base, _ = planar()
     motion, lowpass = derived()
-    found = samples(regressor, [motion], lowpass, regressor.robot.joints, base, sigma={"q": 1e-3, "torque": 1.0})
+    plan = (lowpass, regressor.robot.joints, base)
+    found = list(samples(regressor, [motion], *plan, sigma={"q": 1e-3, "torque": 1.0}))
     owner = sensors_of(motion, regressor.robot, lowpass)[0]
     reach = max(len(t) for t in owner.taps.values()) // 2
     errors = 1e-3 * np.random.default_rng(0).normal(size=len(motion.t) + 2 * reach)
-    noisy = samples(regressor, [moved(motion, owner, errors)], lowpass, regressor.robot.joints, base, sigma={"q": 1e-3})
+    noisy = list(samples(regressor, [moved(motion, owner, errors)], *plan, sigma={"q": 1e-3}))
     change = np.concatenate([n.state - f.state for n, f in zip(noisy, found, strict=True)])[:, [0, 2, 4]]
     directions = found[0].directions[:, [0, 2, 4]]
     expected = np.sqrt(np.diag(directions.T @ directions))
