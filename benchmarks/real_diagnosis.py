@@ -76,7 +76,7 @@ def loaded(folder: Path, case: Case, base: fr.Model) -> list[dict[str, Any]]:
 
 def irrelevant(evidence: Evidence, rng: np.random.Generator) -> bool:
     """Whether a column that cannot be true is accepted as an effect on one joint."""
-    row = int(rng.integers(len(evidence.rows)))
+    row = int(rng.integers(len(evidence.joints)))
     effect = Formula((evidence.joints[row],), "t")
     candidate = evidence.data.given(effect, row, [made_up(t, rng) for t in evidence.times])
     found = judged(evidence, [candidate])

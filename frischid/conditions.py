@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from frischid.correlation import correlation_time
 from frischid.gram import Array
 from frischid.model import Model
 from frischid.regressor import Block
@@ -176,20 +177,6 @@ class Residuals:
     def to_dict(self) -> list[dict[str, Any]]:
         """Conditions as plain JSON values."""
         return [vars(c) for c in self.conditions()]
-
-
-def correlation_time(x: Array, most: int = 400) -> float:
-    """Integrated autocorrelation time of a residual, in samples: ``1 + 2 Σ ρ_k`` up to the first ρ_k ≤ 0.05."""
-    x = x - x.mean()
-    n = len(x)
-    if n < 10 or not x.any():
-        return 1.0
-    spectrum = np.fft.rfft(x, 2 * n)
-    rho = np.fft.irfft(np.abs(spectrum) ** 2)[: min(n // 2, most)]
-    rho = rho / rho[0]
-    below = np.flatnonzero(rho <= 0.05)
-    stop = int(below[0]) if len(below) else len(rho)
-    return float(max(1.0, 1 + 2 * rho[1:stop].sum()))
 
 
 def _filter_time(model: Model, step: float) -> float:

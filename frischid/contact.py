@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from frischid.evidence import Evidence
+from frischid.evidence import Evidence, thinned
 from frischid.gram import Array
 
 SMOOTH = 0.25  # s
@@ -27,6 +27,7 @@ SHARE, CONTRAST = 0.5, 10.0  # of the squared residual that is in the bursts; it
 WEAK = 0.03  # of the strongest burst's energy: those below are something else's
 AT_REST = 0.2  # of a joint's rms speed, averaged over a burst's energy
 ROUNDS = 5
+LOOKED_AT = 50_000  # samples of a joint from which its robust unit is taken
 
 
 @dataclass(frozen=True)
@@ -97,9 +98,9 @@ def _stands_out(evidence: Evidence, rest: Evidence) -> bool:
     """Whether most of what the rest's parameters leave is in the bursts, and densely so."""
     whole = outside = 0.0
     for row, spread in enumerate(evidence.spread):
-        whole += float(np.sum(evidence.residual(row, rest.theta) ** 2)) / spread**2
-        outside += float(np.sum(rest.residual(row, rest.theta) ** 2)) / spread**2
-    samples = sum(len(r.tau) for r in evidence.rows), sum(len(r.tau) for r in rest.rows)
+        whole += evidence.squares(row, rest.theta) / spread**2
+        outside += rest.squares(row, rest.theta) / spread**2
+    samples = int(evidence.counts.sum()), int(rest.counts.sum())
     inside = whole - outside
     density = inside / max(samples[0] - samples[1], 1)
     return inside > SHARE * whole and density > CONTRAST * outside / samples[1]
@@ -107,20 +108,24 @@ def _stands_out(evidence: Evidence, rest: Evidence) -> bool:
 
 def _bursts(evidence: Evidence, rest: Evidence, floor: Array) -> list[Contact]:
     """Bursts over all rows under the parameters of the rest, without those that are weak beside the strongest."""
-    residuals = [evidence.residual(row, rest.theta) for row in range(len(evidence.rows))]
-    quiet = [1.4826 * float(np.median(np.abs(x))) for _, x in rest.residuals()]
-    scale = np.maximum(np.maximum(quiet, floor), SMALL * evidence.spread)
+    scale = np.maximum(np.maximum(_quiet(rest), floor), SMALL * evidence.spread)
     found: list[tuple[float, Contact]] = []
     ways = zip(evidence.sources, evidence.times, evidence.speeds(), strict=True)
     for number, (source, t, speed) in enumerate(ways):
-        z = np.zeros((len(t), len(residuals)))
-        for row, rows in enumerate(evidence.rows):
-            before = sum(len(p) for p in rows.picked[:number])
-            keep = rows.picked[number]
-            z[keep, row] = residuals[row][before : before + len(keep)] / scale[row]
+        z = np.zeros((len(t), len(scale)))
+        for row, unit in enumerate(scale):
+            part = evidence.data.part(row, number)
+            z[part.picked, row] = (part.tau - evidence.predicted(part, rest.theta)) / unit
         found += _of_motion(source, t, z**2, speed, evidence.joints)
     strongest = max((energy for energy, _ in found), default=0.0)
     return [contact for energy, contact in found if energy > WEAK * strongest]
+
+
+def _quiet(rest: Evidence) -> list[float]:
+    """Robust standard deviation of each joint's residual, from at most `LOOKED_AT` samples spread evenly."""
+    every = [max(1, -(-n // LOOKED_AT)) for n in rest.counts.sum(axis=0).tolist()]
+    left = [thinned(rest.residuals(row, rest.theta), k) for row, k in enumerate(every)]
+    return [1.4826 * float(np.median(np.abs(x))) for x in left]
 
 
 def _of_motion(

@@ -17,11 +17,11 @@ from scipy import stats
 
 from frischid.conditions import APART
 from frischid.effects import Formula
-from frischid.evidence import Evidence
-from frischid.gram import Array
+from frischid.evidence import Evidence, thinned
 from frischid.ranking import SIGNIFICANCE, Judged, judged
 
 TERMS = 3
+LOOKED_AT = 50_000  # samples whose dependence is tested, at most
 
 
 @dataclass(frozen=True)
@@ -55,22 +55,21 @@ class Description:
 def describe(evidence: Evidence) -> Description:
     """Describe what is left on the joint that is explained worst."""
     row = int(np.argmax(evidence.nrmse(evidence.base_sse())))
-    residual = dict(evidence.residuals())[row]
-    depends = _dependence(evidence, row, residual)
+    depends = _dependence(evidence, row)
     chosen, removed = _formula(evidence, row)
     return Description(evidence.joints[row], depends, tuple(chosen), removed)
 
 
-def _dependence(evidence: Evidence, row: int, residual: Array) -> dict[str, float]:
-    apart = max(1, round(evidence.correlation[row]))
-    variables = evidence.variables(row)
-    if len(residual) // apart < APART:
+def _dependence(evidence: Evidence, row: int) -> dict[str, float]:
+    count = int(evidence.counts[:, row].sum())
+    apart = max(1, round(evidence.correlation[row]), -(-count // LOOKED_AT))
+    if count // apart < APART:
         return {}
+    variables, residual = evidence.variables(row, apart), thinned(evidence.residuals(row, evidence.theta), apart)
     found = {}
     for name, x in variables.items():
-        thin = x[::apart], residual[::apart]
-        if np.ptp(thin[0]) > 0:
-            found[name] = min(1.0, len(variables) * float(stats.chatterjeexi(*thin).pvalue))
+        if np.ptp(x) > 0:
+            found[name] = min(1.0, len(variables) * float(stats.chatterjeexi(x, residual).pvalue))
     return {name: p for name, p in sorted(found.items(), key=lambda item: item[1]) if p < SIGNIFICANCE}
 
 

@@ -263,7 +263,7 @@ def _error(evidence: Evidence) -> float:
 def _frozen(evidence: Evidence) -> float:
     """Mean NRMSE of the model as it is."""
     theta = evidence.model.estimate.theta
-    sse = np.array([[float(np.sum(evidence.residual(row, theta) ** 2)) for row in range(len(evidence.rows))]])
+    sse = np.array([[evidence.squares(row, theta) for row in range(len(evidence.joints))]])
     return float(evidence.nrmse(sse).mean())
 
 
@@ -278,9 +278,9 @@ def explains(evidence: Evidence, rest: Evidence, finding: Finding) -> bool:
 def _inside(evidence: Evidence, rest: Evidence) -> float:
     """Squares over the joints' spread that a model of everything leaves in the stretches left out of `rest`."""
     total = 0.0
-    for row in range(len(evidence.rows)):
-        everywhere, between = (float(np.sum(e.residual(row, evidence.theta) ** 2)) for e in (evidence, rest))
-        total += (everywhere - between) / float(evidence.spread[row]) ** 2
+    for row, spread in enumerate(evidence.spread.tolist()):
+        everywhere, between = (e.squares(row, evidence.theta) for e in (evidence, rest))
+        total += (everywhere - between) / spread**2
     return total
 
 

@@ -21,18 +21,29 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
+from frischid.candidates import Projection
 from frischid.cluster import Workers
-from frischid.conditions import correlation_time
+from frischid.correlation import Correlated
 from frischid.effects import Effect
 from frischid.estimate import Prior
 from frischid.gram import Array
 from frischid.log import Log
 from frischid.model import Model
+from frischid.pieces import Part, Stretch
 from frischid.recording import Recording
-from frischid.rows import Projection, Rows
+from frischid.rows import Rows
 from frischid.signals import Motion
 
 IN_SPAN = 1e-5  # share of a candidate's norm left by the base columns below which it is one of them
+
+
+def thinned(parts: Iterable[Array], every: int) -> Array:
+    """Every so many of the values that come in parts."""
+    kept, passed = [], 0
+    for x in parts:
+        kept.append(x[-passed % every :: every].copy())
+        passed += len(x)
+    return np.concatenate(kept)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +95,8 @@ class Evidence:
 
     def _on(self, data: Rows) -> None:
         """Take these rows."""
-        self.data, self.rows, self.counts = data, data.joints, data.counts
-        self.spread = np.array([r.tau.std() for r in self.rows])
+        self.data, self.counts = data, data.counts
+        self.spread = np.array([Correlated.of(p.tau for p in data.parts(row)).std for row in range(len(self.joints))])
         self.G = data.gram
         added, self._added = self._added, ()
         for candidate in added:
@@ -121,21 +132,19 @@ class Evidence:
         return self.data.sources
 
     @property
-    def times(self) -> list[Array]:
+    def times(self) -> Iterator[Array]:
         """Times of each motion's filtered samples, s."""
         return self.data.times
 
     def _weigh(self) -> None:
         """From the base model's residuals: their spread, correlation time, effective samples."""
-        J = len(self.rows)
-        sigma, self.correlation = self.spread.copy(), np.ones(J)
+        sigma, self.correlation = self.spread.copy(), np.ones(len(self.joints))
         for _ in range(4):
             self.omega = 1.0 / (np.maximum(sigma, 1e-9 * self.spread) ** 2 * self.correlation)
             self.systems = [self._solve(f) for f in (*range(self.folds), None)]
             self.theta = self.systems[-1][1]
-            residuals = [x for _, x in self.residuals()]
-            sigma = np.array([x.std() for x in residuals])
-            self.correlation = np.array([correlation_time(x) for x in residuals])
+            left = [Correlated.of(self.residuals(row, self.theta)) for row in range(len(self.joints))]
+            sigma, self.correlation = np.array([x.std for x in left]), np.array([x.time for x in left])
         self.sigma = sigma
         self.effective = self.counts.sum(axis=0) / self.correlation
 
@@ -160,7 +169,7 @@ class Evidence:
 
     def screened(self, places: Sequence[Sequence[Effect]]) -> list[Sequence[Effect]]:
         """Of the many shapes of each effect those that best fit what is left."""
-        return self.data.screened(places, [x for _, x in self.residuals()], self.omega)
+        return self.data.screened(places, lambda part: part.tau - self.predicted(part, self.theta), self.omega)
 
     def moments(self, candidate: Projection) -> tuple[Mapping[int, Array], Mapping[int, Array]]:
         """Cross moments with [Y τ] and own moments, by joint: (folds, p + 1, k) and (folds, k, k)."""
@@ -178,7 +187,7 @@ class Evidence:
 
     def base_sse(self) -> Array:
         """Held-out sum of squared residuals without any candidate, (folds, J)."""
-        out = np.empty((self.folds, len(self.rows)))
+        out = np.empty((self.folds, len(self.joints)))
         for f in range(self.folds):
             d = np.append(self.systems[f][1], -1.0)
             out[f] = np.einsum("a,jab,b->j", d, self.G[f], d)
@@ -194,7 +203,7 @@ class Evidence:
             candidate.
         """
         moments = [self.moments(c) for c in candidates]
-        sse = np.empty((self.folds, len(self.rows)))
+        sse = np.empty((self.folds, len(self.joints)))
         for f in range(self.folds):
             chosen = self._best(candidates, moments, f)
             if chosen is None:
@@ -259,7 +268,7 @@ class Evidence:
         new._weigh()
         return new
 
-    def without(self, stretches: Sequence[tuple[str, float, float]]) -> Evidence:
+    def without(self, stretches: Sequence[Stretch]) -> Evidence:
         """The same evidence with some stretches of time left out: (source, start, stop) each, s."""
         new = copy(self)
         new._on(self.data.without(stretches))
@@ -282,11 +291,14 @@ class Evidence:
             v = state.v[:, list(self.model.torque_index)]
             yield np.asarray(v / np.maximum(np.sqrt((v**2).mean(axis=0)), 1e-12))
 
-    def variables(self, row: int) -> dict[str, Array]:
-        """What a joint's residual may depend on, at its rows: ``q1``, ``v1``, ``a1``, ..., and t in its log."""
+    def variables(self, row: int, every: int) -> dict[str, Array]:
+        """What a joint's residual may depend on, at every so many of its rows: ``q1``, ``v1``, ``a1``, ..., and t."""
         numbers = [str(self.model.robot.numbers[name]) for name in self.model.robot.joints]
         pieces: dict[str, list[Array]] = {}
-        for state, picked in zip(self.data.sampled(), self.rows[row].picked, strict=True):
+        passed = 0
+        for state, part in zip(self.data.sampled(), self.data.parts(row), strict=True):
+            picked = part.picked[-passed % every :: every]
+            passed += len(part)
             pieces.setdefault("t", []).append(state.t[picked] - state.start)
             for symbol, values in (("q", state.q), ("v", state.v), ("a", state.a)):
                 for number, x in zip(numbers, values.T, strict=True):
@@ -294,13 +306,13 @@ class Evidence:
         return {name: np.concatenate(parts) for name, parts in pieces.items()}
 
     def predicted(
-        self, row: int, theta: Array, candidate: Projection | None = None, beta: Array | None = None
+        self, part: Part, theta: Array, candidate: Projection | None = None, beta: Array | None = None
     ) -> Array:
-        """Torque of a joint's rows, (n,); of parameters (p,), or of those of each row's fold (folds, p).
+        """Torque of some rows, (n,); of parameters (p,), or of those of each row's fold (folds, p).
 
         Parameters
         ----------
-        row : int
+        part : Part
         theta : ndarray, shape (p,) or (folds, p)
         candidate : Projection, optional
         beta : ndarray, shape (k,) or (folds, k), optional
@@ -310,16 +322,16 @@ class Evidence:
         added = [(a, theta[..., start:stop]) for a, start, stop in zip(self._added, ends[:-1], ends[1:], strict=True)]
         if candidate is not None and beta is not None:
             added.append((candidate, beta))
-        return self.data.predicted(row, theta[..., : ends[0]], added)
+        return self.data.predicted(part, theta[..., : ends[0]], added)
 
-    def residual(self, row: int, theta: Array) -> Array:
-        """Residual of a joint's rows under some parameters, (n,)."""
-        return np.asarray(self.rows[row].tau - self.predicted(row, theta))
+    def residuals(self, row: int, theta: Array) -> Iterator[Array]:
+        """Residual of a joint's rows under some parameters, motion by motion, (n,) each."""
+        for part in self.data.parts(row):
+            yield part.tau - self.predicted(part, theta)
 
-    def residuals(self) -> Iterator[tuple[int, Array]]:
-        """Residual of every joint's rows with the parameters fitted to everything."""
-        for row in range(len(self.rows)):
-            yield row, self.residual(row, self.theta)
+    def squares(self, row: int, theta: Array) -> float:
+        """Sum of squared residuals of a joint's rows under some parameters."""
+        return float(sum(x @ x for x in self.residuals(row, theta)))
 
     def block_gains(self, candidate: Projection) -> Array | None:
         """By how much the candidate lowers the squared held-out error, block of time by block of time.
@@ -335,14 +347,14 @@ class Evidence:
         theta = np.stack([self.systems[fold][1] for fold in range(self.folds)])
         changed = theta + np.stack([fit.change for fit in found])
         beta = np.stack([fit.beta for fit in found])
-        blocks = 1 + max(int(r.block.max(initial=0)) for r in self.rows)
-        gain, there = np.zeros(blocks), np.zeros(blocks, bool)
-        weight = self.effective / np.maximum(self.base_sse().sum(axis=0), 1e-300)
-        for row, r in enumerate(self.rows):
-            before = r.tau - self.predicted(row, theta)
-            after = r.tau - self.predicted(row, changed, candidate, beta)
-            gain += np.bincount(r.block, weight[row] * (before**2 - after**2), minlength=blocks)
-            there[r.block] = True
+        gain, there = np.zeros(self.data.blocks), np.zeros(self.data.blocks, bool)
+        weights = self.effective / np.maximum(self.base_sse().sum(axis=0), 1e-300)
+        for row, weight in enumerate(weights):
+            for part in self.data.parts(row):
+                before = part.tau - self.predicted(part, theta)
+                after = part.tau - self.predicted(part, changed, candidate, beta)
+                np.add.at(gain, part.block, weight * (before**2 - after**2))
+                there[part.block] = True
         return np.asarray(gain[there])
 
     @property
@@ -372,7 +384,8 @@ class Evidence:
         effective: Array = np.array(self.effective, dtype=np.float64)
         if fit is None:
             return effective
+        theta, n = self.theta + fit.change, self.counts.sum(axis=0)
         for row in candidate.columns:
-            left = self.rows[row].tau - self.predicted(row, self.theta + fit.change, candidate, fit.beta)
-            effective[row] = max(effective[row], len(left) / correlation_time(left))
+            left = (p.tau - self.predicted(p, theta, candidate, fit.beta) for p in self.data.parts(row))
+            effective[row] = max(effective[row], n[row] / Correlated.of(left).time)
         return effective

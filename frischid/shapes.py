@@ -22,8 +22,8 @@ import numpy as np
 from frischid.diagnosis import Diagnosis, Finding
 from frischid.evidence import Evidence
 from frischid.gram import Array
+from frischid.pieces import Indices
 from frischid.prediction import Prediction
-from frischid.rows import Indices
 
 BINS = 24
 VARIABLES = ("q", "v", "a", "load", "t")
@@ -83,10 +83,17 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
     if fit is None or sum(len(t) for t in evidence.times) != len(prediction.t):
         return None
     best: tuple[float, int, Array, Array] | None = None
-    for row, r in enumerate(evidence.rows):
-        residual = evidence.residual(row, evidence.theta)
-        added = evidence.predicted(row, fit.change, candidate, fit.beta)
-        removed = float((residual**2).sum() - ((residual - added) ** 2).sum()) / max(float((r.tau**2).sum()), 1e-300)
+    for row in range(len(evidence.joints)):
+        parts = [
+            (
+                part.tau,
+                part.tau - evidence.predicted(part, evidence.theta),
+                evidence.predicted(part, fit.change, candidate, fit.beta),
+            )
+            for part in evidence.data.parts(row)
+        ]
+        tau, residual, added = map(np.concatenate, zip(*parts, strict=True))
+        removed = float((residual**2).sum() - ((residual - added) ** 2).sum()) / max(float((tau**2).sum()), 1e-300)
         if best is None or removed > best[0]:
             best = (removed, row, residual, added)
     assert best is not None  # a model has at least one joint
@@ -135,5 +142,5 @@ def correlation_ratio(x: Array, y: Array, bins: int = BINS) -> float:
 def _samples(evidence: Evidence, row: int) -> Indices:
     """Which of all filtered samples, motion after motion, the rows of a joint are."""
     offsets = np.concatenate([[0], np.cumsum([len(t) for t in evidence.times])]).astype(int)
-    picked = evidence.rows[row].picked
-    return np.concatenate([start + keep for start, keep in zip(offsets, picked, strict=False)])
+    parts = evidence.data.parts(row)
+    return np.concatenate([start + part.picked for start, part in zip(offsets, parts, strict=False)])

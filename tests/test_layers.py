@@ -18,7 +18,17 @@ LAYERS = (
     ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance", "recording", "tree"),
     (
         *("regressor", "reduction", "estimate", "deviation", "eiv", "iv", "frisch", "bbrf", "selection", "physical"),
-        *("sensorwise", "sensitivity", "criteria", "envelope", "survey", "belief", "drives", "sharpness"),
+        *(
+            "sensorwise",
+            "sensitivity",
+            "criteria",
+            "envelope",
+            "survey",
+            "belief",
+            "drives",
+            "sharpness",
+            "correlation",
+        ),
     ),
     ("model",),
     ("datasets", "proposal"),
@@ -35,6 +45,8 @@ LAYERS = (
         "prior",
         "ranking",
         "evidence",
+        "pieces",
+        "candidates",
         "rows",
         "contact",
         "description",
@@ -63,6 +75,7 @@ NUMERIC = (
     "criteria",
     "physical",
     "drives",
+    "correlation",
 )
 LAYER = {module: k for k, layer in enumerate(LAYERS) for module in layer}
 

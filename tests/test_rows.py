@@ -97,15 +97,16 @@ def test_moments_with_a_candidate_are_those_of_the_rows_with_its_columns():
         assert len(both.signs) == 2
         now = start.extended(both).extended(play)
         base, k = len(start.theta), 3
-        for row, r in enumerate(now.rows):
-            unit = np.eye(base + k)
-            Z = np.column_stack([*(now.predicted(row, e) for e in unit), r.tau])
-            for fold in range(now.folds):
-                own = Z[r.fold == fold]
-                np.testing.assert_allclose(now.G[fold, row], own.T @ own, rtol=1e-9, atol=1e-9 * np.abs(Z).max() ** 2)
+        for row in range(len(now.joints)):
+            found = np.zeros_like(now.G[:, row])
+            for part in now.data.parts(row):
+                Z = np.column_stack([*(now.predicted(part, e) for e in np.eye(base + k)), part.tau])
+                for fold, own in part.folds:
+                    found[fold] += Z[own].T @ Z[own]
+            np.testing.assert_allclose(now.G[:, row], found, rtol=1e-9, atol=1e-9 * np.abs(found).max())
         np.testing.assert_allclose(now.counts, start.counts)
         gains = start.block_gains(spring)
-        assert len(gains) == len(np.unique(np.concatenate([r.block for r in start.rows])))
+        assert len(gains) == len(np.unique(np.concatenate([p.block for row in (0, 1) for p in start.data.parts(row)])))
         assert gains.sum() > 0
 
 
