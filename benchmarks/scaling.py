@@ -4,6 +4,7 @@ Each case is a process of its own, so that its peak of resident memory is its ow
 up while it is read: a periodic motion, its torque, and fresh noise on both, so nothing of its length is ever in memory
 or on a disk. Times are processor time, reading (making up) included; identify goes through the recording twice. To
 diagnose two recordings are given, one to predict the other from; the effects tried are the first of the catalogue.
+Estimators that know the sensors go through the recording several times.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -39,17 +40,22 @@ def main() -> None:
     arguments.add_argument("--joint-samples", type=float, default=1e5, help="samples of the robots of other sizes")
     arguments.add_argument("--candidates", type=int, nargs="*", default=[1, 5, 10, 0], help="effects tried, 0 for all")
     arguments.add_argument("--diagnosed", type=float, nargs="*", default=[1e4, 1e5], help="samples diagnosed")
+    arguments.add_argument("--estimators", nargs="*", default=["sensorwise", "eiv", "iv"], help="that know the sensors")
+    arguments.add_argument("--estimated", type=float, nargs="*", default=[1e5, 1e6], help="samples they are given")
     arguments.add_argument("--case", help="run one case, JSON [what, ...]; what the processes are started with")
     options = arguments.parse_args()
     if options.case:
         what, first, samples = json.loads(options.case)
-        print(json.dumps(case(first, int(samples)) if what == "joints" else diagnosed(first, int(samples))))
+        kinds: dict[str, Callable[[Any, int], dict[str, Any]]]
+        kinds = {"joints": case, "candidates": diagnosed, "estimator": estimated}
+        print(json.dumps(kinds[what](first, int(samples))))
         return
     wanted = [(6, n) for n in options.samples] + [(j, options.joint_samples) for j in options.joints]
     rows = [run("joints", joints, samples) for joints, samples in dict.fromkeys(wanted)]
     asked = [(k, options.diagnosed[0]) for k in options.candidates if options.diagnosed]
     asked += [(0, n) for n in options.diagnosed]
     tried = [run("candidates", k, n) for k, n in dict.fromkeys(asked)]
+    sensors = [run("estimator", kind, n) for kind in options.estimators for n in options.estimated]
     longest = max((row for row in rows if row["joints"] == 6), key=lambda row: row["samples"])
     reached = "yes" if longest["peak MiB"] < LIMIT else "NO"
     notes = [f"{longest['samples']:.0e} samples in {longest['peak MiB']:.0f} MiB (target {LIMIT}): {reached}"]
@@ -57,9 +63,12 @@ def main() -> None:
     if tried:
         path = options.json and options.json.with_stem(options.json.stem + "_diagnose")
         publish("diagnose, UR10, two recordings", tried, path)
+    if sensors:
+        path = options.json and options.json.with_stem(options.json.stem + "_estimators")
+        publish("estimators that know the sensors, UR10", sensors, path)
 
 
-def run(what: str, first: int, samples: float) -> dict[str, Any]:
+def run(what: str, first: int | str, samples: float) -> dict[str, Any]:
     """One case in a process of its own."""
     command = [sys.executable, __file__, "--case", json.dumps([what, first, samples])]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -96,6 +105,16 @@ def case(joints: int, samples: int) -> dict[str, Any]:
         "MiB at start": started,
         "peak MiB": resident(),
     }
+
+
+def estimated(estimator: str, samples: int) -> dict[str, Any]:
+    """Identify by an estimator that knows the sensors; µs a sample, and the peak of memory."""
+    robot = fr.Robot.load(ROBOTS[6])
+    start = time.process_time()
+    options: dict[str, Any] = {"cutoff": CUTOFF, "recursion": "none", "estimator": estimator}
+    fr.identify(robot, [made_up(robot, samples)], effects=fr.BASELINE, **options)
+    seconds = time.process_time() - start
+    return {"estimator": estimator, "samples": samples, "µs a sample": 1e6 * seconds / samples, "peak MiB": resident()}
 
 
 def diagnosed(kinds: int, samples: int) -> dict[str, Any]:

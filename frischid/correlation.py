@@ -33,7 +33,7 @@ class Correlated:
     """
 
     def __init__(self, lags: int = LAGS) -> None:
-        self.count, self.total, self.any = 0, 0.0, False
+        self.count, self.total = 0, 0.0
         self.products = np.zeros(lags)  # Σ x_i x_{i−k}
         self._first, self._last = np.empty(0), np.empty(0)
         self._shift: float | None = None
@@ -50,7 +50,7 @@ class Correlated:
         """Go on by some samples."""
         if not len(x):
             return
-        lags, self.any = len(self.products), self.any or bool(x.any())
+        lags = len(self.products)
         if self._shift is None:
             self._shift = float(x.mean())  # near the mean of all, so that squares lose no digits
         x = x - self._shift
@@ -81,7 +81,7 @@ class Correlated:
     def time(self) -> float:
         """Integrated autocorrelation time ℓ, in samples."""
         c = self.covariances
-        if self.count < FEWEST or not self.any or not c[0] > 0:
+        if self.count < FEWEST or not c[0] > 0:
             return 1.0
         rho = c[: self.count // 2] / c[0]
         below = np.flatnonzero(rho <= LOST)

@@ -82,7 +82,7 @@ class Rows:
             times.append(block.t)
             used.append(block.used)
             for parts, columns, j in zip(Z, self._columns, index, strict=True):
-                parts.append(block.Z[block.used[:, j]][:, columns, j])
+                parts.append(block.Z[:, columns, j][block.used[:, j]])
         moving = np.concatenate(used)
         return Piece(
             len(self._pieces),
