@@ -41,7 +41,7 @@ def main() -> None:
     arguments.add_argument("--candidates", type=int, nargs="*", default=[1, 5, 10, 0], help="effects tried, 0 for all")
     arguments.add_argument("--diagnosed", type=float, nargs="*", default=[1e4, 1e5], help="samples diagnosed")
     arguments.add_argument("--estimators", nargs="*", default=["sensorwise", "eiv", "iv"], help="that know the sensors")
-    arguments.add_argument("--estimated", type=float, nargs="*", default=[1e5, 1e6], help="samples they are given")
+    arguments.add_argument("--estimated", type=float, nargs="*", default=[1e5, 3e5], help="samples they are given")
     arguments.add_argument("--case", help="run one case, JSON [what, ...]; what the processes are started with")
     options = arguments.parse_args()
     if options.case:
