@@ -31,6 +31,7 @@ AHEAD = (0.002, 0.01)  # widths with which they are tried, rad/s (m/s): what loo
 BETWEEN = (0.65, 0.8, 0.95, 1.25, 1.5)  # of the best of these
 SAMPLE = 6000  # samples that are looked at
 OVER = 20.0  # times the cut-off: the rate of samples that is enough
+LEAST = 1e-30  # a dead torque's variance, which has a logarithm
 DECISIVE = 0.98  # share of a simpler one's error below which a wider sign, or a lead, is worth it
 
 
@@ -136,5 +137,6 @@ def _errors(
         variance = cross_validated(chosen, wls(chosen))
         whole = total(chosen)
         # The mean of logarithms, as in the likelihood of joints that each have noise of their own.
-        found[member] = float(np.exp(0.5 * np.mean(np.log(variance / (whole.torque_ss() / whole.counts)))))
+        left = np.maximum(variance / np.maximum(whole.torque_ss() / whole.counts, LEAST), LEAST)
+        found[member] = float(np.exp(0.5 * np.mean(np.log(left))))
     return found
