@@ -23,7 +23,7 @@ HIGH, LOW = 30.0, 6.0  # squared robust units at which a burst is seen and where
 SMALL = 0.004  # of a joint's torque: its robust unit is not taken smaller, or every reversal is a burst
 AROUND = 0.1  # s left out on both sides of a burst, where it fades below the noise
 LONGEST, MOST = 0.3, 4  # share of a log that may be bursts, and how many of them; more is not an event
-SHARE, CONTRAST = 0.5, 10.0  # of the squared residual that is in the bursts; its density there over that elsewhere
+SHARE, CONTRAST = 0.5, 10.0  # of the squares above the noise that are in the bursts; their density there over elsewhere
 WEAK = 0.03  # of the strongest burst's energy: those below are something else's
 AT_REST = 0.2  # of a joint's rms speed, averaged over a burst's energy
 ROUNDS = 5
@@ -81,7 +81,7 @@ def find_contacts(evidence: Evidence, floor: Array) -> list[Contact]:
             break
         found = new
         rest = evidence.without(stretches(found))
-    return found if _stands_out(evidence, rest) else []
+    return found if _stands_out(evidence, rest, floor) else []
 
 
 def _events(evidence: Evidence, found: Sequence[Contact]) -> bool:
@@ -94,16 +94,17 @@ def _events(evidence: Evidence, found: Sequence[Contact]) -> bool:
     return bool(found)
 
 
-def _stands_out(evidence: Evidence, rest: Evidence) -> bool:
-    """Whether most of what the rest's parameters leave is in the bursts, and densely so."""
+def _stands_out(evidence: Evidence, rest: Evidence, floor: Array) -> bool:
+    """Whether most of what the rest's parameters leave above the noise is in the bursts, and densely so."""
     whole = outside = 0.0
     for row, spread in enumerate(evidence.spread):
         whole += evidence.squares(row, rest.theta) / spread**2
         outside += rest.squares(row, rest.theta) / spread**2
     samples = int(evidence.counts.sum()), int(rest.counts.sum())
     inside = whole - outside
+    noise = float((evidence.counts.sum(axis=0) * (floor / evidence.spread) ** 2).sum())
     density = inside / max(samples[0] - samples[1], 1)
-    return inside > SHARE * whole and density > CONTRAST * outside / samples[1]
+    return inside > SHARE * (whole - noise) and density > CONTRAST * outside / samples[1]
 
 
 def _bursts(evidence: Evidence, rest: Evidence, floor: Array) -> list[Contact]:
