@@ -33,7 +33,7 @@ DERIVATIVE_BAND = 5.0  # derivatives pass this many times the cut-off; beyond it
 QUARTIC = 4
 VELOCITIES = ("auto", "measured", "derived")
 CREEPING = 0.01  # a joint slower than this for a while is not under way, rad/s (m/s)
-UNMOVED, PAUSE = 0.2, 0.1  # share of the acceleration before and after, and time, s: rest between two motions
+UNMOVED, PAUSE = 0.2, 0.1  # share of the acceleration before and after, and least time, s: rest between two motions
 ALIKE = 1e-3  # of the acceleration: measured and derived ones that differ by less are the same
 LATE_VELOCITY = 0.05  # measured q̇ that differs from dq/dt by more than this share is not used
 
@@ -149,15 +149,15 @@ def noise_level(x: Array) -> Array:
     return np.asarray(np.where(spread > 0, spread, np.std(fourth, axis=0)))
 
 
-def standstill(q: Array, v: Array, a: Array, step: float) -> NDArray[np.bool_]:
+def standstill(q: Array, v: Array, a: Array, step: float, pause: float = PAUSE) -> NDArray[np.bool_]:
     """Joints that hold their position, or stop and go on without reversing.
 
     Dry friction at rest takes any value up to break-away, whatever the speed's noise says; a model with Coulomb
     friction makes no prediction there. A joint holds its position when it travels less than `STILL` within half a
     second around the sample. It stops where it creeps (slower than `CREEPING`, or than a fiftieth of its usual speed
     if that is less) and slows to a fifth of that, unless the stretch is short and the joint turns round in it: a
-    reversal is motion, and says most about friction. It has rested before it turned when it was not accelerated for a
-    while.
+    reversal is motion, and says most about friction. It has rested before it turned when it was hardly accelerated for
+    as long as `pause`, s: less than a period of the filter's cut-off is blurred into the motion before and after.
     """
     window = 2 * round(0.25 / step) + 1
     travel = ndimage.maximum_filter1d(q, window, axis=0) - ndimage.minimum_filter1d(q, window, axis=0)
@@ -169,18 +169,18 @@ def standstill(q: Array, v: Array, a: Array, step: float) -> NDArray[np.bool_]:
             slow = part[0]
             inner = slow.start > 0 and slow.stop < len(v)
             reverses = inner and v[slow.start - 1, j] * v[slow.stop, j] < 0
-            brief = (slow.stop - slow.start) * step < 0.5 and not _rests(a[:, j], slow, step)
+            brief = (slow.stop - slow.start) * step < 0.5 and not _rests(a[:, j], slow, step, pause)
             if np.abs(v[slow, j]).min() < creeping / 5 and not (reverses and brief):
                 still[slow, j] = True
     return still
 
 
-def _rests(a: Array, slow: slice, step: float) -> bool:
-    """Whether a joint that creeps is hardly accelerated for `PAUSE`; one that turns round is accelerated most there."""
+def _rests(a: Array, slow: slice, step: float, pause: float) -> bool:
+    """Whether a joint that creeps is hardly accelerated for a while; one that turns round is accelerated most there."""
     around = round(0.25 / step)
     most = np.abs(a[max(0, slow.start - around) : slow.stop + around]).max()
     runs, _ = ndimage.label(np.abs(a[slow]) < UNMOVED * most)
-    return bool(np.bincount(runs)[1:].max(initial=0) * step >= PAUSE)
+    return bool(np.bincount(runs)[1:].max(initial=0) * step >= pause)
 
 
 def derivative_taps(order: int, step: float, cutoff: float | None) -> Array:
@@ -370,7 +370,8 @@ def _motion(log: Log, lowpass: LowPass, velocity: str, begin: float) -> tuple[Mo
     if velocity != "derived":
         use_a = log.has("a") if velocity == "measured" else source.better(a[inside])
         keep_a = np.where(use_a, a[inside], keep_a)
-    still = standstill(q[inside], keep_v, source.a, step)
+    pause = PAUSE if lowpass.cutoff is None else max(PAUSE, 1.0 / lowpass.cutoff)
+    still = standstill(q[inside], keep_v, source.a, step, pause)
     extra = {name: np.interp(t[inside], log.t, values) for name, values in log.extra.items()}
     return Motion(
         t[inside], q[inside], keep_v, keep_a, tau[inside], still, log.source, begin, extra, (use_v, use_a)
