@@ -73,11 +73,20 @@ class Tab:
         gui.main_panel.set_width(WIDTH)
         self._curves(gui, joints, worst)
         self._work(gui, joints)
-        self.stage = Stage(client, bench, track, self._choose, self.phone)
-        self._drawn: State | None = None
-        self._headline(bench.state)
-        self.pose()
-        self.refresh()
+        with self._lock:
+            self._drawn = bench.state
+            # Words and curves first: without a GPU a browser takes seconds to draw the robot.
+            self._headline(self._drawn)
+            self._torque()
+            client.flush()
+            self.stage = Stage(client, bench, track, self._choose, self.phone)
+            self.pose()
+            self._stairs(self._drawn)
+            # What is out of sight at first must not keep the browser from drawing what is in sight.
+            client.flush()
+            time.sleep(GLANCE)
+            self._elsewhere(self._drawn)
+            self._list(self._drawn)
 
     # ------------------------------------------------------------------ what is on the page
 
@@ -143,20 +152,22 @@ class Tab:
             if state is before:
                 return
             self._drawn = state
-            if before is None or before.revision != state.revision:
+            if before.revision != state.revision:
                 self._headline(state)
                 self._torque()
-                self._show(self.stairs, figures.staircase(state.model, state.comparison.noise_floor))
-                if before is None:
-                    # What is out of sight at first must not keep the browser from drawing what is in sight.
-                    self.client.flush()
-                    time.sleep(GLANCE)
-                self._show(self.matrix, figures.matrix(state.comparison))
-                self._residual()
-                self.undo.disabled = state.model.previous is None
-                if before is not None:
-                    self.pose()
+                self._stairs(state)
+                self._elsewhere(state)
+                self.pose()
             self._list(state)
+
+    def _stairs(self, state: State) -> None:
+        self._show(self.stairs, figures.staircase(state.model, state.comparison.noise_floor))
+
+    def _elsewhere(self, state: State) -> None:
+        """Show what is on the tabs behind the first."""
+        self._show(self.matrix, figures.matrix(state.comparison))
+        self._residual()
+        self.undo.disabled = state.model.previous is None
 
     def progress(self, text: str, share: float) -> None:
         """Show what the bench is doing; an empty text when it is doing nothing."""
@@ -243,7 +254,7 @@ class Tab:
 
     def _revision(self) -> int:
         """Of the state this tab shows, which a click is meant for."""
-        return -1 if self._drawn is None else self._drawn.revision
+        return self._drawn.revision
 
     def _change(self, job: Callable[[], Any]) -> None:
         """Change the model, then look for what is missing next."""
