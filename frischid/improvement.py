@@ -85,7 +85,8 @@ def add(
         before, after = (compare(m, valid or logs).nrmse for m in (model, new))
         measured_on = "held out" if valid else "the fitted logs, with the model as it was and as it is"
     else:
-        before, after = (_cross_validated(m) for m in (_refitted(model, model.effects, logs, situation), new))
+        known, after = _known_error(model, logs), _cross_validated(new)
+        before = _cross_validated(_refitted(model, model.effects, logs, situation)) if known is None else known
         measured_on = "cross-validated on the fitted logs"
     event: dict[str, Any] = {
         "action": "add",
@@ -100,6 +101,8 @@ def add(
         ],
         "held_out_logs": [{"source": log.source, "sha256": log.identity} for log in valid],
     }
+    if not valid and situation != "changed":
+        event["cross_validated_nrmse"] = after
     new = replace(new, history=(*model.history, event), previous=model)
     return Step(new, effects[0], before, after, measured_on, finding)
 
@@ -198,6 +201,14 @@ def undo(model: Model) -> Model:
 
 def _cross_validated(model: Model) -> float:
     return float(model.history[-1]["cross_validated_nrmse"])
+
+
+def _known_error(model: Model, logs: Sequence[Log | Recording]) -> float | None:
+    """Cross-validated error on these very logs, if the model's last step measured it there."""
+    last = model.history[-1] if model.history else {}
+    same = [x["sha256"] for x in last.get("logs", ())] == [log.identity for log in logs]
+    known = last.get("cross_validated_nrmse") if same and model.estimate.estimator == "wls" else None
+    return None if known is None else float(known)
 
 
 def _refitted(
