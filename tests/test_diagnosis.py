@@ -120,6 +120,22 @@ def test_improve_takes_steps_that_can_be_undone():
         undo(final)
 
 
+def test_the_error_before_is_the_last_steps_where_it_was_measured_on_the_same_logs(monkeypatch):
+    hidden = "asymmetric_viscous@wrist_1_joint, joint_spring@wrist_2_joint"
+    logs = [log_of(1, hidden, fva4=1.0, ks5=1.0)]
+    model = identify(UR5, logs, recursion="none").model
+    fits = []
+    monkeypatch.setattr("frischid.improvement.identify", lambda *a, **k: fits.append(a) or identify(*a, **k))
+    first = add(model, parse_effects("asymmetric_viscous@wrist_1_joint"), logs)
+    second = add(first.model, parse_effects("joint_spring@wrist_2_joint"), logs)
+    assert len(fits) == 2
+    assert first.error_before == model.history[-1]["cross_validated_nrmse"]
+    assert second.error_before == first.error_after > second.error_after
+    other = add(model, parse_effects("asymmetric_viscous@wrist_1_joint"), [log_of(3, hidden, fva4=1.0, ks5=1.0)])
+    assert len(fits) == 4
+    assert other.error_before != first.error_before
+
+
 def test_names_that_do_not_exist():
     with pytest.raises(UnknownNameError, match="stribeck"):
         diagnose(healthy(), [log_of(1)], effects=["stribek"])
