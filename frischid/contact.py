@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from frischid.evidence import Evidence, thinned
+from frischid.evidence import LOOKED_AT, Evidence, thinned
 from frischid.gram import Array
 
 SMOOTH = 0.25  # s
@@ -27,7 +27,6 @@ SHARE, CONTRAST = 0.5, 10.0  # of the squares above the noise that are in the bu
 WEAK = 0.03  # of the strongest burst's energy: those below are something else's
 AT_REST = 0.2  # of a joint's rms speed, averaged over a burst's energy
 ROUNDS = 5
-LOOKED_AT = 50_000  # samples of a joint from which its robust unit is taken
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,10 @@ from scipy import stats
 
 from frischid.conditions import APART
 from frischid.effects import Formula
-from frischid.evidence import Evidence, thinned
+from frischid.evidence import LOOKED_AT, Evidence, thinned
 from frischid.ranking import SIGNIFICANCE, Judged, judged
 
 TERMS = 3
-LOOKED_AT = 50_000  # samples whose dependence is tested, at most
 
 
 @dataclass(frozen=True)

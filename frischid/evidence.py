@@ -34,6 +34,7 @@ from frischid.recording import Recording
 from frischid.rows import Rows
 from frischid.signals import Motion
 
+LOOKED_AT = 50_000  # rows of a joint, spread evenly, on which medians and dependences are judged
 IN_SPAN = 1e-5  # share of a candidate's norm left by the base columns below which it is one of them
 
 
