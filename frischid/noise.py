@@ -6,12 +6,13 @@ through sensors as noisy as the log's own; the model's error on that is the floo
     floor_j² = ‖F (τ̂(q, q̇, q̈) − τ̂(q + n_q, q̇ + n_q̇, q̈ + n_q̈))_j‖² / N  +  s_j² ‖h‖²
 
 where n are draws of the channels' own noise (`noise_level`), derived q̇ and q̈ get that of the positions through the
-differentiator, h are the filter's taps, and s_j² is the torque's noise *next to* the filter's band: drives' noise is
-seldom white, and the part of it that the filter passes is what counts (`level_near`). It contains noise of positions
-that reaches the torque through the accelerations, and reversals that noise moves or makes a model smooth (the second
-τ̂ has the model's own friction or a sharp one, whichever is nearer). A robot whose friction is as smooth as the model's
-has a lower floor; which it is, the error itself says. What wanders as slowly as the motion cannot be told from physics,
-and counts as unexplained.
+differentiator, h are the filter's taps, and s_j² is the torque's noise *within* the filter's band: drives' noise is
+seldom white, and the part of it that the filter passes is what counts. Motion hides it there; it is measured in the
+octaves above the band, and carried on into it (`level_within`). The floor contains noise of positions that reaches the
+torque through the accelerations, and reversals that noise moves or makes a model smooth (the second τ̂ has the model's
+own friction or a sharp one, whichever is nearer). A robot whose friction is as smooth as the model's has a lower floor;
+which it is, the error itself says. What wanders as slowly as the motion cannot be told from physics, and counts as
+unexplained.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 
 from frischid.effects import State, columns_of
 from frischid.gram import Array
@@ -32,7 +34,17 @@ SEED = 0  # of the draws: the same log gives the same floor
 SAMPLES = 12_000  # of one motion, from its middle, on which draws are made
 EACH = 16  # motions that are all looked at; of later ones the 32nd, 64th, ... stand for the rest
 SHARP = 1e-4  # width of dry friction's sign that is as good as none, rad/s (m/s)
-NEAR = 3.0  # times the cut-off: where the noise next to the filter's band is looked at
+OCTAVES = 4  # above the cut-off in which noise is looked at
+ABOVE = 1.5  # times the middle of an octave: what is above is not looked at
+CORNERS = (
+    80.0,
+    56.0,
+    40.0,
+    28.0,
+    20.0,
+    14.0,
+    10.0,
+)  # Hz, of noise with a memory: slower ones may be physics
 SIXTH = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
 
 
@@ -65,7 +77,7 @@ class NoiseFloor:
 
     def _of(self, motion: Motion) -> Array:
         index, taps = self.model.torque_index, self.model.lowpass.taps(motion.step)
-        level = level_near(motion.tau[:, index], motion.v[:, index], motion.step, self.model.lowpass)
+        level = level_within(motion.tau[:, index], motion.v[:, index], motion.step, self.model.lowpass)
         return np.asarray((level * np.linalg.norm(taps)) ** 2 + _through_the_motion(self.model, motion))
 
     def under(self, rmse: Array) -> Array:
@@ -77,12 +89,13 @@ class NoiseFloor:
         return np.asarray(np.maximum(smooth, np.minimum(sharp, rmse)))
 
 
-def level_near(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
-    """Standard deviation of white noise as strong as that of torques just above a filter's cut-off.
+def level_within(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
+    """Standard deviation of white noise as strong as that of torques within a filter's band, judged from above it.
 
-    Sixth differences over a lag of a quarter of the cut-off's period pass the band around twice the cut-off, and next
-    to nothing of a motion ten times slower than the cut-off. Moments that see the joint turn round are left out, for
-    dry friction jumps there, and the median is not fooled by other jerks.
+    Sixth differences over a lag of a quarter of the cut-off's period pass the octave around twice the cut-off, and next
+    to nothing of a motion ten times slower than the cut-off; half that lag passes the octave above, and so on. Moments
+    that see the joint turn round are left out, for dry friction jumps there, and the median is not fooled by other
+    jerks. Noise falls from octave to octave as white noise and noise with a memory do, W + L/(1 + (f/f₀)²).
 
     Parameters
     ----------
@@ -98,12 +111,22 @@ def level_near(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
     """
     if lowpass.cutoff is None:
         return noise_level(x)
-    lag = max(1, round(1 / (4 * lowpass.cutoff * step)))
+    lags = dict.fromkeys(max(1, round(0.25 / (2**k * lowpass.cutoff * step))) for k in range(OCTAVES))
+    found = [(0.5 / (lag * step), power) for lag in lags if (power := _power(x, v, step, lag)) is not None]
+    if not found:
+        return noise_level(x)
+    centres, powers = zip(*found, strict=True)
+    return np.asarray(np.sqrt(_carried_on(np.array(centres), np.array(powers), lowpass.cutoff)))
+
+
+def _power(x: Array, v: Array, step: float, lag: int) -> Array | None:
+    """Variance of white noise as strong as that of torques around 1 / (2 lag step), (J,); None: too few samples."""
     differences = np.zeros(6 * lag + 1)
     differences[::lag] = SIXTH
-    both = np.convolve(LowPass(NEAR * lowpass.cutoff).taps(step), differences)
+    cutoff = ABOVE / (2 * lag * step)
+    both = np.convolve(LowPass(cutoff).taps(step), differences) if cutoff < 0.45 / step else differences
     if len(x) < 2 * len(both):
-        return noise_level(x)
+        return None
     passed = np.abs(correlate(both, x))
     forward: NDArray[np.intp] = np.cumsum(v > 0, axis=0)
     there = forward[len(both) - 1 :] - forward[: len(passed)]  # of the samples after the first
@@ -111,7 +134,26 @@ def level_near(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
     # A joint that turns round all the time shows no such moment: all there is must do.
     kept = np.where(one_way.sum(axis=0) < len(both), True, one_way)
     spread = np.array([np.median(y[here]) for y, here in zip(passed.T, kept.T, strict=True)])
-    return np.asarray(spread / 0.6745 / np.linalg.norm(both))
+    return np.asarray((spread / 0.6745) ** 2 / (both @ both))
+
+
+def _carried_on(centres: Array, powers: Array, cutoff: float) -> Array:
+    """Power (J,) below a cut-off from powers (K, J) at frequencies (K,) above it, Hz.
+
+    The first octave says how much, all of them how it falls. The corner is that of all joints' drives together; two
+    octaves do not tell a corner from a white floor.
+    """
+    if len(centres) < 3 or not (powers > 0).all():
+        return np.asarray(powers[0])
+    best, rise = np.inf, np.ones(powers.shape[1])
+    for corner in CORNERS:
+        parts = np.stack([1 / (1 + (centres / corner) ** 2), np.ones(len(centres))], axis=1)
+        fits = [optimize.nnls(parts / y[:, None], np.ones(len(y))) for y in powers.T]
+        left = sum(error**2 for _, error in fits)
+        if left < best:
+            shares = np.array([share for share, _ in fits])
+            best, rise = left, shares @ [1 / (1 + (cutoff / corner) ** 2 / 3), 1.0] / (shares @ parts[0])
+    return np.asarray(powers[0] * rise)
 
 
 def _through_the_motion(model: Model, motion: Motion) -> Array:

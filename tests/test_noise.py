@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from frischid.comparison import compare
 from frischid.effects import parse_effects
 from frischid.identification import identify
-from frischid.noise import NoiseFloor, level_near
+from frischid.noise import NoiseFloor, level_within
 from frischid.robot import Robot
 from frischid.signals import LowPass, noise_level
 from frischid.simulation import Noise, simulate
@@ -23,30 +23,30 @@ MOTION = 20 * np.sin(2 * np.pi * 0.3 * T) + 5 * np.sign(np.sin(2 * np.pi * 0.4 *
 FRICTION = {"fv": 0.5, "fc": 1.0, "off": 0.2, "Ia": 0.1}
 
 
-def near(x, lowpass=LOWPASS):
+def level(x, lowpass=LOWPASS):
     """Level of one channel."""
     speed = np.sin(2 * np.pi * 0.4 * T[: len(x)])
-    return level_near(x[:, None], speed[:, None], STEP, lowpass)[0]
+    return level_within(x[:, None], speed[:, None], STEP, lowpass)[0]
 
 
 @given(st.floats(1e-3, 1.0), st.integers(0, 1000))
-def test_white_noise_is_measured_beside_a_motion(level, seed):
-    noise = level * np.random.default_rng(seed).normal(size=len(T))
-    assert near(MOTION + noise) == pytest.approx(level, rel=0.25)
+def test_white_noise_is_measured_beside_a_motion(size, seed):
+    noise = size * np.random.default_rng(seed).normal(size=len(T))
+    assert level(MOTION + noise) == pytest.approx(size, rel=0.25)
 
 
 def test_noise_with_a_memory_is_measured_where_the_filter_passes():
     noise = lfilter([1.0], [1.0, -0.7], np.random.default_rng(1).normal(size=len(T)))
     taps = LOWPASS.taps(STEP)
     passed = np.convolve(noise, taps, "valid").std()
-    assert near(MOTION + noise) * np.linalg.norm(taps) == pytest.approx(passed, rel=0.35)
+    assert level(MOTION + noise) * np.linalg.norm(taps) == pytest.approx(passed, rel=0.15)
     assert noise_level(noise) * np.linalg.norm(taps) < 0.5 * passed  # as white noise it would be far too small
 
 
 def test_without_a_filter_or_with_few_samples_all_noise_counts():
     noise = np.random.default_rng(2).normal(size=200)
-    assert near(noise, LowPass(None)) == noise_level(noise)
-    assert near(noise) == noise_level(noise)
+    assert level(noise, LowPass(None)) == noise_level(noise)
+    assert level(noise) == noise_level(noise)
 
 
 ARMS = {
