@@ -46,7 +46,7 @@ def test_noise_with_a_memory_is_measured_where_the_filter_passes():
 def test_without_a_filter_or_with_few_samples_all_noise_counts():
     noise = np.random.default_rng(2).normal(size=200)
     assert level(noise, LowPass(None)) == noise_level(noise)
-    assert level(noise) == noise_level(noise)
+    assert level(noise[:30]) == noise_level(noise[:30])
 
 
 ARMS = {
