@@ -145,7 +145,7 @@ def _worst(
     error = np.where(np.isnan(left), -1.0, np.abs(left))
     k = int(error.argmax())
     figure.add_scatter(
-        x=[float(x[k])], y=[float(left[k])], mode="markers", name="worst", row=2, col=1,
+        x=[float(x[k])], y=[float(left[k])], mode="markers", name="worst", row=2, col=1, cliponaxis=False,
         marker={"symbol": "x", "size": 9, "color": INK},
     )  # fmt: skip
     j = prediction.joints.index(joint)
