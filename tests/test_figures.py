@@ -177,7 +177,7 @@ def test_the_staircase_says_what_a_single_step_was_measured_on(case):
 
 
 def test_shades_are_explained(case):
-    assert "Dark holds half of the samples, light 90" in figures.against(case[2], "joint1", "q").reading
+    assert "Strong shade: half of the samples, faint: 90" in figures.against(case[2], "joint1", "q").reading
     assert "(shaded: 90" in figures.shape(a_shape(), "a spring").reading
 
 

@@ -124,8 +124,8 @@ def against(prediction: Prediction, joint: str, variable: str, sliding: bool = F
         widest = int(half.argmax())
         times = half[widest] / max(float(np.median(half)), 1e-300)
         reading = (
-            f"Median from {number(spread[2].min(), 2)} to {number(spread[2].max(), 2)} {units['load']}. Dark holds "
-            f"half of the samples, light 90 %; widest around {number(centre[widest], 2)} {units[variable]}, "
+            f"Median from {number(spread[2].min(), 2)} to {number(spread[2].max(), 2)} {units['load']}. Strong "
+            f"shade: half of the samples, faint: 90 %; widest around {number(centre[widest], 2)} {units[variable]}, "
             f"{times:.1f} × the usual."
         )
     return drawing(
