@@ -102,6 +102,17 @@ def test_undo_goes_back_at_once_and_to_what_was_found(bench, monkeypatch):
     bench.look()
 
 
+def test_what_was_undone_is_not_looked_at(bench, monkeypatch):
+    bench.diagnose()
+    bench.add(SPRING, 0)
+    started = []
+    monkeypatch.setattr(threading, "Timer", lambda _, work: started.append(work) or threading.Thread(target=work))
+    bench.look()
+    bench.undo(1)
+    monkeypatch.setattr(bench, "diagnose", lambda: pytest.fail("what was found is looked for again"))
+    started[0]()
+
+
 def test_undo_of_a_step_made_elsewhere_is_computed(bench, case):
     added = bench.add(SPRING, 0).model
     other = Bench(added, case[1], bench.output)
@@ -419,6 +430,15 @@ def test_it_is_dark_where_the_reader_wants_it_dark(case, tmp_path, scheme, turne
         running.stop()
 
 
+# of each vertical axis of the first figure: how long its title is, and how long it is itself
+TITLES = """() => {
+  const plot = document.querySelector(".js-plotly-plot");
+  return ["yaxis", "yaxis2"].map((name) => [
+    plot.querySelector(`.g-${name.replace("axis", "")}title`).getBoundingClientRect().height,
+    plot._fullLayout[name]._length]);
+}"""
+
+
 @needs_browser
 def test_many_steps_fit_into_the_panel(case, tmp_path):
     model, logs = case
@@ -429,6 +449,7 @@ def test_many_steps_fit_into_the_panel(case, tmp_path):
             seen.page.wait_for_selector("text=8 effects added")
             settled(lambda: seen.page.evaluate("document.querySelectorAll('.annotation-text').length") == 9)
             assert seen.page.evaluate(f"({OVERLAPS})(document)") == []
+            assert all(title < axis for title, axis in seen.page.evaluate(TITLES))
     finally:
         running.stop()
 

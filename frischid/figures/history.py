@@ -86,7 +86,7 @@ def staircase(model: Model, floor: float) -> Drawing:
         reading = "Nothing has been added to this model yet: one step, and how far it is from the noise floor."
         if model.history and model.history[0].get("held_out_nrmse") is None:
             reading += " Measured on parts of the fitted logs that each fit left out."
-    return drawing("Error after each step (NRMSE)", reading, figure, 360 if crowded else 260)
+    return drawing("Error after each step (NRMSE)", reading, figure, 330 if crowded else 230)
 
 
 def _wrapped(name: str) -> str:

@@ -180,6 +180,8 @@ class Bench:
         self._looked = state.revision
 
         def work() -> None:
+            if self.state.revision != state.revision:  # it was changed again, and is looked at anew
+                return
             try:
                 self.diagnose()
             except Exception as error:  # nobody waits for this thread: what went wrong is shown

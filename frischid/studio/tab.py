@@ -31,11 +31,12 @@ EVERY = "every joint"
 NUMBERS = " On the buttons: NRMSE on data left out of each fit, without the effect → with it."
 GLANCE = 0.5  # s
 WIDTH = 430  # pixels of each panel
-HIGH, HIGH_ON_PHONE = 0.9, 1.2  # of the height that a figure has in the report, in a panel and in the sheet
+HIGH, HIGH_ON_PHONE = 1.0, 1.2  # of the height that a figure has in the report, in a panel and in the sheet
 SHEETLESS = 0.4  # of a phone's height, above its sheet
 PHONE = 576  # pixels: viser's own limit, below which the panels are sections of one sheet at the bottom
 STYLE = """<style>
 :root { --mantine-color-dimmed: #555 !important; }
+.mantine-Notification-description { color: #333 !important; }
 @media (max-width: 36em) {
   .mantine-Paper-root[style*="width: 20em"], .mantine-Paper-root [style*="width: 20em"] { width: 100vw !important; }
 }
