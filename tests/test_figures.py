@@ -179,6 +179,8 @@ def test_the_staircase_says_what_a_single_step_was_measured_on(case):
 def test_shades_are_explained(case):
     assert "Strong shade: half of the samples, faint: 90" in figures.against(case[2], "joint1", "q").reading
     assert "(shaded: 90" in figures.shape(a_shape(), "a spring").reading
+    along = figures.shape(replace(a_shape(), stretch="a log"), "a spring").reading
+    assert "thin blue line follows the thick grey" in along  # told apart in grey too
 
 
 def a_shape():

@@ -34,7 +34,7 @@ def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = 
     )
     figure.update_yaxes(title_text=f"residual, {units['load']}")
     how = (
-        "The closer blue follows grey, the better"
+        "The closer the thin blue line follows the thick grey one, the better"
         if found.stretch
         else "The nearer the diamonds are to the blue line (shaded: 90 % of what is added there), the better"
     )
