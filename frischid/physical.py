@@ -330,7 +330,7 @@ class _Problem:
             if box is not None and ((box[0] @ x[1:4] - box[1] * x[0]) > -1e-4 * x[0]).any():
                 found.append(Active(name, "its centre of mass lies on a face of its box"))
         limited = () if self.e is None else np.flatnonzero((self.extras.signs != 0) & (np.abs(self.e.value) < 1e-4))
-        return (*found, *(Active(self.extras.names[k], "held at zero by its sign") for k in limited))
+        return (*found, *(Active(self.extras.names[k], "held at zero by the known sign") for k in limited))
 
     def _link_parameters(self) -> Array:
         return np.array([M @ X.ravel() for M, X in zip(self.unscale, self.links_value, strict=True)])

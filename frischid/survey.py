@@ -141,8 +141,10 @@ def check_usable(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool) -
 
 def moving_but_locked(moving: Mapping[str, float]) -> list[str]:
     """Joints the user locked although they move in a log: the model is then of another robot."""
+    if not moving:
+        return []
+    spans = [f"{name} by {span:.2g} rad (m)" for name, span in moving.items()]
     return [
-        f"{name} is locked but moves by {span:.2g} rad (m) in a log: let it move and leave its torque out instead "
+        f"locked but moving in a log: {', '.join(spans)}; let them move and leave their torque out instead "
         "(--torque-joints)"
-        for name, span in moving.items()
     ]

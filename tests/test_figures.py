@@ -18,7 +18,7 @@ from frischid.model import Model
 from frischid.prediction import predict
 from frischid.quality import quality
 from frischid.robot import Robot
-from frischid.shapes import correlation_ratio
+from frischid.shapes import Shape, correlation_ratio
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier
 
@@ -161,6 +161,42 @@ def test_joints_share_the_axis_of_time(case):
     _, _, prediction, comparison = case
     ranges = {figures.measured(prediction, comparison, j).figure.layout.xaxis.range for j in prediction.joints}
     assert len(ranges) == 1
+
+
+def test_the_worst_moment_is_marked_whole_at_the_edge_too(case):
+    _, _, prediction, comparison = case
+    (mark,) = figures.measured(prediction, comparison, "joint1").figure.select_traces({"name": "worst"})
+    assert mark.cliponaxis is False
+
+
+def test_the_staircase_says_what_a_single_step_was_measured_on(case):
+    model = case[0]
+    assert "each fit left out" not in figures.staircase(model, 0.001).reading
+    alone = {k: v for k, v in model.history[0].items() if k != "held_out_nrmse"}
+    assert "each fit left out" in figures.staircase(replace(model, history=(alone,)), 0.001).reading
+
+
+def test_shades_are_explained(case):
+    assert "Strong shade: half of the samples, faint: 90" in figures.against(case[2], "joint1", "q").reading
+    assert "(shaded: 90" in figures.shape(a_shape(), "a spring").reading
+    along = figures.shape(replace(a_shape(), stretch="a log"), "a spring").reading
+    assert "thin blue line follows the thick grey" in along  # told apart in grey too
+
+
+def a_shape():
+    """A spring's, over the position."""
+    q = np.linspace(-1.0, 1.0, 200)
+    return Shape("joint_spring", "joint1", "q", q, 2.0 * q, 2.0 * q, 1.0, "")
+
+
+def test_many_parameters_have_letters_large_enough_to_read(case):
+    model = case[0]
+    e = model.estimate
+    many = [replace(c, name=f"{c.name}{k}") for k in range(4) for c in e.columns]
+    wide = replace(e, columns=tuple(many), theta=np.tile(e.theta, 4), covariance=np.kron(np.eye(4), e.covariance))
+    drawing = figures.correlation(replace(model, estimate=wide))
+    assert drawing.figure.layout.yaxis.tickfont.size >= 9
+    assert drawing.height >= 12 * len(many)
 
 
 def test_labels_of_the_bounds_reach_as_far_as_the_bars(case):

@@ -15,6 +15,7 @@ from frischid.log import Log
 from frischid.regressor import Regressor
 from frischid.robot import Robot
 from frischid.simulation import Noise, simulate
+from frischid.survey import moving_but_locked
 from frischid.trajectory import random_fourier
 
 PLANAR, UR10 = robot("planar2"), robot("ur10")
@@ -96,6 +97,12 @@ def test_columns_of_the_log_in_another_order():
     log = exact_log(UR10, BASELINE, random_values(UR10, BASELINE))
     first, second = quick(UR10, [log]), quick(UR10, [log.select(log.joints[::-1])])
     np.testing.assert_allclose(first.model.estimate.theta, second.model.estimate.theta, rtol=1e-9)
+
+
+def test_locked_joints_that_move_are_one_warning():
+    assert moving_but_locked({}) == []
+    (said,) = moving_but_locked({"torso": 0.32, "elbow": 1.8})
+    assert said.startswith("locked but moving in a log: torso by 0.32 rad (m), elbow by 1.8 rad (m); let them move")
 
 
 def test_torque_joints():

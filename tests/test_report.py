@@ -10,12 +10,17 @@ import numpy as np
 import pytest
 from browser import OVERLAPS, needs_browser, opened
 
+from frischid import figures
 from frischid.comparison import compare
+from frischid.conditions import Condition
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.identification import identify
 from frischid.readers import read_log
 from frischid.report import page, report, study
+from frischid.report.html import command
+from frischid.report.sections import data, parameters, rounded, verdict
+from frischid.report.study import missing
 from frischid.report.study import opened as capital
 from frischid.robot import Robot
 from frischid.simulation import Noise, simulate
@@ -82,6 +87,7 @@ DRAWN = (
   marks: [...p.querySelectorAll('.scatterlayer path, .heatmaplayer image')].filter(
     m => { const b = m.getBoundingClientRect(); return b.width + b.height > 4; }).length,
   width: p.getBoundingClientRect().right,
+  height: p.getBoundingClientRect().height,
   cut: [...p.querySelectorAll('svg text')].filter(t => {
     if (!t.textContent || getComputedStyle(t).visibility == 'hidden') return false;
     const b = t.getBoundingClientRect(), o = p.getBoundingClientRect();
@@ -105,6 +111,7 @@ def check(path, width, scheme):
             assert plot["marks"], plot["label"]
             assert plot["width"] <= width, plot["label"]
             assert plot["cut"] == [], plot["label"]
+            assert width > 480 or plot["height"] < width + 60 or "Correlation" not in plot["label"]
             assert plot["over"] == [], plot["label"]
         assert {p.get_attribute("data-drawn") for p in seen.page.query_selector_all(".plot")} == {scheme}
         return plots
@@ -169,12 +176,60 @@ def test_verdict_names_the_spring_and_counts_the_warnings(spring):
     warnings = spring[1].warnings()
     assert f"<title>planar2: {len(warnings)} warning" in text
     assert "Missing: joint_spring on joint2" in text
-    command = "frischid add model.json joint_spring --joints joint2 LOG... -o better.json"
-    assert command in text.replace("<span>", "").replace("</span>", "")
+    proposed = "frischid add model.json joint_spring --joints joint2 LOG... -o better.json"
+    assert proposed in re.sub("</?span>|<wbr>", "", text)
     assert "On a log it has never seen" in text
     start = text.index('id="missing"')
     for words in ("Evidence", "Could also be", "To be sure", "what joint_spring adds"):
         assert words in text[start:]
+
+
+def test_long_commands_break_after_commas():
+    assert command("add --joints shoulder_pan,elbow") == (
+        "<code><span>add</span> <span>--joints</span> <span>shoulder_pan,<wbr>elbow</span></code>"
+    )
+
+
+def test_the_verdict_has_no_legend_of_a_figure(spring):
+    shown = spring[1]
+    few = replace(shown.verdict, residuals=FewConditions())
+    assert figures.matrix(few).reading.endswith("Blank: too few samples to say.")
+    assert "Blank" not in verdict(replace(shown, verdict=few), "model.json")
+
+
+class FewConditions:
+    """Residuals of which only one condition of one joint is known."""
+
+    def conditions(self):
+        return [Condition("joint1", "slow", 2.0, 0.1, 30, 0.001)]
+
+
+def test_shapes_in_the_history_are_rounded():
+    assert rounded("time_delay(size=0.062499999999999986)@j1, x(width=0.005)") == (
+        "time_delay(size=0.0625)@j1, x(width=0.005)"
+    )
+
+
+def test_an_unknown_verdict_names_what_explains_a_part(spring):
+    diagnosis = spring[1].diagnosis
+    assert missing(replace(diagnosis, verdict="unknown")).endswith(
+        "nothing in the catalogue explains; joint_spring on joint2 explains a part of it"
+    )
+    assert missing(replace(diagnosis, verdict="unknown", findings=())).endswith("nothing in the catalogue explains")
+
+
+def test_every_noise_has_the_unit_of_its_joint(spring):
+    text = data(spring[1])
+    assert "noise of q, rad (m)" not in text
+    assert re.search(r"<td>[^<]+ rad</td><td>[^<]+ N·m</td></tr>", text)
+
+
+def test_a_recursion_of_an_earlier_model_is_said_to_be_one(spring):
+    shown = spring[1]
+    assert shown.model.recursion is not None
+    later = replace(shown, model=replace(shown.model, recursion=None, previous=shown.model))
+    assert "before anything was added" not in parameters(shown)
+    assert "before anything was added" in parameters(later)
 
 
 def test_what_was_found_has_its_units(spring):

@@ -4,6 +4,7 @@ import re
 import socket
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,10 +27,11 @@ from viser import transforms as tf
 
 from frischid.studio import Studio, studio
 from frischid.studio import bench as bench_module  # needs viser
+from frischid.studio import tab as tab_module
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import urdf_of
 from frischid.studio.stage import Track, colour_of
-from frischid.studio.tab import plain
+from frischid.studio.tab import WIDTH, plain
 
 SPRING = parse_effects("joint_spring@joint2")
 
@@ -85,6 +87,50 @@ def test_add_undo_save_export(bench):
     bench.add_formula("q", ["joint2"], undone.revision)
     assert bench.state.error < 0.1 * before.error
     assert seen == [0, 1, 2]
+
+
+def test_undo_goes_back_at_once_and_to_what_was_found(bench, monkeypatch):
+    bench.diagnose()
+    before = bench.state
+    bench.add(SPRING, 0)
+    monkeypatch.setattr(bench, "_state", lambda *_: pytest.fail("what is known is computed again"))
+    undone = bench.undo(1)
+    assert undone.revision == 2
+    assert undone.diagnosis is before.diagnosis is not None
+    assert undone.prediction is before.prediction
+    monkeypatch.setattr(threading, "Timer", lambda *_: pytest.fail("what is known is looked for again"))
+    bench.look()
+
+
+def test_what_was_undone_is_not_looked_at(bench, monkeypatch):
+    bench.diagnose()
+    bench.add(SPRING, 0)
+    started = []
+    monkeypatch.setattr(threading, "Timer", lambda _, work: started.append(work) or threading.Thread(target=work))
+    bench.look()
+    bench.undo(1)
+    monkeypatch.setattr(bench, "diagnose", lambda: pytest.fail("what was found is looked for again"))
+    started[0]()
+
+
+def test_undo_of_a_step_made_elsewhere_is_computed(bench, case):
+    added = bench.add(SPRING, 0).model
+    other = Bench(added, case[1], bench.output)
+    assert other.undo(0).error == pytest.approx(Bench(*case, bench.output).state.error)
+
+
+def test_a_diagnosis_that_comes_too_late_does_not_undo_a_step(bench, monkeypatch):
+    real = bench_module.replace
+
+    def overtaken(state, **changes):
+        if "diagnosis" in changes:  # the last moment before it is shown
+            bench.add(SPRING, 0)
+        return real(state, **changes)
+
+    monkeypatch.setattr(bench_module, "replace", overtaken)
+    bench.diagnose()
+    assert bench.state.revision == 1
+    assert bench.state.diagnosis is None
 
 
 def test_a_failure_leaves_everything_as_it_was(bench, monkeypatch):
@@ -339,6 +385,95 @@ def test_a_page_may_be_there_before_its_model(case, tmp_path):
             seen.page.wait_for_selector(".js-plotly-plot .scatterlayer path")
             assert error_shown(seen.page) == pytest.approx(running.bench.state.error, abs=1e-4)
             assert seen.page.get_by_text("Reading the logs").count() == 0
+    finally:
+        running.stop()
+
+
+@needs_browser
+def test_controls_may_be_moved_before_the_robot_is_drawn(case, tmp_path, monkeypatch, capfd):
+    moved, real = threading.Event(), tab_module.Stage
+
+    def slow(*args):
+        assert moved.wait(60)
+        return real(*args)
+
+    monkeypatch.setattr(tab_module, "Stage", slow)
+    running = studio(*case, tmp_path / "model.json", port=8280)
+    try:
+        with opened(running.address, height=700, flags=SOLID) as seen:
+            page = seen.page
+            page.wait_for_selector(".js-plotly-plot .scatterlayer path")
+            slider = page.get_by_role("slider").first
+            for _ in range(5):
+                slider.press("ArrowRight")
+            page.wait_for_timeout(500)
+            moved.set()
+            settled(lambda: running.tabs)
+            ((_, tab),) = running.tabs.items()
+            assert tab.time.value == pytest.approx(0.05)
+        assert "Traceback" not in "".join(capfd.readouterr())
+    finally:
+        moved.set()
+        running.stop()
+
+
+@needs_browser
+@pytest.mark.parametrize(("scheme", "turned"), [("light", False), ("dark", True)])
+def test_it_is_dark_where_the_reader_wants_it_dark(case, tmp_path, scheme, turned):
+    running = studio(*case, tmp_path / "model.json", port=8290)
+    try:
+        with opened(running.address, scheme=scheme, flags=SOLID) as seen:
+            seen.page.wait_for_selector("text=misses")
+            filters = "['html', 'canvas'].map((e) => getComputedStyle(document.querySelector(e)).filter)"
+            assert [("invert" in f) for f in seen.page.evaluate(filters)] == [turned, turned]
+    finally:
+        running.stop()
+
+
+# of each vertical axis of the first figure: how long its title is, and how long it is itself
+TITLES = """() => {
+  const plot = document.querySelector(".js-plotly-plot");
+  return ["yaxis", "yaxis2"].map((name) => [
+    plot.querySelector(`.g-${name.replace("axis", "")}title`).getBoundingClientRect().height,
+    plot._fullLayout[name]._length]);
+}"""
+
+
+@needs_browser
+def test_many_steps_fit_into_the_panel(case, tmp_path):
+    model, logs = case
+    event = {"action": "add", "effects": ["joint_spring@joint2"], "error_before": 0.1, "error_after": 0.1}
+    running = studio(replace(model, history=(*model.history, *[event] * 8)), logs, tmp_path / "model.json", port=8300)
+    try:
+        with opened(running.address, flags=SOLID) as seen:
+            seen.page.wait_for_selector("text=8 effects added")
+            settled(lambda: seen.page.evaluate("document.querySelectorAll('.annotation-text').length") == 9)
+            assert seen.page.evaluate(f"({OVERLAPS})(document)") == []
+            assert all(title < axis for title, axis in seen.page.evaluate(TITLES))
+    finally:
+        running.stop()
+
+
+@needs_browser
+@pytest.mark.parametrize(("width", "left", "bottom"), [(1280, WIDTH, 700), (390, 0, 300)])
+def test_the_robot_stays_in_view_wherever_its_logs_take_it(tmp_path, width, left, bottom):
+    robot = Robot.load("panda", joints=[f"panda_joint{i}" for i in range(1, 8)])
+    log = simulate(robot, random_fourier(robot, 20.0, seed=0), rate=100.0, channels=(), name="far and wide")
+    model = identify(robot, [log], recursion="none").model
+    running = studio(model, [log], tmp_path / "model.json", port=8310)
+    try:
+        with opened(running.address, width=width, height=700, flags=SOLID) as seen:
+            page = seen.page
+            page.wait_for_selector("text=misses")
+            settled(lambda: running.tabs)
+            at_rest(lambda: spot(running, page, "panda_joint7"))
+            tab = next(iter(running.tabs.values()))
+            for x in np.linspace(0, tab.track.x[-1], 20):
+                tab.stage.pose(x, "panda_joint7", "over all logs")
+                for joint in robot.joints:
+                    u, v = spot(running, page, joint)
+                    assert left < u < width - left
+                    assert 0 < v < bottom
     finally:
         running.stop()
 

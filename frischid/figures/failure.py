@@ -67,18 +67,22 @@ def matrix(comparison: Comparison) -> Drawing:
         automargin=True,
         tickangle=tilted,
     )
-    certain = sorted((c for c in found.values() if c.p_value < CERTAIN), key=lambda c: -c.ratio)
-    reading = (
-        stands_out(certain[0].joint, certain[0].condition, certain[0].ratio)
-        if certain
-        else "No condition stands out: the error is about the same everywhere."
-    )
+    reading = worst(comparison)
     if np.isnan(ratio).any():
         reading += " Blank: too few samples to say."
     return drawing(
         "Error under each condition, as a multiple of the joint's average (* more than chance, p < 0.01)",
         reading, figure, 90 + 30 * max(len(order), 2), margin={"l": 116, "r": 8, "t": 10, "b": 70},
     )  # fmt: skip
+
+
+def worst(comparison: Comparison) -> str:
+    """The condition that stands out most, as a sentence."""
+    certain = [c for c in comparison.residuals.conditions() if c.p_value < CERTAIN]
+    if not certain:
+        return "No condition stands out: the error is about the same everywhere."
+    most = max(certain, key=lambda c: c.ratio)
+    return stands_out(most.joint, most.condition, most.ratio)
 
 
 def stands_out(joint: str, condition: str, ratio: float) -> str:
@@ -120,8 +124,9 @@ def against(prediction: Prediction, joint: str, variable: str, sliding: bool = F
         widest = int(half.argmax())
         times = half[widest] / max(float(np.median(half)), 1e-300)
         reading = (
-            f"Median from {number(spread[2].min(), 2)} to {number(spread[2].max(), 2)} {units['load']}; spread widest "
-            f"around {number(centre[widest], 2)} {units[variable]}, {times:.1f} × the usual."
+            f"Median from {number(spread[2].min(), 2)} to {number(spread[2].max(), 2)} {units['load']}. Strong "
+            f"shade: half of the samples, faint: 90 %; widest around {number(centre[widest], 2)} {units[variable]}, "
+            f"{times:.1f} × the usual."
         )
     return drawing(
         f"Residual against {WORDS[variable]}", reading, figure, 250, showlegend=False,

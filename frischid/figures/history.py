@@ -52,7 +52,7 @@ def staircase(model: Model, floor: float) -> Drawing:
         x += [i - 0.5, i + 0.5]
         y += [after, after]
     figure = go.Figure()
-    figure.add_scatter(x=x, y=y, mode="lines", line={"color": BLUE, "width": 3}, name="held-out error")
+    figure.add_scatter(x=x, y=y, mode="lines", line={"color": BLUE, "width": 3}, name="error on data not fitted")
     figure.add_scatter(
         x=list(range(len(steps))), y=[s[2] for s in steps], mode="markers", showlegend=False,
         marker={"size": 8, "color": BLUE}, cliponaxis=False,
@@ -84,7 +84,9 @@ def staircase(model: Model, floor: float) -> Drawing:
             reading += " Where the stair is broken, the step before was measured on other data."
     else:
         reading = "Nothing has been added to this model yet: one step, and how far it is from the noise floor."
-    return drawing("Error after each step (NRMSE)", reading, figure, 320)
+        if model.history and model.history[0].get("held_out_nrmse") is None:
+            reading += " Measured on parts of the fitted logs that each fit left out."
+    return drawing("Error after each step (NRMSE)", reading, figure, 330 if crowded else 230)
 
 
 def _wrapped(name: str) -> str:

@@ -34,9 +34,9 @@ def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = 
     )
     figure.update_yaxes(title_text=f"residual, {units['load']}")
     how = (
-        "The closer blue follows grey, the better"
+        "The closer the thin blue line follows the thick grey one, the better"
         if found.stretch
-        else "The nearer the diamonds are to the blue line, the better"
+        else "The nearer the diamonds are to the blue line (shaded: 90 % of what is added there), the better"
     )
     elsewhere = "" if not joints or found.joint in joints else f", which it helps more than {listed(joints)}"
     share = f"{100 * max(found.explained, 0.0):.0f} % of the squared residual of {found.joint}{elsewhere}"

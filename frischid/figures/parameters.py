@@ -127,7 +127,7 @@ def correlation(model: Model) -> Drawing:
             hovertemplate="%{x}, %{y}: %{z:.2f}<extra></extra>",
         )
     )  # fmt: skip
-    small = {"size": 9 if len(names) <= 30 else 7}
+    small = {"size": 9}
     figure.update_yaxes(autorange="reversed", tickfont=small, showgrid=False)
     figure.update_xaxes(tickfont=small, tickangle=-90, showgrid=False)
     off = np.abs(rho - np.diag(np.diag(rho)))
@@ -136,7 +136,7 @@ def correlation(model: Model) -> Drawing:
         f"Hardest to tell apart on these logs: {names[i]} and {names[k]} (ρ = {rho[i, k]:.2f}). "
         f"Pairs beyond ± 0.9: {int((off > 0.9).sum() // 2)}."
     )
-    height = max(320, 90 + (13 if len(names) <= 30 else 9) * len(names))
+    height = max(320, 90 + 12 * len(names))
     return drawing("Correlation of the estimates", reading, figure, height, margin={"l": 60, "r": 6, "t": 10, "b": 60})
 
 

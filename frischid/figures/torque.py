@@ -61,7 +61,7 @@ def measured(
     left = np.where(used, residual, np.nan)
     keep = thinned(prediction.measured[:, j], prediction.fitted[:, j], left)
     broken = _breaks(prediction.log[keep])
-    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.66, 0.34], vertical_spacing=0.05)
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.6, 0.4], vertical_spacing=0.05)
     _band(figure, x[keep], prediction.lower[keep, j], prediction.upper[keep, j], prediction.log[keep], "band")
     curves = (
         ("measured", prediction.measured[:, j], {"color": MEASURED, "width": 2.6}, 1),
@@ -145,7 +145,7 @@ def _worst(
     error = np.where(np.isnan(left), -1.0, np.abs(left))
     k = int(error.argmax())
     figure.add_scatter(
-        x=[float(x[k])], y=[float(left[k])], mode="markers", name="worst", row=2, col=1,
+        x=[float(x[k])], y=[float(left[k])], mode="markers", name="worst", row=2, col=1, cliponaxis=False,
         marker={"symbol": "x", "size": 9, "color": INK},
     )  # fmt: skip
     j = prediction.joints.index(joint)

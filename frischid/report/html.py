@@ -20,8 +20,9 @@ def said(text: str) -> str:
 
 
 def command(text: str) -> str:
-    """A command line that breaks between its words only, if they are not wider than the page."""
-    return f"<code>{' '.join(f'<span>{esc(word)}</span>' for word in text.split(' '))}</code>"
+    """A command line that breaks between its words, and after a comma in one that is wider than the page."""
+    words = (f"<span>{esc(word).replace(',', ',<wbr>')}</span>" for word in text.split(" "))
+    return f"<code>{' '.join(words)}</code>"
 
 
 def plot(drawing: Drawing) -> str:

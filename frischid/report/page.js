@@ -28,10 +28,8 @@
       spec.layout.font = { size: 11 };
       const named = spec.data.filter((trace) => trace.name && trace.showlegend !== false);
       if (named.length > 3 && spec.layout.showlegend !== false) spec.layout.height += 44;
-      if (spec.layout.xaxis.tickangle === -90) {
-        // Of the correlation's many names fewer are written, but those large enough to read.
-        spec.layout.xaxis.tickfont = spec.layout.yaxis.tickfont = { size: 9 };
-      }
+      // The correlation stays square; of its many names fewer are written.
+      if (spec.layout.xaxis.tickangle === -90) spec.layout.height = Math.min(spec.layout.height, plot.clientWidth + 30);
       config.displayModeBar = false;
     }
     plot.style.height = spec.layout.height + "px";

@@ -78,7 +78,7 @@ def verdict(study: Study, model_path: str) -> str:
         f"The URDF alone misses {100 * c.nominal:.0f} %, a constant torque {100 * c.constant:.0f} %, and the sensors' "
         f"noise alone would leave {100 * c.noise_floor:.1f} %."
     )
-    wrong = f"Worst is {worst}: {100 * c.joints[worst].nrmse:.1f} %. {figures.matrix(study.verdict).reading} "
+    wrong = f"Worst is {worst}: {100 * c.joints[worst].nrmse:.1f} %. {figures.failure.worst(study.verdict)} "
     wrong += f"{missing(study.diagnosis)}." if study.diagnosis is not None else ""
     doubts = study.warnings()
     listing = (
@@ -250,12 +250,17 @@ def history(study: Study) -> str:
         after = event.get("error_after", event.get("held_out_nrmse"))
         on = event.get("measured_on", "held out" if after is not None else "cross-validated on the fitted logs")
         after = event.get("cross_validated_nrmse") if after is None else after
-        listed = ", ".join(event.get("effects", ()))
+        listed = rounded(", ".join(event.get("effects", ())))
         before = event.get("error_before")
         rows.append([str(i), esc(event["action"]), esc(listed), number(before), number(after), esc(on)])
     headings = ["step", "action", "effects", "before", "after", "NRMSE measured on"]
     caption = f"Steps of the model. {_shapes(study)}"
     return plot(figures.staircase(study.model, floor)) + table(headings, rows, words=3, caption=caption)
+
+
+def rounded(effects: str) -> str:
+    """Effects with the numbers of their shapes as a person writes them."""
+    return re.sub(r"\d+\.\d{5,}", lambda found: number(float(found[0])), effects)
 
 
 def _shapes(study: Study) -> str:
@@ -307,7 +312,7 @@ def parameters(study: Study) -> str:
         + plot(figures.correlation(model))
         + _regrouping(study)
         + "<h3>The bounding-box recursion</h3>"
-        + _recursion(record)
+        + _recursion(record, refitted=model.recursion is None)
         + plots(closing)
     )
 
@@ -357,20 +362,22 @@ def _regrouping(study: Study) -> str:
     )
 
 
-def _recursion(record: dict[str, Any] | None) -> str:
+def _recursion(record: dict[str, Any] | None, *, refitted: bool) -> str:
     if record is None:
         return f"<p>The model was identified without it ({command('frischid identify --bbrf')}).</p>"
     emptied = record["emptied"]
     meant = RECURSIONS.get(record["variant"], record["variant"])
     text = (
         f"Every short window of the logs gives a box of its own, and the recursion intersects them: "
-        f"{record['windows']} windows, variant {esc(record['variant'])} ({esc(meant)}). "
+        f"{record['windows']} windows, variant {esc(record['variant'])} ({esc(meant)})."
     )
     if isinstance(emptied, dict):
         text += (
-            f"The bounds of {esc(emptied['parameter'])} crossed at window {emptied['window']}: the windows contradict "
+            f" The bounds of {esc(emptied['parameter'])} crossed at window {emptied['window']}: the windows contradict "
             "one another, and the recursion gives no box. Drawn is how far it came."
         )
+    if refitted:
+        text += " It was done for the model as it was identified, before anything was added."
     return f"<p>{text}</p>"
 
 
@@ -382,7 +389,7 @@ def data(study: Study) -> str:
     rows = []
     for q in study.qualities:
         short, long = (1e3 * s for s in q.steps)
-        role = "held out" if q.source in study.held_out else "fitted"
+        role = "held\u00a0out" if q.source in study.held_out else "fitted"
         texts = [str(q.samples), number(q.seconds), number(q.rate), _steps(number(short, 3), number(long, 3))]
         rows.append([esc(Path(q.source).name), role, *texts, str(q.gaps), number(q.kept)])
     headings = ["log", "role", "samples", "seconds", "Hz", "step, ms", "gaps", "seconds kept"]
@@ -396,11 +403,12 @@ def data(study: Study) -> str:
     moved = []
     for i, n in enumerate(robot.joints):
         units = ("m/s", "m/s²") if robot.prismatic[i] else ("rad/s", "rad/s²")
-        noise = [number(float(np.nanmedian([q.noise[c][i] for q in study.qualities])), 2) for c in ("q", "tau")]
+        level = [number(float(np.nanmedian([q.noise[c][i] for q in study.qualities])), 2) for c in ("q", "tau")]
+        noise = f"{level[0]} {'m' if robot.prismatic[i] else 'rad'}", f"{level[1]} {unit_of(study, n)}"
         fastest = f"{number(speed[i], 3)} {units[0]}", f"{number(acceleration[i], 3)} {units[1]}"
         moved.append([esc(n), *fastest, f"{100 * rest[i]:.0f} %", *noise])
     excited = table(
-        ["joint", "fastest", "largest acceleration", "at rest", "noise of q, rad (m)", "noise of torque, N·m (N)"],
+        ["joint", "fastest", "largest acceleration", "at rest", "noise of q", "noise of torque"],
         moved, caption=f"Excitation; condition number of the regression {study.model.estimate.condition:.3g}",
     )  # fmt: skip
     drawings = [figures.reach(robot, study.qualities)]

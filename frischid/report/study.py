@@ -118,7 +118,8 @@ def missing(diagnosis: Diagnosis) -> str:
         touched = f"Something touched the robot {'once' if count == 1 else f'{count} times'} (left out)"
         return f"{touched}; besides, missing: {named}" if named else touched
     if diagnosis.verdict == "unknown":
-        return "Something is missing that nothing in the catalogue explains"
+        part = f"; {named} explains a part of it" if named else ""
+        return f"Something is missing that nothing in the catalogue explains{part}"
     return f"Missing: {named}" if named else "Nothing is missing that these logs can show"
 
 

@@ -45,6 +45,8 @@ class State:
         Of this very model; None while it is being made.
     problem : str
         Why there is none, when it failed.
+    before : State or None
+        What `undo` goes back to at once; None where it has to be computed.
     """
 
     revision: int
@@ -54,6 +56,7 @@ class State:
     error: float
     diagnosis: Diagnosis | None = None
     problem: str = ""
+    before: State | None = None
 
 
 class SupersededError(Exception):
@@ -79,6 +82,7 @@ class Bench:
         self.fit = fitted or self.logs
         self.valid = [log for log in self.logs if fitted and log not in fitted]
         self._turn = threading.Lock()
+        self._change = threading.Lock()  # over what the state is; held for no longer than it takes to replace it
         self._doing = ""
         self._looked = -1
         self._listeners: list[Callable[[], None]] = []
@@ -96,8 +100,12 @@ class Bench:
         """Tell `progress` what is being done and the share that is done; an empty text when nothing is."""
         self._progress = progress
 
-    def _put(self, state: State) -> None:
-        self.state = state
+    def _put(self, state: State, revision: int) -> None:
+        """Show a state made from that of a revision, unless the model has been changed since."""
+        with self._change:
+            if self.state.revision != revision:
+                return
+            self.state = state
         for changed in list(self._listeners):
             changed()
 
@@ -130,8 +138,8 @@ class Bench:
             situation = now.diagnosis.situation if now.diagnosis is not None else "auto"
             step = add(now.model, effects, self.fit, valid=self.valid, situation=situation, finding=finding)
             self._progress(self._doing, 0.7)
-            state = self._state(step.model, now.revision + 1)
-        self._put(state)
+            state = replace(self._state(step.model, now.revision + 1), before=now)
+        self._put(state, now.revision)
         return state
 
     def add_formula(self, expression: str, joints: Sequence[str] | None, revision: int) -> State:
@@ -140,10 +148,12 @@ class Bench:
         return self.add([effect_from_dict({"effect": "formula", "joints": where, "expression": expression})], revision)
 
     def undo(self, revision: int) -> State:
-        """Take the last step back."""
+        """Take the last step back: at once, and to what was found missing then, where it was done here."""
         with self._job("taking the last step back", revision) as now:
-            state = self._state(undo(now.model), now.revision + 1)
-        self._put(state)
+            earlier = undo(now.model)
+            state = self._state(earlier, 0) if now.before is None else now.before
+            state = replace(state, revision=now.revision + 1)
+        self._put(state, now.revision)
         return state
 
     def save(self) -> Path:
@@ -164,15 +174,18 @@ class Bench:
 
     def look(self) -> None:
         """Diagnose in the background, once a state; what comes of it is a new state."""
-        if self._looked == self.state.revision:
+        state = self.state
+        if state.diagnosis is not None or self._looked == state.revision:
             return
-        self._looked = self.state.revision
+        self._looked = state.revision
 
         def work() -> None:
+            if self.state.revision != state.revision:  # it was changed again, and is looked at anew
+                return
             try:
                 self.diagnose()
             except Exception as error:  # nobody waits for this thread: what went wrong is shown
-                self._put(replace(self.state, problem=message_of(error)))
+                self._put(replace(state, problem=message_of(error)), state.revision)
 
         # First the page draws what is new: the diagnosis would take the processor from it.
         timer = threading.Timer(PATIENCE, work)
@@ -197,8 +210,7 @@ class Bench:
             return
         finally:
             self._progress("", 1.0)
-        if self.state.revision == state.revision:
-            self._put(replace(self.state, diagnosis=found))
+        self._put(replace(state, diagnosis=found), state.revision)
 
     def _state(self, model: Model, revision: int) -> State:
         logs = [*self.fit, *self.valid]

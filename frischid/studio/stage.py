@@ -23,7 +23,9 @@ from frischid.studio.bodies import thickness_of, urdf_of
 Colouring = Literal["over all logs", "at this moment"]
 AROUND = 0.25  # s on either side of a moment over which the error is averaged
 COOL, HOT = np.array([150.0, 170.0, 190.0]), np.array([213.0, 94.0, 0.0])
-CHOSEN = (20, 20, 20)
+MOMENTS = 30  # of the logs, at which the robot must be seen
+AHEAD = np.array([-0.8, 0.9, -0.6]) / np.linalg.norm([0.8, 0.9, 0.6])  # where the camera looks
+MARGIN = 1.25  # bodies are thicker than the line from joint to joint
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +69,12 @@ class Stage:
     track : Track
     chosen : callable
         Told the name of a joint that was clicked.
-    phone : bool
-        Whether a sheet covers the lower part of the scene.
+    free : tuple of float
+        Shares of the page's width, in the middle, and of its height, from above, that nothing covers.
     """
 
     def __init__(
-        self, client: ClientHandle, bench: Bench, track: Track, chosen: Callable[[str], None], phone: bool = False
+        self, client: ClientHandle, bench: Bench, track: Track, chosen: Callable[[str], None], free: tuple[float, float]
     ) -> None:
         self.client, self.bench, self.track = client, bench, track
         robot: Robot = bench.state.model.robot
@@ -91,17 +93,33 @@ class Stage:
         client.scene.add_grid("/floor", width=4 * size, height=4 * size, cell_size=size / 5, section_size=size)
         self._names = tuple(self.urdf.actuated_joint_names)
         self._fixed = {**dict.fromkeys(self._names, 0.0), **robot.locked}
-        self.urdf.update_cfg(self._configuration(0.0))
-        self._look(size, phone)
+        self._look(free)
 
-    def _look(self, size: float, phone: bool) -> None:
-        low, high = self.urdf.scene.bounds if self.urdf.scene.geometry else (np.zeros(3), np.ones(3))
-        middle = (low + high) / 2
-        if phone:  # from further away, and looking below the robot: it then stands above the sheet
-            size, middle = 2.3 * size, middle - np.array([0.0, 0.0, size])
+    def _look(self, free: tuple[float, float]) -> None:
+        """Put the camera so near that the robot, wherever its logs take it, just fits into what is free of the page."""
+        camera, places = self.client.camera, self._places()
+        middle = (places.min(axis=0) + places.max(axis=0)) / 2
+        right = np.cross(AHEAD, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        up = np.cross(right, AHEAD)
+        x, y, z = np.array([right, up, AHEAD]) @ (places - middle).T
+        half = float(np.tan(camera.fov / 2))
+        wide, high = half * free[0] * camera.image_width / camera.image_height, free[1]
+        # Of a place at distance + z, x and y from what is looked at: its picture within the free part's four sides.
+        sides = np.abs(x) / wide - z, (y / half - z) / high, ((1 - 2 * high) * z - y / half) / high
+        distance = MARGIN * float(np.max(sides))
+        middle = middle - (1 - high) * half * distance * up  # what is free is above what is not
         # In this order: moving the camera takes what it looks at along.
-        self.client.camera.position = tuple(middle + size * np.array([0.8, -0.9, 0.6]))
-        self.client.camera.look_at = tuple(middle)
+        camera.position = tuple(middle - distance * AHEAD)
+        camera.look_at = tuple(middle)
+
+    def _places(self) -> Array:
+        """Where the base and the joints are at moments spread evenly, m, (P, 3)."""
+        places = [np.zeros(3)]
+        for x in np.linspace(0.0, self.track.x[-1], MOMENTS):
+            self.urdf.update_cfg(self._configuration(x))
+            places += [self.urdf.get_transform(self.urdf.joint_map[name].child)[:3, 3] for name in self.markers]
+        return np.array(places)
 
     def pose(self, x: float, joint: str, colouring: Colouring) -> None:
         """Show a moment."""

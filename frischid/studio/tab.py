@@ -31,19 +31,30 @@ EVERY = "every joint"
 NUMBERS = " On the buttons: NRMSE on data left out of each fit, without the effect → with it."
 GLANCE = 0.5  # s
 WIDTH = 430  # pixels of each panel
+HIGH, HIGH_ON_PHONE = 1.0, 1.2  # of the height that a figure has in the report, in a panel and in the sheet
+SHEETLESS = 0.4  # of a phone's height, above its sheet
 PHONE = 576  # pixels: viser's own limit, below which the panels are sections of one sheet at the bottom
-SHEET = """<style>@media (max-width: 36em) {
+STYLE = """<style>
+:root { --mantine-color-dimmed: #555 !important; }
+.mantine-Notification-description { color: #333 !important; }
+@media (max-width: 36em) {
   .mantine-Paper-root[style*="width: 20em"], .mantine-Paper-root [style*="width: 20em"] { width: 100vw !important; }
-}</style>"""
-"""The sheet is as wide as the phone, not two thirds of it."""
+}
+@media (prefers-color-scheme: dark) {
+  html { background: #fff; filter: invert(0.91) hue-rotate(180deg); }
+  canvas { filter: invert(1) hue-rotate(180deg); }
+}
+</style>"""
+"""Viser's grey words can be read. On a phone the sheet is as wide as the page, not two thirds of it. In the dark, light
+and dark change places and hues stay: viser's own dark colours cannot follow the reader's choice. The scene, which has
+no background of its own, is turned back."""
 
 
 @dataclass(eq=False)
 class _Place:
-    """Where a figure goes, `aspect` times as high as wide: words above and below it, then the figure itself."""
+    """Where a figure goes: words above and below it, then the figure itself."""
 
     within: Any
-    aspect: float
     title: Any
     reading: Any
     figure: Any = None
@@ -62,24 +73,25 @@ class Tab:
     def __init__(self, client: ClientHandle, bench: Bench, track: Track) -> None:
         self.client, self.bench, self.track = client, bench, track
         self._lock = threading.RLock()
+        self._drawn = bench.state
+        self.stage: Stage | None = None  # drawn last
         joints = list(bench.state.model.joints)
         worst = max(bench.state.comparison.joints.items(), key=lambda item: item[1].nrmse)[0]
         gui = client.gui
         self.phone = client.camera.image_width < PHONE
-        gui.add_html(SHEET)
+        gui.add_html(STYLE)
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         gui.set_panel_label(f"frischid: {bench.state.model.robot.name}")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
-        self._curves(gui, joints, worst)
-        self._work(gui, joints)
-        with self._lock:
-            self._drawn = bench.state
+        with self._lock:  # a control that is moved as soon as it is there waits for the others
+            self._curves(gui, joints, worst)
+            self._work(gui, joints)
             # Words and curves first: without a GPU a browser takes seconds to draw the robot.
             self._headline(self._drawn)
             self._torque()
             client.flush()
-            self.stage = Stage(client, bench, track, self._choose, self.phone)
+            self.stage = Stage(client, bench, track, self._choose, self._free())
             self.pose()
             self._stairs(self._drawn)
             # What is out of sight at first must not keep the browser from drawing what is in sight.
@@ -99,8 +111,8 @@ class Tab:
             self.time = gui.add_slider("Time, s", 0.0, end, 0.01, 0.0)
             self.joint = gui.add_dropdown("Joint", tuple(joints), initial_value=worst)
             self.colouring = gui.add_dropdown("Colours show the error", ("over all logs", "at this moment"))
-            self.torque = self._figure(gui, motion, 0.72)
-            self.stairs = self._figure(gui, motion, 0.5)
+            self.torque = self._figure(gui, motion)
+            self.stairs = self._figure(gui, motion)
         panel.dock_left()
         panel.set_width(WIDTH)
         self.playing = False
@@ -125,9 +137,9 @@ class Tab:
                 self.where = gui.add_dropdown("On", (EVERY, *joints))
                 self.use = gui.add_button("Add this formula", color="gray")
         with group.add_tab("Fails where") as fails:
-            self.matrix = self._figure(gui, fails, 1.05)
+            self.matrix = self._figure(gui, fails)
             self.variable = gui.add_dropdown("Residual against", tuple(VARIABLES), initial_value="velocity")
-            self.against = self._figure(gui, fails, 0.65)
+            self.against = self._figure(gui, fails)
         with group.add_tab("Keep"):
             self.save = gui.add_button("Save the model")
             self.export = gui.add_button("Export the report", color="gray")
@@ -139,9 +151,13 @@ class Tab:
         self.save.on_click(lambda _: self._attempt(lambda: self._said("Model", self.bench.save())))
         self.export.on_click(lambda _: self._attempt(lambda: self._said("Report", self.bench.export())))
 
-    def _figure(self, gui: Any, within: Any, aspect: float) -> _Place:
-        """A title and a reading; between them comes the figure, higher where it is narrow."""
-        return _Place(within, aspect * (1.35 if self.phone else 1.0), gui.add_markdown(""), gui.add_markdown(""))
+    def _free(self) -> tuple[float, float]:
+        """Shares of the page's width and height that no panel covers."""
+        return (1.0, SHEETLESS) if self.phone else (max(1 - 2 * WIDTH / self.client.camera.image_width, 0.2), 1.0)
+
+    def _figure(self, gui: Any, within: Any) -> _Place:
+        """A title and a reading; between them comes the figure."""
+        return _Place(within, gui.add_markdown(""), gui.add_markdown(""))
 
     # ------------------------------------------------------------------ showing
 
@@ -176,8 +192,9 @@ class Tab:
         self.bar.value = 100 * share
 
     def pose(self) -> None:
-        """Put the robot where it was at the slider's time."""
-        self.stage.pose(float(self.time.value), str(self.joint.value), self.colouring.value)
+        """Put the robot, once there is one, where it was at the slider's time."""
+        if self.stage is not None:
+            self.stage.pose(float(self.time.value), str(self.joint.value), self.colouring.value)
 
     def step(self, seconds: float) -> None:
         """Let the robot move on, if it plays."""
@@ -211,15 +228,16 @@ class Tab:
     def _show(self, place: _Place, drawing: Drawing) -> None:
         place.title.content = f"**{plain(drawing.title)}**"
         # In a narrow panel a legend takes two lines.
+        aspect = (HIGH_ON_PHONE if self.phone else HIGH) * drawing.height / WIDTH
         figure = drawing.figure.update_layout(height=None, margin={"t": 52} if drawing.legend else {})
         if place.figure is None:
             between = (place.title.order + place.reading.order) / 2
             with place.within:
                 place.figure = self.client.gui.add_plotly(
-                    figure, aspect=place.aspect, config={"displayModeBar": False}, order=between
+                    figure, aspect=aspect, config={"displayModeBar": False}, order=between
                 )
         else:
-            place.figure.figure = figure
+            place.figure.figure, place.figure.aspect = figure, aspect
         place.reading.content = plain(drawing.reading)
 
     def _list(self, state: State) -> None:
