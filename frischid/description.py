@@ -5,6 +5,10 @@ The residual of the joint that is explained worst is held against every quantity
 116(536)), on samples a correlation time apart. Then terms from a library of simple expressions enter one by one while
 held-out data pay for them (orthogonal least squares, as in `ranking`; the library: Brunton, Proctor and Kutz 2016, PNAS
 113(15)). The result is a *description*, not a cause: it says where to look.
+
+A description also keeps the catalogue honest. What another joint does to this one is in no catalogue, yet some effect
+may resemble it and be found. Where one such term alone leaves far less of the error above the noise than the first
+finding does, that finding is not the cause (`outdone`).
 """
 
 from __future__ import annotations
@@ -18,9 +22,12 @@ from scipy import stats
 from frischid.conditions import APART
 from frischid.effects import Formula
 from frischid.evidence import LOOKED_AT, Evidence, thinned
-from frischid.ranking import SIGNIFICANCE, Judged, judged
+from frischid.gram import Array
+from frischid.ranking import SIGNIFICANCE, STEADY, Judged, Ranking, block_test, judged
+from frischid.words import listed
 
 TERMS = 3
+FAR_LESS = 0.5  # of what the first finding leaves above the noise
 
 
 @dataclass(frozen=True)
@@ -46,17 +53,64 @@ class Description:
 
     def __str__(self) -> str:
         depends = ", ".join(self.depends_on) or "no variable alone"
-        formula = " and ".join(f"'{f}'" for f in self.formula)
-        described = f"; {formula} describes {self.removed:.0%} of it (a description, not a cause)" if formula else ""
+        formula = listed([f"'{f}'" for f in self.formula])
+        verb = "describes" if len(self.formula) == 1 else "describe"
+        described = f"; {formula} {verb} {self.removed:.0%} of it (a description, not a cause)" if formula else ""
         return f"What is left on {self.joint} depends on {depends}{described}"
 
 
-def describe(evidence: Evidence) -> Description:
-    """Describe what is left on the joint that is explained worst."""
-    row = int(np.argmax(evidence.nrmse(evidence.base_sse())))
+@dataclass(frozen=True)
+class Stranger:
+    """What another joint does to one, where that describes far more than the first finding explains.
+
+    Attributes
+    ----------
+    row : int
+        Position of the joint among the fitted ones.
+    term : str
+        Expression, in the language of the effect ``formula``.
+    """
+
+    row: int
+    term: str
+
+
+def describe(evidence: Evidence, row: int) -> Description:
+    """Describe what is left on a joint."""
     depends = _dependence(evidence, row)
     chosen, removed = _formula(evidence, row)
     return Description(evidence.joints[row], depends, tuple(chosen), removed)
+
+
+def outdone(ranking: Ranking, floor: Array) -> Stranger | None:
+    """Find what describes far more than the first finding explains, on the joint where that removes most.
+
+    Parameters
+    ----------
+    ranking : Ranking
+    floor : ndarray, shape (J,)
+        Sensor noise of each joint, N·m (N).
+
+    Returns
+    -------
+    Stranger or None
+        None: the finding holds.
+    """
+    full, without = ranking.full, ranking.without_first
+    after = full.nrmse(full.base_sse()) ** 2
+    row = int(np.argmax(without.nrmse(without.base_sse()) ** 2 - after))
+    noise = float(floor[row] / full.spread[row]) ** 2
+    most = FAR_LESS * (after[row] - noise)
+    if most < noise:
+        return None
+    joint = full.joints[row]
+    terms = without.project([Formula((joint,), e) for e in _foreign(without, joint)])
+    found = [j for term in terms if term.columns and (j := judged(without, [term])) is not None]
+    best = min(found, key=lambda j: float(without.nrmse(j.score.sse)[row]), default=None)
+    if best is None or without.nrmse(best.score.sse)[row] ** 2 - noise > most:
+        return None
+    sure = best.chance(len(found)) < SIGNIFICANCE and block_test(without, best.projection) < STEADY
+    return Stranger(row, _expression(best)) if sure else None
 
 
 def _dependence(evidence: Evidence, row: int) -> dict[str, float]:
@@ -100,15 +154,23 @@ def _expression(candidate: Judged) -> str:
 
 def _library(evidence: Evidence, joint: str) -> list[str]:
     """Simple expressions of the joint's own quantities, of each other joint's, and of both together."""
-    robot = evidence.model.robot
-    own = str(robot.numbers[joint])
+    own = str(evidence.model.robot.numbers[joint])
     found = [f"{wave}({k}q{own})" for wave in ("sin", "cos") for k in ("", "2*", "3*")]
     found += [f"v{own}**3", f"abs(v{own})", f"v{own}*abs(v{own})", f"abs(tau_model{own})", f"q{own}*v{own}"]
     found += [f"t*sign(v{own})", f"t*v{own}", "t", f"abs(q{own})*sign(v{own})", f"load{own}"]
-    for other in robot.joints:
-        k = str(robot.numbers[other])
-        if k == own:
-            continue
-        found += [f"q{own}*q{k}", f"q{k}", f"sin(q{k})", f"cos(q{k})", f"v{k}", f"sign(v{k})", f"a{k}", f"tau_model{k}"]
-        found += [f"v{own}*abs(v{k})", f"abs(v{own})*v{k}", f"v{own}*v{k}", f"q{k}*v{own}", f"q{k}*sign(v{own})"]
+    found += [form for k in _others(evidence, joint) for form in (f"v{k}", f"sign(v{k})", f"a{k}")]
+    return found + _foreign(evidence, joint)
+
+
+def _foreign(evidence: Evidence, joint: str) -> list[str]:
+    """Expressions of what another joint does to this one that no effect of the catalogue has."""
+    own, found = str(evidence.model.robot.numbers[joint]), []
+    for k in _others(evidence, joint):
+        found += [f"q{own}*q{k}", f"q{k}", f"sin(q{k})", f"cos(q{k})", f"tau_model{k}", f"v{own}*abs(v{k})"]
+        found += [f"abs(v{own})*v{k}", f"v{own}*v{k}", f"q{k}*v{own}", f"q{k}*sign(v{own})"]
     return found
+
+
+def _others(evidence: Evidence, joint: str) -> list[str]:
+    """Numbers of the other joints."""
+    return [str(number) for name, number in evidence.model.robot.numbers.items() if name != joint]

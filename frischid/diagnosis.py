@@ -19,7 +19,7 @@ from scipy import stats
 
 from frischid.cluster import Workers
 from frischid.contact import Contact, find_contacts, stretches
-from frischid.description import Description, describe
+from frischid.description import Description, Stranger, describe, outdone
 from frischid.effects import EFFECTS, Effect
 from frischid.errors import InputError, UnknownNameError
 from frischid.evidence import Evidence
@@ -28,7 +28,7 @@ from frischid.log import Log
 from frischid.model import Model
 from frischid.noise import NoiseFloor
 from frischid.prior import identified, nominal
-from frischid.ranking import SIGNIFICANCE, TRIFLE, Ranked, ranking
+from frischid.ranking import SIGNIFICANCE, TRIFLE, Ranked, Ranking, ranking
 from frischid.recording import Recording
 from frischid.robot import Robot
 from frischid.words import each_of, listed
@@ -202,14 +202,14 @@ def diagnose(
         pass
     floor = noise.under(evidence.nrmse(evidence.base_sse()) * evidence.spread)
     contacts = find_contacts(evidence, floor)
-    findings, left = rank(evidence, floor, state, effects, progress)
+    findings, judged = rank(evidence, floor, state, effects, progress)
     if contacts:
         rest = evidence.without(stretches(contacts))
         if any(explains(evidence, rest, f) for f in findings if f.significant):
             contacts = []
         else:
             progress("once more without the contacts")
-            evidence, (findings, left) = rest, rank(rest, floor, state, effects, progress)
+            evidence, (findings, judged) = rest, rank(rest, floor, state, effects, progress)
     error = float(evidence.nrmse(evidence.base_sse()).mean())
     joints = {
         name: {"error": float(e), "noise_floor": float(f)}
@@ -217,11 +217,12 @@ def diagnose(
             evidence.joints, evidence.nrmse(evidence.base_sse()), floor / evidence.spread, strict=True
         )
     }
-    verdict = _verdict(evidence, floor, findings, contacts, left)
+    stranger = outdone(judged, floor)
+    verdict = _verdict(evidence, floor, findings, contacts, judged, stranger)
     if state == "changed" and effects is None:
         verdict, findings = _with_refit(verdict, findings, _refit(model, evidence, floor))
-    description = describe(evidence) if verdict == "unknown" else None
-    notes = [f"taken as a robot that {'changed since it was identified' if state == 'changed' else 'was always so'}"]
+    worst = int(np.argmax(evidence.nrmse(evidence.base_sse())))
+    description = describe(evidence, worst if stranger is None else stranger.row) if verdict == "unknown" else None
     return Diagnosis(
         verdict,
         state,
@@ -230,7 +231,7 @@ def diagnose(
         float(np.mean(floor / evidence.spread)),
         joints,
         tuple(contacts),
-        (*notes, *([str(description)] if description is not None else [])),
+        tuple(_notes(state, description, stranger, judged)),
         description,
         evidence,
     )
@@ -293,15 +294,15 @@ def rank(
     situation: str,
     only: Sequence[str] | None = None,
     progress: Callable[[str], None] = lambda _: None,
-) -> tuple[list[Finding], Array]:
-    """Every effect that can act on this robot, best first; and the joints' NRMSE (J,) with all that pass."""
+) -> tuple[list[Finding], Ranking]:
+    """Every effect that can act on this robot, best first; and how they were judged."""
     kinds = [
         kind
         for name, kind in EFFECTS.items()
         if (only is None or name in only) and not (kind.change and situation == "always")
     ]
-    found, left = ranking(evidence, kinds, progress)
-    return [_finding(evidence, floor, ranked) for ranked in found], left
+    judged = ranking(evidence, kinds, progress)
+    return [_finding(evidence, floor, ranked) for ranked in judged.effects], judged
 
 
 def _finding(evidence: Evidence, floor: Array, ranked: Ranked) -> Finding:
@@ -338,18 +339,37 @@ def _shape(effect: Effect) -> dict[str, float]:
 
 
 def _verdict(
-    evidence: Evidence, floor: Array, findings: Sequence[Finding], contacts: Sequence[Contact], left: Array
+    evidence: Evidence,
+    floor: Array,
+    findings: Sequence[Finding],
+    contacts: Sequence[Contact],
+    judged: Ranking,
+    stranger: Stranger | None,
 ) -> Verdict:
-    """Unknown: more is left on some joint, with all that pass in the model, than the best finding removes."""
+    """Unknown: more is left on some joint, with all that pass in the model, than the best finding removes.
+
+    Or what another joint does, a stranger to the catalogue, describes far more than the best finding explains.
+    """
     if contacts:
         return "contact"
     best = next((f for f in findings if f.significant), None)
     noise = floor / evidence.spread
+    left = judged.full.nrmse(judged.full.base_sse())
     left = np.minimum(left, evidence.nrmse(evidence.base_sse()))  # a finding on one joint may cost another a little
     unexplained = np.where((left > LARGE) & (left > ABOVE * noise), left**2 - noise**2, 0.0).max()
     if best is None:
         return "unknown" if unexplained > 0 else "none"
-    return "unknown" if unexplained > best.removed else "effect"
+    return "unknown" if unexplained > best.removed or stranger is not None else "effect"
+
+
+def _notes(state: Known, description: Description | None, stranger: Stranger | None, judged: Ranking) -> list[str]:
+    notes = [f"taken as a robot that {'changed since it was identified' if state == 'changed' else 'was always so'}"]
+    if description is not None and stranger is not None:
+        where, first = judged.full.joints[stranger.row], judged.effects[0].kind.id
+        notes.append(
+            f"on {where} '{stranger.term}' alone describes far more than {first} explains: that is not the cause"
+        )
+    return notes + ([str(description)] if description is not None else [])
 
 
 def _refit(model: Model, evidence: Evidence, floor: Array) -> Finding:

@@ -120,17 +120,27 @@ class Ranked:
         return type(self.together.effect)
 
 
+@dataclass(frozen=True, eq=False)
+class Ranking:
+    """Every effect that can act on this robot, judged.
+
+    Attributes
+    ----------
+    effects : list of Ranked
+        The one that explains most first.
+    full, without_first : Evidence
+        With all that entered in the model, and with all but the first of them.
+    """
+
+    effects: list[Ranked]
+    full: Evidence
+    without_first: Evidence
+
+
 def ranking(
     evidence: Evidence, kinds: Iterable[type[Effect]], progress: Callable[[str], None] = lambda _: None
-) -> tuple[list[Ranked], Array]:
-    """Every effect that can act on this robot, the one that explains most first.
-
-    Returns
-    -------
-    list of Ranked
-    ndarray, shape (J,)
-        Held-out NRMSE of each joint with all that entered.
-    """
+) -> Ranking:
+    """Every effect that can act on this robot, the one that explains most first."""
     places = [alternatives for kind in kinds for alternatives in kind.candidates(evidence.model.robot)]
     scored = (judged(evidence, shapes) for shapes in distinct(evidence, places, progress) if shapes)
     pool = [found for found in scored if found is not None]
@@ -138,7 +148,9 @@ def ranking(
     progress("judging candidates against each other")
     chosen, full = _together(evidence, pool, tried)
     unique = {id(c): _worth(evidence, chosen, c, full) for c in chosen}
-    return _ranked(evidence, pool, chosen, unique, tried), full.nrmse(full.base_sse())
+    first = max(chosen, key=lambda c: unique[id(c)], default=None)
+    others = [c for c in chosen if type(c.effect) is not type(first and first.effect)]
+    return Ranking(_ranked(evidence, pool, chosen, unique, tried), full, _extended(evidence, others))
 
 
 def distinct(

@@ -33,7 +33,7 @@ def log_of(seed: int, effects: str = "", seconds: float = 25.0, robot: Robot = U
         random_fourier(robot, seconds, seed=seed, scale=0.8),
         rate=100.0,
         effects=(*BASELINE, *parse_effects(effects)),
-        parameters=DRY | values,
+        parameters=(DRY if robot is UR5 else {}) | values,
         noise=NOISE,
         channels=(),
         seed=seed,
@@ -203,6 +203,21 @@ def test_what_nothing_explains_is_described():
     assert found.description.removed > 0.9
     assert any("a description, not a cause" in note for note in found.notes)
     assert json.loads(json.dumps(found.to_dict()))["description"]["formula"][0] == "q3*sign(v2)"
+
+
+def test_what_another_joint_does_is_not_called_an_effect_that_resembles_it():
+    planar2, hidden = Robot.load("planar2"), 'formula("tau_model2")@joint1'
+    column = parse_effects(hidden)[0].columns(planar2)[0].name
+    dry = {"fv1": 0.5, "fv2": 0.3, "fc1": 0.5, "fc2": 0.3, "Ia1": 0.02, "Ia2": 0.01}
+    logs = [log_of(s, hidden, robot=planar2, **dry, **{column: 0.15}) for s in (1, 2)]
+    model = identify(planar2, logs[:1], recursion="none").model
+    found = diagnose(model, logs[:1], valid=logs[1:])
+    resembling = found.findings[1]
+    assert resembling.effect == "drive_gain"
+    assert resembling.removed > 0.9 * found.joints["joint1"]["error"] ** 2  # so nothing of it seems to be missing
+    assert found.verdict == "unknown"
+    assert found.description.formula[0] == "tau_model2"
+    assert any("on joint1 'tau_model2' alone describes far more than drive_gain explains" in n for n in found.notes)
 
 
 def test_a_measured_temperature_explains_friction_that_drifts():
