@@ -96,6 +96,8 @@ def outdone(ranking: Ranking, floor: Array) -> Stranger | None:
     Stranger or None
         None: the finding holds.
     """
+    if not any(ranked.entered for ranked in ranking.effects):
+        return None
     full, without = ranking.full, ranking.without_first
     after = full.nrmse(full.base_sse()) ** 2
     row = int(np.argmax(without.nrmse(without.base_sse()) ** 2 - after))

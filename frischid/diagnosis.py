@@ -366,9 +366,7 @@ def _notes(state: Known, description: Description | None, stranger: Stranger | N
     notes = [f"taken as a robot that {'changed since it was identified' if state == 'changed' else 'was always so'}"]
     if description is not None and stranger is not None:
         where, first = judged.full.joints[stranger.row], judged.effects[0].kind.id
-        notes.append(
-            f"on {where} '{stranger.term}' alone describes far more than {first} explains: that is not the cause"
-        )
+        notes.append(f"on {where} '{stranger.term}' describes far more than {first} explains, so that is not the cause")
     return notes + ([str(description)] if description is not None else [])
 
 

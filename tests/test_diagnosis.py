@@ -217,7 +217,7 @@ def test_what_another_joint_does_is_not_called_an_effect_that_resembles_it():
     assert resembling.removed > 0.9 * found.joints["joint1"]["error"] ** 2  # so nothing of it seems to be missing
     assert found.verdict == "unknown"
     assert found.description.formula[0] == "tau_model2"
-    assert any("on joint1 'tau_model2' alone describes far more than drive_gain explains" in n for n in found.notes)
+    assert any("on joint1 'tau_model2' describes far more than drive_gain explains" in n for n in found.notes)
 
 
 def test_a_measured_temperature_explains_friction_that_drifts():
