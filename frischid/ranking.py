@@ -307,7 +307,7 @@ def refined(evidence: Evidence, candidate: Judged) -> Judged:
             near = [
                 kind(joints=now.joints, **now.parameters | dict(zip(values, chosen, strict=True)))
                 for chosen in itertools.product(*values.values())
-                if all(x * float(now.parameters[n]) > 0 for n, x in zip(values, chosen, strict=True))
+                if all(_same_side(x, float(now.parameters[n])) for n, x in zip(values, chosen, strict=True))
             ]
             (projections,) = distinct(evidence, [near])
             better = judged(evidence, projections) if projections else None
@@ -315,6 +315,11 @@ def refined(evidence: Evidence, candidate: Judged) -> Judged:
                 break
             candidate = better
     return candidate
+
+
+def _same_side(x: float, now: float) -> bool:
+    """Whether a shape parameter may go from one value to another: not through zero, and from zero upwards."""
+    return x * now > 0 or now == 0 <= x
 
 
 def _step(values: Sequence[float], x: float) -> float:

@@ -95,8 +95,8 @@ class State:
         """Derivatives of the reference's rigid torque along this motion."""
         return self.rigid.slopes(self.q, self.v, self.a)
 
-    def rate(self, x: Array, order: int = 1) -> Array:
-        """Time derivative of a channel (N,) or several (N, ...), of order 1 or 2: that of the spline through it.
+    def rates(self, x: Array) -> tuple[Array, Array]:
+        """First and second time derivative of a channel (N,) or several (N, ...): those of the spline through it.
 
         Raises
         ------
@@ -104,7 +104,10 @@ class State:
             The samples are not in the order of time, so nothing can be differentiated.
         """
         degree = min(5, len(self.t) - 1)
-        return np.zeros_like(x) if degree < order else np.asarray(self._spline(x, degree).derivative(order)(self.t))
+        if degree < 2:
+            return np.zeros_like(x), np.zeros_like(x)
+        spline = self._spline(x, degree)
+        return np.asarray(spline.derivative(1)(self.t)), np.asarray(spline.derivative(2)(self.t))
 
     def earlier(self, x: Array, by: float) -> Array:
         """Channels (N, ...) as they were some seconds earlier (later, where negative): the spline through them.

@@ -131,6 +131,12 @@ class RigidDynamics:
         q, v, a = random_states(self.robot, 64)
         return np.asarray(self.torque(q, v, 2.0 * a).std(axis=0))
 
+    @cached_property
+    def inertia(self) -> Array:
+        """Mean inertia (J,) about each joint over all poses, kg·m² (kg)."""
+        mean = np.diagonal(self.slopes(*random_states(self.robot, 64)).acceleration, axis1=1, axis2=2).mean(axis=0)
+        return np.asarray(np.maximum(mean, 1e-12))
+
 
 def random_states(robot: Robot, count: int) -> tuple[Array, Array, Array]:
     """Positions within the limits, velocities and accelerations, always the same ones; each (count, J)."""

@@ -5,8 +5,12 @@ order in δ the motor feels
 
     τ = τ_rigid(q − δ e_j) ≈ τ_rigid − (∂τ/∂q_j δ + ∂τ/∂q̇_j δ̇ + M_j δ̈),
 
-with ``δ = load_j / k`` for a spring of stiffness k. In a gap of ±g the load keeps the link on one side, ``δ = ±g``,
-until it changes its sign; then nothing holds the link and it falls to the other side,
+The load of a link on a spring of stiffness k deflects it, and so does its swinging, which the motor does not see:
+
+    M_jj δ̈ + (∂τ_j/∂q̇_j + d) δ̇ + (∂τ_j/∂q_j + k) δ = load_j,
+
+``δ = load_j / k`` for a stiff spring. In a gap of ±g the load keeps the link on one side, ``δ = ±g``, until it changes
+its sign; then nothing holds the link and it falls to the other side,
 
     δ̈ = load_j / M_jj   while |δ| < g,
 
@@ -24,8 +28,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from scipy import linalg
 
-from frischid.effects.base import ANGLE, Array, Effect, State, Term, is_number, torque_unit
+from frischid.effects.base import ANGLE, SECONDS, Array, Effect, State, Term, is_number, torque_unit
 from frischid.errors import InputError
 
 
@@ -38,27 +43,67 @@ def require_share(effect: str, rubbing: float) -> None:
 def deflected(state: State, joint: int, deflection: Array) -> dict[int, Array]:
     """First-order change of the torque on every joint when a link lags its joint's encoder by `deflection`, (N,)."""
     position, velocity, acceleration = (slope[:, :, joint] for slope in state.slopes)
-    change = (
-        position * deflection[:, None]
-        + velocity * state.rate(deflection)[:, None]
-        + acceleration * state.rate(deflection, order=2)[:, None]
-    )
+    first, second = state.rates(deflection)
+    change = position * deflection[:, None] + velocity * first[:, None] + acceleration * second[:, None]
     return {i: -change[:, i] for i in range(change.shape[1])}
+
+
+DAMPING = 0.05
+"""Of a link that swings on its spring, as a share of what stops it from swinging."""
+
+RESOLVED = 5.0
+"""Samples in a period, fewer than which do not show a swing."""
+
+
+def swing(state: State, joint: int, load: Array, period: float) -> Array:
+    """Torque of the spring that carries a link, (N,): what the link needs, and what its swinging adds.
+
+    Implicit differences, stable for any stiffness: k δ is the solution of a lower triangular system of bandwidth two.
+
+    Parameters
+    ----------
+    state : State
+    joint : int
+    load : ndarray, shape (N,)
+        Torque the link needs where its joint's encoder says, N·m (N).
+    period : float
+        Of the link's swing, in a pose of mean inertia, while the motor stands still, s. What is shorter than a few
+        samples is taken as none.
+    """
+    if len(load) < 3 or period < RESOLVED * np.median(np.diff(state.t)):
+        return load
+    position, velocity, acceleration = (slope[:, joint, joint] for slope in state.slopes)
+    inertia, omega = state.rigid.inertia[joint], 2 * np.pi / period
+    k = omega**2 * inertia
+    stiff, inert = 1 + position / k, np.maximum(acceleration, 0.05 * inertia) / k
+    damped = velocity / k + 2 * DAMPING / omega
+    before, after = np.diff(state.t)[:-1], np.diff(state.t)[1:]
+    both = before + after
+    held, drag, swung = stiff[1:-1] / 4, damped[1:-1] / both, 2 * inert[1:-1] / both
+    bands, right = np.zeros((3, len(load))), load.copy()
+    bands[0, :2], right[:2] = 1.0, load[:2] / stiff[:2]
+    bands[0, 2:] = swung / after + drag + held
+    bands[1, 1:-1] = -swung * (1 / before + 1 / after) + 2 * held
+    bands[2, :-2] = swung / before - drag + held
+    right[2:] = load[1:-1]
+    return np.asarray(linalg.solve_banded((2, 0), bands, right))
 
 
 @dataclass(frozen=True)
 class Elasticity(Effect):
-    """Flexible transmission seen from the motor: the link lags by its load times the compliance ``ce = 1/k``.
+    """Flexible transmission seen from the motor: the link lags by its spring's torque times the compliance ``ce``.
 
     Attributes
     ----------
+    period : float
+        In which the link, in a pose of mean inertia, swings while the motor stands still, s; 0: it is too stiff to.
     rubbing : float
         Share of the joint's friction that acts behind the transmission, on the link.
     """
 
     id: ClassVar[str] = "elasticity"
     title: ClassVar[str] = "joint elasticity"
-    equation: ClassVar[str] = "ce·(∂τ_rigid/∂δ)[−load],  that is −ce·(∂τ/∂q·load + ∂τ/∂v·load′ + M·load″)"
+    equation: ClassVar[str] = "ce·(∂τ_rigid/∂δ)[−s],  s the spring's torque: s + (∂τ/∂q·s + ∂τ/∂v·s′ + M·s″)/k = load"
     sentence: ClassVar[str] = (
         "{joint} gives way under its load: its transmission is elastic, and the link lags behind the motor's encoder"
     )
@@ -71,11 +116,19 @@ class Elasticity(Effect):
 
     memory: ClassVar[bool] = True
     loaded: ClassVar[bool] = True
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"rubbing": (0.0, 0.5, 1.0)}
+    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
+        "period": (0.0, 0.08, 0.11, 0.14, 0.17, 0.21, 0.26, 0.33, 0.42),
+        "rubbing": (0.0, 0.33, 0.67),
+    }
 
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"period": SECONDS}
+
+    period: float = 0.0
     rubbing: float = 0.0
 
     def __post_init__(self) -> None:
+        if not is_number(self.period) or self.period < 0:
+            raise InputError(f"{self.id}: period must be a time in s, 0 or more, got {self.period}")
         require_share(self.id, self.rubbing)
 
     def terms(self, state: State) -> list[Term]:
@@ -83,7 +136,7 @@ class Elasticity(Effect):
         return [
             Term(
                 self.column("ce", torque_unit(state.robot, i, "torque slope torque"), name, number, sign=1),
-                deflected(state, i, state.passed(i, self.rubbing)),
+                deflected(state, i, swing(state, i, state.passed(i, self.rubbing), self.period)),
             )
             for i, name, number in self.acts_on(state.robot)
         ]
