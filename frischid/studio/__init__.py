@@ -5,7 +5,7 @@ refits the model and changes curves, colours and staircase before the user's eye
 viser's; the figures are those of the report (`frischid.figures`); what is computed is in `frischid.studio.bench`, which
 knows no page.
 
-The page opens before anything is computed: a browser takes as long to read viser's and plotly's scripts as the model
+The page opens before anything is computed: a browser takes as long to read viser's scripts as the model
 takes to be evaluated along its logs, and the two go on side by side. Hence this module imports little at its top.
 """
 
@@ -61,7 +61,6 @@ class Studio:
 
     def __init__(self, host: str = "127.0.0.1", port: int = 8080) -> None:
         try:
-            import plotly.graph_objects as go
             import viser
         except ImportError:
             raise InputError('the studio needs viser: pip install "frischid[studio]"') from None
@@ -74,10 +73,9 @@ class Studio:
         shown = "localhost" if host in ("127.0.0.1", "localhost", "0.0.0.0") else host
         self.address = f"http://{shown}:{self.server.get_port()}"
         self._lock = threading.Lock()  # over who waits and who is shown the model
-        self._waiting: dict[int, tuple[Any, list[Any]]] = {}
+        self._waiting: dict[int, tuple[Any, Any]] = {}
         self.tabs: dict[int, Tab] = {}
         self._open: Callable[[Any], None] | None = None
-        self._blank = go.Figure()
         self.server.on_client_connect(self._arrived)
         self.server.on_client_disconnect(self._left)
 
@@ -118,9 +116,8 @@ class Studio:
             waiting, self._waiting = list(self._waiting.values()), {}
         bench.listen(lambda: self._everywhere(lambda tab: tab.refresh()))
         bench.on_progress(lambda text, share: self._everywhere(lambda tab: tab.progress(text, share)))
-        for client, until_then in waiting:
-            for handle in until_then:
-                handle.remove()
+        for client, note in waiting:
+            note.remove()
             show(client)
         threading.Thread(target=self._play, daemon=True, name="frischid play").start()
 
@@ -132,9 +129,7 @@ class Studio:
         with self._lock:
             show = self._open
             if show is None:
-                # A figure that is hidden has the browser read plotly.js meanwhile.
-                note, blank = client.gui.add_markdown(READING), client.gui.add_plotly(self._blank, visible=False)
-                self._waiting[client.client_id] = client, [note, blank]
+                self._waiting[client.client_id] = client, client.gui.add_markdown(READING)
         if show is not None:
             show(client)
 
