@@ -41,6 +41,7 @@ ABOVE = 2.0  # noise floors: the same, the floor being an estimate
 EXPLAINED = 0.6  # share of the bursts' energy that is left if a steady effect is what makes them
 BEATEN = 1.5  # what a refit must remove over what the best single effect removes
 OLD = "old_parameters"  # the finding that they no longer hold
+ROUGHLY = 1.25  # times what a model missed on its own logs: as much may be missing on others
 CHANGED = 1.02  # error of the model as it is over that of a refit, above which the robot is not the one identified
 
 
@@ -249,11 +250,13 @@ def gathered(
     predicts them better than the model as it is.
     """
     evidence = Evidence(model, logs, nominal(model), workers)
+    own = any(model.made_from(log) for log in logs)
     if situation == "auto":
-        own = any(model.made_from(log) for log in logs)
         situation = "changed" if not own and _frozen(evidence) > CHANGED * _error(evidence) else "always"
     if situation == "changed":
         evidence = evidence.believing(identified(model))
+    if not own:
+        evidence = evidence.comparing(ROUGHLY * model.estimate.sigma / evidence.spread)
     return evidence, situation
 
 
@@ -352,18 +355,20 @@ def _verdict(
     """
     if contacts:
         return "contact"
-    best = next((f for f in findings if f.significant), None)
+    best = max((f.removed for f in findings if f.significant), default=None)
     noise = floor / evidence.spread
     left = judged.full.nrmse(judged.full.base_sse())
     left = np.minimum(left, evidence.nrmse(evidence.base_sse()))  # a finding on one joint may cost another a little
     unexplained = np.where((left > LARGE) & (left > ABOVE * noise), left**2 - noise**2, 0.0).max()
     if best is None:
         return "unknown" if unexplained > 0 else "none"
-    return "unknown" if unexplained > best.removed or stranger is not None else "effect"
+    return "unknown" if unexplained > best or stranger is not None else "effect"
 
 
 def _notes(state: Known, description: Description | None, stranger: Stranger | None, judged: Ranking) -> list[str]:
     notes = [f"taken as a robot that {'changed since it was identified' if state == 'changed' else 'was always so'}"]
+    if judged.full.missed.any():
+        notes.append("not the model's own logs: what explains more than was missing on those comes first")
     if description is not None and stranger is not None:
         where, first = judged.full.joints[stranger.row], judged.effects[0].kind.id
         notes.append(f"on {where} '{stranger.term}' describes far more than {first} explains, so that is not the cause")

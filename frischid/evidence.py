@@ -83,6 +83,11 @@ class Evidence:
     prior : Prior
     workers : Workers, optional
         Where candidates' columns are computed, this process by default.
+
+    Attributes
+    ----------
+    missed : ndarray, shape (J,)
+        NRMSE that was missing before, when these logs show what is new; zero: everything counts.
     """
 
     def __init__(
@@ -90,6 +95,7 @@ class Evidence:
     ) -> None:
         self.model, self.prior = model, prior
         self.joints = model.joints
+        self.missed = np.zeros(len(self.joints))
         self.data = Rows(model, logs, workers)
         self._added: tuple[Projection, ...] = ()
         self._on(self.data)
@@ -267,6 +273,12 @@ class Evidence:
         new = copy(self)
         new.prior = prior
         new._weigh()
+        return new
+
+    def comparing(self, missed: Array) -> Evidence:
+        """The same rows, to be judged by what is missing beyond what was missing before: NRMSE of each joint, (J,)."""
+        new = copy(self)
+        new.missed = missed
         return new
 
     def without(self, stretches: Sequence[Stretch]) -> Evidence:

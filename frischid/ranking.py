@@ -8,7 +8,8 @@
 2.  They enter together, the one that removes most first, as long as the best of the rest passes; then each that
     entered is held against every other in its place.
 3.  What an effect is worth is what the error rises by when it alone is taken away again: what others can explain as
-    well is not counted for it. The ranking is by that.
+    well is not counted for it. The ranking is by that; on logs the model was not made from, first by how much of it
+    was not missing on the model's own.
 
 So a hidden effect is found beside a background of small ones, and what merely resembles it does not share its rank.
 Source of step 2: Orthogonal least squares, Chen, Billings and Luo 1989, Int. J. Control 50(5).
@@ -35,6 +36,7 @@ MOVES = 4  # of each of these lengths
 WAYS = (0.0, -1.0, 1.0)  # nothing, back, forth
 SIGNIFICANCE = 0.01
 TRIFLE = 0.004  # of a joint's torque: what explains less is not worth a parameter, however significant
+MOSTLY = 0.3  # share of what an effect explains that must be new for it to be what changed
 STEADY = 0.05  # p value over blocks of time that a finding must reach, so that no single moment makes it
 SAME = 0.9  # a rival that removes this share of what the best removes, and adds nothing to it, is the same finding
 
@@ -97,6 +99,8 @@ class Ranked:
         Of all places at once.
     gain, removed, unique : float
         Log likelihood less its price, what it takes off the summed squared NRMSE alone, and beside the others.
+    new : float
+        What it takes off, beside the others, of what was not missing before; zero where that is but a part of it.
     p_value : float
     entered : bool
         Whether it is one of those that explain the data together.
@@ -110,6 +114,7 @@ class Ranked:
     gain: float
     removed: float
     unique: float
+    new: float
     p_value: float
     entered: bool
     rivals: tuple[str, ...] = ()
@@ -148,7 +153,7 @@ def ranking(
     progress("judging candidates against each other")
     chosen, full = _together(evidence, pool, tried)
     unique = {id(c): _worth(evidence, chosen, c, full) for c in chosen}
-    first = max(chosen, key=lambda c: unique[id(c)], default=None)
+    first = max(chosen, key=lambda c: unique[id(c)][::-1], default=None)
     others = [c for c in chosen if type(c.effect) is not type(first and first.effect)]
     return Ranking(_ranked(evidence, pool, chosen, unique, tried), full, _extended(evidence, others))
 
@@ -271,28 +276,37 @@ def _extended(evidence: Evidence, chosen: Iterable[Judged]) -> Evidence:
     return evidence
 
 
-def _worth(evidence: Evidence, chosen: Sequence[Judged], one: Judged, full: Evidence) -> float:
-    """What the summed squared NRMSE rises by when one of those chosen is taken away."""
+def _worth(evidence: Evidence, chosen: Sequence[Judged], one: Judged, full: Evidence) -> tuple[float, float]:
+    """What the summed squared NRMSE rises by when one of those chosen is taken away; and how much of that is new."""
     without = _extended(evidence, [c for c in chosen if c is not one])
-    return removed(evidence, without.base_sse(), full.base_sse())
+    before, after = (evidence.nrmse(e.base_sse()) ** 2 for e in (without, full))
+    unique = float((before - after).sum())
+    known = evidence.missed**2
+    new = float((np.maximum(before, known) - np.maximum(after, known)).sum()) if known.any() else 0.0
+    return unique, new if new > MOSTLY * unique else 0.0
 
 
 # ---------------------------------------------------------------------- effects
 
 
 def _ranked(
-    evidence: Evidence, pool: Sequence[Judged], chosen: Sequence[Judged], unique: dict[int, float], tried: int
+    evidence: Evidence,
+    pool: Sequence[Judged],
+    chosen: Sequence[Judged],
+    unique: dict[int, tuple[float, float]],
+    tried: int,
 ) -> list[Ranked]:
     """Gather places into effects and put them in order: those that entered, by their worth; then the others."""
     found = []
     for kind in dict.fromkeys(type(c.effect) for c in pool):
-        entered = sorted((c for c in chosen if type(c.effect) is kind), key=lambda c: -unique[id(c)])
-        worth = max((unique[id(c)] for c in entered), default=0.0)
+        entered = sorted((c for c in chosen if type(c.effect) is kind), key=lambda c: -unique[id(c)][0])
+        worths = [unique[id(c)] for c in entered]
+        worth = max((x for x, _ in worths), default=0.0), max((x for _, x in worths), default=0.0)
         places = [refined(evidence, c) for c in entered] or _best_places(
             evidence, [c for c in pool if type(c.effect) is kind]
         )
         found.append(_joined(evidence, places, worth, tried, bool(entered)))
-    found.sort(key=lambda r: (not r.entered, -r.unique, r.p_value > SIGNIFICANCE, -r.removed, -r.gain))
+    found.sort(key=lambda r: (not r.entered, -r.new, -r.unique, r.p_value > SIGNIFICANCE, -r.removed, -r.gain))
     return _told_apart(evidence, found)
 
 
@@ -336,7 +350,9 @@ def _best_places(evidence: Evidence, places: Sequence[Judged]) -> list[Judged]:
     return best
 
 
-def _joined(evidence: Evidence, places: Sequence[Judged], worth: float, tried: int, entered: bool) -> Ranked:
+def _joined(
+    evidence: Evidence, places: Sequence[Judged], worth: tuple[float, float], tried: int, entered: bool
+) -> Ranked:
     """All places of an effect as one candidate."""
     together = places[0].projection if len(places) == 1 else evidence.joined([p.projection for p in places])
     whole = places[0] if len(places) == 1 else judged(evidence, [together])
@@ -350,7 +366,7 @@ def _joined(evidence: Evidence, places: Sequence[Judged], worth: float, tried: i
         whole.score,
         whole.gain,
         whole.removed,
-        worth,
+        *worth,
         min(place.chance(tried) for place in places) if steady else 1.0,
         entered,
     )

@@ -205,6 +205,17 @@ def test_what_nothing_explains_is_described():
     assert json.loads(json.dumps(found.to_dict()))["description"]["formula"][0] == "q3*sign(v2)"
 
 
+def test_on_other_logs_what_is_new_comes_before_what_was_always_missing():
+    always, new = "stribeck(speed=0.1, exponent=2)@elbow_joint", "asymmetric_viscous@wrist_1_joint"
+    values = {"fs3": 6.0, "fva4": 0.6}
+    model = identify(UR5, [log_of(s, always, fs3=6.0) for s in (1, 2)], recursion="none").model
+    assert diagnose(model, [log_of(s, always, fs3=6.0) for s in (1, 2)]).findings[0].effect == "stribeck"
+    found = diagnose(model, [log_of(s, f"{always}, {new}", **values) for s in (3, 4)])
+    assert [f.effect for f in found.findings[:2]] == ["asymmetric_viscous", "stribeck"]
+    assert found.findings[0].removed < found.findings[1].removed
+    assert any("what explains more than was missing on those comes first" in note for note in found.notes)
+
+
 def test_what_another_joint_does_is_not_called_an_effect_that_resembles_it():
     planar2, hidden = Robot.load("planar2"), 'formula("tau_model2")@joint1'
     column = parse_effects(hidden)[0].columns(planar2)[0].name
