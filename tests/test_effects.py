@@ -428,6 +428,13 @@ def test_a_link_on_a_soft_spring_swings():
     assert left[period] < 0.4 * left[0.0]
 
 
+def test_a_spring_weaker_than_the_weight_is_none():
+    state = motion(robot("ur10"))
+    heavy = Elasticity(("shoulder_lift_joint",), period=30.0)
+    assert not np.isfinite(column(heavy, state)).any()  # as candidate it is left out, in a model it is refused
+    assert np.isfinite(column(replace(heavy, period=0.2), state)).all()
+
+
 def test_rates_of_smooth_channels():
     state = motion(robot("planar2"))
     first, second = state.rates(np.sin(3 * state.t))

@@ -42,6 +42,8 @@ def require_share(effect: str, rubbing: float) -> None:
 
 def deflected(state: State, joint: int, deflection: Array) -> dict[int, Array]:
     """First-order change of the torque on every joint when a link lags its joint's encoder by `deflection`, (N,)."""
+    if not np.isfinite(deflection).all():
+        return {i: np.full(len(deflection), np.nan) for i in range(len(state.robot.joints))}
     position, velocity, acceleration = (slope[:, :, joint] for slope in state.slopes)
     first, second = state.rates(deflection)
     change = position * deflection[:, None] + velocity * first[:, None] + acceleration * second[:, None]
@@ -51,6 +53,9 @@ def deflected(state: State, joint: int, deflection: Array) -> dict[int, Array]:
 DAMPING = 0.05
 """Of a link that swings on its spring, as a share of what stops it from swinging."""
 
+WEAK = 0.1
+"""Share of a spring's stiffness that the weight of the link must leave."""
+
 RESOLVED = 5.0
 """Samples in a period, fewer than which do not show a swing."""
 
@@ -59,6 +64,8 @@ def swing(state: State, joint: int, load: Array, period: float) -> Array:
     """Torque of the spring that carries a link, (N,): what the link needs, and what its swinging adds.
 
     Implicit differences, stable for any stiffness: k δ is the solution of a lower triangular system of bandwidth two.
+    What would drive the swing is left out, for it would grow without end; not a number where the spring is so weak that
+    the link's weight overcomes it.
 
     Parameters
     ----------
@@ -76,7 +83,9 @@ def swing(state: State, joint: int, load: Array, period: float) -> Array:
     inertia, omega = state.rigid.inertia[joint], 2 * np.pi / period
     k = omega**2 * inertia
     stiff, inert = 1 + position / k, np.maximum(acceleration, 0.05 * inertia) / k
-    damped = velocity / k + 2 * DAMPING / omega
+    if stiff.min() < WEAK:
+        return np.full(len(load), np.nan)
+    damped = np.maximum(velocity / k + 2 * DAMPING / omega, 0.0)
     before, after = np.diff(state.t)[:-1], np.diff(state.t)[1:]
     both = before + after
     held, drag, swung = stiff[1:-1] / 4, damped[1:-1] / both, 2 * inert[1:-1] / both
