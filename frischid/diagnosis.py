@@ -218,7 +218,7 @@ def diagnose(
             evidence.joints, evidence.nrmse(evidence.base_sse()), floor / evidence.spread, strict=True
         )
     }
-    stranger = outdone(judged, floor)
+    stranger = None if contacts else outdone(judged, floor)
     verdict = _verdict(evidence, floor, findings, contacts, judged, stranger)
     if state == "changed" and effects is None:
         verdict, findings = _with_refit(verdict, findings, _refit(model, evidence, floor))

@@ -36,15 +36,7 @@ EACH = 16  # motions that are all looked at; of later ones the 32nd, 64th, ... s
 SHARP = 1e-4  # width of dry friction's sign that is as good as none, rad/s (m/s)
 OCTAVES = 4  # above the cut-off in which noise is looked at
 ABOVE = 1.5  # times the middle of an octave: what is above is not looked at
-CORNERS = (
-    80.0,
-    56.0,
-    40.0,
-    28.0,
-    20.0,
-    14.0,
-    10.0,
-)  # Hz, of noise with a memory: slower ones may be physics
+CORNERS = (80.0, 56.0, 40.0, 28.0, 20.0, 14.0, 10.0)  # Hz, of noise with a memory; slower may be physics
 SIXTH = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
 
 

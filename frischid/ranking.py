@@ -154,7 +154,7 @@ def ranking(
     chosen, full = _together(evidence, pool, tried)
     unique = {id(c): _worth(evidence, chosen, c, full) for c in chosen}
     first = max(chosen, key=lambda c: unique[id(c)][::-1], default=None)
-    others = [c for c in chosen if type(c.effect) is not type(first and first.effect)]
+    others = [c for c in chosen if first is not None and type(c.effect) is not type(first.effect)]
     return Ranking(_ranked(evidence, pool, chosen, unique, tried), full, _extended(evidence, others))
 
 
