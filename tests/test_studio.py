@@ -27,11 +27,12 @@ from viser import transforms as tf
 
 from frischid.studio import Studio, studio
 from frischid.studio import bench as bench_module  # needs viser
-from frischid.studio import tab as tab_module
+from frischid.studio import stage as stage_module
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import urdf_of
-from frischid.studio.stage import Track, colour_of
+from frischid.studio.stage import colour_of
 from frischid.studio.tab import WIDTH, plain
+from frischid.studio.track import Track
 
 SPRING = parse_effects("joint_spring@joint2")
 
@@ -391,13 +392,13 @@ def test_a_page_may_be_there_before_its_model(case, tmp_path):
 
 @needs_browser
 def test_controls_may_be_moved_before_the_robot_is_drawn(case, tmp_path, monkeypatch, capfd):
-    moved, real = threading.Event(), tab_module.Stage
+    moved, real = threading.Event(), stage_module.Stage
 
     def slow(*args):
         assert moved.wait(60)
         return real(*args)
 
-    monkeypatch.setattr(tab_module, "Stage", slow)
+    monkeypatch.setattr(stage_module, "Stage", slow)
     running = studio(*case, tmp_path / "model.json", port=8280)
     try:
         with opened(running.address, height=700, flags=SOLID) as seen:

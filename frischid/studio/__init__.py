@@ -97,8 +97,8 @@ class Studio:
         """
         from frischid.model import check_writable
         from frischid.studio.bench import Bench
-        from frischid.studio.stage import Track
         from frischid.studio.tab import Tab
+        from frischid.studio.track import Track
 
         if not logs:
             raise InputError("there is no log to show")

@@ -21,7 +21,6 @@ from frischid.improvement import add, undo
 from frischid.log import Log
 from frischid.model import Model
 from frischid.prediction import Prediction, predict
-from frischid.report import report
 
 PATIENCE = 1.0  # s before a diagnosis begins in the background
 
@@ -163,6 +162,8 @@ class Bench:
 
     def export(self) -> Path:
         """Write the report on the present model, beside it."""
+        from frischid.report import report  # loaded when it is asked for: the first picture does not wait for it
+
         state = self.state
         path = self.output.with_suffix(".html")
         report(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal
 
@@ -19,6 +18,7 @@ from frischid.prediction import Prediction
 from frischid.robot import Robot
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import thickness_of, urdf_of
+from frischid.studio.track import Track
 
 Colouring = Literal["over all logs", "at this moment"]
 AROUND = 0.25  # s on either side of a moment over which the error is averaged
@@ -26,37 +26,6 @@ COOL, HOT = np.array([150.0, 170.0, 190.0]), np.array([213.0, 94.0, 0.0])
 MOMENTS = 30  # of the logs, at which the robot must be seen
 AHEAD = np.array([-0.8, 0.9, -0.6]) / np.linalg.norm([0.8, 0.9, 0.6])  # where the camera looks
 MARGIN = 1.25  # bodies are thicker than the line from joint to joint
-
-
-@dataclass(frozen=True, eq=False)
-class Track:
-    """Poses along the logs, side by side on one axis of time; shared by all tabs.
-
-    Attributes
-    ----------
-    x : ndarray, shape (N,)
-        Time on the common axis, s, ascending.
-    q : ndarray, shape (N, J)
-        Positions of the robot's joints, rad (m).
-    """
-
-    x: Array
-    q: Array
-
-    @classmethod
-    def of(cls, bench: Bench) -> Track:
-        """Positions as recorded, over the axis of the figures."""
-        robot = bench.state.model.robot
-        starts, _ = side_by_side(bench.state.prediction)
-        logs = [*bench.fit, *bench.valid]
-        x = np.concatenate([log.t - log.t[0] + start for log, start in zip(logs, starts, strict=True)])
-        order = np.argsort(x, kind="stable")  # a log's end, which the filter trims, may reach into the next
-        q = np.concatenate([log.select(robot.joints).q for log in logs])
-        return cls(x[order], q[order])
-
-    def at(self, x: float) -> Array:
-        """Positions at a moment, (J,)."""
-        return np.asarray(self.q[min(int(np.searchsorted(self.x, x)), len(self.x) - 1)])
 
 
 class Stage:

@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from viser import ClientHandle
 
@@ -20,16 +20,18 @@ from frischid.effects import EFFECTS
 from frischid.figures import Drawing
 from frischid.figures.history import steps_of
 from frischid.figures.style import typeset
-from frischid.report.study import missing, opened
 from frischid.studio.bench import Bench, State, message_of
-from frischid.studio.stage import Stage, Track
+from frischid.studio.track import Track
 from frischid.words import listed
+
+if TYPE_CHECKING:
+    from frischid.studio.stage import Stage
 
 SHOWN = 6
 VARIABLES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "load", "time": "t"}
 EVERY = "every joint"
 NUMBERS = " On the buttons: NRMSE on data left out of each fit, without the effect → with it."
-GLANCE = 0.5  # s
+BLINK, GLANCE = 0.1, 0.5  # s: until words are drawn; until curves and robot are
 WIDTH = 430  # pixels of each panel
 HIGH, HIGH_ON_PHONE = 1.0, 1.2  # of the height that a figure has in the report, in a panel and in the sheet
 SHEETLESS = 0.4  # of a phone's height, above its sheet
@@ -87,10 +89,14 @@ class Tab:
         with self._lock:  # a control that is moved as soon as it is there waits for the others
             self._curves(gui, joints, worst)
             self._work(gui, joints)
-            # Words and curves first: without a GPU a browser takes seconds to draw the robot.
+            # Words first, then curves (their library takes a browser a second), then the robot (without a GPU, more).
             self._headline(self._drawn)
+            client.flush()
+            time.sleep(BLINK)
             self._torque()
             client.flush()
+            from frischid.studio.stage import Stage  # its libraries of shapes take as long to load as the browser draws
+
             self.stage = Stage(client, bench, track, self._choose, self._free())
             self.pose()
             self._stairs(self._drawn)
@@ -125,7 +131,7 @@ class Tab:
         """Right: the verdict, the findings, where it fails, and what to keep."""
         self.headline = gui.add_markdown("")
         self.doing = gui.add_markdown("", visible=False)
-        self.bar = gui.add_progress_bar(0.0, animated=True, visible=False)
+        self.bar = gui.add_progress_bar(0.0, visible=False)  # still: stripes that move cost two cores without a GPU
         group = gui.add_tab_group()
         with group.add_tab("Missing"):
             self.undo = gui.add_button("Undo the last step", color="gray")
@@ -242,6 +248,8 @@ class Tab:
 
     def _list(self, state: State) -> None:
         """The findings, each with its button; rebuilt, because they are others after every step."""
+        from frischid.report.study import missing
+
         for handle in self._listed:
             handle.remove()
         self._listed = []
@@ -258,6 +266,8 @@ class Tab:
                 self._offer(finding, state.revision)
 
     def _offer(self, finding: Finding, revision: int) -> None:
+        from frischid.report.study import opened
+
         button = self.client.gui.add_button(
             f"Add {finding.effect}: {finding.error_before:.4f} → {finding.error_after:.4f}"
         )
