@@ -68,10 +68,9 @@ class Gathered:
 
 
 def filtered(effects: Sequence[Effect], work: Work) -> list[Columns]:
-    """Columns of some effects over one motion, at the rows of each joint."""
+    """Columns of some effects of one kind over one motion, at the rows of each joint."""
     found = []
-    for effect in effects:
-        terms = effect.terms(work.state)
+    for terms in type(effects[0]).each(effects, work.state):
         columns = {
             row: np.asarray(work.filter @ C)[work.picked[row]]
             for row, C in columns_of(terms, work.rows, len(work.state.t)).items()

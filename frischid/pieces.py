@@ -150,8 +150,8 @@ class Part:
 def kept(state: State, store: Store) -> State | Mapping[str, Stored]:
     """A state, in memory only if there is room for what effects derive from it as well (`State.slopes`)."""
     samples, joints = state.q.shape
-    if store.takes(8 * samples * (1 + joints * (6 + 3 * joints) + len(state.extra))):
+    if store.takes(8 * samples * (1 + joints * (5 + 3 * joints) + len(state.extra))):
         return state
-    arrays = {name: getattr(state, name) for name in ("t", "q", "v", "a", "load", "torque", "drag")}
+    arrays = {name: getattr(state, name) for name in ("t", "q", "v", "a", "load", "torque")}
     arrays |= {f"extra {name}": x for name, x in state.extra.items()}
     return {name: store.put(x) for name, x in arrays.items()}

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from frischid.effects import Effect, State, columns_of
+from frischid.effects import Coulomb, Effect, State, columns_of
 from frischid.errors import InputError
 from frischid.gram import Array, Blocks, Column, Gram, total
 from frischid.robot import Robot
@@ -27,7 +27,6 @@ from frischid.triangular import StreamingQR
 
 CHUNK = 256  # samples; fits the processor's cache
 EXTRA = 6  # columns filtered beside Y: τ, ones, known torque, q, q̇, q̈
-DRIVES = ("rigid", "rotor_inertia", "offset")  # columns that are not friction
 RESTING = 0.01  # share of a filtered sample's weight that may come from standstill
 LEAST_BLOCKS, MAX_BLOCKS = 16, 64
 BLOCK_BYTES = 128 * 2**20  # of all blocks together: hundreds of parameters on dozens of joints have fewer blocks
@@ -219,8 +218,7 @@ class Regressor:
         values = dict(zip((c.name for c in self.columns), self.reference, strict=True))
         static.reference = np.array([values[c.name] for c in static.columns])
         rigid = len(self.robot.columns)
-        load, torque, drag = np.empty((3, *motion.q.shape))
-        rubs = [k for k, c in enumerate(static.columns) if c.effect not in DRIVES]
+        load, torque = np.empty((2, *motion.q.shape))
         for start in range(0, len(motion.t), CHUNK):
             s = slice(start, start + CHUNK)
             Y = static._evaluate(
@@ -228,9 +226,18 @@ class Regressor:
             )
             load[s] = np.einsum("ncj,c->nj", Y[:, :rigid], static.reference[:rigid])
             torque[s] = np.einsum("ncj,c->nj", Y, static.reference)
-            drag[s] = np.einsum("ncj,c->nj", Y[:, rubs], static.reference[rubs])
         motion_of = (motion.t, motion.q, motion.v, motion.a)
-        return State(self.robot, *motion_of, load, torque, motion.start, motion.extra, static.reference[:rigid], drag)
+        reference = static.reference[:rigid]
+        return State(self.robot, *motion_of, load, torque, motion.start, motion.extra, reference, self.dry)
+
+    @property
+    def dry(self) -> Array:
+        """Level of the reference's dry friction on each joint, N·m (N), (J,)."""
+        level = np.zeros(len(self.robot.joints))
+        for column, value in zip(self.columns, self.reference, strict=True):
+            if column.effect == Coulomb.id:
+                level[self.robot.joints.index(column.joint)] = max(float(value), 0.0)
+        return level
 
     def torque(self, motion: Motion, theta: Array) -> Array:
         """Unfiltered torque of all columns (and of what is known) over a motion, shape (N, J), for parameters (C,)."""

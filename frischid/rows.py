@@ -107,7 +107,9 @@ class Rows:
         arrays = {name: kept.read() for name, kept in piece.state.items()}
         extra = {name: arrays.pop(f"extra {name}") for name in piece.extra}
         rigid = self.regressor.reference[: len(self.model.robot.columns)]
-        return State(self.model.robot, **arrays, start=piece.start, extra=extra, reference=rigid)
+        return State(
+            self.model.robot, **arrays, start=piece.start, extra=extra, reference=rigid, dry=self.regressor.dry
+        )
 
     def _recount(self) -> None:
         """Moments of [Y τ] of these rows; none yet of any candidate."""

@@ -30,9 +30,9 @@ from frischid.effects import (
     effect_from_dict,
     parse_effects,
 )
-from frischid.effects.base import UNITS
+from frischid.effects.base import UNITS, WIDTH
 from frischid.effects.dynamics import RigidDynamics
-from frischid.effects.flexibility import DAMPING, play
+from frischid.effects.flexibility import DAMPING, MANY, Gear, lags
 from frischid.effects.friction_memory import presliding
 from frischid.errors import InputError, UnknownNameError
 from frischid.identification import structure
@@ -299,15 +299,79 @@ def test_elasticity_is_the_first_order_of_links_behind_springs(name):
     assert left[1] < 0.6 * left[0], "what is left is of second order"
 
 
-def test_a_link_falls_across_its_play():
-    t = np.arange(2000) * 1e-3
-    load, inertia, gap = 0.5 * (t - 1.0), np.full_like(t, 2.0), 2e-3
-    x = play(t, load, inertia, gap)
+def on_the_table(t, speed, load, dry=0.0):
+    """The planar arm's second joint without weight, its motor at a speed, its link under a load besides its inertia."""
+    machine = Robot.from_dict({**robot("planar2").to_dict(), "gravity": (0.0, 0.0, 0.0)})
+    still, second = np.zeros((len(t), 2)), np.array([0.0, 1.0])
+    inertia = RigidDynamics.of(machine).inertia[1]
+    v, a = (np.outer(x, second) for x in (speed, np.gradient(speed, t)))
+    pull = np.outer(load, second) + inertia * a
+    return State(machine, t, still, v, still, pull, pull, dry=dry * second), inertia
+
+
+@pytest.mark.parametrize("rate", [1000.0, 150.0])
+def test_a_link_falls_across_its_play(rate):
+    t, gap = np.arange(0.0, 2.0, 1 / rate), 2e-3
+    state, inertia = on_the_table(t, 0.0 * t, 0.05 * (t - 1.0))
+    ((place, felt),) = lags(state, [Gear(1, 0.0, gap=gap)])
     # δ̈ = c s / M from rest at −gap, until gap
-    fall = -gap + 0.5 / 2.0 * np.maximum(t - 1.0, 0.0) ** 3 / 6
-    np.testing.assert_allclose(x, np.minimum(fall, gap), atol=0.02 * gap)
-    assert np.abs(play(t, np.ones_like(t), inertia, gap) - gap).max() == 0
-    assert len(play(t[:0], t[:0], t[:0], gap)) == 0
+    fall = -gap + 0.05 / inertia * np.maximum(t - 1.0, 0.0) ** 3 / 6
+    assert fall[-1] > gap
+    away = np.abs(fall - gap) > 0.1 * gap  # the spline through the stop rounds it
+    np.testing.assert_allclose(gap * place[away], np.minimum(fall, gap)[away], atol=0.03 * gap)
+    assert not felt.any()
+    state, _ = on_the_table(t, 0.0 * t, 1.0 + 0.0 * t)
+    ((place, _),) = lags(state, [Gear(1, 0.0, gap=gap)])
+    np.testing.assert_allclose(place, 1.0)
+
+
+SPEED = 0.1
+
+
+def turning_back(t):
+    """Speed of a motor that turns back at t = 0, slowly, and its angle from there."""
+    return -SPEED * np.tanh(t), -SPEED * np.log(np.cosh(t))
+
+
+def test_friction_holds_a_link_while_its_motor_crosses_the_play():
+    t, gap, dry = np.arange(-2.0, 2.5, 0.005), 0.02, 0.3
+    v, angle = turning_back(t)
+    state, _ = on_the_table(t, v, 0.0 * t, dry)
+    ((place, felt),) = lags(state, [Gear(1, 0.5, gap=gap)])
+    held, after = (t > 0.02) & (angle > -1.9 * gap), (t > 0) & (angle < -2.3 * gap)
+    np.testing.assert_allclose(place[t < -0.02], 1.0, atol=1e-3)
+    np.testing.assert_allclose(gap * place[held], (gap + angle)[held], atol=1e-4)
+    np.testing.assert_allclose(place[after], -1.0, atol=1e-3)
+    # Meanwhile the motor, which turns backward, does not have the link's friction to overcome.
+    np.testing.assert_allclose(gap * felt[held & (t > 0.2)], 0.5 * dry, rtol=1e-3)
+    assert np.abs(gap * felt[(t < -0.2) | after]).max() < 1e-3 * dry
+
+
+def test_a_spring_winds_up_before_a_link_that_rubs_turns_back():
+    t, dry, period = np.arange(-2.0, 2.0, 0.005), 0.3, 0.4
+    v, _ = turning_back(t)
+    state, inertia = on_the_table(t, v, 0.0 * t, dry)
+    ((torque, felt),) = lags(state, [Gear(1, 1.0, period=period)])
+    stiffness = (2 * np.pi / period) ** 2 * inertia
+    forward, held = (t > -1.0) & (t < -0.2), (t > 0.06) & (t < 0.2)
+    np.testing.assert_allclose(torque[forward], (dry + state.load[:, 1])[forward], atol=0.05 * dry)
+    np.testing.assert_allclose(np.gradient(torque, t)[held], (stiffness * v)[held], rtol=0.02)
+    assert torque[-200:].mean() == pytest.approx(-dry, rel=0.1)
+    # Instead of friction that has turned with the motor it feels what spring and damper carry.
+    carried = torque + 2 * DAMPING * 2 * np.pi / period * inertia * v
+    np.testing.assert_allclose((felt / stiffness + dry * np.tanh(v / WIDTH))[held], carried[held], atol=0.02 * dry)
+
+
+def test_many_links_move_as_each_alone():
+    state = replace(motion(robot("ur10"), seconds=1.0), dry=np.full(6, 2.0))
+    gears = [Gear(i, 0.4, period=0.1) for i in range(6)] + [Gear(i, 0.5, gap=1e-3 * (i + 1)) for i in range(6)]
+    assert len(gears) >= MANY
+    for together, gear in zip(lags(state, gears), gears, strict=True):
+        (alone,) = lags(state, [gear])
+        np.testing.assert_allclose(together, alone, rtol=1e-9, atol=1e-12)
+    short = replace(state, **{n: getattr(state, n)[:2] for n in ("t", "q", "v", "a", "load", "torque")})
+    for found in lags(short, gears):
+        np.testing.assert_array_equal(found, np.zeros((2, 2)))
 
 
 def test_backlash_is_silent_while_the_load_keeps_its_side():

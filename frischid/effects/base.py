@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal, Self
@@ -58,8 +58,8 @@ class State:
         Other channels of the log, for example ``temperature_<joint>``.
     reference : ndarray, shape (R,), optional
         Reference values of ``robot.columns``, those `load` is made of; None: the URDF's own.
-    drag : ndarray, shape (N, J), optional
-        Torque of the reference's friction, part of `torque`; None: not known, taken as none.
+    dry : ndarray, shape (J,), optional
+        Level of the reference's dry friction, N·m (N); None: not known, taken as none.
     """
 
     robot: Robot
@@ -72,7 +72,7 @@ class State:
     start: float = 0.0
     extra: Mapping[str, Array] = dataclasses.field(default_factory=dict)
     reference: Array | None = None
-    drag: Array | None = None
+    dry: Array | None = None
 
     @classmethod
     def empty(cls, robot: Robot) -> State:
@@ -84,11 +84,6 @@ class State:
     def rigid(self) -> RigidDynamics:
         """Rigid-body dynamics of the reference parameters, for states other than the measured ones."""
         return RigidDynamics.of(self.robot, self.reference)
-
-    def passed(self, joint: int, rubbing: float) -> Array:
-        """Torque (N,) that passes through a joint's gear, when this share of its friction is behind the gear."""
-        load = self.load[:, joint]
-        return load if self.drag is None else load + rubbing * self.drag[:, joint]
 
     @cached_property
     def slopes(self) -> Slopes:
@@ -203,6 +198,11 @@ class Effect(ABC):
     @abstractmethod
     def terms(self, state: State) -> list[Term]:
         """Columns of this effect over `state`."""
+
+    @classmethod
+    def each(cls, effects: Sequence[Self], state: State) -> Iterator[list[Term]]:
+        """Columns of several effects of this kind over `state`: for kinds that compute them faster together."""
+        return (effect.terms(state) for effect in effects)
 
     @classmethod
     def variants(cls, joints: tuple[str, ...] | None) -> list[Self]:

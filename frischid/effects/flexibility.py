@@ -1,21 +1,23 @@
 """Links that are not quite where the motor's encoder says: elastic joints and gears with play.
 
-The encoder sits on the motor, the link lags behind by a deflection δ that depends on the torque it needs. To first
-order in δ the motor feels
+The encoder sits on the motor, the link lags behind by a deflection δ. To first order in δ the link needs
 
     τ = τ_rigid(q − δ e_j) ≈ τ_rigid − (∂τ/∂q_j δ + ∂τ/∂q̇_j δ̇ + M_j δ̈),
 
-The load of a link on a spring of stiffness k deflects it, and so does its swinging, which the motor does not see:
+which the motor feels, and so do the other joints. Along the motor's measured motion the link moves by
 
-    M_jj δ̈ + (∂τ_j/∂q̇_j + d) δ̇ + (∂τ_j/∂q_j + k) δ = load_j,
+    M_jj δ̈ + (∂τ_j/∂q̇_j + d) δ̇ + (∂τ_j/∂q_j + k) δ = load_j + f,    |δ| ≤ g,
 
-``δ = load_j / k`` for a stiff spring. In a gap of ±g the load keeps the link on one side, ``δ = ±g``, until it changes
-its sign; then nothing holds the link and it falls to the other side,
+with k and d of its spring; or with neither while it crosses a gap of ±g, at whose ends it stops. f is the dry friction
+behind the gear. It follows the link's own speed: where the motor turns back, it holds the link until the spring is
+wound up the other way or the gap is crossed,
 
-    δ̈ = load_j / M_jj   while |δ| < g,
+    f = f_c sign(q̇_j − δ̇),    |f| ≤ f_c where q̇_j = δ̇,
 
-and stops there. While it falls the motor loses its inertia and weight, and when it arrives, the motor is hit: both are
-in δ̈.
+while in the rigid model it changes sides with the motor; so f − f_c sign(q̇_j) is felt besides.
+
+The motion is computed by the midpoint rule, which takes no energy from the swing, friction and stops being solved for
+within each step (Moreau 1988, "Unilateral contact and dry friction in finite freedom dynamics").
 
 Sources: Spong 1987, ASME J. Dynamic Systems, Measurement and Control 109(4); Nordin and Gutman 2002, "Controlling
 mechanical systems with backlash: a survey", Automatica 38(10).
@@ -23,32 +25,17 @@ mechanical systems with backlash: a survey", Automatica 38(10).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from scipy import linalg
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
-from frischid.effects.base import ANGLE, SECONDS, Array, Effect, State, Term, is_number, torque_unit
+from frischid.effects.base import ANGLE, SECONDS, WIDTH, Array, Effect, State, Term, is_number, torque_unit
 from frischid.errors import InputError
-
-
-def require_share(effect: str, rubbing: float) -> None:
-    """Raise InputError unless this can be a share of the friction."""
-    if not is_number(rubbing) or rubbing < 0:
-        raise InputError(f"{effect}: rubbing must be a share of the friction, 0 or more, got {rubbing}")
-
-
-def deflected(state: State, joint: int, deflection: Array) -> dict[int, Array]:
-    """First-order change of the torque on every joint when a link lags its joint's encoder by `deflection`, (N,)."""
-    if not np.isfinite(deflection).all():
-        return {i: np.full(len(deflection), np.nan) for i in range(len(state.robot.joints))}
-    position, velocity, acceleration = (slope[:, :, joint] for slope in state.slopes)
-    first, second = state.rates(deflection)
-    change = position * deflection[:, None] + velocity * first[:, None] + acceleration * second[:, None]
-    return {i: -change[:, i] for i in range(change.shape[1])}
-
 
 DAMPING = 0.05
 """Of a link that swings on its spring, as a share of what stops it from swinging."""
@@ -59,47 +46,209 @@ WEAK = 0.1
 RESOLVED = 5.0
 """Samples in a period, fewer than which do not show a swing."""
 
+STEP = 0.004
+"""Of the link's motion, s; where a log is sampled more finely, some of its samples are taken."""
 
-def swing(state: State, joint: int, load: Array, period: float) -> Array:
-    """Torque of the spring that carries a link, (N,): what the link needs, and what its swinging adds.
+MANY = 9
+"""Links from which on it pays to move them at once."""
 
-    Implicit differences, stable for any stiffness: k δ is the solution of a lower triangular system of bandwidth two.
-    What would drive the swing is left out, for it would grow without end; not a number where the spring is so weak that
-    the link's weight overcomes it.
+HELD = 4_000_000
+"""Numbers held at a time for links that move at once."""
+
+
+@dataclass(frozen=True)
+class Gear:
+    """What lies between a motor and its link.
+
+    Attributes
+    ----------
+    joint : int
+    rubbing : float
+        Share of the joint's dry friction that is behind the gear.
+    period : float
+        In which the link, in a pose of mean inertia, swings on the gear's spring while the motor stands still, s;
+        infinite where there is no spring.
+    gap : float
+        Half the play, rad (m); infinite where a spring carries the link.
+    """
+
+    joint: int
+    rubbing: float
+    period: float = np.inf
+    gap: float = np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class _Road:
+    """What links meet along a motion.
+
+    Attributes
+    ----------
+    t : ndarray, shape (G,)
+        Grid of times, s.
+    over : ndarray, shape (G - 1, 6, J)
+        Halfway between them: the motor's speed and its sign, the link's load, its inertia, and what drags it and pulls
+        it back of itself (∂τ_j/∂q̇_j, ∂τ_j/∂q_j).
+    """
+
+    t: Array
+    over: Array
+
+    @classmethod
+    def of(cls, state: State) -> _Road:
+        """Of a motion of at least two samples."""
+        every = max(1, int(STEP / np.median(np.diff(state.t))))
+        grid = np.unique(np.append(np.arange(0, len(state.t), every), len(state.t) - 1))
+        pull, drag, inertia = (np.diagonal(slope[grid], axis1=1, axis2=2) for slope in state.slopes)
+        inertia, v = np.maximum(inertia, 0.05 * state.rigid.inertia), state.v[grid]
+        at = np.stack([v, np.tanh(v / WIDTH), state.load[grid], inertia, drag, pull], axis=1)
+        return cls(state.t[grid], (at[1:] + at[:-1]) / 2)
+
+
+def _travel(
+    road: Iterable[Any], steps: Iterable[float], links: Iterable[Any], least: Any, most: Any
+) -> Iterator[tuple[Any, Any]]:
+    """Deflection at the end of each step, and friction within it beyond what the motor's speed would make of it.
+
+    Of one link, all being numbers, or of many, all being arrays; `least` and `most` give the smaller and the larger of
+    two numbers or arrays.
+    """
+    deflection, rate, stiffness, damping, gap, dry = links
+    for (speed, sign, load, inertia, drag, pull), h in zip(road, steps, strict=True):
+        inert, spring = 2 / h * inertia, stiffness + pull
+        held = inert + most(drag + damping, 0.0) + h / 2 * spring
+        push = held * speed - load - inert * rate + spring * deflection
+        friction = most(least(push, dry), -dry)
+        wanted = speed - (push - friction) / held
+        found = most(least(wanted, (gap - deflection) / h), (-gap - deflection) / h)
+        loose = found == wanted
+        deflection = deflection + h * found
+        rate = (2 * found - rate) * loose
+        yield deflection, (friction - dry * sign) * loose
+
+
+def lags(state: State, gears: Sequence[Gear]) -> Iterator[tuple[Array, Array]]:
+    """How links lag behind their motors along a motion; each as if all other joints were rigid.
 
     Parameters
     ----------
     state : State
-    joint : int
-    load : ndarray, shape (N,)
-        Torque the link needs where its joint's encoder says, N·m (N).
-    period : float
-        Of the link's swing, in a pose of mean inertia, while the motor stands still, s. What is shorter than a few
-        samples is taken as none.
+    gears : sequence of Gear
+
+    Yields
+    ------
+    deflection : ndarray, shape (N,)
+        δ k of a spring of stiffness k, the torque it carries, N·m (N); δ/g in a gap of ±g. Not a number where the
+        link's weight overcomes the spring.
+    friction : ndarray, shape (N,)
+        What the motor feels of f − f_c sign(q̇), times k, or over g.
     """
-    if len(load) < 3 or period < RESOLVED * np.median(np.diff(state.t)):
-        return load
-    position, velocity, acceleration = (slope[:, joint, joint] for slope in state.slopes)
-    inertia, omega = state.rigid.inertia[joint], 2 * np.pi / period
-    k = omega**2 * inertia
-    stiff, inert = 1 + position / k, np.maximum(acceleration, 0.05 * inertia) / k
-    if stiff.min() < WEAK:
-        return np.full(len(load), np.nan)
-    damped = np.maximum(velocity / k + 2 * DAMPING / omega, 0.0)
-    before, after = np.diff(state.t)[:-1], np.diff(state.t)[1:]
-    both = before + after
-    held, drag, swung = stiff[1:-1] / 4, damped[1:-1] / both, 2 * inert[1:-1] / both
-    bands, right = np.zeros((3, len(load))), load.copy()
-    bands[0, :2], right[:2] = 1.0, load[:2] / stiff[:2]
-    bands[0, 2:] = swung / after + drag + held
-    bands[1, 1:-1] = -swung * (1 / before + 1 / after) + 2 * held
-    bands[2, :-2] = swung / before - drag + held
-    right[2:] = load[1:-1]
-    return np.asarray(linalg.solve_banded((2, 0), bands, right))
+    count = len(state.t)
+    if count < 3:
+        yield from ((np.zeros(count), np.zeros(count)) for _ in gears)
+        return
+    road = _Road.of(state)
+    many = max(1, HELD // len(road.t))
+    for first in range(0, len(gears), many):
+        yield from _lags(state, road, gears[first : first + many])
+
+
+def _lags(state: State, road: _Road, gears: Sequence[Gear]) -> Iterator[tuple[Array, Array]]:
+    joints = np.array([gear.joint for gear in gears])
+    period, gap = (np.array([getattr(gear, name) for gear in gears]) for name in ("period", "gap"))
+    rigid = period < RESOLVED * np.median(np.diff(state.t))
+    omega, inertia = 2 * np.pi / np.where(rigid, np.inf, period), state.rigid.inertia[joints]
+    stiffness = omega**2 * inertia
+    weak = stiffness + road.over[:, 5].min(axis=0)[joints] < WEAK * stiffness
+    dry = np.array([gear.rubbing for gear in gears]) * (0.0 if state.dry is None else state.dry[joints])
+    # At first a link is where its load keeps it, and follows.
+    sign, load = road.over[:2, 1:3, joints].transpose(1, 0, 2)
+    kept, first, then = np.where(stiffness > 0, stiffness, 1.0), *(load + dry * sign)
+    start = np.where(np.isinf(gap), first / kept, np.copysign(gap, first))
+    rate = np.where(np.isinf(gap), (then - first) / kept / (road.t[1] - road.t[0]), 0.0)
+    moved = ~rigid & ~(weak & np.isinf(gap))
+    links = np.stack([start, rate, stiffness, 2 * DAMPING * omega * inertia, gap, dry])[:, moved]
+    travelled = iter(_moved(road, joints[moved], links).transpose(2, 1, 0))
+    for n, joint in enumerate(joints):
+        if rigid[n]:
+            yield state.load[:, joint] + dry[n] * np.tanh(state.v[:, joint] / WIDTH), np.zeros(len(state.t))
+        elif not moved[n]:
+            yield np.full(len(state.t), np.nan), np.zeros(len(state.t))
+        else:
+            deflection, between = next(travelled)
+            unit = stiffness[n] if np.isinf(gap[n]) else 1 / gap[n]
+            place = make_interp_spline(road.t, np.append(start[n], deflection), k=min(3, len(road.t) - 1))
+            friction = np.append(between[0], between) + np.append(between, between[-1])
+            yield unit * place(state.t), unit / 2 * np.interp(state.t, road.t, friction)
+
+
+def _moved(road: _Road, joints: NDArray[np.intp], links: Array) -> Array:
+    """Travels of links, (G - 1, 2, links): at once where there are many, for a step of an array takes that of nine."""
+    steps = np.diff(road.t).tolist()
+    if len(joints) < MANY:
+        each = [
+            list(_travel(road.over[:, :, joint].tolist(), steps, link.tolist(), min, max))
+            for joint, link in zip(joints, links.T, strict=True)
+        ]
+        return np.array(each).reshape(len(joints), len(steps), 2).transpose(1, 2, 0)
+    along = (at[:, joints] for at in road.over)
+    return np.array(list(_travel(along, steps, links, np.minimum, np.maximum)))
+
+
+def require_share(effect: str, rubbing: float) -> None:
+    """Raise InputError unless this can be a share of the friction."""
+    if not is_number(rubbing) or rubbing < 0:
+        raise InputError(f"{effect}: rubbing must be a share of the friction, 0 or more, got {rubbing}")
+
+
+def deflected(state: State, joint: int, deflection: Array, friction: Array) -> dict[int, Array]:
+    """First-order change of the torque on every joint when a link lags its joint's encoder by `deflection`, (N,).
+
+    `friction`, (N,), is what the joint itself feels besides.
+    """
+    if not np.isfinite(deflection).all():
+        return {i: np.full(len(deflection), np.nan) for i in range(len(state.robot.joints))}
+    position, velocity, acceleration = (slope[:, :, joint] for slope in state.slopes)
+    first, second = state.rates(deflection)
+    change = position * deflection[:, None] + velocity * first[:, None] + acceleration * second[:, None]
+    change[:, joint] -= friction
+    return {i: -change[:, i] for i in range(change.shape[1])}
 
 
 @dataclass(frozen=True)
-class Elasticity(Effect):
+class _Geared(Effect):
+    """What lies between motor and link: one column a joint, felt by all."""
+
+    memory: ClassVar[bool] = True
+    loaded: ClassVar[bool] = True
+    symbol: ClassVar[str]
+    per: ClassVar[str]
+
+    @abstractmethod
+    def gear(self, joint: int) -> Gear:
+        """What a joint's link hangs on."""
+
+    @classmethod
+    def each(cls, effects: Sequence[Self], state: State) -> Iterator[list[Term]]:
+        """Columns of several effects over `state`, whose links move at once."""
+        acting = [effect.acts_on(state.robot) for effect in effects]
+        found = lags(state, [e.gear(i) for e, where in zip(effects, acting, strict=True) for i, *_ in where])
+        for effect, where in zip(effects, acting, strict=True):
+            yield [
+                Term(
+                    effect.column(cls.symbol, torque_unit(state.robot, i, cls.per), name, number, sign=1),
+                    deflected(state, i, *next(found)),
+                )
+                for i, name, number in where
+            ]
+
+    def terms(self, state: State) -> list[Term]:
+        """One column a joint, felt by all."""
+        return next(self.each([self], state))
+
+
+@dataclass(frozen=True)
+class Elasticity(_Geared):
     """Flexible transmission seen from the motor: the link lags by its spring's torque times the compliance ``ce``.
 
     Attributes
@@ -107,12 +256,15 @@ class Elasticity(Effect):
     period : float
         In which the link, in a pose of mean inertia, swings while the motor stands still, s; 0: it is too stiff to.
     rubbing : float
-        Share of the joint's friction that acts behind the transmission, on the link.
+        Share of the joint's dry friction that acts behind the transmission, on the link.
     """
 
     id: ClassVar[str] = "elasticity"
     title: ClassVar[str] = "joint elasticity"
-    equation: ClassVar[str] = "ce·(∂τ_rigid/∂δ)[−s],  s the spring's torque: s + (∂τ/∂q·s + ∂τ/∂v·s′ + M·s″)/k = load"
+    equation: ClassVar[str] = (
+        "ce·((∂τ_rigid/∂δ)[−s] + k·(f − f_c·sign(v))),  "
+        "s the spring's torque: s + (∂τ/∂q·s + ∂τ/∂v·s′ + M·s″)/k = load + f"
+    )
     sentence: ClassVar[str] = (
         "{joint} gives way under its load: its transmission is elastic, and the link lags behind the motor's encoder"
     )
@@ -123,8 +275,6 @@ class Elasticity(Effect):
     )
     reference: ClassVar[str] = "Spong 1987, ASME J. Dynamic Systems, Measurement and Control 109(4)"
 
-    memory: ClassVar[bool] = True
-    loaded: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
         "period": (0.0, 0.08, 0.11, 0.14, 0.17, 0.21, 0.26, 0.33, 0.42),
         "rubbing": (0.0, 0.33, 0.67),
@@ -140,65 +290,16 @@ class Elasticity(Effect):
             raise InputError(f"{self.id}: period must be a time in s, 0 or more, got {self.period}")
         require_share(self.id, self.rubbing)
 
-    def terms(self, state: State) -> list[Term]:
-        """One column a joint, felt by all."""
-        return [
-            Term(
-                self.column("ce", torque_unit(state.robot, i, "torque slope torque"), name, number, sign=1),
-                deflected(state, i, swing(state, i, state.passed(i, self.rubbing), self.period)),
-            )
-            for i, name, number in self.acts_on(state.robot)
-        ]
+    symbol: ClassVar[str] = "ce"
+    per: ClassVar[str] = "torque slope torque"
 
-
-def play(t: Array, load: Array, inertia: Array, gap: float) -> Array:
-    """How far a link lies from the middle of its gear's play.
-
-    Parameters
-    ----------
-    t, load, inertia : ndarray, shape (N,)
-        Time, s; torque the link needs, N·m (N); its inertia about the joint, kg·m² (kg).
-    gap : float
-        Half the play, rad (m).
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        Between −gap and gap.
-    """
-    pull, step = load / np.maximum(inertia, 0.05 * np.abs(inertia).max(initial=1e-300)), np.diff(t, prepend=t[:1])
-    out = np.empty(len(t))
-    here, side = 0, float(np.sign(load[0]) or 1.0) if len(t) else 1.0
-    while here < len(t):
-        loose = np.flatnonzero(side * load[here:] < 0)
-        free = here + (int(loose[0]) if len(loose) else len(t) - here)
-        out[here:free] = side * gap
-        fall, here = _fall(pull, step, free, side * gap)
-        out[free:here] = fall
-        if here < len(t):
-            side = float(np.sign(fall[-1]))
-    return np.clip(out, -gap, gap)
-
-
-def _fall(pull: Array, step: Array, start: int, position: float, piece: int = 256) -> tuple[Array, int]:
-    """Free motion from rest at one end of the play until an end is reached; it, and the sample after."""
-    found, speed = [], 0.0
-    limit = abs(position)
-    while start < len(pull):
-        part = slice(start, start + piece)
-        v = speed + np.cumsum(pull[part] * step[part])
-        x = position + np.cumsum(v * step[part])
-        out = np.flatnonzero(np.abs(x) >= limit)
-        if len(out):
-            found.append(x[: out[0] + 1])
-            return np.concatenate(found), start + int(out[0]) + 1
-        found.append(x)
-        start, position, speed = start + len(x), float(x[-1]), float(v[-1])
-    return np.concatenate(found) if found else np.empty(0), start
+    def gear(self, joint: int) -> Gear:
+        """Spring that a joint's link hangs on."""
+        return Gear(joint, self.rubbing, period=self.period)
 
 
 @dataclass(frozen=True)
-class Backlash(Effect):
+class Backlash(_Geared):
     """Play in a gear: when the load changes sides the link crosses the gap, and the motor loses its load meanwhile.
 
     Attributes
@@ -206,12 +307,14 @@ class Backlash(Effect):
     size : float
         Half the play for which the link's fall is calculated, rad (m); the parameter, the play found, should agree.
     rubbing : float
-        Share of the joint's friction that acts behind the gear, on the link.
+        Share of the joint's dry friction that acts behind the gear, on the link.
     """
 
     id: ClassVar[str] = "backlash"
     title: ClassVar[str] = "backlash"
-    equation: ClassVar[str] = "gap·(∂τ_rigid/∂δ)[−δ/size],  δ″ = load/M while |δ| < size, else δ = ±size"
+    equation: ClassVar[str] = (
+        "gap·((∂τ_rigid/∂δ)[−δ] + f − f_c·sign(v))/size,  M·δ″ = load + f while |δ| < size, else δ = ±size"
+    )
     sentence: ClassVar[str] = (
         "{joint} loses its load for a moment whenever the load changes sides, and is hit when it catches it again: "
         "play in its gear"
@@ -221,10 +324,8 @@ class Backlash(Effect):
     confirmed_by: ClassVar[str] = "hold the motor, push the link to and fro: it moves freely over the gap"
     reference: ClassVar[str] = "Nordin and Gutman 2002, Automatica 38(10)"
 
-    memory: ClassVar[bool] = True
-    loaded: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
-        "size": (0.0003, 0.001, 0.003, 0.01, 0.03),
+        "size": (0.0003, 0.0007, 0.0015, 0.003, 0.006, 0.012, 0.025, 0.05, 0.1),
         "rubbing": (0.0, 0.5),
     }
 
@@ -237,17 +338,9 @@ class Backlash(Effect):
         self.require_positive(size="angle in rad (distance in m)")
         require_share(self.id, self.rubbing)
 
-    def terms(self, state: State) -> list[Term]:
-        """One column a joint, half its gap, felt by all."""
-        return [
-            Term(
-                self.column("gap", torque_unit(state.robot, i, "torque slope"), name, number, sign=1),
-                deflected(state, i, self._place(state, i)),
-            )
-            for i, name, number in self.acts_on(state.robot)
-        ]
+    symbol: ClassVar[str] = "gap"
+    per: ClassVar[str] = "torque slope"
 
-    def _place(self, state: State, joint: int) -> Array:
-        """Where in its gap the link is, -1 to 1."""
-        inertia = state.slopes.acceleration[:, joint, joint]
-        return play(state.t, state.passed(joint, self.rubbing), inertia, self.size) / self.size
+    def gear(self, joint: int) -> Gear:
+        """Gap that a joint's link crosses."""
+        return Gear(joint, self.rubbing, gap=self.size)
