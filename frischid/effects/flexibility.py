@@ -162,10 +162,10 @@ def _lags(state: State, road: _Road, gears: Sequence[Gear]) -> Iterator[tuple[Ar
     weak = stiffness + road.over[:, 5].min(axis=0)[joints] < WEAK * stiffness
     dry = np.array([gear.rubbing for gear in gears]) * (0.0 if state.dry is None else state.dry[joints])
     # At first a link is where its load keeps it, and follows.
-    sign, load = road.over[:2, 1:3, joints].transpose(1, 0, 2)
-    kept, first, then = np.where(stiffness > 0, stiffness, 1.0), *(load + dry * sign)
+    first, then = (state.load[n, joints] + dry * np.tanh(state.v[n, joints] / WIDTH) for n in range(2))
+    kept = np.where(stiffness > 0, stiffness, 1.0)
     start = np.where(np.isinf(gap), first / kept, np.copysign(gap, first))
-    rate = np.where(np.isinf(gap), (then - first) / kept / (road.t[1] - road.t[0]), 0.0)
+    rate = np.where(np.isinf(gap), (then - first) / kept / (state.t[1] - state.t[0]), 0.0)
     moved = ~rigid & ~(weak & np.isinf(gap))
     links = np.stack([start, rate, stiffness, 2 * DAMPING * omega * inertia, gap, dry])[:, moved]
     travelled = iter(_moved(road, joints[moved], links).transpose(2, 1, 0))
