@@ -31,6 +31,7 @@ from frischid.gram import Array
 
 TOGETHER = 6  # effects in one place each that may enter together
 POOL = 40  # candidates that go on after the first round
+CONTENDS, CONTENDERS = 0.5, 6  # share of what the best removes, and how many, in shapes finer than the grid's
 REFINEMENTS = (0.5, 0.25, 0.125)  # of the way to the next value of a shape's grid
 MOVES = 4  # of each of these lengths
 WAYS = (0.0, -1.0, 1.0)  # nothing, back, forth
@@ -151,6 +152,7 @@ def ranking(
     pool = [found for found in scored if found is not None]
     tried = len(pool)
     progress("judging candidates against each other")
+    pool = _sharpened(evidence, pool)
     chosen, full = _together(evidence, pool, tried)
     unique = {id(c): _worth(evidence, chosen, c, full) for c in chosen}
     first = max(chosen, key=lambda c: unique[id(c)][::-1], default=None)
@@ -210,6 +212,14 @@ def removed(evidence: Evidence, before: Array, after: Array) -> float:
 
 
 # ---------------------------------------------------------------------- several at once
+
+
+def _sharpened(evidence: Evidence, pool: Sequence[Judged]) -> list[Judged]:
+    """Those that may be the best in the shapes that fit best: a coarse grid must not decide between two effects."""
+    likely = [c for c in pool if c.gain > 0 and type(c.effect).shapes]
+    bar = CONTENDS * max((c.removed for c in pool if c.gain > 0), default=0.0)
+    contenders = sorted((c for c in likely if c.removed > bar), key=lambda c: -c.removed)[:CONTENDERS]
+    return [refined(evidence, c) if any(c is x for x in contenders) else c for c in pool]
 
 
 def _together(evidence: Evidence, pool: Sequence[Judged], tried: int) -> tuple[list[Judged], Evidence]:

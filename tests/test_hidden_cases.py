@@ -127,6 +127,17 @@ def test_friction_has_memory():
     assert abs(torque[1900] + 1) < 0.15
 
 
+def test_play_with_friction_behind_it_is_named_and_measured():
+    case = build(quick(first(kind="single", effects=("backlash",), grade=1)))
+    found = diagnose(identify(case.robot, case.fit, recursion="none").model, case.fit, valid=case.valid)
+    best = found.findings[0]
+    assert (found.verdict, best.effect, best.joints) == ("effect", "backlash", case.truth.joints[0])
+    assert best.error_after < 0.2 * found.error, "0.4 if friction is taken to follow the motor"
+    (gap,) = (value for name, value in best.parameters.items() if name.startswith("gap"))
+    assert gap == pytest.approx(float(case.truth.details[0].split("gap=")[1]), rel=0.15)
+    assert best.parameters["rubbing"] == pytest.approx(0.5, abs=0.2)
+
+
 @pytest.mark.parametrize("name", ["planar2", "panda"])
 def test_true_bodies_are_possible_and_off_the_nominal_ones(name):
     robot = arm(name)

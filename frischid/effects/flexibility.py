@@ -52,7 +52,7 @@ STEP = 0.004
 MANY = 9
 """Links from which on it pays to move them at once."""
 
-HELD = 4_000_000
+HELD = 2_000_000
 """Numbers held at a time for links that move at once."""
 
 
