@@ -362,6 +362,13 @@ def test_a_spring_winds_up_before_a_link_that_rubs_turns_back():
     np.testing.assert_allclose((felt / stiffness + dry * np.tanh(v / WIDTH))[held], carried[held], atol=0.02 * dry)
 
 
+def test_noise_at_the_beginning_starts_no_swing():
+    t, noise = np.arange(0.0, 3.0, 0.004), 0.1
+    state, _ = on_the_table(t, 0.0 * t, np.random.default_rng(0).normal(0.0, noise, len(t)))
+    ((torque, _),) = lags(state, [Gear(1, 0.0, period=0.3)])
+    assert torque.std() < noise
+
+
 def test_many_links_move_as_each_alone():
     state = replace(motion(robot("ur10"), seconds=1.0), dry=np.full(6, 2.0))
     gears = [Gear(i, 0.4, period=0.1) for i in range(6)] + [Gear(i, 0.5, gap=1e-3 * (i + 1)) for i in range(6)]

@@ -49,6 +49,9 @@ RESOLVED = 5.0
 STEP = 0.004
 """Of the link's motion, s; where a log is sampled more finely, some of its samples are taken."""
 
+SOON = 0.1
+"""From a motion's first sample on, s, over which the load that a link hangs on at first is averaged."""
+
 MANY = 9
 """Links from which on it pays to move them at once."""
 
@@ -161,11 +164,13 @@ def _lags(state: State, road: _Road, gears: Sequence[Gear]) -> Iterator[tuple[Ar
     stiffness = omega**2 * inertia
     weak = stiffness + road.over[:, 5].min(axis=0)[joints] < WEAK * stiffness
     dry = np.array([gear.rubbing for gear in gears]) * (0.0 if state.dry is None else state.dry[joints])
-    # At first a link is where its load keeps it, and follows.
-    first, then = (state.load[n, joints] + dry * np.tanh(state.v[n, joints] / WIDTH) for n in range(2))
+    # At first a link is where its load keeps it, and follows; which noise must not hide.
+    soon = np.flatnonzero(state.t <= max(state.t[0] + SOON, state.t[1]))
+    carried = state.load[soon][:, joints] + dry * np.tanh(state.v[soon][:, joints] / WIDTH)
+    slope, first = np.polyfit(state.t[soon] - state.t[0], carried, 1)
     kept = np.where(stiffness > 0, stiffness, 1.0)
     start = np.where(np.isinf(gap), first / kept, np.copysign(gap, first))
-    rate = np.where(np.isinf(gap), (then - first) / kept / (state.t[1] - state.t[0]), 0.0)
+    rate = np.where(np.isinf(gap), slope / kept, 0.0)
     moved = ~rigid & ~(weak & np.isinf(gap))
     links = np.stack([start, rate, stiffness, 2 * DAMPING * omega * inertia, gap, dry])[:, moved]
     travelled = iter(_moved(road, joints[moved], links).transpose(2, 1, 0))
