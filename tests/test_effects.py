@@ -313,7 +313,7 @@ def on_the_table(t, speed, load, dry=0.0):
 def test_a_link_falls_across_its_play(rate):
     t, gap = np.arange(0.0, 2.0, 1 / rate), 2e-3
     state, inertia = on_the_table(t, 0.0 * t, 0.05 * (t - 1.0))
-    ((place, felt),) = lags(state, [Gear(1, 0.0, gap=gap)])
+    ((place, _, _, felt),) = lags(state, [Gear(1, 0.0, gap=gap)])
     # δ̈ = c s / M from rest at −gap, until gap
     fall = -gap + 0.05 / inertia * np.maximum(t - 1.0, 0.0) ** 3 / 6
     assert fall[-1] > gap
@@ -321,7 +321,7 @@ def test_a_link_falls_across_its_play(rate):
     np.testing.assert_allclose(gap * place[away], np.minimum(fall, gap)[away], atol=0.03 * gap)
     assert not felt.any()
     state, _ = on_the_table(t, 0.0 * t, 1.0 + 0.0 * t)
-    ((place, _),) = lags(state, [Gear(1, 0.0, gap=gap)])
+    ((place, *_),) = lags(state, [Gear(1, 0.0, gap=gap)])
     np.testing.assert_allclose(place, 1.0)
 
 
@@ -337,7 +337,7 @@ def test_friction_holds_a_link_while_its_motor_crosses_the_play():
     t, gap, dry = np.arange(-2.0, 2.5, 0.005), 0.02, 0.3
     v, angle = turning_back(t)
     state, _ = on_the_table(t, v, 0.0 * t, dry)
-    ((place, felt),) = lags(state, [Gear(1, 0.5, gap=gap)])
+    ((place, _, _, felt),) = lags(state, [Gear(1, 0.5, gap=gap)])
     held, after = (t > 0.02) & (angle > -1.9 * gap), (t > 0) & (angle < -2.3 * gap)
     np.testing.assert_allclose(place[t < -0.02], 1.0, atol=1e-3)
     np.testing.assert_allclose(gap * place[held], (gap + angle)[held], atol=1e-4)
@@ -351,7 +351,7 @@ def test_a_spring_winds_up_before_a_link_that_rubs_turns_back():
     t, dry, period = np.arange(-2.0, 2.0, 0.005), 0.3, 0.4
     v, _ = turning_back(t)
     state, inertia = on_the_table(t, v, 0.0 * t, dry)
-    ((torque, felt),) = lags(state, [Gear(1, 1.0, period=period)])
+    ((torque, _, _, felt),) = lags(state, [Gear(1, 1.0, period=period)])
     stiffness = (2 * np.pi / period) ** 2 * inertia
     forward, held = (t > -1.0) & (t < -0.2), (t > 0.06) & (t < 0.2)
     np.testing.assert_allclose(torque[forward], (dry + state.load[:, 1])[forward], atol=0.05 * dry)
@@ -365,7 +365,7 @@ def test_a_spring_winds_up_before_a_link_that_rubs_turns_back():
 def test_noise_at_the_beginning_starts_no_swing():
     t, noise = np.arange(0.0, 3.0, 0.004), 0.1
     state, _ = on_the_table(t, 0.0 * t, np.random.default_rng(0).normal(0.0, noise, len(t)))
-    ((torque, _),) = lags(state, [Gear(1, 0.0, period=0.3)])
+    ((torque, *_),) = lags(state, [Gear(1, 0.0, period=0.3)])
     assert torque.std() < noise
 
 
@@ -380,7 +380,7 @@ def test_many_links_move_as_each_alone():
         short = replace(state, **{n: getattr(state, n)[:count] for n in ("t", "q", "v", "a", "load", "torque")})
         for found in lags(short, gears):
             assert np.isfinite(found).all()
-            assert np.shape(found) == (2, count)
+            assert np.shape(found) == (4, count)
 
 
 def test_backlash_is_silent_while_the_load_keeps_its_side():

@@ -28,11 +28,10 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from frischid.effects.base import ANGLE, SECONDS, WIDTH, Array, Effect, State, Term, is_number, torque_unit
 from frischid.errors import InputError
@@ -130,7 +129,24 @@ def _travel(
         yield deflection, (friction - dry * sign) * loose
 
 
-def lags(state: State, gears: Sequence[Gear]) -> Iterator[tuple[Array, Array]]:
+class Lag(NamedTuple):
+    """How a link lags behind its motor along a motion, per unit of the gear's parameter: compliance 1/k, half a gap g.
+
+    Attributes
+    ----------
+    place, rate, acceleration : ndarray, shape (N,)
+        δ and its derivatives, times k or over g: of a spring, the torque it carries, N·m (N).
+    friction : ndarray, shape (N,)
+        What the motor feels of f − f_c sign(q̇), likewise.
+    """
+
+    place: Array
+    rate: Array
+    acceleration: Array
+    friction: Array
+
+
+def lags(state: State, gears: Sequence[Gear]) -> Iterator[Lag]:
     """How links lag behind their motors along a motion; each as if all other joints were rigid.
 
     Parameters
@@ -140,15 +156,12 @@ def lags(state: State, gears: Sequence[Gear]) -> Iterator[tuple[Array, Array]]:
 
     Yields
     ------
-    deflection : ndarray, shape (N,)
-        δ k of a spring of stiffness k, the torque it carries, N·m (N); δ/g in a gap of ±g. Not a number where the
-        link's weight overcomes the spring.
-    friction : ndarray, shape (N,)
-        What the motor feels of f − f_c sign(q̇), times k, or over g.
+    Lag
+        In the order of the gears; not a number where the link's weight overcomes the spring.
     """
     count = len(state.t)
     if count < 3:
-        yield from ((np.zeros(count), np.zeros(count)) for _ in gears)
+        yield from (Lag(*np.zeros((4, count))) for _ in gears)
         return
     road = _Road.of(state)
     many = max(1, HELD // len(road.t))
@@ -156,7 +169,7 @@ def lags(state: State, gears: Sequence[Gear]) -> Iterator[tuple[Array, Array]]:
         yield from _lags(state, road, gears[first : first + many])
 
 
-def _lags(state: State, road: _Road, gears: Sequence[Gear]) -> Iterator[tuple[Array, Array]]:
+def _lags(state: State, road: _Road, gears: Sequence[Gear]) -> Iterator[Lag]:
     joints = np.array([gear.joint for gear in gears])
     period, gap = (np.array([getattr(gear, name) for gear in gears]) for name in ("period", "gap"))
     rigid = period < RESOLVED * np.median(np.diff(state.t))
@@ -176,15 +189,23 @@ def _lags(state: State, road: _Road, gears: Sequence[Gear]) -> Iterator[tuple[Ar
     travelled = iter(_moved(road, joints[moved], links).transpose(2, 1, 0))
     for n, joint in enumerate(joints):
         if rigid[n]:
-            yield state.load[:, joint] + dry[n] * np.tanh(state.v[:, joint] / WIDTH), np.zeros(len(state.t))
+            carries = state.load[:, joint] + dry[n] * np.tanh(state.v[:, joint] / WIDTH)
+            yield Lag(carries, *state.rates(carries), np.zeros(len(state.t)))
         elif not moved[n]:
-            yield np.full(len(state.t), np.nan), np.zeros(len(state.t))
+            yield Lag(*np.full((4, len(state.t)), np.nan))
         else:
-            deflection, between = next(travelled)
-            unit = stiffness[n] if np.isinf(gap[n]) else 1 / gap[n]
-            place = make_interp_spline(road.t, np.append(start[n], deflection), k=min(3, len(road.t) - 1))
-            friction = np.append(between[0], between) + np.append(between, between[-1])
-            yield unit * place(state.t), unit / 2 * np.interp(state.t, road.t, friction)
+            deflection, friction = next(travelled)
+            place, unit = np.append(start[n], deflection), stiffness[n] if np.isinf(gap[n]) else 1 / gap[n]
+            rate = np.diff(place) / np.diff(road.t)
+            acceleration = np.zeros(len(place))
+            acceleration[1:-1] = 2 * np.diff(rate) / (road.t[2:] - road.t[:-2])
+            parts = place, _at_samples(rate), acceleration, _at_samples(friction)
+            yield Lag(*(unit * np.interp(state.t, road.t, x) for x in parts))
+
+
+def _at_samples(between: Array) -> Array:
+    """Values at the samples of a grid from those halfway between them."""
+    return np.asarray((np.append(between[0], between) + np.append(between, between[-1])) / 2)
 
 
 def _moved(road: _Road, joints: NDArray[np.intp], links: Array) -> Array:
@@ -206,17 +227,11 @@ def require_share(effect: str, rubbing: float) -> None:
         raise InputError(f"{effect}: rubbing must be a share of the friction, 0 or more, got {rubbing}")
 
 
-def deflected(state: State, joint: int, deflection: Array, friction: Array) -> dict[int, Array]:
-    """First-order change of the torque on every joint when a link lags its joint's encoder by `deflection`, (N,).
-
-    `friction`, (N,), is what the joint itself feels besides.
-    """
-    if not np.isfinite(deflection).all():
-        return {i: np.full(len(deflection), np.nan) for i in range(len(state.robot.joints))}
+def deflected(state: State, joint: int, lag: Lag) -> dict[int, Array]:
+    """First-order change of the torque on every joint when a link lags its joint's encoder."""
     position, velocity, acceleration = (slope[:, :, joint] for slope in state.slopes)
-    first, second = state.rates(deflection)
-    change = position * deflection[:, None] + velocity * first[:, None] + acceleration * second[:, None]
-    change[:, joint] -= friction
+    change = position * lag.place[:, None] + velocity * lag.rate[:, None] + acceleration * lag.acceleration[:, None]
+    change[:, joint] -= lag.friction
     return {i: -change[:, i] for i in range(change.shape[1])}
 
 
@@ -242,7 +257,7 @@ class _Geared(Effect):
             yield [
                 Term(
                     effect.column(cls.symbol, torque_unit(state.robot, i, cls.per), name, number, sign=1),
-                    deflected(state, i, *next(found)),
+                    deflected(state, i, next(found)),
                 )
                 for i, name, number in where
             ]
