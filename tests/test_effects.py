@@ -475,8 +475,9 @@ def test_a_delay_is_a_shifted_torque():
 
 def test_a_delay_needs_times():
     state = motion(robot("planar2"))
-    with pytest.raises(InputError, match="increasing order"):
-        TimeDelay().terms(replace(state, t=np.zeros(len(state.t))))
+    for effect in (TimeDelay(), Elasticity(), Elasticity(period=0.2), Backlash()):
+        with pytest.raises(InputError, match="increasing order"):
+            effect.terms(replace(state, t=np.zeros(len(state.t))))
     one = replace(state, **{n: getattr(state, n)[:1] for n in ("t", "q", "v", "a", "load", "torque")})
     assert not column(TimeDelay(), one).any()
     with pytest.raises(InputError, match="size must be a time in s other than zero"):

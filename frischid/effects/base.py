@@ -117,11 +117,15 @@ class State:
             return x
         return np.asarray(self._spline(x, degree)(np.clip(self.t - by, self.t[0], self.t[-1])))
 
-    def _spline(self, x: Array, degree: int) -> BSpline:
+    def require_times(self) -> None:
+        """Raise InputError unless the samples are in the order of time."""
         if (np.diff(self.t) <= 0).any():
             raise InputError(
                 "an effect needs the torque's past and its rate: give the samples' times, in increasing order"
             )
+
+    def _spline(self, x: Array, degree: int) -> BSpline:
+        self.require_times()
         return make_interp_spline(self.t, x, k=degree)
 
 

@@ -158,7 +158,13 @@ def lags(state: State, gears: Sequence[Gear]) -> Iterator[Lag]:
     ------
     Lag
         In the order of the gears; not a number where the link's weight overcomes the spring.
+
+    Raises
+    ------
+    InputError
+        The samples are not in the order of time.
     """
+    state.require_times()
     count = len(state.t)
     if count < 3:
         yield from (Lag(*np.zeros((4, count))) for _ in gears)
@@ -196,10 +202,9 @@ def _lags(state: State, road: _Road, gears: Sequence[Gear]) -> Iterator[Lag]:
         else:
             deflection, friction = next(travelled)
             place, unit = np.append(start[n], deflection), stiffness[n] if np.isinf(gap[n]) else 1 / gap[n]
-            rate = np.diff(place) / np.diff(road.t)
-            acceleration = np.zeros(len(place))
-            acceleration[1:-1] = 2 * np.diff(rate) / (road.t[2:] - road.t[:-2])
-            parts = place, _at_samples(rate), acceleration, _at_samples(friction)
+            speed, acceleration = np.diff(place) / np.diff(road.t), np.zeros(len(place))
+            acceleration[1:-1] = 2 * np.diff(speed) / (road.t[2:] - road.t[:-2])
+            parts = place, _at_samples(speed), acceleration, _at_samples(friction)
             yield Lag(*(unit * np.interp(state.t, road.t, x) for x in parts))
 
 
