@@ -23,6 +23,15 @@
       spec.layout.xaxis.tickangle = 7.5 * names.join("").length > plot.clientWidth - 160 ? -60 : 0;
       if (!spec.layout.xaxis.tickangle) spec.layout.margin.b = 34;
     }
+    const steps = spec.layout.xaxis.tickangle === -50 && spec.layout.xaxis.ticktext;
+    if (steps && 8 * Math.max(...steps.join(" ").split(" ").map((w) => w.length)) * steps.length < plot.clientWidth - 90) {
+      // So do the steps of a long staircase, and their errors.
+      spec.layout.xaxis.tickangle = 0;
+      spec.layout.xaxis.ticktext = steps.map((s) => s.replaceAll(" ", "<br>"));
+      spec.layout.annotations.forEach((a) => { a.textangle = 0; });
+      spec.layout.yaxis.range[1] *= 0.8;
+      spec.layout.height -= 60;
+    }
     if (plot.clientWidth < 480) {
       // A small screen: smaller letters, room for a legend of several lines, and no toolbar over the curves.
       spec.layout.font = { size: 11 };
