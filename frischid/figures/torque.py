@@ -62,7 +62,7 @@ def measured(
     left = np.where(used, residual, np.nan)
     keep = thinned(prediction.measured[:, j], prediction.fitted[:, j], left)
     broken = breaks(prediction.log[keep])
-    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.6, 0.4], vertical_spacing=0.05)
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.57, 0.43], vertical_spacing=0.05)
     _band(figure, x[keep], prediction.lower[keep, j], prediction.upper[keep, j], prediction.log[keep], "band")
     curves = (
         ("measured", prediction.measured[:, j], {"color": MEASURED, "width": 2.6}, 1),

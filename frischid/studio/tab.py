@@ -33,7 +33,7 @@ EVERY = "every joint"
 NUMBERS = " On the buttons: NRMSE on data left out of each fit, without the effect → with it."
 BLINK, GLANCE = 0.1, 0.5  # s: until words are drawn; until curves and robot are
 WIDTH = 430  # pixels of each panel
-HIGH, HIGH_ON_PHONE = 1.0, 1.2  # of the height that a figure has in the report, in a panel and in the sheet
+HIGH, HIGH_ON_PHONE = 0.95, 1.2  # of the height that a figure has in the report, in a panel and in the sheet
 SHEETLESS = 0.4  # of a phone's height, above its sheet
 PHONE = 576  # pixels: viser's own limit, below which the panels are sections of one sheet at the bottom
 STYLE = """<style>
@@ -238,7 +238,7 @@ class Tab:
         place.title.content = f"**{plain(drawing.title)}**"
         # In a narrow panel a legend takes two lines.
         aspect = (HIGH_ON_PHONE if self.phone else HIGH) * drawing.height / WIDTH
-        figure = drawing.figure.update_layout(height=None, margin={"t": 52} if drawing.legend else {})
+        figure = drawing.figure.update_layout(height=None, margin={"t": 44} if drawing.legend else {})
         if place.figure is None:
             between = (place.title.order + place.reading.order) / 2
             with place.within:
