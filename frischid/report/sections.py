@@ -198,14 +198,14 @@ def lacking(study: Study) -> str:
     rows = [
         [esc(f.effect), esc(", ".join(f.joints) or "robot"), f"{f.error_after:.4f}", f"{100 * f.share:.0f} %",
          number(f.gain, 3), "&lt; 10⁻¹⁵" if f.p_value < 1e-15 else number(f.p_value, 2),
-         esc(", ".join(f.confused_with))]
+         esc(", ".join(f.confused_with)) or "–"]
         for f in diagnosis.findings if f.members
     ]  # fmt: skip
     headings = ["effect", "where", "NRMSE after", "removes", "gain", "p", "confused with"]
     caption = (
         "NRMSE after: with this effect alone; removes: share of the error above the noise floor on its joints; gain: "
-        "of log likelihood; p: probability of such a gain by chance. Ranked by what the error rises by when one "
-        "alone is taken away again beside the others, so what others explain as well is not counted for it"
+        "of log likelihood; p: probability of such a gain by chance. Ranked by how much the error rises when one "
+        "effect is taken out of a model that has the others too: what they explain as well is not counted"
     )
     ranking = table(headings, rows, words=2, caption=caption)
     described = "" if diagnosis.description is None else f"<p>{esc(str(diagnosis.description))}.</p>"
@@ -255,10 +255,10 @@ def history(study: Study) -> str:
         listed = rounded(", ".join(event.get("effects", ())))
         before = event.get("error_before")
         errors = ["–" if x is None else f"{x:.4f}" for x in (before, after)]
-        rows.append([str(i), esc(event["action"]), esc(listed), *errors, esc(on.replace(" ", "\u00a0"))])
+        rows.append([str(i), esc(event["action"]), esc(listed), *errors, esc(on)])
     headings = ["step", "action", "effects", "before", "after", "NRMSE measured on"]
     caption = f"Steps of the model. {_shapes(study)}"
-    listing = f'<div class="wide">{table(headings, rows, words=3, caption=caption)}</div>'
+    listing = f'<div class="wide steps">{table(headings, rows, words=3, caption=caption)}</div>'
     return plot(figures.staircase(study.model, floor)) + listing
 
 
