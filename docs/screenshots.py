@@ -26,8 +26,8 @@ from common import data_folder
 from real_robots import CASES, identified
 
 ROOT = Path(__file__).parents[1]
-WIDTH, HEIGHT = 1280, 860
-SHRUNK = (960, 645)
+WIDTH, HEIGHT = 1280, 900
+SHRUNK = (960, 675)
 
 
 def subject() -> tuple[fr.Model, list[fr.Log]]:

@@ -116,7 +116,7 @@ def _judge(model: Model, log: Log) -> Quality:
         log.rate,
         (float(step.min()), float(step.max())),
         int((step > 5 * np.median(step)).sum()),
-        float(sum(m.t[-1] - m.t[0] for m in motions)),
+        float(sum(m.t[-1] - m.t[0] - (len(model.lowpass.taps(m.step)) - 1) * m.step for m in motions)),
         noise,
         stacked["q"].min(axis=0),
         stacked["q"].max(axis=0),

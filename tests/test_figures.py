@@ -131,6 +131,8 @@ def test_quality_sees_the_noise_that_was_put_in(case):
         assert q.noise["q"] == pytest.approx(1e-5, rel=0.2)
         assert q.samples == 2001
         assert q.gaps == 0
+        (trimmed,) = [note for note in q.notes if "trimmed" in note]
+        assert q.kept == pytest.approx(q.seconds - float(trimmed.split(": ")[1].split()[0]), abs=0.1)
         assert not q.warnings
         json.dumps(q.to_dict(), allow_nan=False)
 
@@ -181,6 +183,17 @@ def test_shades_are_explained(case):
     assert "(shaded: 90" in figures.shape(a_shape(), "a spring").reading
     along = figures.shape(replace(a_shape(), stretch="a log"), "a spring").reading
     assert "thin blue line follows the thick grey" in along  # told apart in grey too
+
+
+def test_what_is_left_out_is_not_drawn_over(case):
+    prediction, comparison = case[2:]
+    rested = replace(prediction, used=np.zeros_like(prediction.used) | (np.arange(len(prediction.t)) == 5)[:, None])
+    (shades,) = figures.measured(rested, comparison, "joint1").figure.layout.shapes[:1]
+    assert shades.path.count("M") == 3  # before and after the sixth sample, and the other log: nothing between the two
+    x = np.append(np.arange(50), np.arange(80, 130)) / 10.0
+    gap = replace(a_shape(), stretch="a log", x=x, residual=np.ones(100), added=np.ones(100))
+    for curve in figures.shape(gap, "a spring").figure.data:
+        assert np.flatnonzero(np.isnan(np.asarray(curve.y, dtype=float))).tolist() == [50]
 
 
 def a_shape():

@@ -178,6 +178,7 @@ def test_verdict_names_the_spring_and_counts_the_warnings(spring):
     assert "Missing: joint_spring on joint2" in text
     proposed = "frischid add model.json joint_spring --joints joint2 LOG... -o better.json"
     assert proposed in re.sub("</?span>|<wbr>", "", text)
+    assert "-o still-better.json" in re.sub("</?span>", "", verdict(spring[1], "better.json"))  # not over what it reads
     assert "On a log it has never seen" in text
     start = text.index('id="missing"')
     for words in ("Evidence", "Could also be", "To be sure", "what joint_spring adds"):

@@ -28,6 +28,7 @@ from viser import transforms as tf
 from frischid.studio import Studio, studio
 from frischid.studio import bench as bench_module  # needs viser
 from frischid.studio import stage as stage_module
+from frischid.studio import tab as tab_module
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import urdf_of
 from frischid.studio.stage import colour_of
@@ -347,6 +348,23 @@ def test_a_click_on_a_joint_shows_its_curves(case, tmp_path):
                 assert page.get_by_label("Joint", exact=True).first.input_value() == joint
     finally:
         running.stop()
+
+
+@needs_browser
+def test_the_robot_is_as_near_when_the_panels_have_taken_their_place_first(case, tmp_path, monkeypatch):
+    running = studio(*case, tmp_path / "model.json", port=8290)
+    distances = []
+    try:
+        for wait in (0.0, 3.0):  # the panels narrow the scene, and with it what the camera says of its picture
+            monkeypatch.setattr(tab_module, "BLINK", wait)
+            with opened(running.address, flags=SOLID):
+                settled(lambda: any(tab.stage is not None for tab in list(running.tabs.values())), seconds=120.0)
+                (camera,) = [tab.client.camera for tab in running.tabs.values()]
+                distances.append(at_rest(lambda it=camera: float(np.linalg.norm(it.position - it.look_at)), 2.0))
+            settled(lambda: not running.tabs)
+    finally:
+        running.stop()
+    assert distances[0] == pytest.approx(distances[1])
 
 
 @needs_browser

@@ -7,11 +7,11 @@ import plotly.graph_objects as go
 
 from frischid.comparison import Comparison
 from frischid.figures.style import (
-    LOAD,
     SCALE,
     VERMILION,
     WORDS,
     Drawing,
+    axis_of,
     drawing,
     number,
     on_scale,
@@ -67,7 +67,7 @@ def matrix(comparison: Comparison) -> Drawing:
         automargin=True,
         tickangle=tilted,
     )
-    reading = worst(comparison)
+    reading = worst(comparison, 3)
     if np.isnan(ratio).any():
         reading += " Blank: too few samples to say."
     return drawing(
@@ -76,18 +76,15 @@ def matrix(comparison: Comparison) -> Drawing:
     )  # fmt: skip
 
 
-def worst(comparison: Comparison) -> str:
-    """The condition that stands out most, as a sentence."""
+def worst(comparison: Comparison, most: int = 1) -> str:
+    """The conditions that stand out most, a sentence each."""
     certain = [c for c in comparison.residuals.conditions() if c.p_value < CERTAIN]
     if not certain:
         return "No condition stands out: the error is about the same everywhere."
-    most = max(certain, key=lambda c: c.ratio)
-    return stands_out(most.joint, most.condition, most.ratio)
-
-
-def stands_out(joint: str, condition: str, ratio: float) -> str:
-    """Where a joint's error is larger than elsewhere, as a sentence."""
-    return f"The error of {joint} is {ratio:.1f} × its average {PHRASES.get(condition, condition)}."
+    return " ".join(
+        f"The error of {c.joint} is {c.ratio:.1f} × its average {PHRASES.get(c.condition, c.condition)}."
+        for c in sorted(certain, key=lambda c: -c.ratio)[:most]
+    )
 
 
 def against(prediction: Prediction, joint: str, variable: str, sliding: bool = False) -> Drawing:
@@ -116,7 +113,7 @@ def against(prediction: Prediction, joint: str, variable: str, sliding: bool = F
         line={"color": VERMILION, "width": 1.8},
     )  # fmt: skip
     units = units_of(sliding)
-    figure.update_xaxes(title_text=f"{WORDS[variable]}{LOAD * (variable == 'load')}, {units[variable]}")
+    figure.update_xaxes(title_text=axis_of(variable, sliding))
     figure.update_yaxes(title_text=f"residual, {units['load']}", zeroline=True)
     reading = "No sample of this joint is in motion."
     if len(centre):
@@ -152,8 +149,8 @@ def plane(prediction: Prediction, joint: str, sliding: bool = False) -> Drawing:
             hovertemplate="q %{x:.3g}, q̇ %{y:.3g}: rms %{z:.3g}<extra></extra>",
         )
     )  # fmt: skip
-    figure.update_xaxes(title_text=f"position q, {units['q']}", showgrid=False)
-    figure.update_yaxes(title_text=f"velocity q̇, {units['v']}", showgrid=False)
+    figure.update_xaxes(title_text=axis_of("q", sliding), showgrid=False)
+    figure.update_yaxes(title_text=axis_of("v", sliding), showgrid=False)
     worst = np.unravel_index(np.nanargmax(rms), rms.shape)
     where = (
         f"q = {number((columns[worst[1]] + columns[worst[1] + 1]) / 2, 2)} {units['q']}, "

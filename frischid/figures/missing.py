@@ -9,7 +9,19 @@ import numpy as np
 import plotly.graph_objects as go
 
 from frischid.figures.failure import binned
-from frischid.figures.style import BLUE, LOAD, MEASURED, VERMILION, WORDS, Drawing, drawing, plain, thinned, units_of
+from frischid.figures.style import (
+    BLUE,
+    MEASURED,
+    VERMILION,
+    WORDS,
+    Drawing,
+    axis_of,
+    breaks,
+    drawing,
+    plain,
+    thinned,
+    units_of,
+)
 from frischid.shapes import Shape
 from frischid.words import listed
 
@@ -29,9 +41,7 @@ def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = 
     """
     units = units_of(sliding)
     figure = _along(found) if found.stretch else _over(found)
-    figure.update_xaxes(
-        title_text=f"{WORDS[found.variable]}{LOAD * (found.variable == 'load')}, {units[found.variable]}"
-    )
+    figure.update_xaxes(title_text=axis_of(found.variable, sliding))
     figure.update_yaxes(title_text=f"residual, {units['load']}")
     how = (
         "The closer the thin blue line follows the thick grey one, the better"
@@ -46,15 +56,20 @@ def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = 
 
 
 def _along(found: Shape) -> go.Figure:
-    """Over time: two curves."""
+    """Over time: two curves, broken where samples are left out."""
     keep = thinned(found.residual, found.added)
+    steps = np.diff(found.x)
+    broken = breaks(np.cumsum(np.append(False, steps > 1.5 * np.median(steps)))[keep])
     curves = (
         ("residual", found.residual, {"color": MEASURED, "width": 2.6}),
         (f"what {found.effect} adds", found.added, {"color": BLUE, "width": 1.4}),
     )
     figure = go.Figure()
     for name, values, line in curves:
-        figure.add_scatter(x=plain(found.x[keep]), y=plain(values[keep]), mode="lines", name=name, line=line)
+        figure.add_scatter(
+            x=plain(np.insert(found.x[keep], broken, np.nan)), y=plain(np.insert(values[keep], broken, np.nan)),
+            mode="lines", name=name, line=line,
+        )  # fmt: skip
     return figure
 
 
@@ -75,7 +90,7 @@ def _over(found: Shape) -> go.Figure:
     centre, spread = binned(x, added, 40)
     figure.add_scatter(
         x=plain(np.concatenate([centre, centre[::-1]])), y=plain(np.concatenate([spread[4], spread[0][::-1]])),
-        fill="toself", fillcolor="rgba(0,114,178,0.2)", line={"width": 0}, mode="lines", showlegend=False,
+        fill="toself", fillcolor="rgba(86,180,233,0.3)", line={"width": 0}, mode="lines", showlegend=False,
         hoverinfo="skip",
     )  # fmt: skip
     figure.add_scatter(

@@ -42,8 +42,8 @@ WORDS = {
 
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-LOAD = " (the model's torque)"
-"""What load is, for an axis."""
+EXPLAINED = {"load": "load (the model's torque)", "t": "time from the log's beginning"}
+"""What an axis says that a title does not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,6 +148,16 @@ def short(names: Sequence[str]) -> list[str]:
 def units_of(sliding: bool) -> dict[str, str]:
     """Units of q, v, a, load and t of a turning or a sliding joint."""
     return SLIDING if sliding else UNITS
+
+
+def axis_of(variable: str, sliding: bool) -> str:
+    """Title of an axis: the variable and its unit."""
+    return f"{EXPLAINED.get(variable, WORDS[variable])}, {units_of(sliding)[variable]}"
+
+
+def breaks(stretch: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Where another stretch begins, (B,): a curve is broken before these samples."""
+    return np.flatnonzero(np.diff(stretch)) + 1
 
 
 def thinned(*curves: Array, points: int = POINTS) -> NDArray[np.intp]:

@@ -19,6 +19,7 @@ from frischid.figures.style import (
     SHADE,
     VERMILION,
     Drawing,
+    breaks,
     drawing,
     number,
     plain,
@@ -60,8 +61,8 @@ def measured(
     used, residual = prediction.used[:, j], prediction.residual[:, j]
     left = np.where(used, residual, np.nan)
     keep = thinned(prediction.measured[:, j], prediction.fitted[:, j], left)
-    broken = _breaks(prediction.log[keep])
-    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.6, 0.4], vertical_spacing=0.05)
+    broken = breaks(prediction.log[keep])
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.57, 0.43], vertical_spacing=0.05)
     _band(figure, x[keep], prediction.lower[keep, j], prediction.upper[keep, j], prediction.log[keep], "band")
     curves = (
         ("measured", prediction.measured[:, j], {"color": MEASURED, "width": 2.6}, 1),
@@ -73,13 +74,13 @@ def measured(
             x=plain(np.insert(x[keep], broken, np.nan)), y=plain(np.insert(values[keep], broken, np.nan)),
             name=name, line=line, mode="lines", row=row, col=1, hovertemplate="%{x:.2f} s: %{y:.4g} " + unit,
         )  # fmt: skip
-    _shade(figure, x, ~used, SHADE, "at rest")
+    _shade(figure, x, ~used, prediction.log, SHADE, "at rest")
     excluded = np.zeros(len(x), bool)
     for c in contacts:
         inside = np.array([prediction.sources[k] == c.source for k in prediction.log])
         absolute = prediction.t + np.array(prediction.starts)[prediction.log]
         excluded |= inside & (absolute >= c.start) & (absolute <= c.stop) & (joint in c.joints)
-    _shade(figure, x, excluded, EXCLUDED, "contact")
+    _shade(figure, x, excluded, prediction.log, EXCLUDED, "contact")
     reading = _worst(figure, comparison, prediction, joint, x, left, unit)
     for start in positions[1:]:
         figure.add_vline(x=float(start - apart / 2), line={"color": FAINT, "width": 1, "dash": "dot"})
@@ -102,10 +103,6 @@ def side_by_side(prediction: Prediction) -> tuple[Array, float]:
     return np.concatenate([[0.0], np.cumsum(ends + apart)[:-1]]), apart
 
 
-def _breaks(log: NDArray[np.intp]) -> NDArray[np.intp]:
-    return np.flatnonzero(np.diff(log)) + 1
-
-
 def _band(figure: go.Figure, x: Array, low: Array, high: Array, log: NDArray[np.intp], name: str) -> None:
     """One closed outline a log."""
     xs: list[Array] = []
@@ -120,11 +117,16 @@ def _band(figure: go.Figure, x: Array, low: Array, high: Array, log: NDArray[np.
     )  # fmt: skip
 
 
-def _shade(figure: go.Figure, x: Array, inside: NDArray[np.bool_], colour: str, name: str) -> None:
-    """Shade stretches of time behind both panels, as one path."""
+def _shade(
+    figure: go.Figure, x: Array, inside: NDArray[np.bool_], log: NDArray[np.intp], colour: str, name: str
+) -> None:
+    """Shade stretches of time behind both panels, as one path; none reaches from one log into the next."""
     if not inside.any():
         return
     edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
+    # Where a log ends inside and the next begins inside, one stretch ends and another begins.
+    next_too = breaks(log)[inside[breaks(log)] & inside[breaks(log) - 1]]
+    edges = np.sort(np.concatenate([edges, next_too, next_too]))
     step = float(np.median(np.diff(x))) / 2
     path = "".join(
         f"M{x[a] - step:.4g},0L{x[b - 1] + step:.4g},0L{x[b - 1] + step:.4g},1L{x[a] - step:.4g},1Z"

@@ -6,6 +6,7 @@
     "#0072b2": "#56b4e9", "#d55e00": "#ff8f45", "#000000": "#f0f0f0", "#808080": "#9b9b9b", "#f4f4f4": "#2b2f37",
     "#a6d5f5": "#27567a", "#fdf1e3": "#33261b", "#fde0c0": "#5b3512", "#e8873a": "#d27427", "#8c3a00": "#ffd0a1", "#ffffff": "#14161a", "#009e73": "#3ecfa4"
   };
+  const SHEET = 900; // pixels of A4 or Letter at the width of a page that is printed, with room for a title
   const wanted = window.matchMedia("(prefers-color-scheme: dark)");
   const plots = [...document.querySelectorAll(".plot")];
   const data = new Map(plots.map((p) => [p, p.querySelector("script").textContent]));
@@ -23,6 +24,15 @@
       spec.layout.xaxis.tickangle = 7.5 * names.join("").length > plot.clientWidth - 160 ? -60 : 0;
       if (!spec.layout.xaxis.tickangle) spec.layout.margin.b = 34;
     }
+    const steps = spec.layout.xaxis.tickangle === -50 && spec.layout.xaxis.ticktext;
+    if (steps && 8 * Math.max(...steps.join(" ").split(" ").map((w) => w.length)) * steps.length < plot.clientWidth - 90) {
+      // So do the steps of a long staircase, and their errors.
+      spec.layout.xaxis.tickangle = 0;
+      spec.layout.xaxis.ticktext = steps.map((s) => s.replaceAll(" ", "<br>"));
+      spec.layout.annotations.forEach((a) => { a.textangle = 0; });
+      spec.layout.yaxis.range[1] *= 0.8;
+      spec.layout.height -= 60;
+    }
     if (plot.clientWidth < 480) {
       // A small screen: smaller letters, room for a legend of several lines, and no toolbar over the curves.
       spec.layout.font = { size: 11 };
@@ -31,6 +41,13 @@
       // The correlation stays square; of its many names fewer are written.
       if (spec.layout.xaxis.tickangle === -90) spec.layout.height = Math.min(spec.layout.height, plot.clientWidth + 30);
       config.displayModeBar = false;
+    }
+    if (printing) {
+      // A joint's six figures fit on one sheet, and so does a figure somewhat higher than one.
+      const high = spec.layout.height * (plot.closest("details") ? 0.85 : 1);
+      const fits = high > SHEET && high < 1.6 * SHEET ? SHEET / high : 1;
+      spec.layout.height = high * fits;
+      spec.data.forEach((trace) => { if (trace.line) trace.line.width *= fits; });
     }
     plot.style.height = spec.layout.height + "px";
     plot.querySelectorAll("script").forEach((s) => s.remove());

@@ -100,7 +100,9 @@ def _next(study: Study, model_path: str) -> str:
         return "Next: look below at where the residual lies, and try a formula of your own in the studio."
     if best is not None:
         where = f" --joints {','.join(best.joints)}" if best.joints else ""
-        add = f"frischid add {shlex.quote(Path(model_path).name)} {best.effect}{where} LOG... -o better.json"
+        given = Path(model_path).name
+        better = "better.json" if given != "better.json" else "still-better.json"
+        add = f"frischid add {shlex.quote(given)} {best.effect}{where} LOG... -o {better}"
         fall = f"{best.error_before:.4f} → {best.error_after:.4f}"
         return f"Next: add it. On data held out of its fit the NRMSE goes {fall}: {command(add)}"
     if study.weak:
@@ -152,11 +154,11 @@ def torque(study: Study) -> str:
 def fails(study: Study) -> str:
     """The matrix, then each joint's residual against what it might depend on; the worst joint is open."""
     c = study.comparison
-    conditions = sorted((x for x in c.residuals.conditions() if x.p_value < 0.01), key=lambda x: -x.ratio)
-    lines = [figures.failure.stands_out(x.joint, x.condition, x.ratio) for x in conditions[:3]]
     left = c.residuals.structure()
     worst = max(c.joints, key=lambda n: c.joints[n].nrmse)
-    parts = [items(lines) if lines else "", plot(figures.matrix(c))]
+    mixed = 0 < len(study.held_out) < len(study.logs)
+    on_all = "<p>On all logs, those the model was fitted to and those it has never seen.</p>" if mixed else ""
+    parts = [on_all, plot(figures.matrix(c))]
     for name, fit in c.joints.items():
         on = [figures.style.WORDS[v] for v, p in left[name].depends_on.items() if p < 0.01]
         says = f"depends on {listed(on)}" if on else "depends on nothing that shows"
@@ -196,14 +198,14 @@ def lacking(study: Study) -> str:
     rows = [
         [esc(f.effect), esc(", ".join(f.joints) or "robot"), f"{f.error_after:.4f}", f"{100 * f.share:.0f} %",
          number(f.gain, 3), "&lt; 10⁻¹⁵" if f.p_value < 1e-15 else number(f.p_value, 2),
-         esc(", ".join(f.confused_with))]
+         esc(", ".join(f.confused_with)) or "–"]
         for f in diagnosis.findings if f.members
     ]  # fmt: skip
     headings = ["effect", "where", "NRMSE after", "removes", "gain", "p", "confused with"]
     caption = (
         "NRMSE after: with this effect alone; removes: share of the error above the noise floor on its joints; gain: "
-        "of log likelihood; p: probability of such a gain by chance. Ranked by what the error rises by when one "
-        "alone is taken away again beside the others, so what others explain as well is not counted for it"
+        "of log likelihood; p: probability of such a gain by chance. Ranked by how much the error rises when one "
+        "effect is taken out of a model that has the others too: what they explain as well is not counted"
     )
     ranking = table(headings, rows, words=2, caption=caption)
     described = "" if diagnosis.description is None else f"<p>{esc(str(diagnosis.description))}.</p>"
@@ -252,10 +254,12 @@ def history(study: Study) -> str:
         after = event.get("cross_validated_nrmse") if after is None else after
         listed = rounded(", ".join(event.get("effects", ())))
         before = event.get("error_before")
-        rows.append([str(i), esc(event["action"]), esc(listed), number(before), number(after), esc(on)])
+        errors = ["–" if x is None else f"{x:.4f}" for x in (before, after)]
+        rows.append([str(i), esc(event["action"]), esc(listed), *errors, esc(on)])
     headings = ["step", "action", "effects", "before", "after", "NRMSE measured on"]
     caption = f"Steps of the model. {_shapes(study)}"
-    return plot(figures.staircase(study.model, floor)) + table(headings, rows, words=3, caption=caption)
+    listing = f'<div class="wide steps">{table(headings, rows, words=3, caption=caption)}</div>'
+    return plot(figures.staircase(study.model, floor)) + listing
 
 
 def rounded(effects: str) -> str:
@@ -296,7 +300,8 @@ def parameters(study: Study) -> str:
             flags.append("hardly known")
         boxes = [_range(float(b.lower[i]), float(b.upper[i])) for b in model.bounds.values()]
         values = [number(float(x[i])) for _, x in given]
-        row = [esc(column.name), esc(column.unit), number(e.theta[i]), number(e.stderr[i], 2)]
+        unit = "–" if column.unit == "1" else column.unit
+        row = [esc(column.name), esc(unit), number(e.theta[i]), number(e.stderr[i], 2)]
         rows.append([*row, *values, *boxes, esc(", ".join(flags)), _sum(model.expressions[i])])
     methods = [f"{figures.parameters.title(k)} box" for k in model.bounds]
     headings = ["parameter", "unit", "value", "± s.e.", *(n for n, _ in given), *methods, "flags", "stands for"]
@@ -392,7 +397,7 @@ def data(study: Study) -> str:
         role = "held\u00a0out" if q.source in study.held_out else "fitted"
         texts = [str(q.samples), number(q.seconds), number(q.rate), _steps(number(short, 3), number(long, 3))]
         rows.append([esc(Path(q.source).name), role, *texts, str(q.gaps), number(q.kept)])
-    headings = ["log", "role", "samples", "seconds", "Hz", "step, ms", "gaps", "seconds kept"]
+    headings = ["log", "role", "samples", "seconds", "grid, Hz", "step, ms", "gaps", "seconds kept"]
     done = _grouped(study)
     lowpass = study.model.lowpass
     cut = f"{lowpass.cutoff:g} Hz" if lowpass.cutoff else "nothing"
@@ -430,9 +435,10 @@ def _grouped(study: Study) -> list[str]:
         for note in q.notes:
             found.setdefault(note.removeprefix(f"{q.source}: "), []).append(Path(q.source).name)
     every = len(study.qualities)
+    # What holds for most logs first.
     return [
         f"{_all(every) if len(logs) == every else listed(logs)}: {note}" if every > 1 else note
-        for note, logs in found.items()
+        for note, logs in sorted(found.items(), key=lambda item: -len(item[1]))
     ]
 
 

@@ -39,7 +39,7 @@ class Stage:
     chosen : callable
         Told the name of a joint that was clicked.
     free : tuple of float
-        Shares of the page's width, in the middle, and of its height, from above, that nothing covers.
+        Width, in the middle, and height, from above, that nothing covers, as shares of the page's height.
     """
 
     def __init__(
@@ -53,6 +53,7 @@ class Stage:
         size = float(self.urdf.scene.scale) if self.urdf.scene.geometry else 1.0
         self.markers: dict[str, Any] = {}
         radius = max(0.045 * size, 1.6 * thickness_of(robot))
+        self._above = np.array([0.0, 0.0, 1.4 * radius])  # a label is read, and its joint is seen
         for name in bench.state.model.joints:
             marker = client.scene.add_cylinder(f"/joints/{name}", radius=radius, height=1.5 * radius)
             marker.on_click(partial(_clicked, chosen, name))
@@ -73,7 +74,7 @@ class Stage:
         up = np.cross(right, AHEAD)
         x, y, z = np.array([right, up, AHEAD]) @ (places - middle).T
         half = float(np.tan(camera.fov / 2))
-        wide, high = half * free[0] * camera.image_width / camera.image_height, free[1]
+        wide, high = half * free[0], free[1]
         # Of a place at distance + z, x and y from what is looked at: its picture within the free part's four sides.
         sides = np.abs(x) / wide - z, (y / half - z) / high, ((1 - 2 * high) * z - y / half) / high
         distance = MARGIN * float(np.max(sides))
@@ -101,7 +102,7 @@ class Stage:
                 marker.wxyz = tf.SO3.from_matrix(pose[:3, :3] @ self.turns[name]).wxyz
                 marker.color = colour_of(errors[name], self.top)
                 if name == joint:
-                    self.label.position = tuple(pose[:3, 3])
+                    self.label.position = tuple(pose[:3, 3] + self._above)
             self.label.text = f"{joint}: misses {100 * errors[joint]:.1f} %"
 
     def _configuration(self, x: float) -> Array:

@@ -33,7 +33,7 @@ EVERY = "every joint"
 NUMBERS = " On the buttons: NRMSE on data left out of each fit, without the effect → with it."
 BLINK, GLANCE = 0.1, 0.5  # s: until words are drawn; until curves and robot are
 WIDTH = 430  # pixels of each panel
-HIGH, HIGH_ON_PHONE = 1.0, 1.2  # of the height that a figure has in the report, in a panel and in the sheet
+HIGH, HIGH_ON_PHONE = 0.95, 1.2  # of the height that a figure has in the report, in a panel and in the sheet
 SHEETLESS = 0.4  # of a phone's height, above its sheet
 PHONE = 576  # pixels: viser's own limit, below which the panels are sections of one sheet at the bottom
 STYLE = """<style>
@@ -80,7 +80,9 @@ class Tab:
         joints = list(bench.state.model.joints)
         worst = max(bench.state.comparison.joints.items(), key=lambda item: item[1].nrmse)[0]
         gui = client.gui
-        self.phone = client.camera.image_width < PHONE
+        # Pixels; of the whole page, before the panels take their part of the scene's.
+        self.page = client.camera.image_width, client.camera.image_height
+        self.phone = self.page[0] < PHONE
         gui.add_html(STYLE)
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         gui.set_panel_label(f"frischid: {bench.state.model.robot.name}")
@@ -158,8 +160,9 @@ class Tab:
         self.export.on_click(lambda _: self._attempt(lambda: self._said("Report", self.bench.export())))
 
     def _free(self) -> tuple[float, float]:
-        """Shares of the page's width and height that no panel covers."""
-        return (1.0, SHEETLESS) if self.phone else (max(1 - 2 * WIDTH / self.client.camera.image_width, 0.2), 1.0)
+        """Width that no panel covers, and how much of the height from above, as shares of the page's height."""
+        width, height = self.page
+        return (width / height, SHEETLESS) if self.phone else (max(width - 2 * WIDTH, 0.2 * width) / height, 1.0)
 
     def _figure(self, gui: Any, within: Any) -> _Place:
         """A title and a reading; between them comes the figure."""
@@ -235,7 +238,7 @@ class Tab:
         place.title.content = f"**{plain(drawing.title)}**"
         # In a narrow panel a legend takes two lines.
         aspect = (HIGH_ON_PHONE if self.phone else HIGH) * drawing.height / WIDTH
-        figure = drawing.figure.update_layout(height=None, margin={"t": 52} if drawing.legend else {})
+        figure = drawing.figure.update_layout(height=None, margin={"t": 44} if drawing.legend else {})
         if place.figure is None:
             between = (place.title.order + place.reading.order) / 2
             with place.within:
