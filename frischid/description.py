@@ -6,9 +6,10 @@ The residual of the joint that is explained worst is held against every quantity
 held-out data pay for them (orthogonal least squares, as in `ranking`; the library: Brunton, Proctor and Kutz 2016, PNAS
 113(15)). The result is a *description*, not a cause: it says where to look.
 
-A description also keeps the catalogue honest. What another joint does to this one is in no catalogue, yet some effect
-may resemble it and be found. Where one such term alone leaves far less of the error above the noise than the first
-finding does, that finding is not the cause (`outdone`).
+A description also keeps the catalogue honest. What another joint does to this one is in no catalogue, nor is a torque
+that jumps from sector to sector of a gear; yet some effect may resemble it and be found. Where one such term, or the
+sectors, leave far less of the error above the noise than the first finding does, that finding is not the cause
+(`outdone`).
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from frischid.words import listed
 
 TERMS = 3
 FAR_LESS = 0.5  # of what the first finding leaves above the noise
+SECTORS = 24  # of a joint's range
 
 
 @dataclass(frozen=True)
@@ -61,18 +63,18 @@ class Description:
 
 @dataclass(frozen=True)
 class Stranger:
-    """What another joint does to one, where that describes far more than the first finding explains.
+    """What no effect of the catalogue is, where it describes far more than the first finding explains.
 
     Attributes
     ----------
     row : int
         Position of the joint among the fitted ones.
-    term : str
-        Expression, in the language of the effect ``formula``.
+    words : str
+        What describes it.
     """
 
     row: int
-    term: str
+    words: str
 
 
 def describe(evidence: Evidence, row: int) -> Description:
@@ -106,13 +108,21 @@ def outdone(ranking: Ranking, floor: Array) -> Stranger | None:
     if most < noise:
         return None
     joint = full.joints[row]
-    terms = without.project([Formula((joint,), e) for e in _foreign(without, joint)])
-    found = [j for term in terms if term.columns and (j := judged(without, [term])) is not None]
+    terms = [p for p in without.project([Formula((joint,), e) for e in _foreign(without, joint)]) if p.columns]
+    sectors = [p for p in without.project([Formula((joint,), e) for e in _steps(without, row)]) if p.columns]
+    together = [without.joined(sectors)] if sectors else []
+    found = [j for term in terms + together if (j := judged(without, [term])) is not None]
     best = min(found, key=lambda j: float(without.nrmse(j.score.sse)[row]), default=None)
     if best is None or without.nrmse(best.score.sse)[row] ** 2 - noise > most:
         return None
     sure = best.chance(len(found)) < SIGNIFICANCE and block_test(without, best.projection) < STEADY
-    return Stranger(row, _expression(best)) if sure else None
+    own = f"q{full.model.robot.numbers[joint]}"
+    words = (
+        f"'{_expression(best)}'"
+        if best.projection not in together
+        else f"a torque that jumps from sector to sector of {own}"
+    )
+    return Stranger(row, words) if sure else None
 
 
 def _dependence(evidence: Evidence, row: int) -> dict[str, float]:
@@ -130,7 +140,7 @@ def _dependence(evidence: Evidence, row: int) -> dict[str, float]:
 
 def _formula(evidence: Evidence, row: int) -> tuple[list[str], float]:
     joint = evidence.joints[row]
-    candidates = [p for p in evidence.project([Formula((joint,), e) for e in _library(evidence, joint)]) if p.columns]
+    candidates = [p for p in evidence.project([Formula((joint,), e) for e in _library(evidence, row)]) if p.columns]
     start = evidence.nrmse(evidence.base_sse())[row] ** 2
     now, chosen, left = evidence, list[str](), start
     while len(chosen) < TERMS:
@@ -154,14 +164,24 @@ def _expression(candidate: Judged) -> str:
     return effect.expression
 
 
-def _library(evidence: Evidence, joint: str) -> list[str]:
+def _library(evidence: Evidence, row: int) -> list[str]:
     """Simple expressions of the joint's own quantities, of each other joint's, and of both together."""
+    joint = evidence.joints[row]
     own = str(evidence.model.robot.numbers[joint])
     found = [f"{wave}({k}q{own})" for wave in ("sin", "cos") for k in ("", "2*", "3*")]
     found += [f"v{own}**3", f"abs(v{own})", f"v{own}*abs(v{own})", f"abs(tau_model{own})", f"q{own}*v{own}"]
     found += [f"t*sign(v{own})", f"t*v{own}", "t", f"abs(q{own})*sign(v{own})", f"load{own}"]
     found += [form for k in _others(evidence, joint) for form in (f"v{k}", f"sign(v{k})", f"a{k}")]
-    return found + _foreign(evidence, joint)
+    return found + _steps(evidence, row) + _foreign(evidence, joint)
+
+
+def _steps(evidence: Evidence, row: int) -> list[str]:
+    """Steps between the sectors of a joint's range."""
+    own = f"q{evidence.model.robot.numbers[evidence.joints[row]]}"
+    count = int(evidence.counts[:, row].sum())
+    q = evidence.variables(row, max(1, count // LOOKED_AT))[own]
+    edges = np.linspace(q.min(), q.max(), SECTORS + 1)[1:-1]
+    return [f"sign({own} - {edge:.4g})" if edge >= 0 else f"sign({own} + {-edge:.4g})" for edge in edges]
 
 
 def _foreign(evidence: Evidence, joint: str) -> list[str]:

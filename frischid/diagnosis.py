@@ -351,7 +351,7 @@ def _verdict(
 ) -> Verdict:
     """Unknown: more is left on some joint, with all that pass in the model, than the best finding removes.
 
-    Or what another joint does, a stranger to the catalogue, describes far more than the best finding explains.
+    Or what is a stranger to the catalogue describes far more than the best finding explains.
     """
     if contacts:
         return "contact"
@@ -371,7 +371,7 @@ def _notes(state: Known, description: Description | None, stranger: Stranger | N
         notes.append("not the model's own logs: what explains more than was missing on those comes first")
     if description is not None and stranger is not None:
         where, first = judged.full.joints[stranger.row], judged.effects[0].kind.id
-        notes.append(f"on {where} '{stranger.term}' describes far more than {first} explains, so that is not the cause")
+        notes.append(f"on {where} {stranger.words} describes far more than {first} explains, so that is not the cause")
     return notes + ([str(description)] if description is not None else [])
 
 
