@@ -231,6 +231,21 @@ def test_what_another_joint_does_is_not_called_an_effect_that_resembles_it():
     assert any("on joint1 'tau_model2' describes far more than drive_gain explains" in n for n in found.notes)
 
 
+def test_sectors_of_a_damaged_gear_are_no_cogging():
+    heights = {-1.0: 1.0, -0.45: -1.6, 0.1: 1.2, 0.3: -0.7, 0.8: 1.4, 1.1: -1.8}
+    hidden = 'formula("' + " + ".join(f"{h:g}*sign(q2 - {at:g})" for at, h in heights.items()) + '")@joint2'
+    planar2 = Robot.load("planar2")
+    column = parse_effects(hidden)[0].columns(planar2)[0].name
+    dry = {"fv1": 0.5, "fv2": 0.3, "fc1": 0.5, "fc2": 0.3, "Ia1": 0.02, "Ia2": 0.01}
+    logs = [log_of(s, hidden, robot=planar2, **dry, **{column: 0.1}) for s in (1, 2)]
+    model = identify(planar2, logs[:1], recursion="none").model
+    found = diagnose(model, logs[:1], valid=logs[1:])
+    assert found.verdict == "unknown"
+    assert found.findings[1].significant, "something passes for it"
+    assert any("jumps from sector to sector of q2" in note for note in found.notes)
+    assert next(iter(found.description.depends_on)) == "q2"
+
+
 def test_a_measured_temperature_explains_friction_that_drifts():
     joint, hidden = "elbow_joint", 'thermal_drift(by="temperature")@elbow_joint'
     logs = []
