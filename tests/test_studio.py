@@ -307,6 +307,9 @@ def spot(running, page, joint):
     return canvas["x"] + canvas["width"] / 2 + focal * x / z, canvas["y"] + canvas["height"] / 2 + focal * y / z
 
 
+UNPLACED = np.sqrt(27.0)  # of viser's camera, from what it looks at
+
+
 def at_rest(place, seconds=1.0):
     """What `place` returns once it has not changed for a while: panels dock, and the camera is put, one by one."""
     last, since = place(), time.monotonic()
@@ -360,7 +363,12 @@ def test_the_robot_is_as_near_when_the_panels_have_taken_their_place_first(case,
             with opened(running.address, flags=SOLID):
                 settled(lambda: any(tab.stage is not None for tab in list(running.tabs.values())), seconds=120.0)
                 (camera,) = [tab.client.camera for tab in running.tabs.values()]
-                distances.append(at_rest(lambda it=camera: float(np.linalg.norm(it.position - it.look_at)), 2.0))
+
+                def distance(it=camera):
+                    return float(np.linalg.norm(it.position - it.look_at))
+
+                settled(lambda far=distance: far() < 0.9 * UNPLACED)  # a busy browser reports where it still is
+                distances.append(at_rest(distance, 2.0))
             settled(lambda: not running.tabs)
     finally:
         running.stop()
