@@ -6,6 +6,7 @@ the revision it was made for, so that a click on yesterday's finding changes not
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -31,7 +32,7 @@ SHOWN = 6
 VARIABLES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "load", "time": "t"}
 EVERY = "every joint"
 NUMBERS = " On the buttons: NRMSE on data left out of each fit, without the effect → with it."
-BLINK, GLANCE = 0.1, 0.5  # s: until words are drawn; until curves and robot are
+BLINK, PATIENCE = 0.05, 3.0  # s
 WIDTH = 430  # pixels of each panel
 HIGH, HIGH_ON_PHONE = 0.95, 1.2  # of the height that a figure has in the report, in a panel and in the sheet
 SHEETLESS = 0.4  # of a phone's height, above its sheet
@@ -93,20 +94,24 @@ class Tab:
             self._work(gui, joints)
             # Words first, then curves (their library takes a browser a second), then the robot (without a GPU, more).
             self._headline(self._drawn)
-            client.flush()
-            time.sleep(BLINK)
+            self._come()
             self._torque()
-            client.flush()
+            self._come()
             from frischid.studio.stage import Stage  # its libraries of shapes take as long to load as the browser draws
 
             self.stage = Stage(client, bench, track, self._choose, self._free())
             self.pose()
             self._stairs(self._drawn)
             # What is out of sight at first must not keep the browser from drawing what is in sight.
-            client.flush()
-            time.sleep(GLANCE)
+            self._come()
             self._elsewhere(self._drawn)
             self._list(self._drawn)
+
+    def _come(self) -> None:
+        """Wait until the browser has come to what was sent, and for a moment in which it may draw it."""
+        with contextlib.suppress(RuntimeError, TimeoutError):  # it was closed, or keeps no storage, or is too busy
+            self.client.local_storage.get_item("frischid", timeout=PATIENCE)
+        time.sleep(BLINK)
 
     # ------------------------------------------------------------------ what is on the page
 
