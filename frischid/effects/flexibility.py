@@ -54,7 +54,7 @@ SOON = 0.1
 MANY = 9
 """Links from which on it pays to move them at once."""
 
-HELD = 2_000_000
+HELD = 1_000_000
 """Numbers held at a time for links that move at once."""
 
 
