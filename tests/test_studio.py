@@ -298,6 +298,7 @@ def test_a_session_in_the_browser(case, tmp_path):
 
 def spot(running, page, joint):
     """Where a joint is seen, in pixels of the page: its position through the camera of the one tab there is."""
+    settled(lambda: running.tabs)  # the curves are there before the robot
     ((number, tab),) = running.tabs.items()
     camera = running.server.get_clients()[number].camera
     canvas = page.locator("canvas").first.bounding_box()
