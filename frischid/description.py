@@ -108,20 +108,18 @@ def outdone(ranking: Ranking, floor: Array) -> Stranger | None:
     if most < noise:
         return None
     joint = full.joints[row]
-    terms = [p for p in without.project([Formula((joint,), e) for e in _foreign(without, joint)]) if p.columns]
-    sectors = [p for p in without.project([Formula((joint,), e) for e in _steps(without, row)]) if p.columns]
+    foreign, steps = _foreign(without, joint), _steps(without, row)
+    projected = without.project([Formula((joint,), e) for e in foreign + steps])
+    terms, sectors = ([p for p in some if p.columns] for some in (projected[: len(foreign)], projected[len(foreign) :]))
     together = [without.joined(sectors)] if sectors else []
     found = [j for term in terms + together if (j := judged(without, [term])) is not None]
     best = min(found, key=lambda j: float(without.nrmse(j.score.sse)[row]), default=None)
     if best is None or without.nrmse(best.score.sse)[row] ** 2 - noise > most:
         return None
     sure = best.chance(len(found)) < SIGNIFICANCE and block_test(without, best.projection) < STEADY
-    own = f"q{full.model.robot.numbers[joint]}"
-    words = (
-        f"'{_expression(best)}'"
-        if best.projection not in together
-        else f"a torque that jumps from sector to sector of {own}"
-    )
+    words = f"'{_expression(best)}'"
+    if best.projection in together:
+        words = f"a torque that jumps from sector to sector of q{full.model.robot.numbers[joint]}"
     return Stranger(row, words) if sure else None
 
 
