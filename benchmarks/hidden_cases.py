@@ -4,8 +4,9 @@
 out, a log from before the change where the effect is a change, and the truth. Everything follows from the seed.
 
 The *size* of an effect is the rms of its torque (of a gear or a delay: of the torque error it makes) over the joint's
-standard deviation of torque without it, on the log to fit: 10 to 20 % in grade 1, 3 to 10 % in grade 2, 1 to 3 % in
-grade 3. How much of it the baseline model cannot absorb (`Truth.visible`) is often much less: of v|v|, a tenth.
+standard deviation of torque without it, on those of both logs to diagnose that it acts on: 10 to 20 % in grade 1, 3 to
+10 % in grade 2, 1 to 3 % in grade 3. How much of it the baseline model cannot absorb (`Truth.visible`) is often much
+less: of v|v|, a tenth.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from hidden_parts import CHANNELS, GEARS, Baseline, Part, background, channel, gear, shape
+from hidden_parts import CHANNELS, GEARS, Baseline, Part, background, channel, gear, shape, torque_scale
 from hidden_physics import ARMS, Drive, World, arm, motion, perturbed, prescribed, rms, rnea
 from hidden_sensors import Sensors, record
 from hidden_shapes import SMALL
@@ -196,7 +197,7 @@ def build(spec: CaseSpec) -> Case:
     robot = arm(spec.arm)
     change = bool(set(spec.effects) & set(CHANGES))
     worlds = _worlds(spec, robot, rng, 3 if change else 2)
-    scale = worlds[0].base.std(axis=0)
+    scale = torque_scale(worlds)
     low, high = GRADES.get(spec.grade, (0.0, 0.0))
     parts: list[Part] = []
     baseline = Baseline(worlds, scale)

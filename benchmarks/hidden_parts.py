@@ -31,7 +31,7 @@ class Part:
     extra : list of mapping of str to ndarray
         Further channels of every world.
     size, visible : float
-        Shares of the joint's torque: all of it, and what the baseline model cannot absorb.
+        Shares of the joint's torque: all of it, and what the baseline model cannot absorb of the motion to fit.
     detail : str
         For people.
     """
@@ -42,6 +42,17 @@ class Part:
     size: float
     visible: float
     detail: str
+
+
+def torque_scale(worlds: Sequence[World]) -> Array:
+    """Standard deviation of each joint's torque over both logs to diagnose, (J,)."""
+    return np.asarray(np.concatenate([w.base for w in worlds if w.number < 2]).std(axis=0))
+
+
+def acting(torque: Sequence[Array]) -> Array:
+    """Rms of a torque over those of both logs to diagnose that it acts on, (J,)."""
+    seen = [x for x in torque[:2] if x.any()]
+    return rms(np.concatenate(seen or torque[:1]))
 
 
 class Baseline:
@@ -103,8 +114,8 @@ def shape(
 
 def _scaled(hidden: Hidden, worlds: Sequence[World], scale: Array, target: float, baseline: Baseline) -> Part:
     """Scale an effect and let it act on everything that is not from before the change."""
-    counted = (hidden.size or hidden.torque)(worlds[0])
-    factor = target / float((rms(counted) / scale).max())
+    counted = [(hidden.size or hidden.torque)(w) for w in worlds[:2]]
+    factor = target / float((acting(counted) / scale).max())
     torque = [factor * hidden.torque(w) if w.number < 2 else np.zeros_like(w.base) for w in worlds]
     extra = [hidden.extra(w) if hidden.extra else {} for w in worlds]
     seen = float(baseline.left(torque[0]).max())
@@ -117,11 +128,11 @@ def gear(
     """Put a gear into one joint of a robot whose motions are given."""
     fit = worlds[0]
     j = loaded_joint(rng, fit, scale) if name == "elasticity" else int(rng.choice(reversing(fit, scale)))
-    found = (elastic if name == "elasticity" else loose)(fit, j, target, float(scale[j]))
+    found = (elastic if name == "elasticity" else loose)(worlds[:2], j, target, float(scale[j]))
     made = [simulated(w, j, found) for w in worlds]
     detail = f"k={found.stiffness:.3g}" + (f", gap={found.gap:.3g}" if found.gap else "")
     seen, torque = [w for w, _ in made], [x for _, x in made]
-    size = float(rms(in_band(torque[0][:, j]))) / float(scale[j])
+    size = float(rms(np.concatenate([in_band(x[:, j]) for x in torque[:2]]))) / float(scale[j])
     left = float(Baseline(seen, scale).left(torque[0])[j])
     return seen, Part((j,), torque, [{}] * len(worlds), size, left, detail)
 
@@ -140,7 +151,7 @@ def channel(
     whole = [w.base + sum((p.torque[k] for p in parts), np.zeros(1)) for k, w in enumerate(worlds)]
     j = int(rng.integers(J))
     if name == "drive_gain":
-        gain = target * rng.choice([-1.0, 1.0]) / float(rms(whole[0])[j] / scale[j])
+        gain = target * rng.choice([-1.0, 1.0]) / float(acting(whole)[j] / scale[j])
         torque, joints, detail = (
             [w.on(j, gain * x[:, j]) for w, x in zip(worlds, whole, strict=True)],
             (j,),
@@ -151,17 +162,18 @@ def channel(
         rows = np.array(joints or range(J))
         delay = 0.02
         for _ in range(4):
-            size = _slow(_late(worlds[0], whole[0], rows, delay), scale)
+            size = _slow([_late(w, x, rows, delay) for w, x in zip(worlds[:2], whole, strict=False)], scale)
             delay *= float(np.clip(target / size, 0.2, 5.0))
         torque, detail = [_late(w, x, rows, delay) for w, x in zip(worlds, whole, strict=True)], f"{1e3 * delay:.3g} ms"
     torque = [x if w.number < 2 else np.zeros_like(x) for w, x in zip(worlds, torque, strict=True)]
-    size = float(rms(torque[0])[j] / scale[j]) if name == "drive_gain" else _slow(torque[0], scale)
+    size = float(acting(torque)[j] / scale[j]) if name == "drive_gain" else _slow(torque[:2], scale)
     return Part(joints, torque, [{}] * len(worlds), size, float(baseline.left(torque[0]).max()), detail)
 
 
-def _slow(torque: Array, scale: Array) -> float:
+def _slow(torque: Sequence[Array], scale: Array) -> float:
     """Largest share of a joint's torque, without what is faster than any identification looks at."""
-    return float(max(rms(in_band(x)) / s for x, s in zip(torque.T, scale, strict=True)))
+    slow = [np.stack([in_band(x) for x in part.T], axis=1) for part in torque]
+    return float((acting(slow) / scale).max())
 
 
 def _late(w: World, torque: Array, joints: Array, delay: float) -> Array:
@@ -185,10 +197,11 @@ def background(
         column = [np.zeros(len(w.base)) for w in worlds]
         for kind in kinds:
             hidden = (SHAPES | UNKNOWN)[kind](rng, worlds[0], j)
-            weight = rng.uniform(0.5, 1.0) / float(rms(hidden.torque(worlds[0]))[j])
-            for k, w in enumerate(worlds):
-                column[k] += weight * hidden.torque(w)[:, j]
-        factor = share * scale[j] / float(rms(column[0]))
+            torque = [hidden.torque(w)[:, j] for w in worlds]
+            weight = rng.uniform(0.5, 1.0) / float(acting(torque))
+            for k, x in enumerate(torque):
+                column[k] += weight * x
+        factor = share * scale[j] / float(acting(column))
         for k in range(len(worlds)):
             total[k][:, j] = factor * column[k]
     return total, kinds

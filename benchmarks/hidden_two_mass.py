@@ -11,6 +11,7 @@ path close to it, which is exact to second order in the deflection.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import tanh
 
@@ -67,15 +68,18 @@ def _smoothed(rigid: World) -> World:
     return replace(rigid, base=rigid.load + rigid.drive.torque(rigid.path, sign), sign=sign)
 
 
-def error_size(rigid: World, j: int, gear: Gear) -> float:
-    """Size of what a gear adds to the torque of its own joint."""
-    theta, _, motor = _two_masses(_smoothed(rigid), j, gear)
-    seen = _replaced(rigid.path, j, theta)
-    drive = rigid.drive.torque(seen, np.tanh(seen.v / SMOOTH))
-    return float(rms(in_band(motor - rnea(rigid.model, rigid.robot, seen)[:, j] - drive[:, j])))
+def error_size(rigid: Sequence[World], j: int, gear: Gear) -> float:
+    """Size of what a gear adds to the torque of its own joint in some motions."""
+    added = []
+    for world in rigid:
+        theta, _, motor = _two_masses(_smoothed(world), j, gear)
+        seen = _replaced(world.path, j, theta)
+        drive = world.drive.torque(seen, np.tanh(seen.v / SMOOTH))
+        added.append(in_band(motor - rnea(world.model, world.robot, seen)[:, j] - drive[:, j]))
+    return float(rms(np.concatenate(added)))
 
 
-def tuned(rigid: World, j: int, gear: Gear, target: float, scale: float) -> Gear:
+def tuned(rigid: Sequence[World], j: int, gear: Gear, target: float, scale: float) -> Gear:
     """Soften or widen a gear until its torque error on the joint is `target` times `scale`."""
     for _ in range(6):
         size = error_size(rigid, j, gear) / scale
@@ -99,16 +103,18 @@ def reversing(rigid: World, scale: Array, link_share: float = 0.5) -> NDArray[np
     return good if len(good) else np.array([int(np.argmax(times))])
 
 
-def elastic(rigid: World, j: int, target: float, scale: float) -> Gear:
+def elastic(rigid: Sequence[World], j: int, target: float, scale: float) -> Gear:
     """Flexible gear of a given size."""
-    fall = np.gradient(np.gradient(rigid.load[:, j], STEP), STEP) * _inertia(rigid, j).mean()
+    fit = rigid[0]
+    fall = np.gradient(np.gradient(fit.load[:, j], STEP), STEP) * _inertia(fit, j).mean()
     stiffness = rms(fall) / (target * scale)
     return tuned(rigid, j, Gear(float(stiffness)), target, scale)
 
 
-def loose(rigid: World, j: int, target: float, scale: float) -> Gear:
+def loose(rigid: Sequence[World], j: int, target: float, scale: float) -> Gear:
     """Stiff gear with play of a given size."""
-    inertia, rotor = float(_inertia(rigid, j).min()), float(rigid.drive.rotor[j])
+    fit = rigid[0]
+    inertia, rotor = float(_inertia(fit, j).min()), float(fit.drive.rotor[j])
     stiffness = min(inertia * (2 * np.pi * 25.0) ** 2, rotor * 800.0**2)
     return tuned(rigid, j, Gear(stiffness, 0.05 * target / 0.1, 0.3, 0.5), target, scale)
 
