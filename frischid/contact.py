@@ -23,7 +23,7 @@ HIGH, LOW = 30.0, 6.0  # squared robust units at which a burst is seen and where
 SMALL = 0.004  # of a joint's torque: its robust unit is not taken smaller, or every reversal is a burst
 AROUND = 0.1  # s left out on both sides of a burst, where it fades below the noise
 LONGEST, MOST = 0.3, 4  # share of a log that may be bursts, and how many of them; more is not an event
-SHARE, CONTRAST = 0.5, 10.0  # of the squares above the noise that are in the bursts; their density there over elsewhere
+SHARE, CONTRAST = 0.4, 10.0  # of the squares above the noise that are in the bursts; their density there over elsewhere
 WEAK = 0.03  # of the strongest burst's energy: those below are something else's
 AT_REST = 0.2  # of a joint's rms speed, averaged over a burst's energy
 ROUNDS = 5
@@ -94,7 +94,7 @@ def _events(evidence: Evidence, found: Sequence[Contact]) -> bool:
 
 
 def _stands_out(evidence: Evidence, rest: Evidence, floor: Array) -> bool:
-    """Whether most of what the rest's parameters leave above the noise is in the bursts, and densely so."""
+    """Whether much of what the rest's parameters leave above the noise is in the bursts, and densely so."""
     whole = outside = 0.0
     for row, spread in enumerate(evidence.spread):
         whole += evidence.squares(row, rest.theta) / spread**2

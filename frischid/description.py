@@ -7,8 +7,8 @@ held-out data pay for them (orthogonal least squares, as in `ranking`; the libra
 113(15)). The result is a *description*, not a cause: it says where to look.
 
 A description also keeps the catalogue honest. What another joint does to this one is in no catalogue, nor is a torque
-that jumps from sector to sector of a gear; yet some effect may resemble it and be found. Where one such term, or the
-sectors, leave far less of the error above the noise than the first finding does, that finding is not the cause
+that jumps from sector to sector of a gear; yet some effect may resemble it and be found. Where one such term, or such
+jumps, leave far less of the error above the noise than the first finding does, that finding is not the cause
 (`outdone`).
 """
 
@@ -25,11 +25,13 @@ from frischid.effects import Formula
 from frischid.evidence import LOOKED_AT, Evidence, thinned
 from frischid.gram import Array
 from frischid.ranking import SIGNIFICANCE, STEADY, Judged, Ranking, block_test, judged
+from frischid.sectors import jumps, steps
 from frischid.words import listed
 
 TERMS = 3
 FAR_LESS = 0.5  # of what the first finding leaves above the noise
-SECTORS = 24  # of a joint's range
+SECTORS = 24  # of a joint's range, in the library
+MOSTLY = 0.1  # of what a first finding is held against: if it leaves less, a dozen jumps are no better answer
 
 
 @dataclass(frozen=True)
@@ -102,23 +104,22 @@ def outdone(ranking: Ranking, floor: Array) -> Stranger | None:
         return None
     full, without = ranking.full, ranking.without_first
     after = full.nrmse(full.base_sse()) ** 2
-    row = int(np.argmax(without.nrmse(without.base_sse()) ** 2 - after))
+    before = without.nrmse(without.base_sse()) ** 2
+    row = int(np.argmax(before - after))
     noise = float(floor[row] / full.spread[row]) ** 2
     most = FAR_LESS * (after[row] - noise)
     if most < noise:
         return None
     joint = full.joints[row]
-    foreign, steps = _foreign(without, joint), _steps(without, row)
-    projected = without.project([Formula((joint,), e) for e in foreign + steps])
-    terms, sectors = ([p for p in some if p.columns] for some in (projected[: len(foreign)], projected[len(foreign) :]))
-    together = [without.joined(sectors)] if sectors else []
-    found = [j for term in terms + together if (j := judged(without, [term])) is not None]
+    foreign = [p for p in without.project([Formula((joint,), e) for e in _foreign(without, joint)]) if p.columns]
+    jumping = jumps(without, row) if after[row] > MOSTLY * before[row] else None
+    found = [j for j in (*(judged(without, [p]) for p in foreign), jumping) if j is not None]
     best = min(found, key=lambda j: float(without.nrmse(j.score.sse)[row]), default=None)
     if best is None or without.nrmse(best.score.sse)[row] ** 2 - noise > most:
         return None
     sure = best.chance(len(found)) < SIGNIFICANCE and block_test(without, best.projection) < STEADY
     words = f"'{_expression(best)}'"
-    if best.projection in together:
+    if best is jumping:
         words = f"a torque that jumps from sector to sector of q{full.model.robot.numbers[joint]}"
     return Stranger(row, words) if sure else None
 
@@ -138,7 +139,8 @@ def _dependence(evidence: Evidence, row: int) -> dict[str, float]:
 
 def _formula(evidence: Evidence, row: int) -> tuple[list[str], float]:
     joint = evidence.joints[row]
-    candidates = [p for p in evidence.project([Formula((joint,), e) for e in _library(evidence, row)]) if p.columns]
+    terms = [Formula((joint,), e) for e in _library(evidence, joint)] + steps(evidence, row, SECTORS - 1)
+    candidates = [p for p in evidence.project(terms) if p.columns]
     start = evidence.nrmse(evidence.base_sse())[row] ** 2
     now, chosen, left = evidence, list[str](), start
     while len(chosen) < TERMS:
@@ -162,24 +164,14 @@ def _expression(candidate: Judged) -> str:
     return effect.expression
 
 
-def _library(evidence: Evidence, row: int) -> list[str]:
+def _library(evidence: Evidence, joint: str) -> list[str]:
     """Simple expressions of the joint's own quantities, of each other joint's, and of both together."""
-    joint = evidence.joints[row]
     own = str(evidence.model.robot.numbers[joint])
     found = [f"{wave}({k}q{own})" for wave in ("sin", "cos") for k in ("", "2*", "3*")]
     found += [f"v{own}**3", f"abs(v{own})", f"v{own}*abs(v{own})", f"abs(tau_model{own})", f"q{own}*v{own}"]
     found += [f"t*sign(v{own})", f"t*v{own}", "t", f"abs(q{own})*sign(v{own})", f"load{own}"]
     found += [form for k in _others(evidence, joint) for form in (f"v{k}", f"sign(v{k})", f"a{k}")]
-    return found + _steps(evidence, row) + _foreign(evidence, joint)
-
-
-def _steps(evidence: Evidence, row: int) -> list[str]:
-    """Steps between the sectors of a joint's range."""
-    own = f"q{evidence.model.robot.numbers[evidence.joints[row]]}"
-    count = int(evidence.counts[:, row].sum())
-    q = evidence.variables(row, max(1, count // LOOKED_AT))[own]
-    edges = np.linspace(q.min(), q.max(), SECTORS + 1)[1:-1]
-    return [f"sign({own} - {edge:.4g})" if edge >= 0 else f"sign({own} + {-edge:.4g})" for edge in edges]
+    return found + _foreign(evidence, joint)
 
 
 def _foreign(evidence: Evidence, joint: str) -> list[str]:

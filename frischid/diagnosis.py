@@ -38,6 +38,10 @@ Known = Literal["always", "changed"]
 Situation = Literal["auto", "always", "changed"]
 LARGE = 0.01  # of a joint's torque: an error below this is not called unexplained
 ABOVE = 2.0  # noise floors: the same, the floor being an estimate
+BESIDE = 1.5  # noise floors: the same where a finding acts, and leaves more than it removes
+REMAINDER = (
+    4.0  # times what a finding removes: may be left elsewhere, if it removes half of what is wrong where it acts
+)
 EXPLAINED = 0.6  # share of the bursts' energy that is left if a steady effect is what makes them
 BEATEN = 1.5  # what a refit must remove over what the best single effect removes
 OLD = "old_parameters"  # the finding that they no longer hold
@@ -351,18 +355,24 @@ def _verdict(
 ) -> Verdict:
     """Unknown: more is left on some joint, with all that pass in the model, than the best finding removes.
 
-    Or what is a stranger to the catalogue describes far more than the best finding explains.
+    A finding that removes half of what is wrong where it acts stands beside a larger remainder elsewhere. Or what is a
+    stranger to the catalogue describes far more than the best finding explains.
     """
     if contacts:
         return "contact"
-    best = max((f.removed for f in findings if f.significant), default=None)
+    passing = [f for f in findings if f.significant]
     noise = floor / evidence.spread
     left = judged.full.nrmse(judged.full.base_sse())
     left = np.minimum(left, evidence.nrmse(evidence.base_sse()))  # a finding on one joint may cost another a little
-    unexplained = np.where((left > LARGE) & (left > ABOVE * noise), left**2 - noise**2, 0.0).max()
-    if best is None:
+    there = (left > LARGE) & (left > ABOVE * noise)
+    if passing:
+        where = np.array([not passing[0].joints or name in passing[0].joints for name in evidence.joints])
+        there |= where & (left > TRIFLE) & (left > BESIDE * noise)
+    unexplained = float(np.where(there, left**2 - noise**2, 0.0).max())
+    if not passing:
         return "unknown" if unexplained > 0 else "none"
-    return "unknown" if unexplained > best or stranger is not None else "effect"
+    bar = max(f.removed for f in passing) * (REMAINDER if passing[0].share > 0.5 else 1.0)
+    return "unknown" if unexplained > bar or stranger is not None else "effect"
 
 
 def _notes(state: Known, description: Description | None, stranger: Stranger | None, judged: Ranking) -> list[str]:

@@ -235,6 +235,30 @@ class Evidence:
         self, X: Mapping[int, Array], D: Mapping[int, Array], candidate: Projection, left_out: int | None
     ) -> Fit | None:
         """In-sample gain, β and the change of θ, on all folds but one."""
+        eliminated = self.eliminated(X, D, candidate, left_out)
+        if eliminated is None:
+            return None
+        S, g, scale, HA = eliminated
+        values, vectors = linalg.eigh(S)
+        keep = values > IN_SPAN
+        if not keep.any():
+            return None
+        V = vectors[:, keep] / np.sqrt(values[keep])
+        beta = V @ (V.T @ g) / scale
+        if len(beta) == 1 and candidate.signs[0] * beta[0] < 0:
+            return Fit(0.0, np.zeros(1), np.zeros(len(HA)))
+        return Fit(float(((V.T @ g) ** 2).sum()), beta, -HA @ beta)
+
+    def eliminated(
+        self, X: Mapping[int, Array], D: Mapping[int, Array], candidate: Projection, left_out: int | None
+    ) -> tuple[Array, Array, Array, Array] | None:
+        """A candidate's normal equations without the parameters, on all folds but one, for columns of unit norm.
+
+        Returns
+        -------
+        (ndarray (k, k), ndarray (k,), ndarray (k,), ndarray (p, k)) or None
+            Matrix, right side, the columns' norms, H⁻¹ A; None when a column is zero.
+        """
         factor, theta = self.systems[-1 if left_out is None else left_out]
         train = [f for f in range(self.folds) if f != left_out]
         k = len(candidate.signs)
@@ -248,17 +272,7 @@ class Evidence:
         if not (scale > 0).all():
             return None
         HA = linalg.cho_solve(factor, A)
-        S = (own - A.T @ HA) / np.outer(scale, scale)
-        g = (e - A.T @ theta) / scale
-        values, vectors = linalg.eigh(S)
-        keep = values > IN_SPAN
-        if not keep.any():
-            return None
-        V = vectors[:, keep] / np.sqrt(values[keep])
-        beta = V @ (V.T @ g) / scale
-        if k == 1 and candidate.signs[0] * beta[0] < 0:
-            return Fit(0.0, np.zeros(1), np.zeros(len(theta)))
-        return Fit(float(((V.T @ g) ** 2).sum()), beta, -HA @ beta)
+        return (own - A.T @ HA) / np.outer(scale, scale), (e - A.T @ theta) / scale, scale, HA
 
     def _held_out(self, X: Mapping[int, Array], D: Mapping[int, Array], fit: Fit, fold: int) -> Array:
         beta = fit.beta

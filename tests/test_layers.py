@@ -49,6 +49,7 @@ LAYERS = (
         "candidates",
         "rows",
         "contact",
+        "sectors",
         "description",
         "prediction",
         "quality",

@@ -1,0 +1,58 @@
+"""A torque that jumps from sector to sector of a joint's angle, as a damaged gear's does.
+
+    τ = Σ_k h_k sign(q − e_k)
+
+Edges e_k are taken from a fine grid over the range of q, one after another, each the one that explains most beside
+those already taken (orthogonal least squares: Chen, Billings and Luo 1989, Int. J. Control 50(5)); as many as data held
+out are predicted best with. Few steps in the right places describe such a torque; ripple or a spring they cannot.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from frischid.candidates import Projection
+from frischid.effects import Formula
+from frischid.evidence import IN_SPAN, LOOKED_AT, Evidence
+from frischid.gram import Array
+from frischid.ranking import Judged, judged
+
+EDGES = 96  # of a joint's range
+MOST = 12  # jumps
+
+
+def steps(evidence: Evidence, row: int, edges: int) -> list[Formula]:
+    """Steps between equal sectors of a joint's range."""
+    joint = evidence.joints[row]
+    own = f"q{evidence.model.robot.numbers[joint]}"
+    count = int(evidence.counts[:, row].sum())
+    q = evidence.variables(row, max(1, count // LOOKED_AT))[own]
+    at = np.linspace(q.min(), q.max(), edges + 2)[1:-1]
+    return [Formula((joint,), f"sign({own} - {x:.4g})" if x >= 0 else f"sign({own} + {-x:.4g})") for x in at]
+
+
+def jumps(evidence: Evidence, row: int) -> Judged | None:
+    """The torque with jumps that predicts a joint's held-out data best; None when there is none."""
+    found = [p for p in evidence.project(steps(evidence, row, EDGES)) if p.columns]
+    chosen = [found[k] for k in _order(evidence, evidence.joined(found))] if found else []
+    tried = [judged(evidence, [evidence.joined(chosen[:n])]) for n in range(1, len(chosen) + 1)]
+    return min((j for j in tried if j is not None), key=lambda j: float(j.score.sse[:, row].sum()), default=None)
+
+
+def _order(evidence: Evidence, together: Projection) -> list[int]:
+    """Columns in the order in which each explains most beside those before it."""
+    eliminated = evidence.eliminated(*evidence.moments(together), together, None)
+    if eliminated is None:
+        return []
+    S, g = eliminated[0].copy(), eliminated[1].copy()
+    chosen: list[int] = []
+    while len(chosen) < MOST:
+        left: Array = np.diag(S)
+        j = int(np.argmax(np.where(left > IN_SPAN, g**2 / np.maximum(left, IN_SPAN), 0.0)))
+        if left[j] <= IN_SPAN:
+            break
+        chosen.append(j)
+        share = S[:, j] / S[j, j]
+        g = g - share * g[j]
+        S = S - np.outer(share, S[j])
+    return chosen
