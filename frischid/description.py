@@ -110,18 +110,25 @@ def outdone(ranking: Ranking, floor: Array) -> Stranger | None:
     most = FAR_LESS * (after[row] - noise)
     if most < noise:
         return None
-    joint = full.joints[row]
-    foreign = [p for p in without.project([Formula((joint,), e) for e in _foreign(without, joint)]) if p.columns]
-    jumping = jumps(without, row) if after[row] > MOSTLY * before[row] else None
-    found = [j for j in (*(judged(without, [p]) for p in foreign), jumping) if j is not None]
-    best = min(found, key=lambda j: float(without.nrmse(j.score.sse)[row]), default=None)
-    if best is None or without.nrmse(best.score.sse)[row] ** 2 - noise > most:
+    rival = best_foreign(without, row, after[row] > MOSTLY * before[row])
+    if rival is None or without.nrmse(rival.score.sse)[row] ** 2 - noise > most:
         return None
-    sure = best.chance(len(found)) < SIGNIFICANCE and block_test(without, best.projection) < STEADY
-    words = f"'{_expression(best)}'"
-    if best is jumping:
-        words = f"a torque that jumps from sector to sector of q{full.model.robot.numbers[joint]}"
-    return Stranger(row, words) if sure else None
+    words = f"'{_expression(rival)}'"
+    if len(rival.projection.signs) > 1:
+        words = f"a torque that jumps from sector to sector of q{full.model.robot.numbers[full.joints[row]]}"
+    return Stranger(row, words)
+
+
+def best_foreign(evidence: Evidence, row: int, jumping: bool = True) -> Judged | None:
+    """What is in no catalogue and describes a joint best: what another joint does, or jumps; None if none is sure."""
+    joint = evidence.joints[row]
+    foreign = [p for p in evidence.project([Formula((joint,), e) for e in _foreign(evidence, joint)]) if p.columns]
+    found = [j for p in foreign if (j := judged(evidence, [p])) is not None]
+    found += [j for j in [jumps(evidence, row) if jumping else None] if j is not None]
+    best = min(found, key=lambda j: float(evidence.nrmse(j.score.sse)[row]), default=None)
+    if best is None or best.chance(len(found)) > SIGNIFICANCE or block_test(evidence, best.projection) > STEADY:
+        return None
+    return best
 
 
 def _dependence(evidence: Evidence, row: int) -> dict[str, float]:

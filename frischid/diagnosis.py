@@ -17,9 +17,10 @@ from typing import Any, Literal
 import numpy as np
 from scipy import stats
 
+from frischid.candidates import Projection
 from frischid.cluster import Workers
 from frischid.contact import Contact, find_contacts, stretches
-from frischid.description import Description, Stranger, describe, outdone
+from frischid.description import Description, Stranger, best_foreign, describe, outdone
 from frischid.effects import EFFECTS, Effect
 from frischid.errors import InputError, UnknownNameError
 from frischid.evidence import Evidence
@@ -210,7 +211,7 @@ def diagnose(
     findings, judged = rank(evidence, floor, state, effects, progress)
     if contacts:
         rest = evidence.without(stretches(contacts))
-        if any(explains(evidence, rest, f) for f in findings if f.significant):
+        if _steady(evidence, rest, findings):
             contacts = []
         else:
             progress("once more without the contacts")
@@ -275,21 +276,27 @@ def _frozen(evidence: Evidence) -> float:
     return float(evidence.nrmse(sse).mean())
 
 
-def explains(evidence: Evidence, rest: Evidence, finding: Finding) -> bool:
-    """Whether the bursts are an effect's doing: with it in the model, most of their energy is gone."""
+def _steady(evidence: Evidence, rest: Evidence, findings: Sequence[Finding]) -> bool:
+    """Whether the bursts are the doing of something that is always there: an effect, or what is in no catalogue."""
+    if any(explains(evidence, rest, evidence.project(f.members)) for f in findings if f.significant):
+        return True
+    strange = best_foreign(evidence, int(np.argmax(_inside(evidence, rest))), jumping=False)
+    return strange is not None and explains(evidence, rest, [strange.projection])
+
+
+def explains(evidence: Evidence, rest: Evidence, found: Sequence[Projection]) -> bool:
+    """Whether, with these in the model, most of the bursts' energy is gone."""
     extended, between = evidence, rest
-    for whole, part in zip(evidence.project(finding.members), rest.project(finding.members), strict=True):
+    effects = [p.effect for p in found]
+    for whole, part in zip(found, rest.project(effects), strict=True):
         extended, between = extended.extended(whole), between.extended(part)
-    return _inside(extended, between) < EXPLAINED * _inside(evidence, rest)
+    return float(_inside(extended, between).sum()) < EXPLAINED * float(_inside(evidence, rest).sum())
 
 
-def _inside(evidence: Evidence, rest: Evidence) -> float:
-    """Squares over the joints' spread that a model of everything leaves in the stretches left out of `rest`."""
-    total = 0.0
-    for row, spread in enumerate(evidence.spread.tolist()):
-        everywhere, between = (e.squares(row, evidence.theta) for e in (evidence, rest))
-        total += (everywhere - between) / spread**2
-    return total
+def _inside(evidence: Evidence, rest: Evidence) -> Array:
+    """Squares over each joint's spread that a model of everything leaves in the stretches left out of `rest`, (J,)."""
+    everywhere, between = ([e.squares(row, evidence.theta) for row in range(len(e.joints))] for e in (evidence, rest))
+    return np.asarray((np.array(everywhere) - np.array(between)) / evidence.spread**2)
 
 
 # ---------------------------------------------------------------------- findings
@@ -360,18 +367,18 @@ def _verdict(
     """
     if contacts:
         return "contact"
-    passing = [f for f in findings if f.significant]
+    sure = [f for f in findings if f.significant]
     noise = floor / evidence.spread
     left = judged.full.nrmse(judged.full.base_sse())
     left = np.minimum(left, evidence.nrmse(evidence.base_sse()))  # a finding on one joint may cost another a little
     there = (left > LARGE) & (left > ABOVE * noise)
-    if passing:
-        where = np.array([not passing[0].joints or name in passing[0].joints for name in evidence.joints])
+    if sure:
+        where = np.array([not sure[0].joints or name in sure[0].joints for name in evidence.joints])
         there |= where & (left > TRIFLE) & (left > BESIDE * noise)
     unexplained = float(np.where(there, left**2 - noise**2, 0.0).max())
-    if not passing:
+    if not sure:
         return "unknown" if unexplained > 0 else "none"
-    bar = max(f.removed for f in passing) * (REMAINDER if passing[0].share > 0.5 else 1.0)
+    bar = max(f.removed for f in sure) * (REMAINDER if sure[0].share > 0.5 else 1.0)
     return "unknown" if unexplained > bar or stranger is not None else "effect"
 
 
