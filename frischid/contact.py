@@ -22,8 +22,9 @@ SMOOTH = 0.25  # s
 HIGH, LOW = 30.0, 6.0  # squared robust units at which a burst is seen and where it ends
 SMALL = 0.004  # of a joint's torque: its robust unit is not taken smaller, or every reversal is a burst
 AROUND = 0.1  # s left out on both sides of a burst, where it fades below the noise
-LONGEST, MOST = 0.3, 4  # share of a log that may be bursts, and how many of them; more is not an event
+LONGEST, MOST = 0.35, 4  # share of a log that may be bursts, and how many of them; more is not an event
 SHARE, CONTRAST = 0.4, 10.0  # of the squares above the noise that are in the bursts; their density there over elsewhere
+STRONG = 18.0  # robust units of a burst on most joints that is an event whatever else is missing
 WEAK = 0.03  # of the strongest burst's energy: those below are something else's
 AT_REST = 0.2  # of a joint's rms speed, averaged over a burst's energy
 ROUNDS = 5
@@ -80,7 +81,8 @@ def find_contacts(evidence: Evidence, floor: Array) -> list[Contact]:
             break
         found = new
         rest = evidence.without(stretches(found))
-    return found if _stands_out(evidence, rest, floor) else []
+    felt = max((c.strength for c in found if 2 * len(c.joints) > len(evidence.joints)), default=0.0)
+    return found if felt > STRONG or _stands_out(evidence, rest, floor) else []
 
 
 def _events(evidence: Evidence, found: Sequence[Contact]) -> bool:

@@ -201,7 +201,7 @@ class Evidence:
         return out
 
     def score(self, candidates: Sequence[Projection]) -> tuple[Score, Projection] | None:
-        """Score one candidate given in several shapes: in every fold the shape that fits the *other* folds best.
+        """Score one candidate in several shapes of as many columns: in every fold the one that fits the *others* best.
 
         Returns
         -------
@@ -228,8 +228,7 @@ class Evidence:
         """The shape that fits best in sample, and its fit."""
         fits = [self.fit(X, D, c, left_out) for (X, D), c in zip(moments, candidates, strict=True)]
         possible = [(i, fit) for i, fit in enumerate(fits) if fit is not None]
-        price = np.log(max(float(self.counts.sum(axis=0).max()), 2.0))
-        return max(possible, key=lambda x: x[1].gain - price * len(candidates[x[0]].signs), default=None)
+        return max(possible, key=lambda x: x[1].gain, default=None)
 
     def fit(
         self, X: Mapping[int, Array], D: Mapping[int, Array], candidate: Projection, left_out: int | None

@@ -190,7 +190,18 @@ def as_dry(effect: Effect, known: Sequence[Effect]) -> Effect:
 
 
 def judged(evidence: Evidence, projections: Sequence[Projection]) -> Judged | None:
-    """One candidate in its best shape, held against the evidence; None when the model's columns span it."""
+    """One candidate in its best shape, held against the evidence; None when the model's columns span it.
+
+    Between shapes of as many columns the fit decides, between others the held-out data: while a slow effect is not in
+    the model there seems to be hardly any evidence (see `Evidence.effective_with`), and a price for more columns would
+    rule out all but the fewest.
+    """
+    widths = {len(p.signs) for p in projections}
+    found = [_judged(evidence, [p for p in projections if len(p.signs) == width]) for width in sorted(widths)]
+    return max((j for j in found if j is not None), key=lambda j: j.gain, default=None)
+
+
+def _judged(evidence: Evidence, projections: Sequence[Projection]) -> Judged | None:
     scored = evidence.score(projections)
     if scored is None:
         return None

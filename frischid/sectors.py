@@ -4,10 +4,13 @@
 
 Edges e_k are taken from a fine grid over the range of q, one after another, each the one that explains most beside
 those already taken (orthogonal least squares: Chen, Billings and Luo 1989, Int. J. Control 50(5)); as many as data held
-out are predicted best with. Few steps in the right places describe such a torque; ripple or a spring they cannot.
+out are predicted best with. Few steps in the right places describe such a torque; ripple they cannot, and what a
+continuous line describes nearly as well, with a dozen kinks at equal distances, is a spring of some kind.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -18,25 +21,46 @@ from frischid.gram import Array
 from frischid.ranking import Judged, judged
 
 EDGES = 96  # of a joint's range
-MOST = 12  # jumps
+MOST = 12  # jumps, and kinks of a continuous line
+FAR_BETTER = 0.5  # of the squares that the continuous line leaves
 
 
 def steps(evidence: Evidence, row: int, edges: int) -> list[Formula]:
     """Steps between equal sectors of a joint's range."""
+    return _terms(evidence, row, "sign({})", edges)
+
+
+def jumps(evidence: Evidence, row: int) -> Judged | None:
+    """The torque with jumps that predicts a joint's held-out data best; None when a continuous one does as well."""
+    found = [p for p in evidence.project(steps(evidence, row, EDGES)) if p.columns]
+    chosen = [found[k] for k in _order(evidence, evidence.joined(found))] if found else []
+    best = _best(evidence, row, [chosen[:n] for n in range(1, len(chosen) + 1)])
+    bent = [*_terms(evidence, row, "{}", 1), *_terms(evidence, row, "abs({})", MOST)]
+    kinked = [p for p in evidence.project(bent) if p.columns]
+    line = _best(evidence, row, [kinked] if kinked else [])
+    if best is None or (line is not None and _left(best, row) > FAR_BETTER * _left(line, row)):
+        return None
+    return best
+
+
+def _terms(evidence: Evidence, row: int, form: str, edges: int) -> list[Formula]:
+    """A function of the distance from each of some angles that part a joint's range evenly."""
     joint = evidence.joints[row]
     own = f"q{evidence.model.robot.numbers[joint]}"
     count = int(evidence.counts[:, row].sum())
     q = evidence.variables(row, max(1, count // LOOKED_AT))[own]
     at = np.linspace(q.min(), q.max(), edges + 2)[1:-1]
-    return [Formula((joint,), f"sign({own} - {x:.4g})" if x >= 0 else f"sign({own} + {-x:.4g})") for x in at]
+    return [Formula((joint,), form.format(f"{own} - {x:.4g}" if x >= 0 else f"{own} + {-x:.4g}")) for x in at]
 
 
-def jumps(evidence: Evidence, row: int) -> Judged | None:
-    """The torque with jumps that predicts a joint's held-out data best; None when there is none."""
-    found = [p for p in evidence.project(steps(evidence, row, EDGES)) if p.columns]
-    chosen = [found[k] for k in _order(evidence, evidence.joined(found))] if found else []
-    tried = [judged(evidence, [evidence.joined(chosen[:n])]) for n in range(1, len(chosen) + 1)]
-    return min((j for j in tried if j is not None), key=lambda j: float(j.score.sse[:, row].sum()), default=None)
+def _best(evidence: Evidence, row: int, sets: Sequence[Sequence[Projection]]) -> Judged | None:
+    """Of some sets of columns the one with which a joint's held-out data are predicted best."""
+    tried = [judged(evidence, [evidence.joined(columns)]) for columns in sets]
+    return min((j for j in tried if j is not None), key=lambda j: _left(j, row), default=None)
+
+
+def _left(found: Judged, row: int) -> float:
+    return float(found.score.sse[:, row].sum())
 
 
 def _order(evidence: Evidence, together: Projection) -> list[int]:

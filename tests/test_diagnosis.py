@@ -216,6 +216,62 @@ def test_on_other_logs_what_is_new_comes_before_what_was_always_missing():
     assert any("what explains more than was missing on those comes first" in note for note in found.notes)
 
 
+def wandering(log: Log, joint: str, size: float, seed: int) -> Log:
+    """The log with a torque on one joint that nothing explains: smooth noise, another one in every log."""
+    x = np.convolve(np.random.default_rng(seed).normal(size=len(log.t)), np.hanning(200), "same")
+    tau = np.array(log.tau)
+    tau[:, log.joints.index(joint)] += size * x / x.std()
+    return Log(log.t, log.joints, log.q, tau=tau, source=log.source)
+
+
+@pytest.mark.parametrize(("size", "verdict"), [(0.6, "effect"), (3.0, "unknown")])
+def test_an_effect_is_named_beside_a_remainder_on_another_joint(size, verdict):
+    made = [log_of(s, "asymmetric_viscous@wrist_1_joint", fva4=1.0) for s in (1, 2)]
+    logs = [wandering(log, "wrist_2_joint", size, k) for k, log in enumerate(made)]
+    found = diagnose(identify(UR5, logs[:1], recursion="none").model, logs[:1], valid=logs[1:])
+    effect = next(f for f in found.findings if f.members)
+    assert effect.effect == "asymmetric_viscous"
+    assert effect.share > 0.5
+    assert found.joints["wrist_2_joint"]["error"] ** 2 > effect.removed, "more is left there than the effect removes"
+    assert found.verdict == verdict
+
+
+def test_what_another_joint_always_does_is_no_contact():
+    planar2 = Robot.load("planar2")
+    hidden = 'formula("exp(3*q1*q2)")@joint2'  # in short bursts, but whenever the arm comes by
+    column = parse_effects(hidden)[0].columns(planar2)[0].name
+    dry = {"fv1": 0.5, "fv2": 0.3, "fc1": 0.5, "fc2": 0.3, "Ia1": 0.02, "Ia2": 0.01}
+    logs = [log_of(s, hidden, 20.0, robot=planar2, **dry, **{column: 0.01}) for s in (5, 6)]
+    found = diagnose(identify(planar2, logs[:1], recursion="none").model, logs[:1], valid=logs[1:])
+    assert found.verdict == "unknown"
+    assert not found.contacts
+
+
+def test_a_push_is_a_contact_whatever_else_is_missing():
+    made = [log_of(s, "joint_spring@wrist_2_joint", ks5=3.0) for s in (1, 2)]
+    logs = [wandering(log, "wrist_3_joint", 3.0, k) for k, log in enumerate(made)]
+    tau = np.array(logs[1].tau)
+    push = (logs[1].t > 10) & (logs[1].t < 11)
+    tau[push, :4] += np.hanning(push.sum())[:, None] * [25.0, 30.0, 15.0, 6.0]
+    pushed = Log(logs[1].t, logs[1].joints, logs[1].q, tau=tau, source="pushed")
+    found = diagnose(identify(UR5, logs[:1], recursion="none").model, logs[:1], valid=[pushed])
+    assert found.verdict == "contact"
+    assert any(c.source == "pushed" and c.start < 10.5 < c.stop for c in found.contacts)
+    assert found.findings[1].effect == "joint_spring"
+
+
+@pytest.mark.parametrize("form", ["cubic", "periodic"])
+def test_a_spring_is_found_in_the_form_it_has(form):
+    hidden = f"joint_spring(form={form})@wrist_2_joint"
+    columns = [c.name for c in parse_effects(hidden)[0].columns(UR5)]
+    values = dict(zip(columns, [0.1, -0.3, 0.5] if form == "cubic" else [0.2, 1.0, 0.6, -0.4], strict=True))
+    logs = [log_of(s, hidden, **values) for s in (1, 2)]
+    found = diagnose(identify(UR5, logs[:1], recursion="none").model, logs[:1], valid=logs[1:])
+    assert found.verdict == "effect"
+    assert [str(e) for e in found.findings[0].members] == [str(parse_effects(hidden)[0])]
+    assert found.findings[0].error_after < 0.1 * found.error
+
+
 def test_what_another_joint_does_is_not_called_an_effect_that_resembles_it():
     planar2, hidden = Robot.load("planar2"), 'formula("tau_model2")@joint1'
     column = parse_effects(hidden)[0].columns(planar2)[0].name

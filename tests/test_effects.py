@@ -148,7 +148,7 @@ def test_sliding_joints_have_units_of_force():
     machine = robot("mixed mimic")
     assert Stribeck(("slide",)).columns(machine)[0].unit == "N"
     assert Elasticity(("slide",)).columns(machine)[0].unit == "m/N"
-    assert EFFECTS["joint_spring"](("slide",), form="smooth").columns(machine)[2].unit == "N/m³"
+    assert EFFECTS["joint_spring"](("slide",), form="cubic").columns(machine)[2].unit == "N/m³"
     assert all(len(pair) == 2 for pair in UNITS.values())
 
 

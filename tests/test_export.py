@@ -246,7 +246,10 @@ def test_generated_code_is_the_model(name, tmp_path):
     np.testing.assert_allclose(python.friction(q, v), friction, rtol=0, atol=1e-9 * size)
 
 
-WRITABLE = [name for name, kind in EFFECTS.items() if kind.code] + ["joint_spring(form=smooth)"]
+WRITABLE = [name for name, kind in EFFECTS.items() if kind.code] + [
+    "joint_spring(form=cubic)",
+    "joint_spring(form=periodic)",
+]
 
 
 @pytest.mark.parametrize("name", WRITABLE)

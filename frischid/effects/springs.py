@@ -1,9 +1,10 @@
 """Torque that depends on a joint's own position: springs and counterbalances.
 
-    τ_j = ks_j q_j,   or   τ_j = bs sin q_j + bc cos q_j + bss sin 2q_j + bcc cos 2q_j
+    ks q_j;   bq q_j + bqq q_j² + bqqq q_j³;   bs sin q_j + bc cos q_j + bss sin 2q_j + bcc cos 2q_j
 
-A spring between a link and its base pulls along a line whose lever arm changes with the angle; over a turn that is a
-periodic function, and two harmonics describe it well whatever the geometry. Where the geometry is known, a cylinder
+A spring or hose that grows stiffer as it is stretched is a cubic. A spring between a link and its base pulls along a
+line whose lever arm changes with the angle; over a turn that is a periodic function, and two harmonics describe it well
+whatever the geometry. Where the geometry is known, a cylinder
 with its lever is exact: of the lengths ρ (between the axis and the rod's end, as a share of that to the cylinder's
 end) and ℓ = √(1 + ρ² − 2ρ cos(q − rest)),
 
@@ -24,8 +25,9 @@ import numpy as np
 
 from frischid.effects.base import ANGLE, Array, Effect, State, Term, is_number, torque_unit
 from frischid.errors import InputError, UnknownNameError
+from frischid.robot import Robot
 
-FORMS = ("linear", "smooth")
+FORMS = ("linear", "cubic", "periodic")
 
 
 @dataclass(frozen=True)
@@ -34,15 +36,16 @@ class JointSpring(Effect):
 
     Attributes
     ----------
-    form : {"linear", "smooth"}
-        ``"linear"``: ``ks q``, where it rests is in the torque offset: ``ks (q − q₀) = ks q + off``. ``"smooth"``: two
-        harmonics of the angle (of a sliding joint, a cubic).
+    form : {"linear", "cubic", "periodic"}
+        ``"linear"``: ``ks q``, where it rests is in the torque offset: ``ks (q − q₀) = ks q + off``. ``"periodic"``:
+        two harmonics of the angle of a turning joint.
     """
 
     id: ClassVar[str] = "joint_spring"
     title: ClassVar[str] = "spring or counterbalance on a joint"
     equation: ClassVar[str] = (
-        "ks·q (it rests at −off/ks); smooth: bs·sin q + bc·cos q + bss·sin 2q + bcc·cos 2q (sliding: a cubic)"
+        "ks·q (it rests at −off/ks); cubic: bq·q + bqq·q² + bqqq·q³; "
+        "periodic: bs·sin q + bc·cos q + bss·sin 2q + bcc·cos 2q"
     )
     sentence: ClassVar[str] = (
         "{joint} is pulled by a torque that depends on its angle alone, at any speed: a spring or a counterbalance"
@@ -70,24 +73,36 @@ class JointSpring(Effect):
             raise UnknownNameError("form", str(self.form), FORMS, "joint_spring")
 
     @classmethod
-    def variants(cls, joints: tuple[str, ...] | None) -> list[Self]:
-        """The line and the curve."""
-        return [cls(joints=joints, form=form) for form in FORMS]
-
-    def terms(self, state: State) -> list[Term]:
-        """One column a joint, its position; or four for a turning joint, three for a sliding one."""
-        if self.form == "linear":
-            return self.per_joint(state, "ks", "position", lambda i: state.q[:, i])
+    def candidates(cls, robot: Robot) -> list[list[Self]]:
+        """Every joint, in every form it can have."""
+        slides = dict(zip(robot.joints, robot.prismatic, strict=True))
         return [
-            Term(self.column(symbol, torque_unit(state.robot, i, per), name, number), {i: values})
-            for i, name, number in self.acts_on(state.robot)
-            for symbol, per, values in _smooth(state.q[:, i], bool(state.robot.prismatic[i]))
+            [cls(joints=(name,), form=form) for form in FORMS if not (slides[name] and form == "periodic")]
+            for name in robot.joints
         ]
 
+    def terms(self, state: State) -> list[Term]:
+        """One column a joint, its position; or three, or four.
 
-def _smooth(q: Array, slides: bool) -> list[tuple[str, str, Array]]:
+        Raises
+        ------
+        InputError
+            A joint slides, and cannot have a periodic spring.
+        """
+        if self.form == "linear":
+            return self.per_joint(state, "ks", "position", lambda i: state.q[:, i])
+        found = []
+        for i, name, number in self.acts_on(state.robot):
+            if state.robot.prismatic[i] and self.form == "periodic":
+                raise InputError(f"joint_spring: {name} slides, so its spring cannot be periodic; choose form=cubic")
+            for symbol, per, values in _curves(state.q[:, i], self.form):
+                found.append(Term(self.column(symbol, torque_unit(state.robot, i, per), name, number), {i: values}))
+        return found
+
+
+def _curves(q: Array, form: str) -> list[tuple[str, str, Array]]:
     """Symbol, what it is made of, and values of each column."""
-    if slides:
+    if form == "cubic":
         return [("bq", "position", q), ("bqq", "position^2", q**2), ("bqqq", "position^3", q**3)]
     harmonics = {"bs": np.sin(q), "bc": np.cos(q), "bss": np.sin(2 * q), "bcc": np.cos(2 * q)}
     return [(symbol, "", values) for symbol, values in harmonics.items()]
@@ -114,7 +129,7 @@ class Counterbalance(Effect):
     confirmed_by: ClassVar[str] = "hold still all over the joint's range, with the links after it folded and stretched"
     reference: ClassVar[str] = "Arakelian 2016, Advanced Robotics 30(2)"
 
-    candidate: ClassVar[Literal["joint", "robot", "never"]] = "never"  # joint_spring's smooth form finds it
+    candidate: ClassVar[Literal["joint", "robot", "never"]] = "never"  # joint_spring's periodic form finds it
 
     units: ClassVar[Mapping[str, tuple[str, str]]] = {"rest": ANGLE}
 

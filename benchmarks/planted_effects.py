@@ -1,0 +1,228 @@
+"""Effects planted in measured logs of real robots, to be named beside all that a real robot has of its own.
+
+Needs FRISCHID_DATA. Torque of a hidden effect (`hidden_shapes`, `hidden_unknown`: the same makers as in the simulated
+benchmark, along the measured motion) is added to what was measured, to logs of two kinds:
+
+- *always*: to all of them; the model is made from altered logs and diagnosed on these and on the one held out;
+- *changed*: to the one held out only, which is diagnosed against the model made from the others as they were measured.
+
+Where nothing is planted, what is said is the robot's own. An effect counts as named when it is the first finding, or
+the first but for the one that comes first there. Gears are left out: they need a motion of their own. So are, of what
+was always there, a payload, a tilt, a gain and a delay: the model takes them in.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import json
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from common import data_folder, parser, publish
+from hidden_cases import EFFECTS
+from hidden_parts import CHANNELS, GEARS, LEAST_VISIBLE, TRIES, Baseline, acting
+from hidden_physics import STEP, Array, Drive, World, direction, rnea
+from hidden_physics import Path as Motion
+from hidden_shapes import SHAPES, SMALL, Hidden
+from hidden_unknown import UNKNOWN
+from real_robots import CASES, Case
+from scipy.signal import butter, sosfiltfilt
+
+import frischid as fr
+from frischid.model import write_text
+
+SMOOTH = 8.0
+"""Hz; of a measured motion no more is taken for motion."""
+STRANGE = [name for name in UNKNOWN if name != "random_walk"]
+KINDS = ("none", *(name for name in EFFECTS if name not in GEARS), "contact", *STRANGE)
+SITUATIONS = {"always": [k for k in KINDS if k not in EFFECTS or k in SMALL], "changed": list(KINDS)}
+DELAY = 0.1
+"""s of delay for each unit of size."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is planted where; `size` is a share of the joint's torque."""
+
+    robot: int
+    kind: str
+    situation: str
+    size: float
+    seed: int
+
+
+def world(log: fr.Log, robot: fr.Robot, number: int, drive: Drive | None) -> World:
+    """The measured motion, smoothed, with the torque of the URDF's links."""
+    t = np.arange(log.t[0], log.t[-1], STEP)
+    low = butter(4, SMOOTH, fs=1 / STEP, output="sos")
+    q = np.stack([sosfiltfilt(low, np.interp(t, log.t, x)) for x in log.q.T], axis=1)
+    v = np.gradient(q, STEP, axis=0)
+    path = Motion(t - t[0], q, v, np.gradient(v, STEP, axis=0))
+    load = rnea(robot.model, robot, path)
+    drive = drive or Drive.plausible(np.random.default_rng(0), path, load)
+    sign = direction(v)
+    return World(robot.model, robot, path, drive, load, load + drive.torque(path, sign), sign, number)
+
+
+def planted(
+    kind: str, size: float, logs: Sequence[fr.Log], robot: fr.Robot, fitted: Sequence[int], rng: np.random.Generator
+) -> tuple[list[fr.Log], str]:
+    """Logs with something planted in them, and what it is."""
+    if kind == "none":
+        return list(logs), "–"
+    scale = np.full(len(robot.joints), np.inf)
+    scale[fitted] = np.concatenate([log.tau for log in logs])[:, fitted].std(axis=0)
+    if kind in CHANNELS:
+        j = int(rng.choice(fitted))
+        added = []
+        for log in logs:
+            x = np.array(log.tau)
+            if kind == "drive_gain":
+                x[:, j] *= 1 + size * scale[j] / float(np.sqrt((x[:, j] ** 2).mean()))
+            else:
+                x[:, fitted] = np.stack([np.interp(log.t - DELAY * size, log.t, x[:, k]) for k in fitted], axis=1)
+            added.append(x - log.tau)
+        detail = robot.joints[j] if kind == "drive_gain" else f"{1e3 * DELAY * size:.0f} ms"
+    else:
+        worlds = [world(logs[0], robot, 0, None)]
+        worlds += [world(log, robot, 0, worlds[0].drive) for log in logs[1:]]
+        hidden, torque = drawn(kind, size, worlds, scale, fitted, rng)
+        added = [
+            np.stack([np.interp(log.t - log.t[0], w.path.t, y) for y in x.T], axis=1)
+            for log, w, x in zip(logs, worlds, torque, strict=True)
+        ]
+        detail = f"{', '.join(robot.joints[j] for j in hidden.joints) or 'the robot'}: {hidden.detail}"
+    return [altered(log, x) for log, x in zip(logs, added, strict=True)], detail
+
+
+def drawn(
+    kind: str, size: float, worlds: Sequence[World], scale: Array, fitted: Sequence[int], rng: np.random.Generator
+) -> tuple[Hidden, list[Array]]:
+    """An effect at its size on a joint whose torque was measured, drawn until enough of it is not absorbed."""
+    baseline, best = Baseline(worlds[:1], scale), (-1.0, None, list[Array]())
+    for _ in range(TRIES):
+        found = (SHAPES | UNKNOWN)[kind](rng, worlds[0], int(rng.choice(fitted)))
+        counted = [(found.size or found.torque)(w) for w in worlds]
+        factor = size / float((acting(counted) / scale).max())
+        torque = [factor * found.torque(w) for w in worlds]
+        seen = float(baseline.left(torque[0]).max())
+        if seen > best[0]:
+            best = seen, found, torque
+        if seen > LEAST_VISIBLE * size:
+            break
+    assert best[1] is not None
+    return best[1], best[2]
+
+
+def altered(log: fr.Log, added: Array) -> fr.Log:
+    """The log with some torque added to what was measured."""
+    return replace(log, tau=log.tau + added, source=f"{log.source}, altered", sha256=None)
+
+
+def run(job: Job) -> dict[str, Any]:
+    """Plant, diagnose, and keep what was said."""
+    folder = data_folder()
+    assert folder is not None
+    case = CASES[job.robot]
+    whole = fr.Robot.load(folder / case.urdf)
+    fit, valid = (read(case, folder, whole, paths) for paths in (case.fit, case.valid))
+    model = fr.identify(whole, fit, torque_joints=case.torque_joints, recursion="none").model
+    robot, fitted = model.robot, list(model.torque_index)
+    rng = np.random.default_rng([job.seed, job.robot, KINDS.index(job.kind), list(SITUATIONS).index(job.situation)])
+    logs = [log.select(robot.joints) for log in [*fit, *valid]]
+    if job.situation == "always":
+        logs, detail = planted(job.kind, job.size, logs, robot, fitted, rng)
+        fit, valid = logs[: len(fit)], logs[len(fit) :]
+        model = fr.identify(whole, fit, torque_joints=case.torque_joints, recursion="none").model
+        found = fr.diagnose(model, fit, valid=valid)
+    else:
+        logs, detail = planted(job.kind, job.size, logs[len(fit) :], robot, fitted, rng)
+        found = fr.diagnose(model, logs)
+    said = [(f.effect, *f.confused_with) for f in found.findings if f.significant or not f.members]
+    return {
+        "robot": case.name,
+        "situation": job.situation,
+        "kind": job.kind,
+        "truth": "unknown" if job.kind in UNKNOWN else job.kind,
+        "planted": detail,
+        "verdict": found.verdict,
+        "said": said,
+        "joints": [list(f.joints) for f in found.findings if f.significant or not f.members],
+        "error": found.error,
+    }
+
+
+def read(case: Case, folder: Path, robot: fr.Robot, paths: Sequence[str]) -> list[fr.Log]:
+    return [fr.read_log(folder / path, robot.joints, case.mapping) for path in paths]
+
+
+def place(row: dict[str, Any], own: Sequence[str]) -> int | None:
+    """How many findings that are not the robot's own come before the truth; None: it is not found."""
+    before = 0
+    for names in row["said"]:
+        if row["truth"] in names:
+            return before
+        before += names[0] not in own
+    return None
+
+
+def main() -> None:
+    options = parser(__doc__)
+    options.add_argument("--size", type=float, default=0.12, help="share of the joint's torque")
+    options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    chosen = options.parse_args()
+    if data_folder() is None:
+        sys.exit("set FRISCHID_DATA to the folder of the measured logs")
+    jobs = [
+        Job(robot, kind, situation, chosen.size, chosen.seed)
+        for robot in range(len(CASES))
+        for situation, kinds in SITUATIONS.items()
+        for kind in kinds
+    ]
+    with ProcessPoolExecutor(chosen.workers) as pool:
+        rows = list(pool.map(run, jobs))
+    table, total = [], []
+    for case in CASES:
+        for situation in SITUATIONS:
+            here = [r for r in rows if r["robot"] == case.name and r["situation"] == situation]
+            clean = next(r for r in here if r["kind"] == "none")
+            own = [names[0] for names in clean["said"][:1]]
+            effects = [r for r in here if r["truth"] not in {"none", "contact", "unknown"}]
+            events = [r for r in here if r["truth"] in {"contact", "unknown"}]
+            places = [place(r, []) for r in effects], [place(r, own) for r in effects]
+            table.append(
+                {
+                    "robot": case.name,
+                    "situation": situation,
+                    "of its own": own[0] if own else clean["verdict"],
+                    "effects": len(effects),
+                    "first": sum(p == 0 for p in places[0]),
+                    "first but for its own": sum(p == 0 for p in places[1]),
+                    "top three": sum(p is not None and p < 3 for p in places[0]),
+                    "contact, unknown": sum(r["verdict"] == r["truth"] for r in events),
+                    "of": len(events),
+                }
+            )
+            total += [
+                {"robot": case.name, "situation": situation, "planted": r["kind"], "where": r["planted"]}
+                | {"said": "; ".join("/".join(names) for names in r["said"][:3]) or r["verdict"]}
+                for r in here
+            ]
+    publish(f"effects of {chosen.size:.0%} planted in measured logs", table, None)
+    publish("what was said", total, None)
+    if chosen.json is not None:
+        content = {"schema": "frischid.planted/1", "size": chosen.size, "seed": chosen.seed, "cases": rows}
+        write_text(chosen.json, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+
+
+if __name__ == "__main__":
+    main()
