@@ -236,6 +236,18 @@ def test_an_effect_is_named_beside_a_remainder_on_another_joint(size, verdict):
     assert found.verdict == verdict
 
 
+def test_what_leaves_more_than_it_removes_where_it_acts_is_no_cause():
+    made = [log_of(s, "asymmetric_viscous@elbow_joint", fva3=0.14) for s in (1, 2)]
+    logs = [wandering(log, "elbow_joint", 0.07, k) for k, log in enumerate(made)]
+    found = diagnose(identify(UR5, logs[:1], recursion="none").model, logs[:1], valid=logs[1:])
+    effect = next(f for f in found.findings if f.members)
+    assert effect.effect == "asymmetric_viscous"
+    assert effect.significant
+    assert effect.share < 0.5
+    assert found.joints["elbow_joint"]["error"] < 0.01, "little is wrong in all"
+    assert found.verdict == "unknown"
+
+
 def test_what_another_joint_always_does_is_no_contact():
     planar2 = Robot.load("planar2")
     hidden = 'formula("exp(3*q1*q2)")@joint2'  # in short bursts, but whenever the arm comes by
