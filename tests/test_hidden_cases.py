@@ -10,6 +10,9 @@ import pytest
 from frischid.comparison import compare
 from frischid.diagnosis import diagnose
 from frischid.identification import identify
+from frischid.robot import Robot
+from frischid.simulation import simulate
+from frischid.trajectory import random_fourier
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
@@ -17,6 +20,7 @@ from hidden_cases import CHANGES, EFFECTS, GRADES, Truth, build, cases
 from hidden_effects import Outcome, run, run_all, score, tables
 from hidden_physics import arm, direction, motion, perturbed
 from hidden_shapes import lugre
+from planted_effects import planted
 
 SPECS = cases(0)
 
@@ -196,3 +200,20 @@ def test_tables_of_a_perfect_diagnosis_and_of_one_that_crashes():
     crashed = run(specs[0], crash)
     assert not crashed["first"]
     assert "ValueError" in crashed["error"]
+
+
+@pytest.mark.parametrize("kind", ["stribeck", "drive_gain", "time_delay", "contact", "chirp", "none"])
+def test_what_is_planted_in_a_log_has_its_size(kind):
+    robot = Robot.load("ur5")
+    logs = [simulate(robot, random_fourier(robot, 8.0, seed=s), rate=200.0, channels=(), seed=s) for s in (1, 2)]
+    altered, detail = planted(kind, 0.1, logs, robot, [1, 2, 3], np.random.default_rng(0))
+    added = [b.tau - a.tau for a, b in zip(logs, altered, strict=True)]
+    share = np.concatenate(added)[:, 1:4].std(axis=0) / np.concatenate([log.tau for log in logs])[:, 1:4].std(axis=0)
+    if kind == "none":
+        assert not any(x.any() for x in added)
+    elif kind == "time_delay":
+        assert detail == "10 ms"
+        assert 0.01 < share.max() < 0.2
+    else:
+        assert 0.08 < share.max() < 0.12
+    assert all(np.array_equal(a.q, b.q) for a, b in zip(logs, altered, strict=True))
