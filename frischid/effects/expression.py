@@ -49,7 +49,8 @@ VARIABLE = re.compile(rf"({'|'.join(QUANTITIES)})([0-9]*)|t")
 LONGEST = 300  # characters
 LARGEST_POWER = 8.0
 LARGEST_NUMBER = 1e100
-NAMES = f"{', '.join(QUANTITIES)} of the joint itself or with a joint's number (v2), t, pi"
+OF_JOINT = "of the joint itself or with a joint's number (v2)"
+NAMES = f"{', '.join(QUANTITIES)} {OF_JOINT}, t, pi"
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ def _check(node: ast.expr, text: str, names: dict[str, None]) -> None:
             pass
         case ast.Name(id=name):
             if not VARIABLE.fullmatch(name):
-                raise UnknownNameError("variable", name, [*QUANTITIES, "t", "pi"], f"formula '{text}' ({NAMES})")
+                raise UnknownNameError("variable", name, [*QUANTITIES, "t", "pi"], f"formula '{text}' ({OF_JOINT})")
             names[name] = None
         case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
             _check(operand, text, names)
