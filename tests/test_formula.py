@@ -80,7 +80,7 @@ def test_what_has_no_value_is_refused(text, says):
         ("q9", "known variables|did you mean"),
         ("speed", "tau_model"),
         ("sine(q)", "sin"),
-        ("qq1", "q of the joint|q, v, a"),
+        ("qq1", r"of the joint itself or with a joint.s number \(v2\)\).*all: a, load, pi, q, t"),
     ],
 )
 def test_wrong_names_say_what_exists(text, says):
