@@ -68,6 +68,8 @@ class Finding:
         What it takes off the sum of the joints' squared held-out NRMSE: how much of what is wrong it explains.
     share : float
         Of the error above the noise floor on the joints it acts on, the part it removes.
+    floors : float
+        That error in noise floors, without it.
     p_value : float
         Of a gain at least this large by chance, corrected for all candidates tried.
     parameters : dict of str to float
@@ -86,6 +88,7 @@ class Finding:
     gain: float
     removed: float
     share: float
+    floors: float
     p_value: float
     parameters: dict[str, float]
     confused_with: tuple[str, ...]
@@ -94,8 +97,9 @@ class Finding:
 
     @property
     def significant(self) -> bool:
-        """Whether it is more than chance, and more than a trifle."""
-        return self.gain > 0 and self.p_value < SIGNIFICANCE and self.removed > TRIFLE**2
+        """Whether it is more than chance, more than a trifle, and not a part of what sensors may leave."""
+        sure = self.gain > 0 and self.p_value < SIGNIFICANCE and self.removed > TRIFLE**2
+        return sure and (self.floors > ABOVE or self.share >= 0.5)
 
     def found(self, robot: Robot) -> list[tuple[str, float, str]]:
         """Its `parameters` to read: name, value and unit (empty for a pure number), coefficients first."""
@@ -325,6 +329,7 @@ def _finding(evidence: Evidence, floor: Array, ranked: Ranked) -> Finding:
     rows = list(ranked.together.columns)
     explainable = before[rows] ** 2 - np.minimum(floor / evidence.spread, before)[rows] ** 2
     share = float((before[rows] ** 2 - after[rows] ** 2).sum()) / max(float(explainable.sum()), TRIFLE**2)
+    floors = _in_floors(before[rows], floor[rows] / evidence.spread[rows])
     members = tuple(place.effect for place in ranked.places)
     joints = tuple(dict.fromkeys(j for e in members for j in (e.joints or ())))
     names = [c.name for e in members for c in e.columns(evidence.model.robot)]
@@ -337,12 +342,17 @@ def _finding(evidence: Evidence, floor: Array, ranked: Ranked) -> Finding:
         ranked.gain,
         ranked.removed,
         float(np.clip(share, 0.0, 1.0)),
+        floors,
         ranked.p_value,
         dict(zip(names, map(float, ranked.score.beta), strict=True)) | shapes,
         ranked.rivals,
         ranked.kind.sentence.format(joint=each_of(joints), joints=listed(joints)),
         members,
     )
+
+
+def _in_floors(error: Array, noise: Array) -> float:
+    return float(np.linalg.norm(error)) / max(float(np.linalg.norm(noise)), 1e-12)
 
 
 def _shape(effect: Effect) -> dict[str, float]:
@@ -404,13 +414,13 @@ def _refit(model: Model, evidence: Evidence, floor: Array) -> Finding:
     explainable = float((errors[0] ** 2 - np.minimum(floor / evidence.spread, errors[0]) ** 2).sum())
     chance = float(stats.chi2.sf(2 * ratio, costs)) if gain > 0 else 1.0
     share = float(np.clip(taken / max(explainable, TRIFLE**2), 0.0, 1.0))
+    floors = _in_floors(errors[0], floor / evidence.spread)
     sentence = (
         "the old parameters no longer hold, and no single effect says why: several links or friction changed; identify "
         "the robot again"
     )
-    return Finding(
-        OLD, (), float(errors[0].mean()), float(errors[1].mean()), gain, taken, share, chance, {}, (), sentence, ()
-    )
+    error, rest = (float(x.mean()) for x in errors)
+    return Finding(OLD, (), error, rest, gain, taken, share, floors, chance, {}, (), sentence, ())
 
 
 def _with_refit(verdict: Verdict, findings: list[Finding], refit: Finding) -> tuple[Verdict, list[Finding]]:
@@ -433,5 +443,5 @@ def _with_verdict(findings: Sequence[Finding], verdict: Verdict, error: float) -
         "contact": "something touched the robot for a while: these moments are left out, not modelled",
         "unknown": "something is missing that nothing in the catalogue explains",
     }[verdict]
-    first = Finding(verdict, (), error, error, 0.0, 0.0, 0.0, 1.0, {}, (), sentence, ())
+    first = Finding(verdict, (), error, error, 0.0, 0.0, 0.0, 0.0, 1.0, {}, (), sentence, ())
     return (first, *findings)

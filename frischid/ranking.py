@@ -197,8 +197,12 @@ def judged(evidence: Evidence, projections: Sequence[Projection]) -> Judged | No
     rule out all but the fewest.
     """
     widths = {len(p.signs) for p in projections}
-    found = [_judged(evidence, [p for p in projections if len(p.signs) == width]) for width in sorted(widths)]
-    return max((j for j in found if j is not None), key=lambda j: j.gain, default=None)
+    tried = (_judged(evidence, [p for p in projections if len(p.signs) == width]) for width in sorted(widths))
+    found = [j for j in tried if j is not None]
+    if len(found) < 2:
+        return found[0] if found else None
+    before, effective = evidence.base_sse(), np.max([evidence.effective_with(j.projection) for j in found], axis=0)
+    return max(found, key=lambda j: evidence.log_likelihood(before, j.score.sse, effective) - j.price)
 
 
 def _judged(evidence: Evidence, projections: Sequence[Projection]) -> Judged | None:
