@@ -248,7 +248,7 @@ def test_generated_code_is_the_model(name, tmp_path):
 
 WRITABLE = [name for name, kind in EFFECTS.items() if kind.code] + [
     "joint_spring(form=cubic)",
-    "joint_spring(form=periodic)",
+    "joint_spring(form=periodic)@turn",
 ]
 
 
