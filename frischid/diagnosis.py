@@ -40,9 +40,7 @@ Situation = Literal["auto", "always", "changed"]
 LARGE = 0.01  # of a joint's torque: an error below this is not called unexplained
 ABOVE = 2.0  # noise floors: the same, the floor being an estimate
 BESIDE = 1.5  # noise floors: the same where a finding acts, and leaves more than it removes
-REMAINDER = (
-    4.0  # times what a finding removes: may be left elsewhere, if it removes half of what is wrong where it acts
-)
+REMAINDER = 4.0  # times what a finding removes: may be left elsewhere, if half is removed where it acts
 EXPLAINED = 0.6  # share of the bursts' energy that is left if a steady effect is what makes them
 BEATEN = 1.5  # what a refit must remove over what the best single effect removes
 OLD = "old_parameters"  # the finding that they no longer hold
