@@ -17,6 +17,7 @@ from scipy import ndimage
 
 from frischid.evidence import LOOKED_AT, Evidence, thinned
 from frischid.gram import Array
+from frischid.resting import AT_REST
 
 SMOOTH = 0.25  # s
 HIGH, LOW = 30.0, 6.0  # squared robust units at which a burst is seen and where it ends
@@ -26,7 +27,6 @@ LONGEST, MOST = 0.35, 4  # share of a log that may be bursts, and how many of th
 SHARE, CONTRAST = 0.4, 10.0  # of the squares above the noise that are in the bursts; their density there over elsewhere
 STRONG = 18.0  # robust units of a burst on most joints that is an event whatever else is missing
 WEAK = 0.03  # of the strongest burst's energy: those below are something else's
-AT_REST = 0.2  # of a joint's rms speed, averaged over a burst's energy
 ROUNDS = 5
 
 

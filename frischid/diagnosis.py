@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from frischid.candidates import Projection
@@ -31,6 +32,7 @@ from frischid.noise import NoiseFloor
 from frischid.prior import identified, nominal
 from frischid.ranking import SIGNIFICANCE, TRIFLE, Ranked, Ranking, ranking
 from frischid.recording import Recording
+from frischid.resting import at_rest
 from frischid.robot import Robot
 from frischid.words import each_of, listed
 
@@ -67,7 +69,7 @@ class Finding:
     share : float
         Of the error above the noise floor on the joints it acts on, the part it removes.
     floors : float
-        That error in noise floors, without it.
+        Error in noise floors, without it, on those of these joints where it is not all dry friction (see `resting`).
     p_value : float
         Of a gain at least this large by chance, corrected for all candidates tried.
     parameters : dict of str to float
@@ -239,7 +241,7 @@ def diagnose(
         float(np.mean(floor / evidence.spread)),
         joints,
         tuple(contacts),
-        tuple(_notes(state, description, stranger, judged)),
+        tuple(_notes(state, verdict, description, stranger, judged, floor)),
         description,
         evidence,
     )
@@ -318,16 +320,18 @@ def rank(
         if (only is None or name in only) and not (kind.change and situation == "always")
     ]
     judged = ranking(evidence, kinds, progress)
-    return [_finding(evidence, floor, ranked) for ranked in judged.effects], judged
+    moving = ~at_rest(evidence, floor)
+    return [_finding(evidence, floor, moving, ranked) for ranked in judged.effects], judged
 
 
-def _finding(evidence: Evidence, floor: Array, ranked: Ranked) -> Finding:
+def _finding(evidence: Evidence, floor: Array, moving: NDArray[np.bool_], ranked: Ranked) -> Finding:
     before = evidence.nrmse(evidence.base_sse())
     after = evidence.nrmse(ranked.score.sse)
     rows = list(ranked.together.columns)
     explainable = before[rows] ** 2 - np.minimum(floor / evidence.spread, before)[rows] ** 2
     share = float((before[rows] ** 2 - after[rows] ** 2).sum()) / max(float(explainable.sum()), TRIFLE**2)
-    floors = _in_floors(before[rows], floor[rows] / evidence.spread[rows])
+    seen = [row for row in rows if moving[row]]
+    floors = _in_floors(before[seen], floor[seen] / evidence.spread[seen])
     members = tuple(place.effect for place in ranked.places)
     joints = tuple(dict.fromkeys(j for e in members for j in (e.joints or ())))
     names = [c.name for e in members for c in e.columns(evidence.model.robot)]
@@ -370,8 +374,8 @@ def _verdict(
 ) -> Verdict:
     """Unknown: more is left on some joint, with all that pass in the model, than the best finding removes.
 
-    A finding that removes half of what is wrong where it acts stands beside a larger remainder elsewhere. Or what is a
-    stranger to the catalogue describes far more than the best finding explains.
+    A finding that removes half of what is wrong where it acts stands beside a larger remainder elsewhere; what dry
+    friction leaves where a joint turns or rests does not count. Or what is a stranger to the catalogue describes far more than the best finding explains.
     """
     if contacts:
         return "contact"
@@ -379,10 +383,11 @@ def _verdict(
     noise = floor / evidence.spread
     left = judged.full.nrmse(judged.full.base_sse())
     left = np.minimum(left, evidence.nrmse(evidence.base_sse()))  # a finding on one joint may cost another a little
-    there = (left > LARGE) & (left > ABOVE * noise)
+    there = _seen(left, noise)
     if sure:
         where = np.array([not sure[0].joints or name in sure[0].joints for name in evidence.joints])
         there |= where & (left > TRIFLE) & (left > BESIDE * noise)
+    there &= ~at_rest(judged.full, floor)
     unexplained = float(np.where(there, left**2 - noise**2, 0.0).max())
     if not sure:
         return "unknown" if unexplained > 0 else "none"
@@ -390,8 +395,24 @@ def _verdict(
     return "unknown" if unexplained > bar or stranger is not None else "effect"
 
 
-def _notes(state: Known, description: Description | None, stranger: Stranger | None, judged: Ranking) -> list[str]:
+def _seen(left: Array, noise: Array) -> NDArray[np.bool_]:
+    """Joints on which so much is left that it has to be explained."""
+    return np.asarray((left > LARGE) & (left > ABOVE * noise))
+
+
+def _notes(
+    state: Known,
+    verdict: Verdict,
+    description: Description | None,
+    stranger: Stranger | None,
+    judged: Ranking,
+    floor: Array,
+) -> list[str]:
     notes = [f"taken as a robot that {'changed since it was identified' if state == 'changed' else 'was always so'}"]
+    seen = _seen(judged.full.nrmse(judged.full.base_sse()), floor / judged.full.spread) & at_rest(judged.full, floor)
+    if verdict == "none" and seen.any():
+        where = each_of([name for name, here in zip(judged.full.joints, seen, strict=True) if here])
+        notes.append(f"what is left on {where} is where it turns or rests, where dry friction is anybody's guess")
     if judged.full.missed.any():
         notes.append("not the model's own logs: what explains more than was missing on those comes first")
     if description is not None and stranger is not None:

@@ -1,0 +1,35 @@
+"""What is left where a joint turns or rests is told from what is left while it moves."""
+
+import numpy as np
+import pytest
+from test_diagnosis import NOISE, UR5, healthy, loose_reversals, log_of
+
+from frischid.evidence import Evidence
+from frischid.log import Log
+from frischid.prior import nominal
+from frischid.resting import at_rest
+
+FLOOR = np.full(6, NOISE.tau)
+
+
+def with_wave(log: Log, joint: int) -> Log:
+    """The same log with a torque that knows nothing of the joint's speed."""
+    tau = np.array(log.tau)
+    tau[:, joint] += 0.5 * np.sin(7 * log.t)
+    return Log(log.t, log.joints, log.q, tau=tau, source=log.source)
+
+
+@pytest.mark.parametrize(
+    ("log", "resting"),
+    [
+        (loose_reversals(log_of(1), 4, 2.0), True),
+        (with_wave(log_of(1), 4), False),
+        (with_wave(loose_reversals(log_of(1), 4, 2.0), 4), False),
+        (loose_reversals(log_of(1), 4, 8.0), False),
+    ],
+    ids=["jumps early and late", "a wave", "both", "more than dry friction can do"],
+)
+def test_only_small_errors_at_reversals_are_at_rest(log, resting):
+    evidence = Evidence(healthy(), [log], nominal(healthy()))
+    assert UR5.joints[4] == evidence.joints[4]
+    assert at_rest(evidence, FLOOR)[4] == resting
