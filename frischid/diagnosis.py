@@ -375,7 +375,8 @@ def _verdict(
     """Unknown: more is left on some joint, with all that pass in the model, than the best finding removes.
 
     A finding that removes half of what is wrong where it acts stands beside a larger remainder elsewhere; what dry
-    friction leaves where a joint turns or rests does not count. Or what is a stranger to the catalogue describes far more than the best finding explains.
+    friction leaves where a joint turns or rests does not count. Or what is a stranger to the catalogue describes far
+    more than the best finding explains.
     """
     if contacts:
         return "contact"

@@ -48,6 +48,7 @@ LAYERS = (
         "pieces",
         "candidates",
         "rows",
+        "resting",
         "contact",
         "sectors",
         "description",

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_diagnosis import NOISE, UR5, healthy, loose_reversals, log_of
+from test_diagnosis import NOISE, UR5, healthy, log_of, loose_reversals
 
 from frischid.evidence import Evidence
 from frischid.log import Log
