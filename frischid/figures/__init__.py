@@ -1,7 +1,8 @@
 """Figures, made once and shown wherever they are needed: Plotly, self-contained, offline.
 
 One module a chapter of the report; the studio shows the same ones. They draw what the library has computed and compute
-nothing but where to put it on the page.
+nothing but where to put it on the page. What they draw they know by type only: the studio's first picture waits for all
+that is imported here.
 """
 
 from frischid.figures.failure import against, matrix, plane

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import plotly.graph_objects as go
@@ -22,8 +23,10 @@ from frischid.figures.style import (
     thinned,
     units_of,
 )
-from frischid.shapes import Shape
 from frischid.words import listed
+
+if TYPE_CHECKING:
+    from frischid.shapes import Shape
 
 
 def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = False) -> Drawing:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from frischid.excitation import Plan
 from frischid.figures.style import COLOURS, DASHES
+
+if TYPE_CHECKING:
+    from frischid.excitation import Plan
 
 
 def excitation(plan: Plan, rate: float = 50.0) -> go.Figure:

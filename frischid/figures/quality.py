@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import plotly.graph_objects as go
 
 from frischid.figures.style import BLUE, COLOURS, MEASURED, Drawing, drawing, number, plain, short, units_of
-from frischid.quality import Quality
 from frischid.robot import Robot
+
+if TYPE_CHECKING:
+    from frischid.quality import Quality
 
 
 def reach(robot: Robot, logs: Sequence[Quality]) -> Drawing:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import plotly.graph_objects as go
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from frischid.comparison import Comparison
-from frischid.contact import Contact
 from frischid.figures.style import (
     BLUE,
     FAINT,
@@ -27,6 +27,9 @@ from frischid.figures.style import (
 )
 from frischid.gram import Array
 from frischid.prediction import Prediction
+
+if TYPE_CHECKING:
+    from frischid.contact import Contact
 
 APART = 0.02  # of the whole, between two logs that stand side by side
 EXCLUDED = "#f3d9b1"

@@ -12,15 +12,17 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from frischid.comparison import Comparison, compare
-from frischid.diagnosis import Diagnosis, Finding, diagnose
 from frischid.effects import EFFECTS, Effect, effect_from_dict
 from frischid.errors import FrischidError, InputError
-from frischid.improvement import add, undo
 from frischid.log import Log
 from frischid.model import Model
 from frischid.prediction import Prediction, predict
+
+if TYPE_CHECKING:  # jobs load what they need: the first picture does not wait for it
+    from frischid.diagnosis import Diagnosis, Finding
 
 PATIENCE = 1.0  # s before a diagnosis begins in the background
 
@@ -133,6 +135,8 @@ class Bench:
         InputError
             Another job runs, the state is not the present one, or the effects cannot be added.
         """
+        from frischid.improvement import add
+
         with self._job(f"refitting with {', '.join(dict.fromkeys(e.id for e in effects))}", revision) as now:
             situation = now.diagnosis.situation if now.diagnosis is not None else "auto"
             step = add(now.model, effects, self.fit, valid=self.valid, situation=situation, finding=finding)
@@ -148,6 +152,8 @@ class Bench:
 
     def undo(self, revision: int) -> State:
         """Take the last step back: at once, and to what was found missing then, where it was done here."""
+        from frischid.improvement import undo
+
         with self._job("taking the last step back", revision) as now:
             earlier = undo(now.model)
             state = self._state(earlier, 0) if now.before is None else now.before
@@ -162,7 +168,7 @@ class Bench:
 
     def export(self) -> Path:
         """Write the report on the present model, beside it."""
-        from frischid.report import report  # loaded when it is asked for: the first picture does not wait for it
+        from frischid.report import report
 
         state = self.state
         path = self.output.with_suffix(".html")
@@ -195,6 +201,8 @@ class Bench:
 
     def diagnose(self) -> None:
         """Find what the present model is missing; given up when the model changes meanwhile."""
+        from frischid.diagnosis import diagnose
+
         state = self.state
         tried: set[str] = set()
 

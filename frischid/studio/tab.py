@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 from viser import ClientHandle
 
 from frischid import figures
-from frischid.diagnosis import Finding
 from frischid.effects import EFFECTS
 from frischid.figures import Drawing
 from frischid.figures.history import steps_of
@@ -26,6 +25,7 @@ from frischid.studio.track import Track
 from frischid.words import listed
 
 if TYPE_CHECKING:
+    from frischid.diagnosis import Finding
     from frischid.studio.stage import Stage
 
 SHOWN = 6
