@@ -12,6 +12,7 @@ from browser import OVERLAPS, SOLID, needs_browser, opened
 from cases import MIXED, made
 from click.testing import CliRunner
 
+from frischid import diagnosis, improvement
 from frischid.cli import main
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
@@ -146,7 +147,7 @@ def test_a_failure_leaves_everything_as_it_was(bench, monkeypatch):
     def broken(*_, **__):
         raise RuntimeError("out of luck")
 
-    monkeypatch.setattr(bench_module, "add", broken)
+    monkeypatch.setattr(improvement, "add", broken)
     with pytest.raises(RuntimeError, match="out of luck"):
         bench.add(SPRING, 0)
     assert bench.state is before
@@ -156,14 +157,14 @@ def test_a_failure_leaves_everything_as_it_was(bench, monkeypatch):
 
 
 def test_two_at_once_do_not_corrupt(bench, monkeypatch):
-    entered, leave, real = threading.Event(), threading.Event(), bench_module.add
+    entered, leave, real = threading.Event(), threading.Event(), improvement.add
 
     def slow(*args, **options):
         entered.set()
         leave.wait(20)
         return real(*args, **options)
 
-    monkeypatch.setattr(bench_module, "add", slow)
+    monkeypatch.setattr(improvement, "add", slow)
     first = threading.Thread(target=lambda: bench.add(SPRING, 0))
     first.start()
     assert entered.wait(20)
@@ -177,14 +178,14 @@ def test_two_at_once_do_not_corrupt(bench, monkeypatch):
 
 
 def test_a_diagnosis_of_an_older_model_is_dropped(bench, monkeypatch):
-    real = bench_module.diagnose
+    real = diagnosis.diagnose
 
     def overtaken(model, *args, **options):
-        monkeypatch.setattr(bench_module, "diagnose", real)
+        monkeypatch.setattr(diagnosis, "diagnose", real)
         bench.add(SPRING, 0)
         return real(model, *args, **options)
 
-    monkeypatch.setattr(bench_module, "diagnose", overtaken)
+    monkeypatch.setattr(diagnosis, "diagnose", overtaken)
     bench.diagnose()
     assert bench.state.revision == 1
     assert bench.state.diagnosis is None
