@@ -67,7 +67,7 @@ class Finding:
     removed : float
         What it takes off the sum of the joints' squared held-out NRMSE: how much of what is wrong it explains.
     share : float
-        Of the error above the noise floor on the joints it acts on, the part it removes.
+        Of the error above the noise floor on the joints it acts on, the part it removes; zero where hardly any is.
     floors : float
         Error in noise floors, without it, on those of these joints where it is not all dry friction (see `resting`).
     p_value : float
@@ -329,7 +329,8 @@ def _finding(evidence: Evidence, floor: Array, moving: NDArray[np.bool_], ranked
     after = evidence.nrmse(ranked.score.sse)
     rows = list(ranked.together.columns)
     explainable = before[rows] ** 2 - np.minimum(floor / evidence.spread, before)[rows] ** 2
-    share = float((before[rows] ** 2 - after[rows] ** 2).sum()) / max(float(explainable.sum()), TRIFLE**2)
+    above = float(explainable.sum())
+    share = float((before[rows] ** 2 - after[rows] ** 2).sum()) / above if above > TRIFLE**2 else 0.0
     seen = [row for row in rows if moving[row]]
     floors = _in_floors(before[seen], floor[seen] / evidence.spread[seen])
     members = tuple(place.effect for place in ranked.places)
@@ -433,7 +434,7 @@ def _refit(model: Model, evidence: Evidence, floor: Array) -> Finding:
     taken = float((errors[0] ** 2 - errors[1] ** 2).sum())
     explainable = float((errors[0] ** 2 - np.minimum(floor / evidence.spread, errors[0]) ** 2).sum())
     chance = float(stats.chi2.sf(2 * ratio, costs)) if gain > 0 else 1.0
-    share = float(np.clip(taken / max(explainable, TRIFLE**2), 0.0, 1.0))
+    share = float(np.clip(taken / explainable, 0.0, 1.0)) if explainable > TRIFLE**2 else 0.0
     floors = _in_floors(errors[0], floor / evidence.spread)
     sentence = (
         "the old parameters no longer hold, and no single effect says why: several links or friction changed; identify "

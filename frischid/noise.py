@@ -5,8 +5,9 @@ through sensors as noisy as the log's own; the model's error on that is the floo
 
     floor_j² = ‖F (τ̂(q, q̇, q̈) − τ̂(q + n_q, q̇ + n_q̇, q̈ + n_q̈))_j‖² / N  +  s_j² ‖h‖²
 
-where n are draws of the channels' own noise (`noise_level`), derived q̇ and q̈ get that of the positions through the
-differentiator, h are the filter's taps, and s_j² is the torque's noise *within* the filter's band: drives' noise is
+where n are draws of the channels' own noise (`noise_level`), as large in each stretch as it is there, for stamps that
+miss the moment make positions the noisier the faster a joint moves; derived q̇ and q̈ get that of the positions through
+the differentiator, h are the filter's taps, and s_j² is the torque's noise *within* the filter's band: drives' noise is
 seldom white, and the part of it that the filter passes is what counts. Motion hides it there; it is measured in the
 octaves above the band, and carried on into it (`level_within`). The floor contains noise of positions that reaches the
 torque through the accelerations, and reversals that noise moves or makes a model smooth (the second τ̂ has the model's
@@ -35,6 +36,7 @@ SAMPLES = 12_000  # of one motion, from its middle, on which draws are made
 EACH = 16  # motions that are all looked at; of later ones the 32nd, 64th, ... stand for the rest
 SHARP = 1e-4  # width of dry friction's sign that is as good as none, rad/s (m/s)
 OCTAVES = 4  # above the cut-off in which noise is looked at
+BLOCK, FEW = 0.5, 32  # s, and samples: stretches that are each as noisy as they are
 ABOVE = 1.5  # times the middle of an octave: what is above is not looked at
 CORNERS = (80.0, 56.0, 40.0, 28.0, 20.0, 14.0, 10.0)  # Hz, of noise with a memory; slower may be physics
 SIXTH = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
@@ -196,8 +198,19 @@ def _with_noise(path: Motion, motion: Motion, lowpass: LowPass) -> Motion:
     long = (len(path.t) + 2 * half, path.q.shape[1])
     nothing = np.zeros(long[1], bool)
     own_v, own_a = motion.measured or (nothing, nothing)
-    of_q, of_v = (rng.normal(size=long) * noise_level(x) for x in (motion.q, motion.v))
+    first_seen = round((path.t[0] - motion.t[0]) / path.step) - half
+    at = np.clip(np.arange(first_seen, first_seen + long[0]), 0, len(motion.t) - 1)
+    of_q, of_v = (rng.normal(size=long) * _levels(x, path.step)[at] for x in (motion.q, motion.v))
     v = np.where(own_v, of_v[half : len(of_v) - half], correlate(first, of_q))
     a = np.where(own_v, correlate(first, of_v), correlate(second, of_q))
-    a = np.where(own_a, rng.normal(size=path.a.shape) * noise_level(motion.a), a)
+    of_a = rng.normal(size=long) * _levels(motion.a, path.step)[at]
+    a = np.where(own_a, of_a[half : len(of_a) - half], a)
     return replace(path, q=path.q + of_q[half : len(of_q) - half], v=path.v + v, a=path.a + a)
+
+
+def _levels(x: Array, step: float) -> Array:
+    """Noise level of a channel block by block, at each of its samples, (N, J)."""
+    size = min(max(FEW, round(BLOCK / step)), len(x))
+    count = len(x) // size
+    blocks = x[: count * size].reshape(count, size, -1).swapaxes(0, 1)
+    return np.asarray(noise_level(blocks)[np.minimum(np.arange(len(x)) // size, count - 1)])

@@ -121,3 +121,17 @@ def test_of_many_motions_some_stand_for_the_rest():
     assert len(list(many.watch(100 * motions))) == 100
     assert many.samples == 18 * few.samples  # sixteen, the 32nd and the 64th
     assert np.allclose(many.under(np.ones(2)), few.under(np.ones(2)))
+
+
+def test_positions_are_as_noisy_in_each_stretch_as_they_are():
+    robot = Robot.load("ur5")
+
+    def late(log, seed):
+        """Each joint read up to a millisecond before or after its stamp."""
+        shift = np.random.default_rng(seed).uniform(-1e-3, 1e-3, log.q.shape)
+        return replace(log, q=log.q + shift * np.gradient(log.q, log.t, axis=0))
+
+    logs = [late(log, seed) for seed, log in enumerate(logs_of(robot, Noise(tau=0.003), ()))]
+    model = identify(robot, logs[:1], recursion="none").model
+    found = compare(model, logs[1:])
+    assert all(0.7 < joint.nrmse / joint.noise_floor < 1.2 for joint in found.joints.values())
