@@ -25,6 +25,7 @@ SMALL = 0.004  # of a joint's torque: its robust unit is not taken smaller, or e
 AROUND = 0.1  # s left out on both sides of a burst, where it fades below the noise
 LONGEST, MOST = 0.35, 4  # share of a log that may be bursts, and how many of them; more is not an event
 SHARE, CONTRAST = 0.4, 10.0  # of the squares above the noise that are in the bursts; their density there over elsewhere
+UNSURE = 0.1  # of the noise's squares, which are not known better: bursts must hold more
 STRONG = 18.0  # robust units of a burst on most joints that is an event whatever else is missing
 WEAK = 0.03  # of the strongest burst's energy: those below are something else's
 ROUNDS = 5
@@ -105,7 +106,7 @@ def _stands_out(evidence: Evidence, rest: Evidence, floor: Array) -> bool:
     inside = whole - outside
     noise = float((evidence.counts.sum(axis=0) * (floor / evidence.spread) ** 2).sum())
     density = inside / max(samples[0] - samples[1], 1)
-    return inside > SHARE * (whole - noise) and density > CONTRAST * outside / samples[1]
+    return inside > max(SHARE * (whole - noise), UNSURE * noise) and density > CONTRAST * outside / samples[1]
 
 
 def _bursts(evidence: Evidence, rest: Evidence, floor: Array) -> list[Contact]:

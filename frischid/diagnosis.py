@@ -42,6 +42,7 @@ Situation = Literal["auto", "always", "changed"]
 LARGE = 0.01  # of a joint's torque: an error below this is not called unexplained
 ABOVE = 2.0  # noise floors: the same, the floor being an estimate
 BESIDE = 1.5  # noise floors: the same where a finding acts, and leaves more than it removes
+HALF, NEARLY = 0.5, 0.8  # of what is wrong where a finding acts
 REMAINDER = 4.0  # times what a finding removes: may be left elsewhere, if half is removed where it acts
 EXPLAINED = 0.6  # share of the bursts' energy that is left if a steady effect is what makes them
 BEATEN = 1.5  # what a refit must remove over what the best single effect removes
@@ -97,9 +98,12 @@ class Finding:
 
     @property
     def significant(self) -> bool:
-        """Whether it is more than chance, more than a trifle, and not a part of what sensors may leave."""
+        """Whether it is more than chance, more than a trifle, and not a part of what sensors or dry friction may leave.
+
+        Where little is above the noise it must explain half of that; where that is all dry friction, nearly all.
+        """
         sure = self.gain > 0 and self.p_value < SIGNIFICANCE and self.removed > TRIFLE**2
-        return sure and (self.floors > ABOVE or self.share >= 0.5)
+        return sure and (self.floors > ABOVE or self.share >= (HALF if self.floors > 0 else NEARLY))
 
     def found(self, robot: Robot) -> list[tuple[str, float, str]]:
         """Its `parameters` to read: name, value and unit (empty for a pure number), coefficients first."""
@@ -393,7 +397,7 @@ def _verdict(
     unexplained = float(np.where(there, left**2 - noise**2, 0.0).max())
     if not sure:
         return "unknown" if unexplained > 0 else "none"
-    bar = max(f.removed for f in sure) * (REMAINDER if sure[0].share > 0.5 else 1.0)
+    bar = max(f.removed for f in sure) * (REMAINDER if sure[0].share > HALF else 1.0)
     return "unknown" if unexplained > bar or stranger is not None else "effect"
 
 
@@ -450,7 +454,7 @@ def _with_refit(verdict: Verdict, findings: list[Finding], refit: Finding) -> tu
         return verdict, findings
     best = next((f for f in findings if f.significant), None)
     beaten = best is None or (refit.gain > best.gain and refit.removed > BEATEN * best.removed)
-    if verdict != "contact" and refit.share > 0.5 and (verdict == "unknown" or beaten):
+    if verdict != "contact" and refit.share > HALF and (verdict == "unknown" or beaten):
         return "effect", [refit, *findings]
     better = [f for f in findings if f.removed >= refit.removed] or findings[:1]
     return verdict, [*better, refit, *(f for f in findings if f not in better)]
