@@ -2,6 +2,7 @@
 
 import json
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ from click.testing import CliRunner
 
 from frischid.cli import main
 from frischid.comparison import compare
-from frischid.diagnosis import diagnose
+from frischid.contact import _stands_out
+from frischid.diagnosis import Finding, diagnose
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError, UnknownNameError
 from frischid.identification import identify
@@ -371,3 +373,23 @@ def test_dry_friction_that_turns_a_little_early_or_late_raises_no_alarm():
     assert found.joints["wrist_2_joint"]["error"] > 2 * found.joints["wrist_2_joint"]["noise_floor"]
     assert found.verdict == "none"
     assert any("wrist_2_joint is where it turns or rests" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("floors", "share", "significant"),
+    [(2.5, 0.2, True), (1.5, 0.4, False), (1.5, 0.6, True), (0.0, 0.6, False), (0.0, 0.9, True)],
+    ids=["far above", "a part", "half", "half of dry friction at rest", "nearly all of it"],
+)
+def test_how_much_a_finding_must_explain(floors, share, significant):
+    finding = Finding("stribeck", (), 0.02, 0.01, 50.0, 3e-4, share, floors, 1e-6, {}, (), "", ())
+    assert finding.significant == significant
+
+
+@pytest.mark.parametrize(("burst", "found"), [(0.05, False), (0.2, True)])
+def test_a_burst_within_what_the_noise_is_unsure_by_is_no_event(burst, found):
+    def rows(squares, count):
+        counts = np.array([[count]])
+        return SimpleNamespace(spread=np.ones(1), counts=counts, theta=None, squares=lambda *_: squares)
+
+    noise, left = 1000 * 0.1**2, 0.9 * 990 * 0.1**2  # the floor is a little high
+    assert _stands_out(rows(left + burst * noise, 1000), rows(left, 990), np.array([0.1])) == found
