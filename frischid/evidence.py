@@ -402,8 +402,7 @@ class Evidence:
         """Effectively independent samples of each joint once a candidate is in the model, (J,).
 
         A slow effect makes the residual correlated over the whole motion, as if there were hardly any evidence; what
-        counts
-        is the correlation of what is left when it is explained.
+        counts is the correlation of what is left when it is explained.
         """
         X, D = self.moments(candidate)
         fit = self.fit(X, D, candidate, None)

@@ -4,9 +4,8 @@
 
 A spring or hose that grows stiffer as it is stretched is a cubic. A spring between a link and its base pulls along a
 line whose lever arm changes with the angle; over a turn that is a periodic function, and two harmonics describe it well
-whatever the geometry. Where the geometry is known, a cylinder
-with its lever is exact: of the lengths ρ (between the axis and the rod's end, as a share of that to the cylinder's
-end) and ℓ = √(1 + ρ² − 2ρ cos(q − rest)),
+whatever the geometry. Where the geometry is known, a cylinder with its lever is exact: of the lengths ρ (between the
+axis and the rod's end, as a share of that to the cylinder's end) and ℓ = √(1 + ρ² − 2ρ cos(q − rest)),
 
     τ_j = cp sin(q_j − rest)/ℓ + cs sin(q_j − rest).
 
