@@ -23,10 +23,10 @@ import numpy as np
 from frischid.archive import Entry
 from frischid.cluster import Here, Workers
 from frischid.deviation import Change, Deviation, Null
-from frischid.diagnosis import Finding
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError
 from frischid.estimate import Estimate, wls
+from frischid.findings import Finding
 from frischid.gram import Gram
 from frischid.identification import structure
 from frischid.mapping import LogMap

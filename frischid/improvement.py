@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from frischid.comparison import compare
-from frischid.diagnosis import Diagnosis, Finding, Situation, diagnose, gathered
+from frischid.diagnosis import Diagnosis, Situation, diagnose, gathered
 from frischid.effects import Effect, columns_of
 from frischid.errors import InputError
 from frischid.estimate import Estimate
+from frischid.findings import Finding
 from frischid.identification import identify
 from frischid.log import Log
 from frischid.model import Model

@@ -19,8 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frischid.diagnosis import Diagnosis, Finding
+from frischid.diagnosis import Diagnosis
 from frischid.evidence import Evidence
+from frischid.findings import Finding
 from frischid.gram import Array
 from frischid.pieces import Indices
 from frischid.prediction import Prediction

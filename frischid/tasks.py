@@ -15,9 +15,10 @@ import numpy as np
 
 from frischid.archive import Entry, local
 from frischid.deviation import Change, Deviation, changes, deviation
-from frischid.diagnosis import Finding, diagnose
+from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, Effect
 from frischid.errors import FrischidError, InputError
+from frischid.findings import Finding
 from frischid.gram import Array, Gram, total
 from frischid.identification import structure
 from frischid.inspection import inspect

@@ -11,9 +11,10 @@ from click.testing import CliRunner
 from frischid.cli import main
 from frischid.comparison import compare
 from frischid.contact import _stands_out
-from frischid.diagnosis import Finding, diagnose
+from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError, UnknownNameError
+from frischid.findings import Finding
 from frischid.identification import identify
 from frischid.improvement import add, improve, undo
 from frischid.log import Log
@@ -334,7 +335,7 @@ def test_a_measured_temperature_explains_friction_that_drifts():
 
 
 def test_parameters_that_no_longer_hold_are_a_finding():
-    from frischid.diagnosis import OLD
+    from frischid.findings import OLD
 
     other = {f"fv{i}": 3.0 + (-1) ** i for i in range(1, 7)} | {f"fc{i}": 2.0 - (-1) ** i for i in range(1, 7)}
     worn = [log_of(s, **other | {f"Ia{i}": 0.3 + 0.2 * (i % 3) for i in range(1, 7)}) for s in (5, 6)]

@@ -52,6 +52,8 @@ LAYERS = (
         "contact",
         "sectors",
         "description",
+        "findings",
+        "verdict",
         "prediction",
         "quality",
     ),

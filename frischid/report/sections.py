@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from frischid import figures
-from frischid.diagnosis import Finding
 from frischid.effects import EFFECTS
 from frischid.figures.style import number
+from frischid.findings import Finding
 from frischid.report.html import command, esc, folded, items, plot, plots, said, table
 from frischid.report.study import Study, missing, opened
 from frischid.shapes import shape_of

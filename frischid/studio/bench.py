@@ -22,7 +22,8 @@ from frischid.model import Model
 from frischid.prediction import Prediction, predict
 
 if TYPE_CHECKING:  # jobs load what they need: the first picture does not wait for it
-    from frischid.diagnosis import Diagnosis, Finding
+    from frischid.diagnosis import Diagnosis
+    from frischid.findings import Finding
 
 PATIENCE = 1.0  # s before a diagnosis begins in the background
 

@@ -25,7 +25,7 @@ from frischid.studio.track import Track
 from frischid.words import listed
 
 if TYPE_CHECKING:
-    from frischid.diagnosis import Finding
+    from frischid.findings import Finding
     from frischid.studio.stage import Stage
 
 SHOWN = 6
