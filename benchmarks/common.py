@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from frischid.cluster import HERE, Dask, Workers, workers
-from frischid.model import write_text
+from frischid.files import write_text
 
 
 def parser(description: str | None) -> argparse.ArgumentParser:

@@ -28,8 +28,8 @@ from common import parser, publish
 from hidden_cases import EFFECTS, Case, CaseSpec, Truth, build, cases
 from hidden_unknown import UNKNOWN
 
+from frischid.files import write_text
 from frischid.identification import identify
-from frischid.model import write_text
 
 STEPS = 3
 """Steps `improve` may take to find both of two effects: a background has small ones that are truly there too."""

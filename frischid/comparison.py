@@ -17,11 +17,12 @@ import numpy as np
 from frischid.conditions import Residuals
 from frischid.errors import InputError
 from frischid.gram import Array
-from frischid.log import Log, check_torque
+from frischid.log import Log
 from frischid.model import Model
 from frischid.noise import NoiseFloor
-from frischid.recording import Recording, head_of
+from frischid.recording import Recording
 from frischid.regressor import EXTRA, Block, nominal_parameters
+from frischid.words import each_of
 
 STRETCH = 1000  # filtered samples kept or left out together, so that residuals stay consecutive
 MOST_KEPT = 60_000  # filtered samples in memory: an hour of motion at usual cut-offs, 20 MB for a six-joint arm
@@ -171,7 +172,8 @@ class _Sums:
     @property
     def std(self) -> Array:
         """Standard deviation of each joint's torque, shape (J,)."""
-        return np.asarray(np.sqrt(np.maximum(self.tau2 / self.count - (self.tau / self.count) ** 2, 0.0)))
+        count = np.maximum(self.count, 1)
+        return np.asarray(np.sqrt(np.maximum(self.tau2 / count - (self.tau / count) ** 2, 0.0)))
 
 
 def compare(
@@ -199,13 +201,7 @@ def compare(
     if not logs:
         raise InputError("there is no log to compare the model with")
     index = model.torque_index
-    for log in logs:
-        head = head_of(log)
-        if isinstance(log, Log):
-            check_torque(head, model.joints)
-        missing = [n for n, there in zip(model.joints, head.select(model.joints).has("tau"), strict=True) if not there]
-        if missing:
-            raise InputError(f"{log.source}: no torque column (tau_<joint>) for {', '.join(missing)}")
+    model.check(logs)
     moving, everything, kept = _Sums(len(index)), _Sums(len(index)), Kept()
     nominal = nominal_parameters(model.robot, model.effects)
     noise = NoiseFloor(model)
@@ -260,11 +256,12 @@ class Kept:
 def _summary(
     model: Model, sums: _Sums, everything: _Sums, sources: tuple[str, ...], noise: NoiseFloor, residuals: Residuals
 ) -> Comparison:
-    if (sums.count < 2).any() or (sums.std == 0).any():
-        flat = [name for name, n, s in zip(model.joints, sums.count, sums.std, strict=True) if n < 2 or s == 0]
+    constant = sums.std <= 1e-7 * np.sqrt(sums.tau2 / np.maximum(sums.count, 1))
+    flat = [name for name, n, same in zip(model.joints, sums.count, constant, strict=True) if n < 2 or same]
+    if flat:
         raise InputError(
-            f"{', '.join(sources)}: {', '.join(flat)} never moves, or its torque never changes; there is nothing to "
-            "compare"
+            f"{', '.join(sources)}: {each_of(flat)} never moves, or its torque never changes: there is nothing to "
+            "compare; take a log in which every joint moves"
         )
     n, std = sums.count, sums.std
     rmse, nominal = np.sqrt(sums.error2 / n), np.sqrt(sums.nominal2 / n)

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from frischid.errors import InputError, UnknownNameError
+from frischid.files import write_text, written
 from frischid.mapping import LogMap
-from frischid.model import write_text
 from frischid.tables import read_table, write_table
 
 Table = dict[str, Any]
@@ -257,8 +257,7 @@ def _copier(source: Path, folder: Path) -> Callable[[str, str], None]:
             )
         place = folder / path
         place.parent.mkdir(parents=True, exist_ok=True)
-        scratch = place.with_name(f".{place.name}.tmp")
-        scratch.write_bytes(content)
-        scratch.replace(place)
+        with written(place) as scratch:
+            scratch.write_bytes(content)
 
     return get

@@ -29,7 +29,7 @@ from frischid.log import Log
 from frischid.model import Model
 from frischid.noise import NoiseFloor
 from frischid.prior import identified, nominal
-from frischid.recording import Recording
+from frischid.recording import Recording, check_apart
 from frischid.verdict import Known, Verdict, decided, notes_on, with_refit, with_verdict
 
 Situation = Literal["auto", "always", "changed"]
@@ -117,12 +117,20 @@ def diagnose(
     Returns
     -------
     Diagnosis
+
+    Raises
+    ------
+    InputError
+        There is no log, one is given twice, a log lacks a joint of the model or its torque, or a joint never moves.
+    UnknownNameError
+        An effect that is not in the catalogue.
     """
     if not logs:
         raise InputError("there is no log to diagnose")
     for name in effects or ():
         if name not in EFFECTS:
             raise UnknownNameError("effect", name, EFFECTS)
+    check_apart(logs, valid)
     progress("gathering evidence")
     everything = [*logs, *valid]
     evidence, state = gathered(model, everything, situation, workers)

@@ -25,6 +25,7 @@ from frischid.candidates import Projection
 from frischid.cluster import Workers
 from frischid.correlation import Correlated
 from frischid.effects import Effect
+from frischid.errors import InputError
 from frischid.estimate import Prior
 from frischid.gram import Array
 from frischid.log import Log
@@ -33,6 +34,7 @@ from frischid.pieces import Part, Stretch
 from frischid.recording import Recording
 from frischid.rows import Rows
 from frischid.signals import Motion
+from frischid.words import each_of
 
 LOOKED_AT = 50_000  # rows of a joint, spread evenly, on which medians and dependences are judged
 IN_SPAN = 1e-5  # share of a candidate's norm left by the base columns below which it is one of them
@@ -84,6 +86,11 @@ class Evidence:
     workers : Workers, optional
         Where candidates' columns are computed, this process by default.
 
+    Raises
+    ------
+    InputError
+        A log lacks a joint of the model or its torque, or a joint never moves.
+
     Attributes
     ----------
     missed : ndarray, shape (J,)
@@ -96,6 +103,7 @@ class Evidence:
         self.model, self.prior = model, prior
         self.joints = model.joints
         self.missed = np.zeros(len(self.joints))
+        model.check(logs)
         self.data = Rows(model, logs, workers)
         self._added: tuple[Projection, ...] = ()
         self._on(self.data)
@@ -104,6 +112,12 @@ class Evidence:
         """Take these rows."""
         self.data, self.counts = data, data.counts
         self.spread = np.array([Correlated.of(p.tau for p in data.parts(row)).std for row in range(len(self.joints))])
+        flat = [name for name, spread in zip(self.joints, self.spread, strict=True) if not spread > 0]
+        if flat:
+            raise InputError(
+                f"{', '.join(dict.fromkeys(data.sources))}: {each_of(flat)} never moves, or its torque never changes: "
+                "nothing can be said of what the model misses; take a log in which every joint moves"
+            )
         self.G = data.gram
         added, self._added = self._added, ()
         for candidate in added:

@@ -15,10 +15,11 @@ import numpy as np
 from frischid.codegen import c_source, numpy_source
 from frischid.consistency import Box, Consistency, as_identified, make_consistent
 from frischid.errors import FrischidError, InputError, UnknownNameError
+from frischid.files import check_writable, write_text
 from frischid.gram import Array
 from frischid.inertia import is_physical, pseudo_inertia, redistributed
 from frischid.mjcf import mjcf_source
-from frischid.model import Model, check_writable, write_text
+from frischid.model import Model
 from frischid.robot import Robot
 from frischid.urdf_text import UrdfText
 

@@ -28,7 +28,7 @@ from frischid.inspection import LogReport, inspect
 from frischid.iv import iv
 from frischid.log import Log
 from frischid.model import Model
-from frischid.recording import Motions, Recording, head_of, pieces_of
+from frischid.recording import Motions, Recording, check_apart, head_of, pieces_of
 from frischid.reduction import Reduction, reduce
 from frischid.regressor import Block, Regressor, accumulate, stack, streaming_qr
 from frischid.robot import Robot
@@ -163,7 +163,7 @@ def identify(
     _check_options(estimator, recursion, prior)
     robot, notes = held_by(robot, logs)
     rows = torque_joints_of(robot, logs, torque_joints, notes)
-    _check_apart(logs, valid)
+    check_apart(logs, valid)
     streamed = any(isinstance(log, Recording) for log in logs)
     seen, pieces, motions = _prepared(robot, logs, valid, rows, cutoff, velocity, anyway)
     lowpass = seen.lowpass
@@ -425,24 +425,6 @@ def _refuse_worthless(reports: Sequence[LogReport]) -> None:
         for finding in report.findings:
             if finding.blocks and finding.sure == "certain":
                 raise InputError(f"{report.source}: {finding}. To go on all the same: --anyway (anyway=True)")
-
-
-def _check_apart(logs: Sequence[Data], valid: Sequence[Data]) -> None:
-    """Refuse to hold out what was fitted: its error says nothing of other motions."""
-    for held in valid:
-        for log in logs:
-            if held is log or _same(held, log):
-                raise InputError(
-                    f"{held.source} is both fitted and held out (--valid): an error on fitted data says nothing; "
-                    "leave one out"
-                )
-
-
-def _same(one: Data, other: Data) -> bool:
-    """Whether two logs hold the same samples."""
-    if isinstance(one, Log) and isinstance(other, Log):
-        return np.array_equal(one.t, other.t) and np.array_equal(one.q, other.q)
-    return one.identity is not None and one.identity == other.identity
 
 
 def _check_cutoff(cutoff: float | str | None, logs: Sequence[Data]) -> None:

@@ -8,7 +8,6 @@ A model is one readable JSON file. It holds the URDF's text, so nothing else is 
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -21,10 +20,11 @@ import numpy as np
 from frischid.effects import Effect, columns_of, effect_from_dict
 from frischid.errors import InputError
 from frischid.estimate import Estimate
+from frischid.files import write_text
 from frischid.frisch import Box
 from frischid.gram import Array, Column
-from frischid.log import Log
-from frischid.recording import Motions, Recording
+from frischid.log import Log, check_torque
+from frischid.recording import Motions, Recording, head_of
 from frischid.regressor import Block, Regressor
 from frischid.robot import Robot
 from frischid.signals import LowPass, Motion
@@ -172,6 +172,31 @@ class Model:
                 "`frischid consistent` (frischid.make_consistent) first"
             )
         return self.standard[name]
+
+    def check(self, logs: Sequence[Log | Recording]) -> None:
+        """Refuse logs that lack a joint of the robot, or torque of one the model was fitted to.
+
+        Raises
+        ------
+        InputError
+        """
+        for log in logs:
+            head = head_of(log)
+            absent = [n for n in self.robot.joints if n not in head.joints]
+            if absent:
+                raise InputError(
+                    f"{log.source}: no position (q_<joint>) of {', '.join(absent)}, and the model needs every joint's; "
+                    f"the log has {', '.join(head.joints)}"
+                )
+            if isinstance(log, Log):
+                check_torque(head, self.joints)
+            there = head.select(self.joints).has("tau")
+            missing = [n for n, known in zip(self.joints, there, strict=True) if not known]
+            if missing:
+                raise InputError(
+                    f"{log.source}: no torque (tau_<joint>) of {', '.join(missing)}, which the model was fitted to; "
+                    "leave the log out, or identify again with --torque-joints that it has"
+                )
 
     def motions(self, logs: Sequence[Log | Recording]) -> Motions:
         """Logs prepared as the model's own were."""
@@ -333,29 +358,6 @@ class Model:
             raise InputError(
                 f"{path}: not a JSON model file ({error}); the command `frischid identify` writes one"
             ) from None
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 file through a temporary one in the same folder, so that it is never half there."""
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}; make it first, or write elsewhere")
-    scratch = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        scratch.write_text(text, encoding="utf-8")
-        scratch.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
-    finally:
-        scratch.unlink(missing_ok=True)
-
-
-def check_writable(path: str | Path) -> None:
-    """Refuse an output path before the work is done rather than after."""
-    target = Path(path)
-    if not target.parent.is_dir():
-        raise InputError(f"{target}: there is no folder {target.parent}; make it first, or write elsewhere")
-    if target.is_dir():
-        raise InputError(f"{target} is a folder; give the name of a file")
 
 
 def _without_robot(data: dict[str, Any]) -> dict[str, Any]:

@@ -182,3 +182,27 @@ def brief(notes: Iterable[str], source: str) -> list[str]:
     if len(kept) <= MOST_NOTES + 1:
         return kept
     return [*kept[:MOST_NOTES], f"{source}: {len(kept) - MOST_NOTES} more such notes on later pieces"]
+
+
+def check_apart(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]) -> None:
+    """Refuse to hold out what is fitted: its error says nothing of other motions.
+
+    Raises
+    ------
+    InputError
+        A log is among both.
+    """
+    for held in valid:
+        for log in logs:
+            if held is log or _same(held, log):
+                raise InputError(
+                    f"{held.source} is both fitted and held out (--valid): an error on fitted data says nothing; "
+                    "leave one out"
+                )
+
+
+def _same(one: Log | Recording, other: Log | Recording) -> bool:
+    """Whether two logs hold the same samples."""
+    if isinstance(one, Log) and isinstance(other, Log):
+        return np.array_equal(one.t, other.t) and np.array_equal(one.q, other.q)
+    return one.identity is not None and one.identity == other.identity

@@ -69,7 +69,8 @@ class Rows:
             for motion in model.motions([log]):
                 self._pieces.append(self._piece(motion, fold))
                 self.blocks += self._pieces[-1].blocks
-        self.folds = 1 + max(fold for row in range(len(index)) for part in self.parts(row) for fold, _ in part.folds)
+        folds = (fold for row in range(len(index)) for part in self.parts(row) for fold, _ in part.folds)
+        self.folds = 1 + max(folds, default=0)
         self._recount()
 
     def _piece(self, motion: Motion, fold: int | None) -> Piece:

@@ -7,6 +7,8 @@ well. Their largest canonical correlation given everything else,
 
 is 1 where nothing can tell them apart and 0 where each is judged as if the other did not exist. A motion that makes
 what is left of all their columns as large as possible (`criteria.Separation`) is searched for as any exciting motion.
+Where one effect has the other's columns and more (a hose is a spring with friction), they differ by the further columns
+alone: the correlation is then theirs with everything else.
 """
 
 from __future__ import annotations
@@ -42,10 +44,13 @@ class Apart:
     first, second : str
         The effects.
     typical, correlation : float
-        Their largest canonical correlation given all other parameters: median of random motions, and on this one.
+        Their largest canonical correlation given all other parameters: median of random motions, and on this one. Of an
+        effect that contains the other: of its further columns with all others.
     sharper : float
         How many times smaller the standard errors of both effects' parameters are (geometric mean) than in the median
         of random motions.
+    shared : tuple of str
+        Columns of the second effect that the first has as well.
     """
 
     plan: Plan
@@ -54,6 +59,7 @@ class Apart:
     typical: float
     correlation: float
     sharper: float
+    shared: tuple[str, ...] = ()
 
 
 def separate(
@@ -88,33 +94,50 @@ def separate(
     for effect in (first, second):
         if any(effect.id == name and set(effect.joints or robot.joints) <= set(joints) for name, joints in known):
             raise InputError(f"{effect} is in the model already; name two effects that are not")
-    together = (*effects, first, second)
-    counts = [len(effect.columns(robot)) for effect in (first, second)]
-    regressor = Regressor(robot, together)
-    base = structure(regressor, robot.joints).base
-    own = range(len(regressor.columns) - sum(counts), len(regressor.columns))
-    missing = [regressor.columns[i].name for i in own if i not in base]
-    if missing:
+    pair = f"{first} and {second}"
+    lost = [*_lost(robot, effects, first), *_lost(robot, effects, second)]
+    if not lost and len(_lost(robot, (*effects, first), second)) == len(second.columns(robot)):
+        first, second = second, first  # the one that has more comes last
+    shared = [] if lost else _lost(robot, (*effects, first), second)
+    further = len(second.columns(robot)) - len(shared)
+    if lost or not further:
         raise IdentifiabilityError(
-            f"no motion tells {first} and {second} apart: {', '.join(missing)} acts just as other parameters do; "
+            f"no motion tells {pair} apart: {', '.join(lost or shared)} acts just as other parameters do; "
             "compare two logs, from before and after the change, with `diagnose --situation changed`"
         )
-    planned = plan(robot, together, criterion=Separation(sum(counts)), seed=seed, **search)
+    together = (*effects, first, second)
+    regressor = Regressor(robot, together)
+    base = np.array(structure(regressor, robot.joints).base)
+    own = (0 if shared else len(first.columns(robot)), further)
+    planned = plan(robot, together, criterion=Separation(sum(own)), seed=seed, **search)
     duration = planned.trajectory.duration
     others = [random_fourier(robot, duration, seed=seed + 1 + k) for k in range(TYPICAL)]
-    told = [_told_apart(regressor, np.array(base), counts, m) for m in (*others, planned.trajectory)]
+    told = [_told_apart(regressor, base, own, m) for m in (*others, planned.trajectory)]
     correlations, volumes = zip(*told, strict=True)
     sharper = float(np.exp(volumes[-1] - np.median(volumes[:-1])))
-    return Apart(planned, str(first), str(second), float(np.median(correlations[:-1])), correlations[-1], sharper)
+    typical = float(np.median(correlations[:-1]))
+    return Apart(planned, str(first), str(second), typical, correlations[-1], sharper, tuple(shared))
 
 
-def _told_apart(regressor: Regressor, base: Array, counts: Sequence[int], motion: Trajectory) -> tuple[float, float]:
-    """Largest canonical correlation of the last columns, in two groups, given all others; mean log of their size."""
+def _lost(robot: Robot, effects: Sequence[Effect], effect: Effect) -> list[str]:
+    """Columns of an effect that act just as those of others do."""
+    regressor = Regressor(robot, (*effects, effect))
+    base = structure(regressor, robot.joints).base
+    own = range(len(regressor.columns) - len(effect.columns(robot)), len(regressor.columns))
+    return [regressor.columns[i].name for i in own if i not in base]
+
+
+def _told_apart(regressor: Regressor, base: Array, counts: tuple[int, int], motion: Trajectory) -> tuple[float, float]:
+    """Largest canonical correlation of the last columns, in two groups, given all others; mean log of their size.
+
+    Of one group, the first being empty: with all others.
+    """
     t = np.arange(0.0, motion.duration, 1 / RATE)
     Y = regressor(t, *motion(t))[:, base].transpose(0, 2, 1).reshape(-1, len(base))
     norms = np.maximum(np.linalg.norm(Y, axis=0), 1e-300)
     rest, own = (Y / norms)[:, : -sum(counts)], (Y / norms)[:, -sum(counts) :]
     left = own - rest @ np.linalg.lstsq(rest, own, rcond=1e-10)[0]
-    a, b = (linalg.orth(part, rcond=1e-8) for part in np.split(left, [counts[0]], axis=1))
     size = np.log(np.maximum(linalg.svdvals(left), 1e-300)).mean() + np.log(norms[-sum(counts) :]).mean()
+    groups = np.split(left, [counts[0]], axis=1) if counts[0] else (rest, own)
+    a, b = (linalg.orth(part, rcond=1e-8) for part in groups)
     return float(linalg.svdvals(a.T @ b).max(initial=0.0)), float(size - 0.5 * np.log(len(t)))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import io
 import itertools
-import os
 import zipfile
 import zlib
 from collections import Counter
@@ -26,6 +25,7 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from frischid.errors import InputError, UnknownNameError, close_names
+from frischid.files import written
 from frischid.log import CHANNELS, Array, Place, row_place
 from frischid.mapping import LogMap
 
@@ -318,17 +318,8 @@ def write_table(table: Mapping[str, Array], path: Path) -> None:
     writers = {".csv": _write_csv, ".parquet": _write_parquet, ".npz": _write_npz}
     if path.suffix.lower() not in writers:
         raise InputError(f"{path}: cannot write '{path.suffix}' files; use one of {', '.join(writers)}")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}; make it first, or write elsewhere")
-    scratch = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with scratch.open("wb") as file:
-            writers[path.suffix.lower()](table, file)
-        scratch.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
-    finally:
-        scratch.unlink(missing_ok=True)
+    with written(path) as scratch, scratch.open("wb") as file:
+        writers[path.suffix.lower()](table, file)
 
 
 def _write_csv(table: Mapping[str, Array], file: IO[bytes]) -> None:

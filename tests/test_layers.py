@@ -13,7 +13,7 @@ import frischid
 PACKAGE = Path(frischid.__file__).parent
 
 LAYERS = (
-    ("errors", "inertia", "urdf_text", "words"),
+    ("errors", "files", "inertia", "urdf_text", "words"),
     ("robot", "log", "gram", "triangular", "cluster", "archive", "store"),
     ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance", "recording", "tree"),
     (

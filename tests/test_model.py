@@ -13,10 +13,11 @@ from hypothesis.extra.numpy import arrays
 
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
+from frischid.files import check_writable
 from frischid.frisch import Box
 from frischid.gram import Column
 from frischid.identification import identify
-from frischid.model import SCHEMA, Model, check_writable
+from frischid.model import SCHEMA, Model
 from frischid.recording import Recording
 from frischid.regressor import nominal_parameters
 from frischid.robot import Robot

@@ -29,6 +29,17 @@ def test_what_no_motion_tells_apart_is_said():
         separate(PLANAR, BASELINE[0], spring, budget=100)
 
 
+def test_an_effect_that_contains_the_other_is_told_by_what_it_has_beside():
+    spring, hose = parse_effects("joint_spring@joint2, cable_hose@joint2")
+    for pair, budget in (((spring, hose), 3000), ((hose, spring), 10)):
+        apart = separate(PLANAR, *pair, budget=budget, seed=0)
+        assert (apart.first, apart.second) == (str(spring), str(hose))
+        assert apart.shared == ("kh2",)
+        if budget > 1000:
+            assert apart.sharper > 1.1
+            assert 0.1 < apart.correlation < apart.typical < 1
+
+
 def test_the_command_line_writes_the_motion(tmp_path):
     pair = ["--separate", "stribeck@joint2,hysteresis@joint2"]
     out = str(tmp_path / "motion.npz")

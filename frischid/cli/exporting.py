@@ -36,7 +36,8 @@ def box_options(command: Callable[..., Any]) -> Callable[..., Any]:
 def consistent(model: str, box: tuple[str, ...], no_shapes: bool, output: str | None, as_json: bool) -> None:
     """Find links that could exist (positive mass, physical inertia) and have the model's base parameters."""
     from frischid.consistency import make_consistent
-    from frischid.model import Model, check_writable
+    from frischid.files import check_writable
+    from frischid.model import Model
     from frischid.show import exporting as show
 
     if output:

@@ -103,8 +103,8 @@ def identify(
         rest = {"velocity": velocity, "strict": False, "diagnosed": 20, "output": output}
         run_fleet(robot, logs, scheduler, None, as_json, options, fit | rest)
         return
+    from frischid.files import check_writable
     from frischid.identification import identify as run
-    from frischid.model import check_writable
     from frischid.show import fitting as show
 
     if output:

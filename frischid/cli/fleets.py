@@ -84,9 +84,9 @@ def run_fleet(
     """Identify a fleet and print what was found; also what `frischid identify --scheduler` does."""
     from frischid.archive import entries
     from frischid.cluster import workers
+    from frischid.files import check_writable
     from frischid.fleet import identify_fleet
     from frischid.mapping import LogMap
-    from frischid.model import check_writable
     from frischid.show import fleets as show
 
     output = arguments["output"]

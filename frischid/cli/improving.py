@@ -90,18 +90,21 @@ def add(
     EFFECT is written as for `identify --effects`: stribeck(v_s=0.1)@joint3.
     """
     from frischid.effects import parse_effects
+    from frischid.files import check_writable
     from frischid.improvement import add as run
     from frischid.improvement import searched
-    from frischid.model import Model, check_writable
+    from frischid.model import Model
     from frischid.show import improving as show
 
     check_writable(output)
+    if joints is not None and "@" in effect:
+        raise InputError(f"'{effect}' says where it acts, and so does --joints {joints}; give one of them")
     loaded = Model.load(model)
     names = matching(joints, loaded.robot.joints)
     with working(as_json) as progress:
         progress("refitting")
         data, held_out = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
-        chosen = parse_effects(effect if names is None or "@" in effect else f"{effect}@{'+'.join(names)}")
+        chosen = parse_effects(effect if names is None else f"{effect}@{'+'.join(names)}")
         chosen = searched(loaded, chosen, effect, [*data, *held_out], situation)
         step = run(loaded, chosen, data, valid=held_out, situation=situation)
     step.model.save(output)
@@ -128,8 +131,9 @@ def improve(
     as_json: bool,
 ) -> None:
     """Diagnose and add until nothing passes; print how the error falls."""
+    from frischid.files import check_writable
     from frischid.improvement import improve as run
-    from frischid.model import Model, check_writable
+    from frischid.model import Model
     from frischid.show import improving as show
 
     if output:

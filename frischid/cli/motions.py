@@ -58,7 +58,7 @@ def simulate(
     **options: Any,
 ) -> None:
     """Record a log of a simulated robot, with noise, for trying things out."""
-    from frischid.model import check_writable
+    from frischid.files import check_writable
     from frischid.readers import read_log, write_log
     from frischid.show import motions as show
     from frischid.simulation import Noise
@@ -136,7 +136,7 @@ def excite(
     """Plan a motion that tells the parameters apart, within the robot's limits everywhere."""
     from frischid.effects import parse_effects
     from frischid.excitation import plan
-    from frischid.model import check_writable
+    from frischid.files import check_writable
     from frischid.separation import separate as tell_apart
     from frischid.show import motions as show
 
@@ -144,6 +144,8 @@ def excite(
         check_writable(path)
     if budget < 1:
         raise InputError(f"--budget must be at least one evaluation, got {budget}")
+    if not rate > 0:
+        raise InputError(f"--rate must be a positive number of samples a second, got {rate:g}")
     machine, _ = load(robot, options)
     pair = () if separate is None else parse_effects(separate)
     if separate is not None and len(pair) != 2:

@@ -18,8 +18,8 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
+from frischid.files import write_text
 from frischid.gram import Array
-from frischid.model import write_text
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")  # Okabe and Ito
 DASHES = ("solid", "dash", "dot", "dashdot")

@@ -17,9 +17,10 @@ from typing import Literal
 from plotly.offline import get_plotlyjs
 
 from frischid.diagnosis import Diagnosis
+from frischid.files import check_writable, write_text
 from frischid.gram import Array
 from frischid.log import Log
-from frischid.model import Model, check_writable, write_text
+from frischid.model import Model
 from frischid.report.html import esc
 from frischid.report.sections import sections
 from frischid.report.study import Study, study

@@ -124,7 +124,8 @@ def torque(study: Study) -> str:
     ]
     rows = []
     for name, j in study.comparison.joints.items():
-        texts = [number(j.rmse), number(j.bias), *(f"{x:.4f}" for x in (j.nrmse, j.noise_floor))]
+        bias = j.bias if abs(j.bias) > 1e-9 * j.rmse else 0.0  # what is left of a zero
+        texts = [number(j.rmse), number(bias), *(f"{x:.4f}" for x in (j.nrmse, j.noise_floor))]
         rows.append([esc(name), unit_of(study, name), *texts, f"{j.nominal:.3f}", f"{j.constant:.3f}", f"{j.fit:.1f}"])
     headings = ["joint", "unit", "rms error", "bias", "NRMSE", "noise floor", "URDF alone", "constant torque", "fit, %"]
     rest = study.comparison.resting

@@ -91,16 +91,22 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
     parts.append(f"noise floor {last.noise_floor:.4f}; last verdict: {last.verdict}")
     if output:
         parts.append(f"model written to {output}")
+    elif steps:
+        parts.append("no model was written: -o FILE keeps the improved one")
     return Page({"steps": rows, "noise_floor": last.noise_floor, "last": last.to_dict()}, parts)
 
 
 def history(model: Model) -> Page:
     """Steps of a model."""
-    table = table_of("step", "action", "effects", "NRMSE before", "after", "logs")
+    table = table_of("step", "action", "effects", "NRMSE before", "after", "measured on", "logs fitted")
     for i, event in enumerate(model.history):
-        before, after = event.get("error_before"), event.get("error_after", event.get("cross_validated_nrmse"))
+        before, after, where = event.get("error_before"), event.get("error_after"), event.get("measured_on", "")
+        if after is None and (after := event.get("held_out_nrmse")) is not None:
+            where = "held out"
+        elif after is None:
+            after, where = event.get("cross_validated_nrmse"), "cross-validated on the fitted logs"
         table.add_row(
             str(i), event["action"], ", ".join(event["effects"]), "–" if before is None else f"{before:.4f}",
-            "–" if after is None else f"{after:.4f}", str(len(event["logs"])),
+            "–" if after is None else f"{after:.4f}", where, str(len(event["logs"])),
         )  # fmt: skip
     return Page([dict(e) for e in model.history], [table])

@@ -7,16 +7,21 @@ from frischid.log import Log
 from frischid.separation import Apart
 from frischid.show.page import Page
 
+BETTER = 1.05  # times smaller standard errors that are worth a word
+
 
 def excitation(planned: Plan, output: str, picture: str | None, apart: Apart | None = None) -> Page:
     """What was planned, and which limits could not be met."""
     told = []
     if apart is not None:
+        better = f"{apart.sharper:.1f} times smaller than" if apart.sharper > BETTER else "no smaller than"
+        whose = "what is left of their columns beside all other parameters correlates by"
+        if apart.shared:
+            whose = f"{apart.second} has all that {apart.first} has, and more; that correlates with all others by"
         told = [
-            f"{apart.first} and {apart.second}: their parameters' standard errors are {apart.sharper:.1f} times "
-            "smaller than on a random motion",
-            f"what is left of their columns beside all other parameters correlates by {apart.correlation:.2f} "
-            f"({apart.typical:.2f} on a random motion; 1 would be: nothing tells them apart)",
+            f"{apart.first} and {apart.second}: their parameters' standard errors are {better} on a random motion",
+            f"{whose} {apart.correlation:.2f} ({apart.typical:.2f} on a random motion; 1 would be: nothing tells them "
+            "apart)",
         ]
     lines = [
         *told,

@@ -60,7 +60,8 @@ def table_of(*columns: str, title: str | None = None) -> Table:
         "parameters",
     }
     for column in columns:
-        table.add_column(column, justify="left" if column in words else "right", overflow="fold")
+        side = "left" if column in words else "right"
+        table.add_column(column, justify=side, overflow="fold", no_wrap=column == "joint")  # type: ignore[arg-type]
     return table
 
 

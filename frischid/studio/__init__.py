@@ -95,7 +95,7 @@ class Studio:
         InputError
             The logs do not fit the model, or `output` cannot be written.
         """
-        from frischid.model import check_writable
+        from frischid.files import check_writable
         from frischid.studio.bench import Bench
         from frischid.studio.tab import Tab
         from frischid.studio.track import Track
@@ -123,7 +123,8 @@ class Studio:
 
     def stop(self) -> None:
         """Close the page's server."""
-        self.server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):  # viser takes its leave
+            self.server.stop()
 
     def _arrived(self, client: Any) -> None:
         with self._lock:
