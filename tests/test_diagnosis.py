@@ -1,6 +1,7 @@
 """A hidden effect is found, named, added, and the error falls; nothing is found where nothing is hidden."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
@@ -188,6 +189,10 @@ def test_the_command_line(tmp_path):
     compared = json.loads(runner.invoke(main, ["compare", new, paths[1], "--json"]).output)
     assert {"nrmse", "noise_floor", "joints", "conditions"} <= set(compared)
     assert {"joint", "condition", "ratio", "p_value"} <= set(compared["conditions"][0])
+    assert "held out" in runner.invoke(main, ["history", new]).output
+    twice = runner.invoke(main, ["add", model, "stribeck@elbow_joint", paths[0], "--joints", "wrist_1*", "-o", new])
+    assert twice.exit_code == 2
+    assert "give one of them" in twice.output
     wrong = runner.invoke(main, ["add", model, "stribek", paths[0], "-o", new])
     assert wrong.exit_code == 2
     assert "stribeck" in wrong.output
@@ -394,3 +399,22 @@ def test_a_burst_within_what_the_noise_is_unsure_by_is_no_event(burst, found):
 
     noise, left = 1000 * 0.1**2, 0.9 * 990 * 0.1**2  # the floor is a little high
     assert _stands_out(rows(left + burst * noise, 1000), rows(left, 990), np.array([0.1])) == found
+
+
+@pytest.mark.parametrize("run", [diagnose, improve, lambda m, logs: add(m, parse_effects("stribeck"), logs)])
+def test_logs_that_cannot_be_judged_are_refused(run):
+    log = log_of(2)
+    still = replace(log, q=np.full_like(log.q, 0.3))
+    with pytest.raises(InputError, match=r"never moves|no joint moves"):
+        run(healthy(), [still])
+    silent = replace(log, tau=np.where(np.arange(6) == 2, np.nan, log.tau))
+    with pytest.raises(InputError, match=r"no torque \(tau_<joint>\) of elbow_joint"):
+        run(healthy(), [silent])
+    with pytest.raises(InputError, match=r"no position \(q_<joint>\) of wrist_3_joint"):
+        run(healthy(), [log.select(UR5.joints[:5])])
+
+
+def test_a_log_cannot_be_held_out_and_fitted():
+    for run in (diagnose, improve, lambda m, logs, valid: add(m, parse_effects("stribeck"), logs, valid=valid)):
+        with pytest.raises(InputError, match="both fitted and held out"):
+            run(healthy(), [log_of(2)], valid=[log_of(2)])

@@ -60,8 +60,9 @@ def table_of(*columns: str, title: str | None = None) -> Table:
         "parameters",
     }
     for column in columns:
-        side = "left" if column in words else "right"
-        table.add_column(column, justify=side, overflow="fold", no_wrap=column == "joint")  # type: ignore[arg-type]
+        table.add_column(
+            column, justify="left" if column in words else "right", overflow="fold", no_wrap=column == "joint"
+        )
     return table
 
 
