@@ -168,7 +168,7 @@ def diagnose(
         float(np.mean(floor / evidence.spread)),
         joints,
         tuple(contacts),
-        tuple(notes_on(state, verdict, description, stranger, judged, floor)),
+        tuple(notes_on(evidence, state, verdict, description, stranger, judged, floor)),
         description,
         evidence,
     )

@@ -19,7 +19,7 @@ from frischid.findings import ABOVE, HALF, Finding
 from frischid.gram import Array
 from frischid.ranking import TRIFLE, Ranking
 from frischid.resting import at_rest
-from frischid.words import each_of
+from frischid.words import each_of, listed
 
 Verdict = Literal["none", "effect", "contact", "unknown"]
 Known = Literal["always", "changed"]
@@ -67,6 +67,7 @@ def _seen(left: Array, noise: Array) -> NDArray[np.bool_]:
 
 
 def notes_on(
+    evidence: Evidence,
     state: Known,
     verdict: Verdict,
     description: Description | None,
@@ -76,6 +77,12 @@ def notes_on(
 ) -> list[str]:
     """What to tell beside the verdict: the situation it is judged in, and what it rests on."""
     notes = [f"taken as a robot that {'changed since it was identified' if state == 'changed' else 'was always so'}"]
+    lost = [n for n, error in zip(evidence.joints, evidence.nrmse(evidence.base_sse()), strict=True) if error > 1.0]
+    if lost:
+        notes.append(
+            f"the rest of these logs predicts {listed(lost)} worse than a constant torque would: they are too short or "
+            "move too little to judge the model by; take longer ones"
+        )
     seen = _seen(judged.full.nrmse(judged.full.base_sse()), floor / judged.full.spread) & at_rest(judged.full, floor)
     if verdict == "none" and seen.any():
         where = each_of([name for name, here in zip(judged.full.joints, seen, strict=True) if here])
