@@ -391,7 +391,7 @@ def test_output_is_refused_before_the_work(tmp_path, monkeypatch):
 
 def test_compare_with_a_log_that_lacks_a_torque(fitted, logs, tmp_path):
     path = changed(logs, tmp_path, tau_joint2=None)
-    refused([str(path), "no torque column (tau_<joint>) for joint2"], "compare", fitted[0], path)
+    refused([str(path), "no torque (tau_<joint>) of joint2"], "compare", fitted[0], path)
     path = changed(logs, tmp_path, q_joint2=None, tau_joint2=None)
     refused([str(path), "joint2"], "compare", fitted[0], path)
 

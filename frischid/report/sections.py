@@ -209,7 +209,7 @@ def lacking(study: Study) -> str:
         "effect is taken out of a model that has the others too: what they explain as well is not counted"
     )
     ranking = table(headings, rows, words=2, caption=caption)
-    described = "" if diagnosis.description is None else f"<p>{esc(str(diagnosis.description))}.</p>"
+    described = "".join(f"<p>{esc(note[:1].upper() + note[1:])}.</p>" for note in diagnosis.notes[1:])
     listed = items(contacts) if contacts else ""
     return head + listed + described + more + cards + folded("The whole ranking", ranking)
 

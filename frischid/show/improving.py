@@ -22,9 +22,8 @@ def diagnosis(result: Diagnosis) -> Page:
     }
     changed = "the robot changed since it was identified" if result.situation == "changed" else "it was always so"
     head = (
-        f"[bold]{verdicts[result.verdict]}[/bold] (taken as: {changed}). Held-out NRMSE {result.error:.4f}, noise "
-        "floor "
-        f"{result.noise_floor:.4f}."
+        f"[bold]{verdicts[result.verdict]}[/bold] (taken as: {changed}). Held-out NRMSE {result.error:.4f} (all these "
+        f"logs, each part predicted from the others), noise floor {result.noise_floor:.4f}."
     )
     parts: list[Any] = [head]
     for c in result.contacts:
@@ -38,8 +37,7 @@ def diagnosis(result: Diagnosis) -> Page:
             ", ".join(f.confused_with),
         )  # fmt: skip
     parts.append(table)
-    if result.description is not None:
-        parts.append(f"{result.description}.")
+    parts += [f"{note[:1].upper()}{note[1:]}." for note in result.notes[1:]]
     significant = [f for f in result.findings if f.significant]
     if significant:
         best = significant[0]
