@@ -25,6 +25,7 @@ from frischid.resting import at_rest
 from frischid.robot import Robot
 from frischid.words import each_of, listed
 
+WITHIN = 1.15  # noise floors: an error below is what the sensors leave, as well as that is known
 ABOVE = 2.0  # noise floors: an error below is not well above the noise, the floor being an estimate
 HALF, NEARLY = 0.5, 0.8  # of what is wrong where a finding acts
 OLD = "old_parameters"  # the finding that they no longer hold
@@ -82,7 +83,9 @@ class Finding:
         Where little is above the noise it must explain half of that; where that is all dry friction, nearly all.
         """
         sure = self.gain > 0 and self.p_value < SIGNIFICANCE and self.removed > TRIFLE**2
-        return sure and (self.floors > ABOVE or self.share >= (HALF if self.floors > 0 else NEARLY))
+        if self.floors > 0:
+            return sure and self.floors > WITHIN and (self.floors > ABOVE or self.share >= HALF)
+        return sure and self.share >= NEARLY
 
     def found(self, robot: Robot) -> list[tuple[str, float, str]]:
         """Its `parameters` to read: name, value and unit (empty for a pure number), coefficients first."""

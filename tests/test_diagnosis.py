@@ -383,8 +383,8 @@ def test_dry_friction_that_turns_a_little_early_or_late_raises_no_alarm():
 
 @pytest.mark.parametrize(
     ("floors", "share", "significant"),
-    [(2.5, 0.2, True), (1.5, 0.4, False), (1.5, 0.6, True), (0.0, 0.6, False), (0.0, 0.9, True)],
-    ids=["far above", "a part", "half", "half of dry friction at rest", "nearly all of it"],
+    [(2.5, 0.2, True), (1.5, 0.4, False), (1.5, 0.6, True), (1.1, 1.0, False), (0.0, 0.6, False), (0.0, 0.9, True)],
+    ids=["far above", "a part", "half", "what sensors leave", "half of dry friction at rest", "nearly all of it"],
 )
 def test_how_much_a_finding_must_explain(floors, share, significant):
     finding = Finding("stribeck", (), 0.02, 0.01, 50.0, 3e-4, share, floors, 1e-6, {}, (), "", ())
