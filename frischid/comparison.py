@@ -256,8 +256,8 @@ class Kept:
 def _summary(
     model: Model, sums: _Sums, everything: _Sums, sources: tuple[str, ...], noise: NoiseFloor, residuals: Residuals
 ) -> Comparison:
-    constant = sums.std <= 1e-7 * np.sqrt(sums.tau2 / np.maximum(sums.count, 1))
-    flat = [name for name, n, same in zip(model.joints, sums.count, constant, strict=True) if n < 2 or same]
+    steady = sums.std <= 1e-7 * np.sqrt(sums.tau2 / np.maximum(sums.count, 1))
+    flat = [name for name, n, same in zip(model.joints, sums.count, steady, strict=True) if n < 2 or same]
     if flat:
         raise InputError(
             f"{', '.join(sources)}: {each_of(flat)} never moves, or its torque never changes: there is nothing to "
