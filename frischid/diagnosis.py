@@ -121,7 +121,8 @@ def diagnose(
     Raises
     ------
     InputError
-        There is no log, one is given twice, a log lacks a joint of the model or its torque, or a joint never moves.
+        There is no log, one is both fitted and held out, one lacks a joint of the model or its torque, or a joint never
+        moves.
     UnknownNameError
         An effect that is not in the catalogue.
     """

@@ -68,9 +68,7 @@ def add(
         Data to measure the error on.
     situation : {"auto", "always", "changed"}
         ``"auto"`` is decided as by `diagnose`. ``"always"``: all parameters are fitted again. ``"changed"``: the
-        model's own parameters are kept as a prior,
-        so that what
-        changed ends up in the effect.
+        model's own parameters are kept as a prior, so that what changed ends up in the effect.
     finding : Finding, optional
 
     Returns

@@ -83,8 +83,8 @@ def notes_on(
             f"the rest of these logs predicts {listed(lost)} worse than a constant torque would: they are too short or "
             "move too little to judge the model by; take longer ones"
         )
-    seen = _seen(judged.full.nrmse(judged.full.base_sse()), floor / judged.full.spread) & at_rest(judged.full, floor)
-    if verdict == "none" and seen.any():
+    seen = _seen(judged.full.nrmse(judged.full.base_sse()), floor / judged.full.spread)
+    if verdict == "none" and seen.any():  # or it would be unknown: all of it is at rest
         where = each_of([name for name, here in zip(judged.full.joints, seen, strict=True) if here])
         notes.append(f"what is left on {where} is where it turns or rests, where dry friction is anybody's guess")
     if judged.full.missed.any():
