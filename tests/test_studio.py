@@ -4,6 +4,7 @@ import re
 import socket
 import threading
 import time
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -545,6 +546,7 @@ def test_being_open_to_others_is_said(case, tmp_path, monkeypatch):
     write_log(logs[0], tmp_path / "log.parquet")
 
     def interrupted(_):
+        warnings.warn("Queued a Message on a closed connection", UserWarning, stacklevel=1)  # nobody need read this
         raise KeyboardInterrupt
 
     arguments = ["studio", str(tmp_path / "model.json"), str(tmp_path / "log.parquet"), "--port", "8260"]

@@ -54,11 +54,14 @@ def studio(
 ) -> None:
     """A page to work in: the robot moves along the log, a click adds what is missing, and the error falls."""
     import time
+    import warnings
     from pathlib import Path
 
     from frischid.studio import Studio
 
     path = output or str(Path(model).with_name(f"{Path(model).stem}-studio.json"))
+    # A browser tab may be closed at any time, also while something is sent to it.
+    warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
     running = Studio(host, port)  # before all that takes time: a browser may begin to load the page
     try:
         from frischid.show import studio as show

@@ -1,0 +1,144 @@
+"""How long a user of the studio waits: from the command to the first view, from a click to the new error.
+
+`frischid studio` runs as a process of its own on the UR10e's five identification logs (of the planar demonstration
+where FRISCHID_DATA is not set); a headless Chromium, which is open already, goes to its page as soon as it is served.
+Where there is no GPU, the browser draws the robot on the same processor that computes. Needs Chromium. The robot is
+seen in screenshots, which take time of their own.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+from common import data_folder, parser, publish
+from PIL import Image
+from playwright.sync_api import sync_playwright
+from real_robots import CASES, UR10E_GAIN, identified
+
+import frischid as fr
+from frischid import demo
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from browser import CHROMIUM, QUIET
+
+CURVES = "() => document.querySelectorAll('.js-plotly-plot .scatterlayer .trace path').length >= 2"
+PATIENCE = 300_000  # ms; a busy machine is slow, not wrong
+SERVED, VERDICT, DRAWN, ROBOT, CLICK = "page served", "verdict", "curves", "curves and robot", "click to new error"
+ASKED = {SERVED: None, VERDICT: 5.0, DRAWN: 5.0, ROBOT: 5.0, CLICK: 3.0}
+MIDDLE = {"x": 560, "y": 300, "width": 160, "height": 300}  # of the page, where the robot stands
+SHADES = 20  # of grey, fewer than which are an empty scene
+
+
+def main() -> None:
+    """Print the table."""
+    arguments = parser(__doc__)
+    arguments.add_argument("--rounds", type=int, default=7)
+    arguments.add_argument("--gl", default="", metavar="SWITCHES", help="how the browser draws in 3D; its own choice")
+    options = arguments.parse_args()
+    if CHROMIUM is None:
+        sys.exit("error: no chromium on this machine: apt-get install chromium")
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        arguments_of_studio, shown = subject(Path(folder))
+        rounds = []
+        for i in range(options.rounds):
+            browser = playwright.chromium.launch(
+                executable_path=CHROMIUM, args=["--headless", *QUIET, *options.gl.split()]
+            )
+            rounds.append(waits(browser, arguments_of_studio, 8500 + 10 * i))
+            browser.close()
+    rows = []
+    for name, asked in ASKED.items():
+        seconds = [found[name] for found in rounds]
+        rows.append(
+            {
+                "wait": name,
+                "best s": min(seconds),
+                "median s": statistics.median(seconds),
+                "worst s": max(seconds),
+                "asked": "" if asked is None else f"{asked:g}",
+                "reached": "" if asked is None else ("yes" if max(seconds) <= asked else "NO"),
+            }
+        )
+    notes = [f"{options.rounds} rounds; all but the click from the start of the command, a new process every time"]
+    publish(f"the studio on {shown}", rows, options.json, notes)
+
+
+def subject(folder: Path) -> tuple[list[str], str]:
+    """A model, saved, and the arguments that show it on its logs."""
+    model, data = folder / "model.json", data_folder()
+    if data is None:
+        shown = demo.run(0)
+        shown.model.save(model)
+        logs = [folder / f"log{i}.parquet" for i in range(len(shown.logs))]
+        for log, path in zip(shown.logs, logs, strict=True):
+            fr.write_log(log, path)
+        return [str(model), *map(str, logs)], "the demonstration's arm"
+    case = CASES[0]
+    found, _ = identified(case, data)
+    found.model.save(model)
+    gains = folder / "map.toml"
+    lines = [f"{joint} = {gain}" for joint, gain in UR10E_GAIN.items()]
+    gains.write_text("\n".join(["[current_gain]", *lines, ""]), encoding="utf-8")
+    logs = [data / path for path in case.fit]
+    return [str(model), *map(str, logs), "--map", str(gains)], f"the UR10e's {len(logs)} logs"
+
+
+def waits(browser: Any, arguments: list[str], port: int) -> dict[str, float]:
+    """Seconds of one session."""
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.set_default_timeout(PATIENCE)
+    address = f"http://localhost:{port}"
+    start = time.perf_counter()
+    command = [sys.executable, "-m", "frischid", "studio", *arguments, "--port", str(port)]
+    running = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    try:
+        while not served(address):
+            time.sleep(0.01)
+        found = {SERVED: time.perf_counter() - start}
+        page.goto(address, wait_until="commit")
+        page.wait_for_selector("text=misses")
+        found[VERDICT] = time.perf_counter() - start
+        page.wait_for_function(CURVES)
+        found[DRAWN] = time.perf_counter() - start
+        while shades(page.screenshot(clip=MIDDLE)) < SHADES:
+            pass
+        found[ROBOT] = time.perf_counter() - start
+        page.get_by_role("button", name=re.compile("^Add .* → ")).first.wait_for()
+        page.wait_for_timeout(1000)
+        start = time.perf_counter()
+        page.get_by_role("button", name=re.compile("^Add .* → ")).first.click()
+        page.wait_for_selector("text=Last step, ")
+        found[CLICK] = time.perf_counter() - start
+    finally:
+        running.send_signal(signal.SIGINT)
+        running.wait()
+        page.close()
+    return found
+
+
+def shades(png: bytes) -> int:
+    """How many greys there are in a picture."""
+    return len(Image.open(io.BytesIO(png)).convert("L").getcolors() or ())
+
+
+def served(address: str) -> bool:
+    """Whether the page is there."""
+    try:
+        with urllib.request.urlopen(address) as answer:
+            return bool(answer.status == 200)
+    except OSError:
+        return False
+
+
+if __name__ == "__main__":
+    main()
