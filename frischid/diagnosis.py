@@ -23,7 +23,7 @@ from frischid.description import Description, best_foreign, describe, outdone
 from frischid.effects import EFFECTS
 from frischid.errors import InputError, UnknownNameError
 from frischid.evidence import Evidence
-from frischid.findings import Finding, findings_of, refitted
+from frischid.findings import WITHIN, Finding, findings_of, refitted
 from frischid.gram import Array
 from frischid.log import Log
 from frischid.model import Model
@@ -69,6 +69,14 @@ class Diagnosis:
     notes: tuple[str, ...]
     description: Description | None
     evidence: Evidence = field(repr=False)
+
+    @property
+    def remainder(self) -> str:
+        """What is to be said of what is left, where nothing is found: it need not be the sensors' noise."""
+        if self.error <= WITHIN * self.noise_floor:
+            return "nothing is missing: what is left is what the sensors leave"
+        times = f"{self.error / self.noise_floor:.1f} × " if self.noise_floor > 0 else "more than "
+        return f"no effect of the catalogue passes; what is left is {times}what the sensors alone would leave"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -169,7 +177,7 @@ def diagnose(
         float(np.mean(floor / evidence.spread)),
         joints,
         tuple(contacts),
-        tuple(notes_on(evidence, state, verdict, description, stranger, judged, floor)),
+        tuple(notes_on(evidence, state, verdict, description, stranger, judged, floor, findings)),
         description,
         evidence,
     )

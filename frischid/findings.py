@@ -77,15 +77,30 @@ class Finding:
     members: tuple[Effect, ...]
 
     @property
-    def significant(self) -> bool:
-        """Whether it is more than chance, more than a trifle, and not a part of what sensors or dry friction may leave.
+    def sure(self) -> bool:
+        """Whether it is more than chance and more than a trifle."""
+        return self.gain > 0 and self.p_value < SIGNIFICANCE and self.removed > TRIFLE**2
+
+    @property
+    def withheld(self) -> str:
+        """Why it may be no more than a part of what sensors or dry friction leave; empty where it is more.
 
         Where little is above the noise it must explain half of that; where that is all dry friction, nearly all.
         """
-        sure = self.gain > 0 and self.p_value < SIGNIFICANCE and self.removed > TRIFLE**2
-        if self.floors > 0:
-            return sure and self.floors > WITHIN and (self.floors > ABOVE or self.share >= HALF)
-        return sure and self.share >= NEARLY
+        part = f"it explains {self.share:.0%} of what is above the noise there"
+        if self.floors == 0 and self.share > 0:
+            rests = f"all of that is where a joint turns or rests, and {NEARLY:.0%} is asked of an effect"
+            return "" if self.share >= NEARLY else f"{part}, {rests}"
+        if self.floors <= WITHIN:
+            return "hardly more is left there than what the sensors leave"
+        if self.floors <= ABOVE and self.share < HALF:
+            return f"{part}, and at only {self.floors:.1f} noise floors {HALF:.0%} is asked of an effect"
+        return ""
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is called missing: sure, and with nothing for which it is withheld."""
+        return self.sure and not self.withheld
 
     def found(self, robot: Robot) -> list[tuple[str, float, str]]:
         """Its `parameters` to read: name, value and unit (empty for a pure number), coefficients first."""

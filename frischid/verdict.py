@@ -74,6 +74,7 @@ def notes_on(
     stranger: Stranger | None,
     judged: Ranking,
     floor: Array,
+    findings: Sequence[Finding],
 ) -> list[str]:
     """What to tell beside the verdict: the situation it is judged in, and what it rests on."""
     notes = [f"taken as a robot that {'changed since it was identified' if state == 'changed' else 'was always so'}"]
@@ -87,6 +88,10 @@ def notes_on(
     if verdict == "none" and seen.any():  # or it would be unknown: all of it is at rest
         where = each_of([name for name, here in zip(judged.full.joints, seen, strict=True) if here])
         notes.append(f"what is left on {where} is where it turns or rests, where dry friction is anybody's guess")
+    withheld = next((f for f in findings if f.sure and f.withheld), None)
+    if verdict == "none" and withheld is not None:
+        where = listed(withheld.joints) or "the robot"
+        notes.append(f"more than chance, yet not called missing: {withheld.effect} on {where}; {withheld.withheld}")
     if judged.full.missed.any():
         notes.append("not the model's own logs: what explains more than was missing on those comes first")
     if description is not None and stranger is not None:

@@ -80,6 +80,16 @@ def test_a_healthy_robot_raises_no_alarm():
     assert found.verdict == "none"
     assert not any(f.significant for f in found.findings)
     assert found.error < 2 * found.noise_floor
+    assert (
+        replace(found, error=found.noise_floor).remainder
+        == "nothing is missing: what is left is what the sensors leave"
+    )
+    assert replace(found, error=1.7 * found.noise_floor).remainder.endswith(
+        "is 1.7 × what the sensors alone would leave"
+    )
+    assert replace(found, error=0.01, noise_floor=0.0).remainder.endswith(
+        "is more than what the sensors alone would leave"
+    )
 
 
 def test_a_payload_is_a_change():
@@ -382,13 +392,40 @@ def test_dry_friction_that_turns_a_little_early_or_late_raises_no_alarm():
 
 
 @pytest.mark.parametrize(
-    ("floors", "share", "significant"),
-    [(2.5, 0.2, True), (1.5, 0.4, False), (1.5, 0.6, True), (1.1, 1.0, False), (0.0, 0.6, False), (0.0, 0.9, True)],
-    ids=["far above", "a part", "half", "what sensors leave", "half of dry friction at rest", "nearly all of it"],
+    ("floors", "share", "why"),
+    [
+        (2.5, 0.2, ""),
+        (1.5, 0.4, "it explains 40% of what is above the noise there, and at only 1.5 noise floors 50% is asked"),
+        (1.5, 0.6, ""),
+        (1.1, 1.0, "hardly more is left there than what the sensors leave"),
+        (0.0, 0.6, "it explains 60% of what is above the noise there, all of that is where a joint turns or rests"),
+        (0.0, 0.9, ""),
+        (0.0, 0.0, "hardly more is left there than what the sensors leave"),
+    ],
+    ids=[
+        "far above",
+        "a part",
+        "half",
+        "what sensors leave",
+        "half of dry friction at rest",
+        "nearly all of it",
+        "nothing",
+    ],
 )
-def test_how_much_a_finding_must_explain(floors, share, significant):
+def test_how_much_a_finding_must_explain(floors, share, why):
     finding = Finding("stribeck", (), 0.02, 0.01, 50.0, 3e-4, share, floors, 1e-6, {}, (), "", ())
-    assert finding.significant == significant
+    assert finding.sure
+    assert finding.withheld.startswith(why)
+    assert finding.significant == (not why) == (not finding.withheld)
+
+
+def test_what_is_withheld_is_told():
+    logs = [log_of(s, "hysteresis@wrist_2_joint", fh5=0.06) for s in (1, 2)]
+    found = diagnose(identify(UR5, logs[:1], recursion="none").model, logs[:1], valid=logs[1:])
+    withheld = next(f for f in found.findings if f.sure and f.withheld)
+    assert found.verdict == "none"
+    (told,) = [note for note in found.notes if withheld.withheld in note]
+    assert told.startswith("more than chance, yet not called missing: ")
 
 
 @pytest.mark.parametrize(("burst", "found"), [(0.05, False), (0.2, True)])

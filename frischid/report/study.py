@@ -120,7 +120,7 @@ def missing(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "unknown":
         part = f"; {named} explains a part of it" if named else ""
         return f"Something is missing that nothing in the catalogue explains{part}"
-    return f"Missing: {named}" if named else "Nothing is missing that these logs can show"
+    return f"Missing: {named}" if named else f"{diagnosis.remainder[:1].upper()}{diagnosis.remainder[1:]}"
 
 
 def opened(sentence: str, joints: Collection[str]) -> str:

@@ -14,15 +14,9 @@ from frischid.show.page import Page, change, quantities, table_of
 
 def diagnosis(result: Diagnosis) -> Page:
     """Verdict, ranking and what could be confused."""
-    verdicts = {
-        "none": "nothing is missing that these logs can show",
-        "effect": "an effect is missing",
-        "contact": "something touched the robot",
-        "unknown": "something is missing, and nothing in the catalogue explains it",
-    }
     changed = "the robot changed since it was identified" if result.situation == "changed" else "it was always so"
     head = (
-        f"[bold]{verdicts[result.verdict]}[/bold] (taken as: {changed}). Held-out NRMSE {result.error:.4f} (all these "
+        f"[bold]{verdict_of(result)}[/bold] (taken as: {changed}). Held-out NRMSE {result.error:.4f} (all these "
         f"logs, each part predicted from the others), noise floor {result.noise_floor:.4f}."
     )
     parts: list[Any] = [head]
@@ -55,6 +49,16 @@ def diagnosis(result: Diagnosis) -> Page:
     return Page(result.to_dict(), parts)
 
 
+def verdict_of(result: Diagnosis) -> str:
+    """The verdict in words."""
+    return {
+        "none": result.remainder,
+        "effect": "an effect is missing",
+        "contact": "something touched the robot",
+        "unknown": "something is missing, and nothing in the catalogue explains it",
+    }[result.verdict]
+
+
 def added(step: Step, output: str) -> Page:
     """Error before and after."""
     names = ", ".join(str(e) for e in step.model.effects)
@@ -85,8 +89,8 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
             {"effect": effect, "joints": list(finding.joints) if finding is not None else [],
              "error_before": step.error_before, "error_after": step.error_after}
         )  # fmt: skip
-    parts: list[Any] = [table] if steps else ["nothing passes: no effect of the catalogue lowers the held-out error"]
-    parts.append(f"noise floor {last.noise_floor:.4f}; last verdict: {last.verdict}")
+    parts: list[Any] = [table] if steps else []
+    parts.append(f"noise floor {last.noise_floor:.4f}; {verdict_of(last)}")
     if output:
         parts.append(f"model written to {output}")
     elif steps:
