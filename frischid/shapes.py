@@ -5,8 +5,8 @@ Adding an effect C β also changes the base parameters by Δθ. What the model's
     Δτ̂ = Y Δθ + C β,
 
 and that, not C β alone, is what the residual should look like. It is shown over the one quantity (position, velocity,
-acceleration, load or time) of which it is most a function: the one whose bins explain the largest share of its
-variance,
+acceleration or load; time if it is a function of none of these) of which it is most a function: the one whose bins
+explain the largest share of its variance,
 
     η² = Σ_bins n_b (mean_b Δτ̂ − mean Δτ̂)² / Σ (Δτ̂ − mean Δτ̂)²    (correlation ratio, Pearson 1905).
 
@@ -103,7 +103,8 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
     columns = {k: getattr(prediction, k)[where, row] for k in ("q", "v", "a")}
     columns |= {"load": prediction.fitted[where, row], "t": prediction.t[where]}
     scores = {k: correlation_ratio(columns[k], added) for k in VARIABLES}
-    variable = max(scores, key=lambda k: scores[k])
+    physical = max(VARIABLES[:-1], key=lambda k: scores[k])
+    variable = physical if scores[physical] >= FUNCTION else VARIABLES[-1]  # of a slow motion all is a function of time
     joint = evidence.joints[row]
     explained = 1.0 - float(((residual - added) ** 2).sum() / max(float((residual**2).sum()), 1e-300))
     if scores[variable] >= FUNCTION:

@@ -13,9 +13,11 @@ from browser import OVERLAPS, needs_browser, opened
 from frischid import figures
 from frischid.comparison import compare
 from frischid.conditions import Condition
+from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.identification import identify
+from frischid.prediction import predict
 from frischid.readers import read_log
 from frischid.report import page, report, study
 from frischid.report.html import command
@@ -23,6 +25,7 @@ from frischid.report.sections import data, parameters, rounded, verdict
 from frischid.report.study import missing
 from frischid.report.study import opened as capital
 from frischid.robot import Robot
+from frischid.shapes import correlation_ratio, shape_of
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier
 
@@ -37,10 +40,10 @@ UR10E = {
 }  # fmt: skip
 
 
-def recorded(effects=(), extra=None, name="log", seed=0, robot="planar2", rate=100.0, seconds=20.0):
+def recorded(effects=(), extra=None, name="log", seed=0, robot="planar2", rate=100.0, seconds=20.0, scale=1.0):
     """A log of a simulated arm."""
     machine = Robot.load(robot)
-    motion = random_fourier(machine, seconds, seed=seed)
+    motion = random_fourier(machine, seconds, seed=seed, scale=scale)
     return simulate(
         machine, motion, rate=rate, effects=(*BASELINE, *effects), parameters=extra or {},
         noise=Noise(q=1e-5, tau=0.01), channels=(), seed=seed, name=name,
@@ -252,6 +255,19 @@ def test_a_shape_of_several_joints_says_whose_it_is(spring):
     both = replace(found, members=tuple(members), parameters=dict.fromkeys(names, 1.0))
     shapes = [name for name, _, _ in both.found(spring[1].model.robot)][-2:]
     assert shapes == ["distance of joint1", "distance of joint2"]
+
+
+def test_on_a_slow_motion_a_spring_is_shown_over_the_angle():
+    log = recorded(parse_effects("joint_spring@joint2"), {"ks2": 4.0}, seconds=20.0, scale=0.2)
+    model = identify(Robot.load("planar2"), [log]).model
+    found = diagnose(model, [log], situation="always", effects=["joint_spring"])
+    (finding,) = [f for f in found.findings if f.members]
+    drawn = shape_of(found, finding, predict(model, [log]))
+    time = np.linspace(0.0, 1.0, len(drawn.added))
+    assert (drawn.joint, drawn.variable) == ("joint2", "q")
+    assert correlation_ratio(time, drawn.added) > correlation_ratio(drawn.x, drawn.added), (
+        "it is a function of time too"
+    )
 
 
 def test_sentences_begin_with_a_capital_or_a_joint():
