@@ -40,7 +40,7 @@ UR10E = {
 }  # fmt: skip
 
 
-def recorded(effects=(), extra=None, name="log", seed=0, robot="planar2", rate=100.0, seconds=20.0, scale=1.0):
+def recorded(effects=(), extra=None, name="log", seed=0, robot="planar2", rate=100.0, seconds=20.0, scale=0.7):
     """A log of a simulated arm."""
     machine = Robot.load(robot)
     motion = random_fourier(machine, seconds, seed=seed, scale=scale)
