@@ -7,6 +7,7 @@ from typing import Any
 
 from frischid.diagnosis import Diagnosis
 from frischid.effects import EFFECTS
+from frischid.findings import SEVERAL
 from frischid.improvement import Step
 from frischid.model import Model
 from frischid.show.page import Page, change, quantities, table_of
@@ -39,10 +40,7 @@ def diagnosis(result: Diagnosis) -> Page:
         confirm = f" Found: {found}. To confirm: {EFFECTS[best.effect].confirmed_by}." if best.effect in EFFECTS else ""
         parts.append(f"{best.sentence}.{confirm}")
     if len(significant) > 1:
-        parts.append(
-            "The findings below the first are what each would do alone; many vanish once the first is in the model. "
-            "`frischid improve` adds them one at a time."
-        )
+        parts.append(f"{SEVERAL} `frischid improve` adds them one at a time.")
     parts.append(
         "removes: share of the error above the noise floor on its joints; gain: held-out log likelihood less its price"
     )

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 SHOWN = 6
 VARIABLES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "load", "time": "t"}
 EVERY = "every joint"
-NUMBERS = " On the buttons: NRMSE on data left out of each fit, without the effect → with it."
+NUMBERS = "On the buttons: NRMSE on data left out of each fit, without the effect → with it."
 BLINK, PATIENCE = 0.05, 3.0  # s
 WIDTH = 430  # pixels of each panel
 HIGH, HIGH_ON_PHONE = 0.95, 1.2  # of the height that a figure has in the report, in a panel and in the sheet
@@ -256,6 +256,7 @@ class Tab:
 
     def _list(self, state: State) -> None:
         """The findings, each with its button; rebuilt, because they are others after every step."""
+        from frischid.findings import SEVERAL
         from frischid.report.study import missing
 
         for handle in self._listed:
@@ -268,8 +269,8 @@ class Tab:
                 )
                 return
             passing = [f for f in state.diagnosis.findings if f.significant and f.members]
-            told = f"{missing(state.diagnosis)}.{NUMBERS if passing else ''}"
-            self._listed.append(self.client.gui.add_markdown(plain(told)))
+            told = [f"{missing(state.diagnosis)}.", NUMBERS if passing else "", SEVERAL if len(passing) > 1 else ""]
+            self._listed.append(self.client.gui.add_markdown(plain(" ".join(filter(None, told)))))
             for finding in passing[:SHOWN]:
                 self._offer(finding, state.revision)
 
