@@ -148,6 +148,16 @@ def test_effects_are_named_in_the_staircase(case):
     assert "broken" not in picture.reading
 
 
+def test_the_stair_begins_at_the_error_its_first_step_was_measured_against(case):
+    model = case[0]
+    event = {"action": "add", "effects": ["joint_spring@joint2"], "error_before": 0.08, "error_after": 0.01}
+    picture = figures.staircase(replace(model, history=(*model.history, event)), 0.001)
+    stairs = picture.figure.data[0]
+    assert stairs.y == (0.08, 0.08, 0.08, 0.01, 0.01)
+    assert None not in stairs.x
+    assert picture.reading.startswith("1 effect added: 0.0800 → 0.0100")
+
+
 def test_many_steps_make_room_for_each_other(case):
     model = case[0]
     event = {"action": "add", "effects": ["joint_spring@joint2"], "error_before": 0.02, "error_after": 0.01}

@@ -12,7 +12,10 @@ CROWD = 6
 
 
 def steps_of(model: Model) -> list[tuple[str, float | None, float]]:
-    """What was done, and the error before and after it; steps without an error are passed over."""
+    """What was done, and the error before and after it; steps without an error are passed over.
+
+    The first model's error is the one its first change was measured against: on the same data as what came of it.
+    """
     found: list[tuple[str, float | None, float]] = []
     for event in model.history:
         after = event.get("error_after", event.get("held_out_nrmse"))
@@ -22,6 +25,8 @@ def steps_of(model: Model) -> list[tuple[str, float | None, float]]:
         effects = event.get("effects", [])
         name = event["action"] if event["action"] == "identify" else " + ".join(_kinds(effects)) or event["action"]
         found.append((name, event.get("error_before"), float(after)))
+    if len(found) > 1 and (same_data := found[1][1]) is not None:
+        found[0] = (*found[0][:2], same_data)
     return found
 
 
@@ -76,7 +81,7 @@ def staircase(model: Model, floor: float) -> Drawing:
     # The errors are written out: lines of a grid would only strike them through.
     figure.update_yaxes(title_text="NRMSE", range=[0, (1.5 if crowded else 1.3) * top], showgrid=False)
     if len(steps) > 1:
-        first, last = steps[1][1] or steps[0][2], steps[-1][2]
+        first, last = steps[0][2], steps[-1][2]
         added = len(steps) - 1
         reading = (
             f"{added} effect{'s' * (added > 1)} added: {first:.4f} → {last:.4f}, {last / floor:.1f} × the noise floor."

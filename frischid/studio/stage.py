@@ -25,6 +25,7 @@ AROUND = 0.25  # s on either side of a moment over which the error is averaged
 COOL, HOT = np.array([150.0, 170.0, 190.0]), np.array([213.0, 94.0, 0.0])
 MOMENTS = 30  # of the logs, at which the robot must be seen
 AHEAD = np.array([-0.8, 0.9, -0.6]) / np.linalg.norm([0.8, 0.9, 0.6])  # where the camera looks
+LETTER = 7.5  # pixels of the label's text
 MARGIN = 1.25  # bodies are thicker than the line from joint to joint
 
 
@@ -50,9 +51,11 @@ class Stage:
         self.urdf = urdf_of(robot)
         self.drawn = ViserUrdf(client, self.urdf, root_node_name="/robot")
         self.top = max(0.02, max(j.nrmse for j in bench.state.comparison.joints.values()))
+        self._names = tuple(self.urdf.actuated_joint_names)
+        self._fixed = {**dict.fromkeys(self._names, 0.0), **robot.locked}
         size = float(self.urdf.scene.scale) if self.urdf.scene.geometry else 1.0
         self.markers: dict[str, Any] = {}
-        radius = max(0.045 * size, 1.6 * thickness_of(robot))
+        radius = max(min(0.045 * size, 0.3 * self._apart(size)), 1.6 * thickness_of(robot))
         self._above = np.array([0.0, 0.0, 1.4 * radius])  # a label is read, and its joint is seen
         for name in bench.state.model.joints:
             marker = client.scene.add_cylinder(f"/joints/{name}", radius=radius, height=1.5 * radius)
@@ -61,8 +64,7 @@ class Stage:
         self.turns = {name: _turn(self.urdf.joint_map[name].axis) for name in self.markers}
         self.label = client.scene.add_label("/chosen", "", anchor="bottom-center")
         client.scene.add_grid("/floor", width=4 * size, height=4 * size, cell_size=size / 5, section_size=size)
-        self._names = tuple(self.urdf.actuated_joint_names)
-        self._fixed = {**dict.fromkeys(self._names, 0.0), **robot.locked}
+        self._free = free
         self._look(free)
 
     def _look(self, free: tuple[float, float]) -> None:
@@ -85,11 +87,19 @@ class Stage:
 
     def _places(self) -> Array:
         """Where the base and the joints are at moments spread evenly, m, (P, 3)."""
-        places = [np.zeros(3)]
-        for x in np.linspace(0.0, self.track.x[-1], MOMENTS):
-            self.urdf.update_cfg(self._configuration(x))
-            places += [self.urdf.get_transform(self.urdf.joint_map[name].child)[:3, 3] for name in self.markers]
-        return np.array(places)
+        moments = np.linspace(0.0, self.track.x[-1], MOMENTS)
+        return np.concatenate([np.zeros((1, 3)), *map(self._joints_at, moments)])
+
+    def _joints_at(self, x: float) -> Array:
+        """Where the joints are at a moment, m, (J, 3)."""
+        self.urdf.update_cfg(self._configuration(x))
+        children = (self.urdf.joint_map[name].child for name in self.bench.state.model.joints)
+        return np.array([self.urdf.get_transform(child)[:3, 3] for child in children])
+
+    def _apart(self, usual: float) -> float:
+        """How far joints that follow each other are apart, m; `usual` where there is but one."""
+        gaps = np.linalg.norm(np.diff(self._joints_at(0.0), axis=0), axis=1)
+        return float(np.median(gaps[gaps > 1e-3])) if (gaps > 1e-3).any() else usual
 
     def pose(self, x: float, joint: str, colouring: Colouring) -> None:
         """Show a moment."""
@@ -101,9 +111,19 @@ class Stage:
                 marker.position = tuple(pose[:3, 3])
                 marker.wxyz = tf.SO3.from_matrix(pose[:3, :3] @ self.turns[name]).wxyz
                 marker.color = colour_of(errors[name], self.top)
-                if name == joint:
-                    self.label.position = tuple(pose[:3, 3] + self._above)
             self.label.text = f"{joint}: misses {100 * errors[joint]:.1f} %"
+            self.label.position = self.markers[joint].position + self._above
+            self.label.anchor = self._anchor()
+
+    def _anchor(self) -> Literal["bottom-left", "bottom-center", "bottom-right"]:
+        """Where the label's text goes from its joint, so that no panel covers it."""
+        camera = self.client.camera
+        x, _, z = tf.SO3(camera.wxyz).inverse() @ (self.label.position - camera.position)
+        place = x / (max(z, 1e-6) * float(np.tan(camera.fov / 2)))  # in halves of the page's height, from its middle
+        half = LETTER * len(self.label.text) / camera.image_height
+        if place - half < -self._free[0]:
+            return "bottom-left"
+        return "bottom-right" if place + half > self._free[0] else "bottom-center"
 
     def _configuration(self, x: float) -> Array:
         values = self._fixed | dict(zip(self.bench.state.model.robot.joints, self.track.at(x), strict=True))
