@@ -301,10 +301,15 @@ def test_a_session_in_the_browser(case, tmp_path):
 def spot(running, page, joint):
     """Where a joint is seen, in pixels of the page: its position through the camera of the one tab there is."""
     settled(lambda: running.tabs)  # the curves are there before the robot
-    ((number, tab),) = running.tabs.items()
-    camera = running.server.get_clients()[number].camera
+    ((_, tab),) = running.tabs.items()
+    return pixel(running, page, tab.stage.markers[joint].position)
+
+
+def pixel(running, page, place):
+    """Where a place is seen."""
+    (camera,) = [client.camera for client in running.server.get_clients().values()]
     canvas = page.locator("canvas").first.bounding_box()
-    x, y, z = tf.SO3(camera.wxyz).inverse() @ (tab.stage.markers[joint].position - camera.position)
+    x, y, z = tf.SO3(camera.wxyz).inverse() @ (place - camera.position)
     assert z > 0, "behind the camera"
     focal = canvas["height"] / 2 / np.tan(camera.fov / 2)
     return canvas["x"] + canvas["width"] / 2 + focal * x / z, canvas["y"] + canvas["height"] / 2 + focal * y / z
@@ -484,6 +489,29 @@ def test_many_steps_fit_into_the_panel(case, tmp_path):
         running.stop()
 
 
+END = np.array([0.5, 0.0, 0.0])  # of the planar arm's last link as it is drawn, m
+
+
+@needs_browser
+def test_the_end_of_the_last_link_is_in_view_too(case, tmp_path):
+    running = studio(*case, tmp_path / "model.json", port=8320)
+    try:
+        with opened(running.address, height=700, flags=SOLID) as seen:
+            page = seen.page
+            page.wait_for_selector("text=misses")
+            settled(lambda: running.tabs)
+            at_rest(lambda: spot(running, page, "joint2"))
+            tab = next(iter(running.tabs.values()))
+            for x in np.linspace(0, tab.track.x[-1], 20):
+                tab.stage.pose(x, "joint2", "over all logs")
+                pose = tab.stage.urdf.get_transform("link2")
+                u, v = pixel(running, page, pose[:3, 3] + pose[:3, :3] @ END)
+                assert WIDTH < u < 1280 - WIDTH
+                assert 0 < v < 700
+    finally:
+        running.stop()
+
+
 @needs_browser
 @pytest.mark.parametrize(("width", "left", "bottom"), [(1280, WIDTH, 700), (390, 0, 300)])
 def test_the_robot_stays_in_view_wherever_its_logs_take_it(tmp_path, width, left, bottom):
@@ -504,6 +532,11 @@ def test_the_robot_stays_in_view_wherever_its_logs_take_it(tmp_path, width, left
                     u, v = spot(running, page, joint)
                     assert left < u < width - left
                     assert 0 < v < bottom
+                u, _ = spot(running, page, "panda_joint7")
+                reach = {"bottom-left": (0, 1), "bottom-center": (-0.5, 0.5), "bottom-right": (-1, 0)}
+                text = 6.5 * len(tab.stage.label.text)  # pixels
+                for side in reach[tab.stage.label.anchor]:
+                    assert left - 15 < u + side * text < width - left + 15
     finally:
         running.stop()
 

@@ -69,10 +69,10 @@ def thickness_of(robot: Robot) -> float:
 
 
 def _thickness(tree: ET.Element) -> float:
-    """A fraction of the usual distance between joints."""
+    """A fraction of the distance between joints, to which long links count for more."""
     offsets = [float(np.linalg.norm(_xyz(joint.find("origin")))) for joint in tree.findall("joint")]
     usual = [x for x in offsets if x > 1e-3]
-    return float(np.clip(0.08 * np.median(usual), 0.004, 0.06)) if usual else 0.03
+    return float(np.clip(0.08 * np.sqrt(np.mean(np.square(usual))), 0.004, 0.06)) if usual else 0.03
 
 
 def _folders(robot: Robot) -> list[Path]:

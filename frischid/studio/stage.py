@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any, Literal
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 from viser import ClientHandle
 from viser import transforms as tf
@@ -26,7 +27,7 @@ COOL, HOT = np.array([150.0, 170.0, 190.0]), np.array([213.0, 94.0, 0.0])
 MOMENTS = 30  # of the logs, at which the robot must be seen
 AHEAD = np.array([-0.8, 0.9, -0.6]) / np.linalg.norm([0.8, 0.9, 0.6])  # where the camera looks
 LETTER = 7.5  # pixels of the label's text
-MARGIN = 1.25  # bodies are thicker than the line from joint to joint
+MARGIN = 1.1  # joints are drawn a little larger than their bodies
 
 
 class Stage:
@@ -86,19 +87,34 @@ class Stage:
         camera.look_at = tuple(middle)
 
     def _places(self) -> Array:
-        """Where the base and the joints are at moments spread evenly, m, (P, 3)."""
-        moments = np.linspace(0.0, self.track.x[-1], MOMENTS)
-        return np.concatenate([np.zeros((1, 3)), *map(self._joints_at, moments)])
+        """Corners of the base and of the joints' bodies at moments spread evenly, m, (P, 3)."""
+        boxes = [self._box(self.urdf.joint_map[name].child) for name in self.bench.state.model.joints]
+        places = [np.zeros((1, 3))]
+        for x in np.linspace(0.0, self.track.x[-1], MOMENTS):
+            self.urdf.update_cfg(self._configuration(x))
+            places += [box @ pose[:3, :3].T + pose[:3, 3] for box, pose in zip(boxes, self._poses(), strict=True)]
+        return np.concatenate(places)
 
-    def _joints_at(self, x: float) -> Array:
-        """Where the joints are at a moment, m, (J, 3)."""
-        self.urdf.update_cfg(self._configuration(x))
-        children = (self.urdf.joint_map[name].child for name in self.bench.state.model.joints)
-        return np.array([self.urdf.get_transform(child)[:3, 3] for child in children])
+    def _box(self, link: str) -> Array:
+        """Corners of a box around a link's own bodies and its origin, in its frame, m, (8, 3)."""
+        scene, points = self.urdf.scene, [np.zeros((1, 3))]
+        bounds: Any = trimesh.bounds  # untyped
+        for node in scene.graph.nodes_geometry:
+            if scene.graph.transforms.parents[node] == link:
+                pose, name = scene.graph.get(node, link)
+                corners = bounds.corners(scene.geometry[name].bounds)
+                points.append(corners @ pose[:3, :3].T + pose[:3, 3])
+        together = np.concatenate(points)
+        return np.asarray(bounds.corners([together.min(axis=0), together.max(axis=0)]))
+
+    def _poses(self) -> Array:
+        """Poses of the joints' links as the robot stands, (J, 4, 4)."""
+        links = (self.urdf.joint_map[name].child for name in self.bench.state.model.joints)
+        return np.array([self.urdf.get_transform(link) for link in links])
 
     def _apart(self, usual: float) -> float:
         """How far joints that follow each other are apart, m; `usual` where there is but one."""
-        gaps = np.linalg.norm(np.diff(self._joints_at(0.0), axis=0), axis=1)
+        gaps = np.linalg.norm(np.diff(self._poses()[:, :3, 3], axis=0), axis=1)
         return float(np.median(gaps[gaps > 1e-3])) if (gaps > 1e-3).any() else usual
 
     def pose(self, x: float, joint: str, colouring: Colouring) -> None:
@@ -106,8 +122,7 @@ class Stage:
         errors = self.errors(x, colouring)
         with self.client.atomic():
             self.drawn.update_cfg(self._configuration(x))
-            for name, marker in self.markers.items():
-                pose = self.urdf.get_transform(self.urdf.joint_map[name].child)
+            for (name, marker), pose in zip(self.markers.items(), self._poses(), strict=True):
                 marker.position = tuple(pose[:3, 3])
                 marker.wxyz = tf.SO3.from_matrix(pose[:3, :3] @ self.turns[name]).wxyz
                 marker.color = colour_of(errors[name], self.top)
