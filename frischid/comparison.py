@@ -84,6 +84,9 @@ class Comparison:
     sources: tuple[str, ...]
     residuals: Residuals = field(repr=False)
 
+    def __repr__(self) -> str:
+        return f"Comparison(NRMSE {self.nrmse:.4f} over {len(self.joints)} joints, noise floor {self.noise_floor:.4f})"
+
     @property
     def noise_floor(self) -> float:
         """Mean NRMSE that the sensors alone would leave."""

@@ -70,6 +70,11 @@ class Diagnosis:
     description: Description | None
     evidence: Evidence = field(repr=False)
 
+    def __repr__(self) -> str:
+        named = [f"{f.effect} on {', '.join(f.joints) or 'the robot'}" for f in self.findings if f.significant][:1]
+        found = ": ".join([self.verdict, *named])
+        return f"Diagnosis({found}; held-out NRMSE {self.error:.4f}, noise floor {self.noise_floor:.4f})"
+
     @property
     def remainder(self) -> str:
         """What is to be said of what is left, where nothing is found: it need not be the sensors' noise."""

@@ -76,6 +76,12 @@ class Estimate:
     notes: tuple[str, ...] = ()
     from_data: Array | None = None
 
+    def __repr__(self) -> str:
+        count, joints = len(self.columns), len(self.joints)
+        return (
+            f"Estimate({self.estimator}: {count} parameters of {joints} joints, condition number {self.condition:.3g})"
+        )
+
     @property
     def stderr(self) -> Array:
         """Standard error of each parameter, shape (p,)."""

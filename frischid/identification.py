@@ -92,6 +92,10 @@ class Identification:
     warnings: tuple[str, ...]
     prior: Choice | None = None
 
+    def __repr__(self) -> str:
+        error = "" if self.comparison is None else f", held-out NRMSE {self.comparison.nrmse:.4f}"
+        return f"Identification({self.model!r}{error}, {len(self.warnings)} warnings)"
+
 
 def identify(
     robot: Robot,

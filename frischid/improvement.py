@@ -45,6 +45,9 @@ class Step:
     measured_on: str
     finding: Finding | None
 
+    def __repr__(self) -> str:
+        return f"Step({self.effect}: NRMSE {self.error_before:.4f} → {self.error_after:.4f}, {self.measured_on})"
+
 
 def add(
     model: Model,

@@ -83,6 +83,10 @@ class Model:
     previous: Model | None = None
     recursion: Mapping[str, Any] | None = None
 
+    def __repr__(self) -> str:
+        kinds = ", ".join(dict.fromkeys(e.id for e in self.effects))
+        return f"Model({self.robot.name!r}: {len(self.base)} base parameters; {kinds or 'no effects'})"
+
     @property
     def joints(self) -> tuple[str, ...]:
         """Joints whose torque the model was fitted to."""
