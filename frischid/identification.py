@@ -94,7 +94,7 @@ class Identification:
 
     def __repr__(self) -> str:
         error = "" if self.comparison is None else f", held-out NRMSE {self.comparison.nrmse:.4f}"
-        return f"Identification({self.model!r}{error}, {len(self.warnings)} warnings)"
+        return f"Identification({self.model!r}{error}, warnings: {len(self.warnings)})"
 
 
 def identify(

@@ -92,6 +92,18 @@ def test_a_healthy_robot_raises_no_alarm():
     )
 
 
+def test_what_python_shows_of_a_result_is_a_line():
+    logs = [log_of(s, "joint_spring@wrist_2_joint", ks5=1.0) for s in (1, 2)]
+    found = identify(UR5, logs[:1], valid=logs[1:], recursion="none")
+    diagnosed = diagnose(found.model, logs[:1], valid=logs[1:], effects=["joint_spring"])
+    step = add(found.model, diagnosed.findings[0].members, logs[:1], valid=logs[1:])
+    for result in (found, found.model, found.model.estimate, found.comparison, diagnosed, step):
+        assert repr(result).startswith(f"{type(result).__name__}(")
+        assert len(repr(result)) < 160
+    assert "effect: joint_spring on wrist_2_joint" in repr(diagnosed)
+    assert f"{step.error_before:.4f} → {step.error_after:.4f}" in repr(step)
+
+
 def test_a_payload_is_a_change():
     last = parse_effects("payload@wrist_3_joint")
     columns = [c.name for c in last[0].columns(UR5)]
