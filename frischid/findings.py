@@ -180,7 +180,7 @@ def _in_floors(error: Array, noise: Array) -> float:
 
 
 def _shape(effect: Effect) -> dict[str, float]:
-    return {k: float(v) for k, v in effect.parameters.items() if k in type(effect).shapes}
+    return {k: float(v) for k, v in effect.parameters.items() if k in effect.searched}
 
 
 def refitted(model: Model, evidence: Evidence, floor: Array) -> Finding:

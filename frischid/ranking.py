@@ -77,7 +77,7 @@ class Judged:
     @property
     def costs(self) -> int:
         """Its parameters: coefficients and shapes."""
-        return len(self.projection.signs) + len(type(self.effect).shapes)
+        return len(self.projection.signs) + len(self.effect.searched)
 
     def chance(self, tried: int) -> float:
         """P value of a likelihood ratio at least this large, corrected for what was tried (Bonferroni)."""
@@ -216,7 +216,7 @@ def _judged(evidence: Evidence, projections: Sequence[Projection]) -> Judged | N
     if ratio > 0:
         ratio = evidence.log_likelihood(before, score.sse, evidence.effective_with(projection))
     rows = float(evidence.counts.sum(axis=0)[list(projection.columns)].sum())
-    costs = len(projection.signs) + len(type(projection.effect).shapes)
+    costs = len(projection.signs) + len(projection.effect.searched)
     price = 0.5 * costs * float(np.log(max(rows, 2.0)))
     return Judged(projection, score, ratio, price, removed(evidence, before, score.sse))
 
@@ -231,7 +231,7 @@ def removed(evidence: Evidence, before: Array, after: Array) -> float:
 
 def _sharpened(evidence: Evidence, pool: Sequence[Judged]) -> list[Judged]:
     """Those that may be the best in the shapes that fit best: a coarse grid must not decide between two effects."""
-    likely = [c for c in pool if c.gain > 0 and type(c.effect).shapes]
+    likely = [c for c in pool if c.gain > 0 and c.effect.searched]
     bar = CONTENDS * max((c.removed for c in pool if c.gain > 0), default=0.0)
     contenders = sorted((c for c in likely if c.removed > bar), key=lambda c: -c.removed)[:CONTENDERS]
     return [refined(evidence, c) if any(c is x for x in contenders) else c for c in pool]
@@ -338,7 +338,8 @@ def _ranked(
 def refined(evidence: Evidence, candidate: Judged) -> Judged:
     """The candidate with its shape parameters between the grid's values, where that fits better: a pattern search."""
     kind = type(candidate.effect)
-    steps = {name: _step(values, float(candidate.effect.parameters[name])) for name, values in kind.shapes.items()}
+    shapes = candidate.effect.searched
+    steps = {name: _step(values, float(candidate.effect.parameters[name])) for name, values in shapes.items()}
     for share in REFINEMENTS if steps else ():
         for _ in range(MOVES):
             now = candidate.effect

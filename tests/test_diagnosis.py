@@ -358,6 +358,7 @@ def test_a_measured_temperature_explains_friction_that_drifts():
     model = identify(UR5, logs[:1], recursion="none").model
     steps, _ = improve(model, logs[:1], valid=logs[1:], most=1)
     assert [str(e) for e in steps[0].model.effects[-1:]] == [str(parse_effects(hidden)[0])]
+    assert "constant" not in steps[0].finding.parameters, "a time constant that nothing depends on"
     assert steps[0].error_after < 0.4 * steps[0].error_before
 
 

@@ -199,6 +199,11 @@ class Effect(ABC):
         if "id" in cls.__dict__:
             EFFECTS[cls.id] = cls
 
+    @property
+    def searched(self) -> Mapping[str, tuple[float, ...]]:
+        """Those of `shapes` that its columns depend on."""
+        return self.shapes
+
     @abstractmethod
     def terms(self, state: State) -> list[Term]:
         """Columns of this effect over `state`."""

@@ -116,6 +116,11 @@ class ThermalDrift(Effect):
         """By the clock with every time constant, and by the measured temperature."""
         return [*super().variants(joints), cls(joints=joints, by="temperature")]
 
+    @property
+    def searched(self) -> Mapping[str, tuple[float, ...]]:
+        """No time constant where the temperature is measured."""
+        return self.shapes if self.by == "time" else {}
+
     def channels(self, robot: Robot) -> tuple[str, ...]:
         """``temperature_<joint>``, if it goes by temperature."""
         if self.by == "time":
