@@ -33,8 +33,9 @@ from frischid.studio import stage as stage_module
 from frischid.studio import tab as tab_module
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import urdf_of
+from frischid.studio.frame import WIDTH
 from frischid.studio.stage import colour_of
-from frischid.studio.tab import WIDTH, plain
+from frischid.studio.tab import plain
 from frischid.studio.track import Track
 
 SPRING = parse_effects("joint_spring@joint2")

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from frischid.errors import InputError
+from frischid.studio.frame import Frame
 
 if TYPE_CHECKING:
     from frischid.log import Log
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from frischid.studio.tab import Tab
 
 FRAME = 0.05  # s between two poses of a robot that plays
-READING = "Reading the logs …"
 
 
 class Studio:
@@ -73,9 +73,9 @@ class Studio:
         shown = "localhost" if host in ("127.0.0.1", "localhost", "0.0.0.0") else host
         self.address = f"http://{shown}:{self.server.get_port()}"
         self._lock = threading.Lock()  # over who waits and who is shown the model
-        self._waiting: dict[int, tuple[Any, Any]] = {}
+        self._waiting: dict[int, Frame] = {}
         self.tabs: dict[int, Tab] = {}
-        self._open: Callable[[Any], None] | None = None
+        self._open: Callable[[Frame], None] | None = None
         self.server.on_client_connect(self._arrived)
         self.server.on_client_disconnect(self._left)
 
@@ -106,8 +106,8 @@ class Studio:
         bench = self.bench = Bench(model, logs, Path(output))
         track = Track.of(bench)
 
-        def show(client: Any) -> None:
-            tab = self.tabs[client.client_id] = Tab(client, bench, track)
+        def show(frame: Frame) -> None:
+            tab = self.tabs[frame.client.client_id] = Tab(frame, bench, track)
             tab.refresh()  # what changed while it was drawn
             bench.look()
 
@@ -116,9 +116,8 @@ class Studio:
             waiting, self._waiting = list(self._waiting.values()), {}
         bench.listen(lambda: self._everywhere(lambda tab: tab.refresh()))
         bench.on_progress(lambda text, share: self._everywhere(lambda tab: tab.progress(text, share)))
-        for client, note in waiting:
-            note.remove()
-            show(client)
+        for frame in waiting:
+            show(frame)
         threading.Thread(target=self._play, daemon=True, name="frischid play").start()
 
     def stop(self) -> None:
@@ -127,12 +126,13 @@ class Studio:
             self.server.stop()
 
     def _arrived(self, client: Any) -> None:
+        frame = Frame(client)
         with self._lock:
             show = self._open
             if show is None:
-                self._waiting[client.client_id] = client, client.gui.add_markdown(READING)
+                self._waiting[client.client_id] = frame
         if show is not None:
-            show(client)
+            show(frame)
 
     def _left(self, client: Any) -> None:
         with self._lock:

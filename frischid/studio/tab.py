@@ -13,14 +13,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from viser import ClientHandle
-
 from frischid import figures
 from frischid.effects import EFFECTS
 from frischid.figures import Drawing
 from frischid.figures.history import steps_of
 from frischid.figures.style import typeset
 from frischid.studio.bench import Bench, State, message_of
+from frischid.studio.frame import WIDTH, Frame
 from frischid.studio.track import Track
 from frischid.words import listed
 
@@ -33,24 +32,7 @@ VARIABLES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "loa
 EVERY = "every joint"
 NUMBERS = "On the buttons: NRMSE on data left out of each fit, without the effect → with it."
 BLINK, PATIENCE = 0.05, 3.0  # s
-WIDTH = 430  # pixels of each panel
 HIGH, HIGH_ON_PHONE = 0.95, 1.2  # of the height that a figure has in the report, in a panel and in the sheet
-SHEETLESS = 0.4  # of a phone's height, above its sheet
-PHONE = 576  # pixels: viser's own limit, below which the panels are sections of one sheet at the bottom
-STYLE = """<style>
-:root { --mantine-color-dimmed: #555 !important; }
-.mantine-Notification-description { color: #333 !important; }
-@media (max-width: 36em) {
-  .mantine-Paper-root[style*="width: 20em"], .mantine-Paper-root [style*="width: 20em"] { width: 100vw !important; }
-}
-@media (prefers-color-scheme: dark) {
-  html { background: #fff; filter: invert(0.91) hue-rotate(180deg); }
-  canvas { filter: invert(1) hue-rotate(180deg); }
-}
-</style>"""
-"""Viser's grey words can be read. On a phone the sheet is as wide as the page, not two thirds of it. In the dark, light
-and dark change places and hues stay: viser's own dark colours cannot follow the reader's choice. The scene, which has
-no background of its own, is turned back."""
 
 
 @dataclass(eq=False)
@@ -68,27 +50,21 @@ class Tab:
 
     Parameters
     ----------
-    client : viser.ClientHandle
+    frame : Frame
+        Where it is shown.
     bench : Bench
     track : Track
     """
 
-    def __init__(self, client: ClientHandle, bench: Bench, track: Track) -> None:
-        self.client, self.bench, self.track = client, bench, track
+    def __init__(self, frame: Frame, bench: Bench, track: Track) -> None:
+        self.frame, self.client, self.bench, self.track = frame, frame.client, bench, track
         self._lock = threading.RLock()
         self._drawn = bench.state
         self.stage: Stage | None = None  # drawn last
         joints = list(bench.state.model.joints)
         worst = max(bench.state.comparison.joints.items(), key=lambda item: item[1].nrmse)[0]
-        gui = client.gui
-        # Pixels; of the whole page, before the panels take their part of the scene's.
-        self.page = client.camera.image_width, client.camera.image_height
-        self.phone = self.page[0] < PHONE
-        gui.add_html(STYLE)
-        gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        gui = self.client.gui
         gui.set_panel_label(f"frischid: {bench.state.model.robot.name}")
-        gui.main_panel.dock_right()
-        gui.main_panel.set_width(WIDTH)
         with self._lock:  # a control that is moved as soon as it is there waits for the others
             self._curves(gui, joints, worst)
             self._work(gui, joints)
@@ -99,7 +75,7 @@ class Tab:
             self._come()
             from frischid.studio.stage import Stage  # its libraries of shapes take as long to load as the browser draws
 
-            self.stage = Stage(client, bench, track, self._choose, self._free())
+            self.stage = Stage(self.client, bench, track, self._choose, frame.free)
             self.pose()
             self._stairs(self._drawn)
             # What is out of sight at first must not keep the browser from drawing what is in sight.
@@ -117,8 +93,7 @@ class Tab:
 
     def _curves(self, gui: Any, joints: Sequence[str], worst: str) -> None:
         """Left: motion, the joint's torque, the staircase."""
-        panel = gui.add_panel()
-        with panel.add_tab("Motion") as motion:
+        with self.frame.motion as motion:
             self.play = gui.add_button("Play")
             end = round(float(self.track.x[-1]), 2)
             self.time = gui.add_slider("Time, s", 0.0, end, 0.01, 0.0)
@@ -126,8 +101,6 @@ class Tab:
             self.colouring = gui.add_dropdown("Colours show the error", ("over all logs", "at this moment"))
             self.torque = self._figure(gui, motion)
             self.stairs = self._figure(gui, motion)
-        panel.dock_left()
-        panel.set_width(WIDTH)
         self.playing = False
         self.play.on_click(self._toggle)
         self.time.on_update(lambda event: self.pose() if event.client is not None else None)
@@ -136,7 +109,6 @@ class Tab:
 
     def _work(self, gui: Any, joints: Sequence[str]) -> None:
         """Right: the verdict, the findings, where it fails, and what to keep."""
-        self.headline = gui.add_markdown("")
         self.doing = gui.add_markdown("", visible=False)
         self.bar = gui.add_progress_bar(0.0, visible=False)  # still: stripes that move cost two cores without a GPU
         group = gui.add_tab_group()
@@ -163,11 +135,6 @@ class Tab:
         self.variable.on_update(lambda _: self._residual())
         self.save.on_click(lambda _: self._attempt(lambda: self._said("Model", self.bench.save())))
         self.export.on_click(lambda _: self._attempt(lambda: self._said("Report", self.bench.export())))
-
-    def _free(self) -> tuple[float, float]:
-        """Width that no panel covers, and how much of the height from above, as shares of the page's height."""
-        width, height = self.page
-        return (width / height, SHEETLESS) if self.phone else (max(width - 2 * WIDTH, 0.2 * width) / height, 1.0)
 
     def _figure(self, gui: Any, within: Any) -> _Place:
         """A title and a reading; between them comes the figure."""
@@ -224,7 +191,7 @@ class Tab:
         if len(steps) > 1 and (before := steps[-1][1]) is not None:
             name = plain(steps[-1][0])
             fall = f"\n\nLast step, **{name}**: {before:.4f} → **{steps[-1][2]:.4f}** ({plain(_measured_on(state))})."
-        self.headline.content = (
+        self.frame.headline.content = (
             f"The model misses **{100 * state.error:.1f} %** of the torque's spread (NRMSE {state.error:.4f}, "
             f"{kind} logs; sensors alone {100 * state.comparison.noise_floor:.1f} %).{fall}"
         )
@@ -242,7 +209,7 @@ class Tab:
     def _show(self, place: _Place, drawing: Drawing) -> None:
         place.title.content = f"**{plain(drawing.title)}**"
         # In a narrow panel a legend takes two lines.
-        aspect = (HIGH_ON_PHONE if self.phone else HIGH) * drawing.height / WIDTH
+        aspect = (HIGH_ON_PHONE if self.frame.phone else HIGH) * drawing.height / WIDTH
         figure = drawing.figure.update_layout(height=None, margin={"t": 44} if drawing.legend else {})
         if place.figure is None:
             between = (place.title.order + place.reading.order) / 2

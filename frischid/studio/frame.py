@@ -1,0 +1,64 @@
+"""The frame of a page, before there is a model: its panels in their places, and a word that the rest will come.
+
+A browser takes a good part of a second to move the panels and to fit the scene between them; it does so while the model
+is read and evaluated.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+READING = "Reading the logs …"
+WIDTH = 430  # pixels of each panel
+SHEETLESS = 0.4  # of a phone's height, above its sheet
+PHONE = 576  # pixels: viser's own limit, below which the panels are sections of one sheet at the bottom
+STYLE = """<style>
+:root { --mantine-color-dimmed: #555 !important; }
+.mantine-Notification-description { color: #333 !important; }
+@media (max-width: 36em) {
+  .mantine-Paper-root[style*="width: 20em"], .mantine-Paper-root [style*="width: 20em"] { width: 100vw !important; }
+}
+@media (prefers-color-scheme: dark) {
+  html { background: #fff; filter: invert(0.91) hue-rotate(180deg); }
+  canvas { filter: invert(1) hue-rotate(180deg); }
+}
+</style>"""
+"""Viser's grey words can be read. On a phone the sheet is as wide as the page, not two thirds of it. In the dark, light
+and dark change places and hues stay: viser's own dark colours cannot follow the reader's choice. The scene, which has
+no background of its own, is turned back."""
+
+
+class Frame:
+    """Panels of one browser tab, still empty.
+
+    Parameters
+    ----------
+    client : viser.ClientHandle
+
+    Attributes
+    ----------
+    phone : bool
+        Whether the page is so narrow that the panels are sections of a sheet.
+    free : tuple of float
+        Width that no panel covers, and how much of the height from above, as shares of the page's height.
+    headline, motion : handles
+        The words at the top of the right panel; what stands in the left one.
+    """
+
+    def __init__(self, client: Any) -> None:
+        self.client, gui = client, client.gui
+        # Pixels; of the whole page, before the panels take their part of the scene's.
+        width, height = client.camera.image_width, client.camera.image_height
+        self.phone = width < PHONE
+        between = max(width - 2 * WIDTH, 0.2 * width)
+        self.free = (width / height, SHEETLESS) if self.phone else (between / height, 1.0)
+        gui.add_html(STYLE)
+        gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        gui.set_panel_label("frischid")
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(WIDTH)
+        self.headline = gui.add_markdown(READING)
+        panel = gui.add_panel()
+        self.motion = panel.add_tab("Motion")
+        panel.dock_left()
+        panel.set_width(WIDTH)
