@@ -50,12 +50,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         arguments_of_studio, shown = subject(Path(folder))
         rounds = []
-        for i in range(options.rounds):
+        for i in range(1 + options.rounds):
             browser = playwright.chromium.launch(
                 executable_path=CHROMIUM, args=["--headless", *QUIET, *options.gl.split()]
             )
             rounds.append(waits(browser, arguments_of_studio, 8500 + 10 * i))
             browser.close()
+    del rounds[0]  # compiled modules and file caches are there for all others
     rows = []
     for name, asked in ASKED.items():
         seconds = [found[name] for found in rounds]
@@ -69,7 +70,10 @@ def main() -> None:
                 "reached": "" if asked is None else ("yes" if max(seconds) <= asked else "NO"),
             }
         )
-    notes = [f"{options.rounds} rounds; all but the click from the start of the command, a new process every time"]
+    notes = [
+        f"{options.rounds} rounds after one that is not counted; all but the click from the start of the command, "
+        "a new process every time"
+    ]
     publish(f"the studio on {shown}", rows, options.json, notes)
 
 
