@@ -97,6 +97,8 @@ class Finding:
             return "" if self.share >= NEARLY else f"{part}, {rests}"
         if self.floors <= WITHIN:
             return "hardly more is left there than what the sensors leave"
+        if self.share == 0:
+            return "nothing of what is wrong there goes away with it"
         if self.floors <= ABOVE and self.share < HALF:
             return f"{part}, and at only {self.floors:.1f} noise floors {HALF:.0%} is asked of an effect"
         return ""

@@ -165,9 +165,9 @@ def identify(
         The estimator is ``"frisch"`` and BBRF contradicted itself.
     """
     _check_options(estimator, recursion, prior)
+    check_apart(logs, valid)
     robot, notes = held_by(robot, logs)
     rows = torque_joints_of(robot, logs, torque_joints, notes)
-    check_apart(logs, valid)
     streamed = any(isinstance(log, Recording) for log in logs)
     seen, pieces, motions = _prepared(robot, logs, valid, rows, cutoff, velocity, anyway)
     lowpass = seen.lowpass

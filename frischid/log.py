@@ -276,7 +276,7 @@ def check_torque(log: Log, joints: Sequence[str] | None = None) -> None:
     wanted = log.joints if joints is None else tuple(joints)
     present = [j for j in log.index(wanted) if log.has("tau")[j]]
     if log.tau is None or not present:
-        hint = "" if log.current is None else "; currents become torques by [current_gain] in a mapping file"
+        hint = "" if log.current is None else "; currents become torques by [current_gain] in a mapping file (--map)"
         raise InputError(
             f"{log.source}: no torque column (tau_<joint>) for {', '.join(wanted)}{hint}; "
             f"the log has {', '.join(log.to_table())}"

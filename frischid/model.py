@@ -222,6 +222,11 @@ class Model:
         fitted = {x["sha256"] or x["source"] for event in self.history for x in event.get("logs", ())}
         return (log.identity or log.source) in fitted
 
+    @property
+    def fitted_to(self) -> int:
+        """How many logs the parameters were last fitted to."""
+        return next((len(event["logs"]) for event in reversed(self.history) if event.get("logs")), 0)
+
     @cached_property
     def full_theta(self) -> Array:
         """Value of every column of the full regressor: the physical one, or zero where it is no base parameter."""

@@ -185,13 +185,19 @@ def brief(notes: Iterable[str], source: str) -> list[str]:
 
 
 def check_apart(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]) -> None:
-    """Refuse to hold out what is fitted: its error says nothing of other motions.
+    """Refuse to hold out what is fitted: its error says nothing of other motions; and what is no list of logs.
 
     Raises
     ------
     InputError
-        A log is among both.
+        A log is among both, or one is no log.
     """
+    for name, given in (("logs", logs), ("valid", valid)):
+        alone: list[Any] = [given] if isinstance(given, Log | Recording | str | Path) else []
+        for wrong in alone or (x for x in given if not isinstance(x, Log | Recording)):
+            raise InputError(
+                f"{name} must be a list of logs, got {type(wrong).__name__}: {name}=[frischid.read_log(path)]"
+            )
     for held in valid:
         for log in logs:
             if held is log or _same(held, log):

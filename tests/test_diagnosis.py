@@ -104,6 +104,15 @@ def test_what_python_shows_of_a_result_is_a_line():
     assert f"{step.error_before:.4f} → {step.error_after:.4f}" in repr(step)
 
 
+def test_what_is_no_list_of_logs_is_refused():
+    log = log_of(1)
+    for wrong, kind in ((log, "Log"), (["run.csv"], "str"), ("run.csv", "str")):
+        with pytest.raises(InputError, match=f"logs must be a list of logs, got {kind}"):
+            identify(UR5, wrong)
+        with pytest.raises(InputError, match=f"valid must be a list of logs, got {kind}"):
+            diagnose(healthy(), [log_of(2)], valid=wrong)
+
+
 def test_a_payload_is_a_change():
     last = parse_effects("payload@wrist_3_joint")
     columns = [c.name for c in last[0].columns(UR5)]
@@ -413,6 +422,7 @@ def test_dry_friction_that_turns_a_little_early_or_late_raises_no_alarm():
         (1.1, 1.0, "hardly more is left there than what the sensors leave"),
         (0.0, 0.6, "it explains 60% of what is above the noise there, all of that is where a joint turns or rests"),
         (0.0, 0.9, ""),
+        (2.5, 0.0, "nothing of what is wrong there goes away with it"),
         (0.0, 0.0, "hardly more is left there than what the sensors leave"),
     ],
     ids=[
@@ -422,6 +432,7 @@ def test_dry_friction_that_turns_a_little_early_or_late_raises_no_alarm():
         "what sensors leave",
         "half of dry friction at rest",
         "nearly all of it",
+        "none of much",
         "nothing",
     ],
 )

@@ -66,6 +66,12 @@ def test_columns_and_channels():
     assert Formula.candidates(machine) == []
 
 
+@pytest.mark.parametrize(("text", "where"), [("q q", "character 3"), ("q +", "its end")])
+def test_where_a_formula_is_none_is_said_and_nothing_of_pythons(text, where):
+    with pytest.raises(InputError, match=rf"not an expression \(invalid syntax at {where}\)"):
+        value(text, state())
+
+
 @pytest.mark.parametrize(
     ("text", "says"), [("1/0", "no finite"), ("log(-1)", "no finite"), ("exp(exp(exp(9)))", "guard")]
 )

@@ -72,6 +72,15 @@ def test_logs_are_told_apart_by_the_history(bench, case):
     assert other.valid == []
 
 
+def test_a_log_that_was_fitted_and_is_not_shown_is_told(case, bench, tmp_path):
+    robot, logs = Robot.load("planar2"), case[1]
+    both = identify(robot, logs, recursion="none").model
+    assert bench.absent == Bench(both, logs, bench.output).absent == 0
+    fewer = Bench(both, logs[1:], bench.output)
+    assert fewer.fit == logs[1:]
+    assert fewer.absent == 1
+
+
 def test_add_undo_save_export(bench):
     seen = []
     stop = bench.listen(lambda: seen.append(bench.state.revision))

@@ -89,7 +89,7 @@ class Expression:
                 warnings.simplefilter("error")
                 tree = ast.parse(text.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError, Warning) as error:
-            raise InputError(f"formula '{text}': not an expression ({error})") from None
+            raise InputError(f"formula '{text}': not an expression ({_reason(error)})") from None
         names: dict[str, None] = {}
         _check(tree, text, names)
         return cls(text, tree, tuple(names))
@@ -98,6 +98,13 @@ class Expression:
         """Value for values of `variables`; may hold infinities where the expression has none."""
         with np.errstate(all="ignore"):
             return np.asarray(_value(self.tree, values), dtype=float)
+
+
+def _reason(error: Exception) -> str:
+    """What Python's parser objects to, without the file and line it takes a formula for."""
+    if not isinstance(error, SyntaxError):
+        return str(error)
+    return f"{error.msg} at character {error.offset}" if error.offset else f"{error.msg} at its end"
 
 
 def _check(node: ast.expr, text: str, names: dict[str, None]) -> None:

@@ -76,6 +76,13 @@ class Bench:
         was fitted to none of them, all are fitted.
     output : Path
         Where `save` writes; `export` writes beside it.
+
+    Attributes
+    ----------
+    fit, valid : list of Log
+        Those that are fitted again, and those that are not.
+    absent : int
+        How many logs the model was fitted to are not among them: what is added is fitted without.
     """
 
     def __init__(self, model: Model, logs: Sequence[Log], output: Path) -> None:
@@ -83,6 +90,7 @@ class Bench:
         fitted = [log for log in self.logs if model.made_from(log)]
         self.fit = fitted or self.logs
         self.valid = [log for log in self.logs if fitted and log not in fitted]
+        self.absent = max(model.fitted_to - len(fitted), 0) if fitted else 0
         self._turn = threading.Lock()
         self._change = threading.Lock()  # over what the state is; held for no longer than it takes to replace it
         self._doing = ""

@@ -193,8 +193,14 @@ class Tab:
             fall = f"\n\nLast step, **{name}**: {before:.4f} → **{steps[-1][2]:.4f}** ({plain(_measured_on(state))})."
         self.frame.headline.content = (
             f"The model misses **{100 * state.error:.1f} %** of the torque's spread (NRMSE {state.error:.4f}, "
-            f"{kind} logs; sensors alone {100 * state.comparison.noise_floor:.1f} %).{fall}"
+            f"{kind} logs; sensors alone {100 * state.comparison.noise_floor:.1f} %).{fall}{self._absent()}"
         )
+
+    def _absent(self) -> str:
+        """Whether a refit has less to go by than the model had."""
+        count = self.bench.absent
+        few = f"{count} log{'s' * (count > 1)} the model was fitted to {'is' if count == 1 else 'are'} not here"
+        return f"\n\n{few}: what is added is fitted without." if count else ""
 
     def _torque(self) -> None:
         state, joint = self.bench.state, str(self.joint.value)
