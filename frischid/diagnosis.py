@@ -29,7 +29,7 @@ from frischid.log import Log
 from frischid.model import Model
 from frischid.noise import NoiseFloor
 from frischid.prior import identified, nominal
-from frischid.recording import Recording, check_apart
+from frischid.recording import Recording, check_logs
 from frischid.verdict import Known, Verdict, decided, notes_on, with_refit, with_verdict
 
 Situation = Literal["auto", "always", "changed"]
@@ -144,7 +144,7 @@ def diagnose(
     for name in effects or ():
         if name not in EFFECTS:
             raise UnknownNameError("effect", name, EFFECTS)
-    check_apart(logs, valid)
+    check_logs(logs, valid)
     progress("gathering evidence")
     everything = [*logs, *valid]
     evidence, state = gathered(model, everything, situation, workers)

@@ -29,7 +29,7 @@ WITHIN = 1.15  # noise floors: an error below is what the sensors leave, as well
 ABOVE = 2.0  # noise floors: an error below is not well above the noise, the floor being an estimate
 HALF, NEARLY = 0.5, 0.8  # of what is wrong where a finding acts
 OLD = "old_parameters"  # the finding that they no longer hold
-SEVERAL = (
+HOW_RANKED = (
     "First comes the effect whose work no other can do, not always the one that lowers the error most. Those below it "
     "are what each would do alone; many vanish once the first is in the model."
 )

@@ -28,7 +28,7 @@ from frischid.inspection import LogReport, inspect
 from frischid.iv import iv
 from frischid.log import Log
 from frischid.model import Model
-from frischid.recording import Motions, Recording, check_apart, head_of, pieces_of
+from frischid.recording import Motions, Recording, check_logs, head_of, pieces_of
 from frischid.reduction import Reduction, reduce
 from frischid.regressor import Block, Regressor, accumulate, stack, streaming_qr
 from frischid.robot import Robot
@@ -165,7 +165,7 @@ def identify(
         The estimator is ``"frisch"`` and BBRF contradicted itself.
     """
     _check_options(estimator, recursion, prior)
-    check_apart(logs, valid)
+    check_logs(logs, valid)
     robot, notes = held_by(robot, logs)
     rows = torque_joints_of(robot, logs, torque_joints, notes)
     streamed = any(isinstance(log, Recording) for log in logs)

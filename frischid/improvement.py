@@ -18,7 +18,7 @@ from frischid.identification import identify
 from frischid.log import Log
 from frischid.model import Model
 from frischid.prior import reference_of
-from frischid.recording import Recording, check_apart, pieces_of
+from frischid.recording import Recording, check_logs, pieces_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ def add(
     Step
     """
     model.check([*logs, *valid])
-    check_apart(logs, valid)
+    check_logs(logs, valid)
     if situation == "auto":
         situation = gathered(model, [*logs, *valid])[1]
     together = (*model.effects, *effects)

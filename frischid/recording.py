@@ -184,7 +184,7 @@ def brief(notes: Iterable[str], source: str) -> list[str]:
     return [*kept[:MOST_NOTES], f"{source}: {len(kept) - MOST_NOTES} more such notes on later pieces"]
 
 
-def check_apart(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]) -> None:
+def check_logs(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]) -> None:
     """Refuse to hold out what is fitted: its error says nothing of other motions; and what is no list of logs.
 
     Raises

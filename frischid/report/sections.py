@@ -13,7 +13,7 @@ import numpy as np
 from frischid import figures
 from frischid.effects import EFFECTS
 from frischid.figures.style import number
-from frischid.findings import SEVERAL, Finding
+from frischid.findings import HOW_RANKED, Finding
 from frischid.report.html import command, esc, folded, items, plot, plots, said, table
 from frischid.report.study import Study, missing, opened
 from frischid.shapes import shape_of
@@ -191,7 +191,7 @@ def lacking(study: Study) -> str:
     ]
     significant = [f for f in diagnosis.findings if f.significant]
     cards = "".join(_card(study, i, f) for i, f in enumerate(significant[:SHOWN], start=1))
-    more = f"<p>{SEVERAL}</p>" if len(significant) > 1 else ""
+    more = f"<p>{HOW_RANKED}</p>" if len(significant) > 1 else ""
     rows = [
         [esc(f.effect), esc(", ".join(f.joints) or "robot"), f"{f.error_after:.4f}", f"{100 * f.share:.0f} %",
          number(f.gain, 3), "&lt; 10⁻¹⁵" if f.p_value < 1e-15 else number(f.p_value, 2),

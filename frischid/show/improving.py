@@ -7,7 +7,7 @@ from typing import Any
 
 from frischid.diagnosis import Diagnosis
 from frischid.effects import EFFECTS
-from frischid.findings import SEVERAL
+from frischid.findings import HOW_RANKED
 from frischid.improvement import Step
 from frischid.model import Model
 from frischid.show.page import Page, change, quantities, table_of
@@ -40,7 +40,7 @@ def diagnosis(result: Diagnosis) -> Page:
         confirm = f" Found: {found}. To confirm: {EFFECTS[best.effect].confirmed_by}." if best.effect in EFFECTS else ""
         parts.append(f"{best.sentence}.{confirm}")
     if len(significant) > 1:
-        parts.append(f"{SEVERAL} `frischid improve` adds them one at a time.")
+        parts.append(f"{HOW_RANKED} `frischid improve` adds them one at a time.")
     parts.append(
         "removes: share of the error above the noise floor on its joints; gain: held-out log likelihood less its price"
     )

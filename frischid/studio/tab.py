@@ -229,7 +229,7 @@ class Tab:
 
     def _list(self, state: State) -> None:
         """The findings, each with its button; rebuilt, because they are others after every step."""
-        from frischid.findings import SEVERAL
+        from frischid.findings import HOW_RANKED
         from frischid.report.study import missing
 
         for handle in self._listed:
@@ -242,7 +242,7 @@ class Tab:
                 )
                 return
             passing = [f for f in state.diagnosis.findings if f.significant and f.members]
-            told = [f"{missing(state.diagnosis)}.", NUMBERS if passing else "", SEVERAL if len(passing) > 1 else ""]
+            told = [f"{missing(state.diagnosis)}.", NUMBERS if passing else "", HOW_RANKED if len(passing) > 1 else ""]
             self._listed.append(self.client.gui.add_markdown(plain(" ".join(filter(None, told)))))
             for finding in passing[:SHOWN]:
                 self._offer(finding, state.revision)
