@@ -18,8 +18,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from frischid.cluster import HERE, Dask, Workers, workers
-from frischid.files import write_text
+from frischid.core.files import write_text
+from frischid.core.parallel import HERE, Dask, Workers, workers
 
 
 def parser(description: str | None) -> argparse.ArgumentParser:

@@ -28,7 +28,7 @@ from common import parser, publish
 from hidden_cases import EFFECTS, Case, CaseSpec, Truth, build, cases
 from hidden_unknown import UNKNOWN
 
-from frischid.files import write_text
+from frischid.core.files import write_text
 from frischid.identification import identify
 
 STEPS = 3

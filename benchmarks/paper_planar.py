@@ -38,7 +38,7 @@ from planar_tables import (
 from rich.console import Console
 from rich.progress import Progress
 
-from frischid.files import write_text
+from frischid.core.files import write_text
 
 SIGMAS = (1e-3, 1e-2)
 BATCH = 5

@@ -37,7 +37,7 @@ from real_robots import CASES, Case
 from scipy.signal import butter, sosfiltfilt
 
 import frischid as fr
-from frischid.files import write_text
+from frischid.core.files import write_text
 
 SMOOTH = 8.0
 """Hz; of a measured motion no more is taken for motion."""

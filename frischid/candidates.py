@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from frischid.core.array_store import Series, Store
 from frischid.effects import Effect, State, Term
 from frischid.gram import Array
 from frischid.pieces import Part, Piece
-from frischid.store import Series, Store
 
 
 @dataclass(frozen=True, eq=False)

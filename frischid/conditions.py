@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from frischid.correlation import correlation_time
+from frischid.core.autocorrelation import correlation_time
 from frischid.gram import Array
 from frischid.model import Model
 from frischid.regressor import Block

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.files import write_text, written
 from frischid.errors import InputError, UnknownNameError
-from frischid.files import write_text, written
 from frischid.mapping import LogMap
 from frischid.tables import read_table, write_table
 

@@ -21,12 +21,12 @@ import numpy as np
 from scipy import stats
 
 from frischid.conditions import APART
+from frischid.core.text import listed
 from frischid.effects import Formula
 from frischid.evidence import LOOKED_AT, Evidence, thinned
 from frischid.gram import Array
 from frischid.ranking import SIGNIFICANCE, STEADY, Judged, Ranking, block_test, judged
 from frischid.sectors import jumps, steps
-from frischid.words import listed
 
 TERMS = 3
 FAR_LESS = 0.5  # of what the first finding leaves above the noise

@@ -17,8 +17,8 @@ from typing import Any, Literal
 import numpy as np
 
 from frischid.candidates import Projection
-from frischid.cluster import Workers
 from frischid.contact import Contact, find_contacts, stretches
+from frischid.core.parallel import Workers
 from frischid.description import Description, best_foreign, describe, outdone
 from frischid.effects import EFFECTS
 from frischid.errors import InputError, UnknownNameError

@@ -41,10 +41,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from frischid.core.array_store import Store, Stored
 from frischid.errors import IdentifiabilityError
 from frischid.estimate import LEAST_BLOCKS, WORST_CONDITION, Estimate
 from frischid.gram import Array, Column
-from frischid.store import Store, Stored
 
 NODE = np.sqrt(3.0)
 BLOCKS = 64

@@ -22,8 +22,9 @@ import numpy as np
 from scipy import linalg
 
 from frischid.candidates import Projection
-from frischid.cluster import Workers
-from frischid.correlation import Correlated
+from frischid.core.autocorrelation import Correlated
+from frischid.core.parallel import Workers
+from frischid.core.text import each_of
 from frischid.effects import Effect
 from frischid.errors import InputError
 from frischid.estimate import Prior
@@ -34,7 +35,6 @@ from frischid.pieces import Part, Stretch
 from frischid.recording import Recording
 from frischid.rows import Rows
 from frischid.signals import Motion
-from frischid.words import each_of
 
 LOOKED_AT = 50_000  # rows of a joint, spread evenly, on which medians and dependences are judged
 IN_SPAN = 1e-5  # share of a candidate's norm left by the base columns below which it is one of them

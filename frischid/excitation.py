@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from frischid.clearance import Clearance
-from frischid.cluster import Workers
+from frischid.core.parallel import Workers
 from frischid.criteria import Criterion, criterion_of
 from frischid.effects import BASELINE, Effect
 from frischid.envelope import Envelope, Excess, Violation, violations

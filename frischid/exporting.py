@@ -14,8 +14,8 @@ import numpy as np
 
 from frischid.codegen import c_source, numpy_source
 from frischid.consistency import Box, Consistency, as_identified, make_consistent
+from frischid.core.files import check_writable, write_text
 from frischid.errors import FrischidError, InputError, UnknownNameError
-from frischid.files import check_writable, write_text
 from frischid.gram import Array
 from frischid.inertia import is_physical, pseudo_inertia, redistributed
 from frischid.mjcf import mjcf_source

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from frischid.core.text import each_of, listed
 from frischid.effects import EFFECTS, Effect
 from frischid.evidence import Evidence
 from frischid.gram import Array
@@ -23,7 +24,6 @@ from frischid.prior import nominal
 from frischid.ranking import SIGNIFICANCE, TRIFLE, Ranked, Ranking, ranking
 from frischid.resting import at_rest
 from frischid.robot import Robot
-from frischid.words import each_of, listed
 
 WITHIN = 1.15  # noise floors: an error below is what the sensors leave, as well as that is known
 ABOVE = 2.0  # noise floors: an error below is not well above the noise, the floor being an estimate

@@ -7,7 +7,7 @@
     who differs                → which effect: parameters of the model that changed, or `diagnose` in the situation
                                  "changed" with the fleet as what is known
 
-Only moments travel. Every step is a `frischid.cluster.Workers.map` or `tree`: the result is the same in one process.
+Only moments travel. Every step is a `frischid.core.parallel.Workers.map` or `tree`: the result is the same in one process.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any, Literal
 import numpy as np
 
 from frischid.archive import Entry
-from frischid.cluster import Here, Workers
+from frischid.core.parallel import Here, Workers
 from frischid.deviation import Change, Deviation, Null
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError

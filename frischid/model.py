@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.files import write_text
 from frischid.effects import Effect, columns_of, effect_from_dict
 from frischid.errors import InputError
 from frischid.estimate import Estimate
-from frischid.files import write_text
 from frischid.frisch import Box
 from frischid.gram import Array, Column
 from frischid.log import Log, check_torque

@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.core.array_store import Store, Stored
 from frischid.effects import State
 from frischid.gram import Array
-from frischid.store import Store, Stored
 
 Indices = NDArray[np.intp]
 Picked = NDArray[np.int32]

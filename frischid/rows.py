@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frischid.candidates import Gathered, Projection, Work, columns_of, filtered, sampled
-from frischid.cluster import Here, Workers
+from frischid.core.array_store import Series, Store
+from frischid.core.parallel import Here, Workers
 from frischid.effects import Effect, State
 from frischid.gram import Array
 from frischid.log import Log
@@ -28,7 +29,6 @@ from frischid.prior import reference_of
 from frischid.recording import Recording
 from frischid.regressor import Regressor
 from frischid.signals import Motion, decimating_filter
-from frischid.store import Series, Store
 
 Moments = Mapping[int, Array]
 SCREENED = 10  # shapes of one effect that are judged in full

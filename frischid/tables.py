@@ -24,8 +24,8 @@ import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import NDArray
 
+from frischid.core.files import written
 from frischid.errors import InputError, UnknownNameError, close_names
-from frischid.files import written
 from frischid.log import CHANNELS, Array, Place, row_place
 from frischid.mapping import LogMap
 

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frischid.contact import Contact
+from frischid.core.text import each_of, listed
 from frischid.description import Description, Stranger
 from frischid.evidence import Evidence
 from frischid.findings import ABOVE, HALF, Finding
 from frischid.gram import Array
 from frischid.ranking import TRIFLE, Ranking
 from frischid.resting import at_rest
-from frischid.words import each_of, listed
 
 Verdict = Literal["none", "effect", "contact", "unknown"]
 Known = Literal["always", "changed"]

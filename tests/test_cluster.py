@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from frischid.cluster import Here, workers
+from frischid.core.parallel import Here, workers
 from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
 from frischid.excitation import plan

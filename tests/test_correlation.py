@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from frischid.correlation import FEWEST, LOST, Correlated, correlation_time
+from frischid.core.autocorrelation import FEWEST, LOST, Correlated, correlation_time
 
 
 def directly(x, lags=400):

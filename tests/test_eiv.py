@@ -129,7 +129,7 @@ def test_rows_not_used_do_not_count():
 
 def test_where_states_are_kept_changes_nothing(monkeypatch):
     _, here = estimate(0.02, given=False)
-    monkeypatch.setattr("frischid.store.LIMIT", 0)
+    monkeypatch.setattr("frischid.core.array_store.LIMIT", 0)
     _, there = estimate(0.02, given=False)
     np.testing.assert_array_equal(there.theta, here.theta)
     np.testing.assert_array_equal(there.covariance, here.covariance)

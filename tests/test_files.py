@@ -4,8 +4,8 @@ import os
 
 import pytest
 
+from frischid.core.files import check_writable, write_text, written
 from frischid.errors import InputError
-from frischid.files import check_writable, write_text, written
 
 
 def test_a_link_is_followed(tmp_path):

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import frischid as fr
 from frischid.archive import Entry, entries, local, robot_of
 from frischid.cli import main
-from frischid.cluster import Dask, Here, workers
+from frischid.core.parallel import Dask, Here, workers
 from frischid.deviation import Null
 from frischid.errors import InputError
 from frischid.fleet import identify_fleet

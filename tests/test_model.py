@@ -11,9 +11,9 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from frischid.core.files import check_writable
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
-from frischid.files import check_writable
 from frischid.frisch import Box
 from frischid.gram import Column
 from frischid.identification import identify

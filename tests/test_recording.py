@@ -126,7 +126,7 @@ def test_estimators_that_correct_states_read_recordings(estimator):
 
 @pytest.mark.parametrize("estimator", ["eiv", "iv"])
 def test_memory_of_such_estimators_does_not_grow(estimator, monkeypatch):
-    monkeypatch.setattr("frischid.store.LIMIT", 0)
+    monkeypatch.setattr("frischid.core.array_store.LIMIT", 0)
     log, peaks = log_of(20.0), []
 
     def repeated(times):

@@ -6,7 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-import frischid.store
+import frischid.core.array_store
+from frischid.core.array_store import Series, Store
 from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
 from frischid.evidence import Evidence, thinned
@@ -15,7 +16,6 @@ from frischid.prior import nominal
 from frischid.recording import Recording
 from frischid.robot import Robot
 from frischid.simulation import Noise, simulate
-from frischid.store import Series, Store
 from frischid.trajectory import random_fourier
 
 ARM = Robot.load("planar2")
@@ -97,7 +97,7 @@ def test_what_a_residual_depends_on_is_thinned_alike():
 def test_where_rows_are_kept_changes_nothing(monkeypatch):
     logs = [log_of(1), log_of(2)]
     here = diagnose(model(), logs, effects=TRIED)
-    monkeypatch.setattr(frischid.store, "LIMIT", 0)
+    monkeypatch.setattr(frischid.core.array_store, "LIMIT", 0)
     there = diagnose(model(), logs, effects=TRIED)
     assert there.to_dict() == here.to_dict()
     assert here.findings[0].effect == "joint_spring"
@@ -146,7 +146,7 @@ def test_moments_with_a_candidate_are_those_of_the_rows_with_its_columns():
 
 def test_memory_hardly_grows(monkeypatch):
     """Rows and candidates' columns of a longer log go to the file; of every motion stay its name and places."""
-    monkeypatch.setattr(frischid.store, "LIMIT", 0)
+    monkeypatch.setattr(frischid.core.array_store, "LIMIT", 0)
     log = log_of(1)
     peaks = []
     for times in (2, 8):

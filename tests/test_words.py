@@ -1,6 +1,6 @@
 """Lists in sentences."""
 
-from frischid.words import each_of, listed
+from frischid.core.text import each_of, listed
 
 
 def test_lists():

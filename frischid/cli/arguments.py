@@ -18,7 +18,7 @@ IN_MEMORY = 32 * 2**20
 """Size of all files together, in bytes, up to which they are read as a whole."""
 
 if TYPE_CHECKING:
-    from frischid.cluster import Workers
+    from frischid.core.parallel import Workers
     from frischid.log import Log
     from frischid.robot import Robot
 
@@ -207,7 +207,7 @@ def elsewhere(scheduler: str | None, count: int | None) -> Iterator[Workers | No
     if scheduler is None and count is None:
         yield None
         return
-    from frischid.cluster import workers
+    from frischid.core.parallel import workers
 
     with workers(scheduler, count) as pool:
         yield pool

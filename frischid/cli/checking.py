@@ -71,7 +71,7 @@ def fetch(name: str | None, output: str | None, source: str | None, as_json: boo
 @json_option
 def map_columns(log: str, robot: str, output: str | None, as_json: bool) -> None:
     """Propose a mapping file for LOG: which column is which of ROBOT's joints, from names and magnitudes."""
-    from frischid.files import check_writable, write_text
+    from frischid.core.files import check_writable, write_text
     from frischid.proposal import propose
     from frischid.robot import Robot
     from frischid.show import checking as show

@@ -36,7 +36,7 @@ def box_options(command: Callable[..., Any]) -> Callable[..., Any]:
 def consistent(model: str, box: tuple[str, ...], no_shapes: bool, output: str | None, as_json: bool) -> None:
     """Find links that could exist (positive mass, physical inertia) and have the model's base parameters."""
     from frischid.consistency import make_consistent
-    from frischid.files import check_writable
+    from frischid.core.files import check_writable
     from frischid.model import Model
     from frischid.show import exporting as show
 

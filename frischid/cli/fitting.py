@@ -103,7 +103,7 @@ def identify(
         rest = {"velocity": velocity, "strict": False, "diagnosed": 20, "output": output}
         run_fleet(robot, logs, scheduler, None, as_json, options, fit | rest)
         return
-    from frischid.files import check_writable
+    from frischid.core.files import check_writable
     from frischid.identification import identify as run
     from frischid.show import fitting as show
 

@@ -83,8 +83,8 @@ def run_fleet(
 ) -> None:
     """Identify a fleet and print what was found; also what `frischid identify --scheduler` does."""
     from frischid.archive import entries
-    from frischid.cluster import workers
-    from frischid.files import check_writable
+    from frischid.core.files import check_writable
+    from frischid.core.parallel import workers
     from frischid.fleet import identify_fleet
     from frischid.mapping import LogMap
     from frischid.show import fleets as show

@@ -89,8 +89,8 @@ def add(
 
     EFFECT is written as for `identify --effects`: stribeck(v_s=0.1)@joint3.
     """
+    from frischid.core.files import check_writable
     from frischid.effects import parse_effects
-    from frischid.files import check_writable
     from frischid.improvement import add as run
     from frischid.improvement import searched
     from frischid.model import Model
@@ -131,7 +131,7 @@ def improve(
     as_json: bool,
 ) -> None:
     """Diagnose and add until nothing passes; print how the error falls."""
-    from frischid.files import check_writable
+    from frischid.core.files import check_writable
     from frischid.improvement import improve as run
     from frischid.model import Model
     from frischid.show import improving as show

@@ -31,8 +31,8 @@ def effects(name: str | None, as_json: bool) -> None:
 @json_option
 def demo(seed: int, output: str | None, page: str, as_json: bool) -> None:
     """The whole job on a simulated planar arm: simulate, identify, compare with the truth, write the report."""
+    from frischid.core.files import check_writable
     from frischid.demo import run
-    from frischid.files import check_writable
     from frischid.report import report
     from frischid.show import learning as show
 

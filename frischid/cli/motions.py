@@ -58,7 +58,7 @@ def simulate(
     **options: Any,
 ) -> None:
     """Record a log of a simulated robot, with noise, for trying things out."""
-    from frischid.files import check_writable
+    from frischid.core.files import check_writable
     from frischid.readers import read_log, write_log
     from frischid.show import motions as show
     from frischid.simulation import Noise
@@ -134,9 +134,9 @@ def excite(
     **options: Any,
 ) -> None:
     """Plan a motion that tells the parameters apart, within the robot's limits everywhere."""
+    from frischid.core.files import check_writable
     from frischid.effects import parse_effects
     from frischid.excitation import plan
-    from frischid.files import check_writable
     from frischid.separation import separate as tell_apart
     from frischid.show import motions as show
 

@@ -19,7 +19,7 @@ from frischid.cli.group import main
 @json_option
 def report(model: str, logs: tuple[str, ...], mapping: str | None, situation: Any, output: str, as_json: bool) -> None:
     """One HTML page that opens offline: how good the model is, where it fails, what is missing, what to do."""
-    from frischid.files import check_writable
+    from frischid.core.files import check_writable
     from frischid.model import Model
     from frischid.report import report as run
     from frischid.show import seeing as show

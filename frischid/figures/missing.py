@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import plotly.graph_objects as go
 
+from frischid.core.text import listed
 from frischid.figures.failure import binned
 from frischid.figures.style import (
     BLUE,
@@ -23,7 +24,6 @@ from frischid.figures.style import (
     thinned,
     units_of,
 )
-from frischid.words import listed
 
 if TYPE_CHECKING:
     from frischid.shapes import Shape

@@ -16,8 +16,8 @@ from typing import Literal
 
 from plotly.offline import get_plotlyjs
 
+from frischid.core.files import check_writable, write_text
 from frischid.diagnosis import Diagnosis
-from frischid.files import check_writable, write_text
 from frischid.gram import Array
 from frischid.log import Log
 from frischid.model import Model

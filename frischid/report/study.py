@@ -11,6 +11,7 @@ import numpy as np
 
 from frischid.comparison import Comparison, compare
 from frischid.consistency import Consistency, make_consistent
+from frischid.core.text import listed
 from frischid.diagnosis import Diagnosis, diagnose
 from frischid.errors import FrischidError, InputError
 from frischid.gram import Array
@@ -21,7 +22,6 @@ from frischid.prediction import Prediction, predict
 from frischid.quality import Quality, quality
 from frischid.reduction import Reduction
 from frischid.regressor import Regressor, nominal_parameters
-from frischid.words import listed
 
 WEAK = 0.5  # relative standard error above which a parameter is hardly known
 

@@ -95,7 +95,7 @@ class Studio:
         InputError
             The logs do not fit the model, or `output` cannot be written.
         """
-        from frischid.files import check_writable
+        from frischid.core.files import check_writable
         from frischid.studio.bench import Bench
         from frischid.studio.tab import Tab
         from frischid.studio.track import Track

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from frischid import figures
+from frischid.core.text import listed
 from frischid.effects import EFFECTS
 from frischid.figures import Drawing
 from frischid.figures.history import steps_of
@@ -21,7 +22,6 @@ from frischid.figures.style import typeset
 from frischid.studio.bench import Bench, State, message_of
 from frischid.studio.frame import WIDTH, Frame
 from frischid.studio.track import Track
-from frischid.words import listed
 
 if TYPE_CHECKING:
     from frischid.findings import Finding
