@@ -28,7 +28,7 @@ from frischid.criteria import Condition, Criterion, Paper
 from frischid.effects import BASELINE, Coulomb, Effect, RotorInertia, Viscous
 from frischid.envelope import Envelope, Excess
 from frischid.excitation import Plan, default_size, plan
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.search import Cost, Search
 from frischid.trajectory import Family
 

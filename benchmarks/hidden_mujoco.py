@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from hidden_physics import SMOOTH, STEP, Array, Drive, Path, World, rnea
 
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 BANDWIDTH = 2 * np.pi * 12.0
 """Of the position control, rad/s."""

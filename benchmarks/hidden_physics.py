@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.trajectory import Quintic, Trajectory, random_fourier
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ from real_robots import CASES
 from scipy import stats
 
 import frischid as fr
-from frischid.inertia import dynamic_parameters, is_physical, pseudo_inertia
+from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
 from frischid.simulation import parameters_of
 
 SECONDS = 40.0

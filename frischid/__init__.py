@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from frischid.readers import read_log as read_log
     from frischid.readers import write_log as write_log
     from frischid.recording import Recording as Recording
-    from frischid.robot import Robot as Robot
+    from frischid.robot.robot import Robot as Robot
     from frischid.simulation import Noise as Noise
     from frischid.simulation import simulate as simulate
     from frischid.trajectory import Quintic as Quintic
@@ -75,7 +75,7 @@ _HOME = {
     "Recording": "recording",
     "read_log": "readers",
     "write_log": "readers",
-    "Robot": "robot",
+    "Robot": "robot.robot",
     "Noise": "simulation",
     "simulate": "simulation",
     "Quintic": "trajectory",

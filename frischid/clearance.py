@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from frischid.robot import Robot, robot_names
+from frischid.robot.robot import Robot, robot_names
 
 Array = NDArray[np.float64]
 

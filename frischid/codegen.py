@@ -20,7 +20,7 @@ import numpy as np
 from frischid.errors import InputError
 from frischid.gram import Array
 from frischid.model import Model
-from frischid.tree import Body, bodies_of
+from frischid.robot.kinematic_tree import Body, bodies_of
 
 FUNCTIONS = "tanh|exp|sin|cos|abs|pow"
 

@@ -21,7 +21,7 @@ from frischid.model import Model
 from frischid.physical import Active, Consistent, Extras, Links, consistent
 from frischid.reduction import Reduction
 from frischid.regressor import Regressor, nominal_parameters
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 Box = tuple[Sequence[float], Sequence[float]]
 

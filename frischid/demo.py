@@ -18,7 +18,7 @@ from frischid.identification import Identification, identify
 from frischid.improvement import Step, add
 from frischid.log import Log
 from frischid.model import Model
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.simulation import Noise, parameters_of, simulate
 from frischid.trajectory import random_fourier
 

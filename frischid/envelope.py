@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from frischid.clearance import Clearance
 from frischid.errors import InputError
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.trajectory import ClosedForm
 
 Array = NDArray[np.float64]

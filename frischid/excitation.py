@@ -33,7 +33,7 @@ from frischid.envelope import Envelope, Excess, Violation, violations
 from frischid.errors import InputError, UnknownNameError
 from frischid.log import Log
 from frischid.readers import write_log
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.search import ATTEMPTS, Bounds, Cost, Progress, Search
 from frischid.trajectory import FAMILIES, ClosedForm, Family
 

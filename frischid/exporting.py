@@ -17,11 +17,11 @@ from frischid.consistency import Box, Consistency, as_identified, make_consisten
 from frischid.core.files import check_writable, write_text
 from frischid.errors import FrischidError, InputError, UnknownNameError
 from frischid.gram import Array
-from frischid.inertia import is_physical, pseudo_inertia, redistributed
 from frischid.mjcf import mjcf_source
 from frischid.model import Model
-from frischid.robot import Robot
-from frischid.urdf_text import UrdfText
+from frischid.robot.inertia import is_physical, pseudo_inertia, redistributed
+from frischid.robot.robot import Robot
+from frischid.robot.urdf_edit import UrdfText
 
 FORMATS = {".urdf": "URDF", ".xml": "MJCF", ".c": "C", ".py": "NumPy"}
 AGREEMENT = 1e-6  # relative: what the written URDF's torque may differ by from the model's
@@ -135,7 +135,7 @@ def urdf_source(model: Model) -> str:
     """The model's URDF with its inertials and joint friction; not a byte else is changed.
 
     Where a body consists of several links (fixed or locked to one another), all of them change by the same affine map,
-    so that each keeps its share: see `frischid.inertia.redistributed`.
+    so that each keeps its share: see `frischid.robot.inertia.redistributed`.
     """
     robot, text = model.robot, UrdfText(model.robot.urdf)
     links = model.links if robot.transforms is None else (robot.transforms @ model.links[:, :, None])[:, :, 0]

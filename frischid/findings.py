@@ -23,7 +23,7 @@ from frischid.model import Model
 from frischid.prior import nominal
 from frischid.ranking import SIGNIFICANCE, TRIFLE, Ranked, Ranking, ranking
 from frischid.resting import at_rest
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 WITHIN = 1.15  # noise floors: an error below is what the sensors leave, as well as that is known
 ABOVE = 2.0  # noise floors: an error below is not well above the noise, the floor being an estimate

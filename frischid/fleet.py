@@ -33,7 +33,7 @@ from frischid.mapping import LogMap
 from frischid.model import Model
 from frischid.reduction import Reduction
 from frischid.regressor import Regressor
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.signals import Bandwidths, LowPass
 from frischid.tasks import (
     Job,

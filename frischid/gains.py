@@ -35,7 +35,7 @@ from frischid.log import Log
 from frischid.physical import Extras, Links, consistent
 from frischid.reduction import Reduction, reduce
 from frischid.regressor import Regressor, accumulate
-from frischid.robot import LINK_PARAMETERS, Robot
+from frischid.robot.robot import LINK_PARAMETERS, Robot
 from frischid.signals import LowPass, choose_lowpass, prepare
 from frischid.survey import held_by
 

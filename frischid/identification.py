@@ -31,7 +31,7 @@ from frischid.model import Model
 from frischid.recording import Motions, Recording, check_logs, head_of, pieces_of
 from frischid.reduction import Reduction, reduce
 from frischid.regressor import Block, Regressor, accumulate, stack, streaming_qr
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.selection import Selection, select
 from frischid.sensitivity import noise_limits, samples, sensor_moments
 from frischid.sensorwise import sensorwise

@@ -36,7 +36,7 @@ from frischid.errors import InputError
 from frischid.estimate import LEAST_BLOCKS, Estimate
 from frischid.gram import Array
 from frischid.regressor import CHUNK, MAX_BLOCKS, Regressor
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.sensitivity import noise_levels, sensors_of
 from frischid.signals import LowPass, Motion
 from frischid.trajectory import Trajectory

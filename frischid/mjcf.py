@@ -13,9 +13,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from frischid.gram import Array
-from frischid.inertia import dynamic_parameters, pseudo_inertia
 from frischid.model import Model
-from frischid.tree import Body, bodies_of
+from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
+from frischid.robot.kinematic_tree import Body, bodies_of
 
 
 def mjcf_source(model: Model) -> str:

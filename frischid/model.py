@@ -26,7 +26,7 @@ from frischid.gram import Array, Column
 from frischid.log import Log, check_torque
 from frischid.recording import Motions, Recording, head_of
 from frischid.regressor import Block, Regressor
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.signals import LowPass, Motion
 
 SCHEMA = "frischid.model/1"

@@ -29,7 +29,7 @@ from scipy.stats import chi2
 
 from frischid.errors import FrischidError, InputError
 from frischid.gram import Array
-from frischid.inertia import dynamic_parameters, pseudo_inertia
+from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 
 PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 SLACK = 0.02  # of χ²'s mean p: what the prior may cost, beside what the estimate's own errors cost

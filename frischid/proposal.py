@@ -30,7 +30,7 @@ from frischid.errors import InputError
 from frischid.gram import Array
 from frischid.log import CHANNELS
 from frischid.mapping import SECONDS, LogMap
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.tables import Table, read_table
 
 WORDS = {

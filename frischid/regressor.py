@@ -21,7 +21,7 @@ from threadpoolctl import ThreadpoolController
 from frischid.effects import Coulomb, Effect, State, columns_of
 from frischid.errors import InputError
 from frischid.gram import Array, Blocks, Column, Gram, total
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.signals import LowPass, Motion, decimating_filter
 from frischid.triangular import StreamingQR
 

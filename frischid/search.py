@@ -38,7 +38,7 @@ from frischid.envelope import RATE, Excess, extremes
 from frischid.errors import InputError
 from frischid.identification import structure
 from frischid.regressor import Regressor
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.trajectory import Family, Fourier
 
 Array = NDArray[np.float64]

@@ -35,7 +35,7 @@ from frischid.eiv import Samples
 from frischid.errors import InputError
 from frischid.gram import Array, Gram
 from frischid.regressor import Block, Regressor, accumulate
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.sensorwise import TORQUE, SensorMoments
 from frischid.signals import LowPass, Motion, derivative_taps, noise_level
 

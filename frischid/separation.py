@@ -27,7 +27,7 @@ from frischid.excitation import Plan, plan
 from frischid.gram import Array
 from frischid.identification import structure
 from frischid.regressor import Regressor
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.trajectory import Trajectory, random_fourier
 
 TYPICAL = 10  # random motions the planned one is compared with

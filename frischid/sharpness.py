@@ -22,7 +22,7 @@ from frischid.estimate import cross_validated, wls
 from frischid.gram import total
 from frischid.reduction import Reduction
 from frischid.regressor import Regressor, accumulate
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.signals import LowPass, Motion
 
 WIDTHS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s (m/s)

@@ -18,7 +18,7 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.gram import Array
 from frischid.log import Log
 from frischid.regressor import Regressor, nominal_parameters
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.trajectory import Trajectory
 
 MOST_VALUES = 2_000_000  # of the regressor in memory at once

@@ -14,7 +14,7 @@ import numpy as np
 from frischid.errors import InputError, UnknownNameError
 from frischid.log import Log, check_motion, check_torque
 from frischid.recording import Recording, head_of, pieces_of
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.signals import Bandwidths, LowPass
 
 Data = Log | Recording

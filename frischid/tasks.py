@@ -28,7 +28,7 @@ from frischid.model import Model
 from frischid.readers import read_log
 from frischid.recording import Motions, Recording, head_of, pieces_of
 from frischid.regressor import Regressor, accumulate
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.signals import Bandwidths, LowPass, prepare
 from frischid.survey import survey
 

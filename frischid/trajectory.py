@@ -26,7 +26,7 @@ from scipy.interpolate import BPoly, PPoly
 from scipy.interpolate import BSpline as ScipySpline
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 Array = NDArray[np.float64]
 

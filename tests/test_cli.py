@@ -12,7 +12,7 @@ from frischid.cli import main
 from frischid.effects import EFFECTS
 from frischid.log import Log
 from frischid.readers import read_log, write_log
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier
 

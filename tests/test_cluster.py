@@ -10,7 +10,7 @@ from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
 from frischid.excitation import plan
 from frischid.identification import identify
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier
 

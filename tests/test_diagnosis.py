@@ -21,7 +21,7 @@ from frischid.improvement import add, improve, undo
 from frischid.log import Log
 from frischid.model import Model
 from frischid.readers import write_log
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier
 

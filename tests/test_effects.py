@@ -37,7 +37,7 @@ from frischid.effects.friction_memory import presliding
 from frischid.errors import InputError, UnknownNameError
 from frischid.identification import structure
 from frischid.regressor import Regressor
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.trajectory import random_fourier
 
 every_robot = pytest.mark.parametrize("name", ROBOTS)

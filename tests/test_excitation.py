@@ -14,7 +14,7 @@ from frischid.envelope import Envelope, Excess, nominal_torque, violations
 from frischid.errors import InputError, UnknownNameError
 from frischid.excitation import plan
 from frischid.readers import read_log
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.search import Cost, Search
 from frischid.trajectory import FAMILIES, Family, Fourier
 

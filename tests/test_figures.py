@@ -17,7 +17,7 @@ from frischid.identification import identify
 from frischid.model import Model
 from frischid.prediction import predict
 from frischid.quality import quality
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.shapes import Shape, correlation_ratio
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier

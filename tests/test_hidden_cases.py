@@ -10,7 +10,7 @@ import pytest
 from frischid.comparison import compare
 from frischid.diagnosis import diagnose
 from frischid.identification import identify
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.simulation import simulate
 from frischid.trajectory import random_fourier
 

@@ -13,7 +13,7 @@ from frischid.gram import Gram
 from frischid.identification import ESTIMATORS, box_of, examine, identify, structure
 from frischid.log import Log
 from frischid.regressor import Regressor
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.survey import moving_but_locked
 from frischid.trajectory import random_fourier

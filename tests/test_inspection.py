@@ -13,7 +13,7 @@ from frischid.identification import examine, identify
 from frischid.inspection.channels import quantum
 from frischid.log import Log
 from frischid.readers import read_log
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier
 

@@ -20,7 +20,7 @@ from frischid.identification import identify
 from frischid.model import SCHEMA, Model
 from frischid.recording import Recording
 from frischid.regressor import nominal_parameters
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.signals import LowPass
 from frischid.simulation import Noise
 

@@ -9,7 +9,7 @@ from frischid.cli import main
 from frischid.errors import InputError
 from frischid.proposal import assign, propose, split
 from frischid.readers import read_log
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.simulation import simulate
 from frischid.tables import write_table
 from frischid.trajectory import random_fourier

@@ -24,7 +24,7 @@ from frischid.report.html import command
 from frischid.report.sections import data, parameters, rounded, verdict
 from frischid.report.study import missing
 from frischid.report.study import opened as capital
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.shapes import correlation_ratio, shape_of
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier

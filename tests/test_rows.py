@@ -14,7 +14,7 @@ from frischid.evidence import Evidence, thinned
 from frischid.identification import identify
 from frischid.prior import nominal
 from frischid.recording import Recording
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier
 

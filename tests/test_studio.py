@@ -19,7 +19,7 @@ from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.identification import identify
 from frischid.model import Model
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier
 

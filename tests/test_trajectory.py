@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.trajectory import FAMILIES, BSpline, Family, Fourier, Quintic, random_fourier
 
 rng = np.random.default_rng(0)

@@ -20,7 +20,7 @@ IN_MEMORY = 32 * 2**20
 if TYPE_CHECKING:
     from frischid.core.parallel import Workers
     from frischid.log import Log
-    from frischid.robot import Robot
+    from frischid.robot.robot import Robot
 
 
 def robot_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -82,7 +82,7 @@ def load(
     from statistics import median
 
     from frischid.recording import pieces_of
-    from frischid.robot import Robot
+    from frischid.robot.robot import Robot
 
     nominal = Robot.load(robot)
     logs = (read if whole else opened)(paths, nominal, mapping)

@@ -73,7 +73,7 @@ def map_columns(log: str, robot: str, output: str | None, as_json: bool) -> None
     """Propose a mapping file for LOG: which column is which of ROBOT's joints, from names and magnitudes."""
     from frischid.core.files import check_writable, write_text
     from frischid.proposal import propose
-    from frischid.robot import Robot
+    from frischid.robot.robot import Robot
     from frischid.show import checking as show
 
     if output:

@@ -37,7 +37,7 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
     """
     from frischid.identification import structure
     from frischid.regressor import Regressor
-    from frischid.robot import robot_names
+    from frischid.robot.robot import robot_names
     from frischid.show import fitting as show
 
     if robot is None:

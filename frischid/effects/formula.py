@@ -19,7 +19,7 @@ import numpy as np
 from frischid.effects.base import Array, Effect, State, Term, torque_unit
 from frischid.effects.expression import QUANTITIES, VARIABLE, Expression
 from frischid.errors import InputError, UnknownNameError
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 
 @dataclass(frozen=True)

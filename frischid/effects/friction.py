@@ -25,7 +25,7 @@ import numpy as np
 from frischid.effects.base import SECONDS, SPEED, WIDTH, Effect, State, Term, is_number
 from frischid.errors import InputError
 from frischid.gram import Array
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 
 @dataclass(frozen=True)

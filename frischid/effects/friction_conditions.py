@@ -19,7 +19,7 @@ import numpy as np
 
 from frischid.effects.base import CELSIUS, SECONDS, SPEED, WIDTH, Array, Effect, State, Term, is_number
 from frischid.errors import InputError, UnknownNameError
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 SOURCES = ("time", "temperature")
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from frischid.effects.base import Array, Effect, State, Term
 from frischid.effects.dynamics import FELT, RigidDynamics, random_states
-from frischid.robot import LINK_PARAMETERS, LINK_UNITS, Robot
+from frischid.robot.robot import LINK_PARAMETERS, LINK_UNITS, Robot
 
 PIECE = 1024  # samples of the whole regressor in memory at once
 

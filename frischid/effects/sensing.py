@@ -21,7 +21,7 @@ import numpy as np
 from frischid.effects.base import SECONDS, Effect, State, Term, is_number, torque_unit
 from frischid.effects.dynamics import felt_slopes
 from frischid.errors import InputError
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 
 @dataclass(frozen=True)

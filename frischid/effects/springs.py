@@ -24,7 +24,7 @@ import numpy as np
 
 from frischid.effects.base import ANGLE, Array, Effect, State, Term, is_number, torque_unit
 from frischid.errors import InputError, UnknownNameError
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 FORMS = ("linear", "cubic", "periodic")
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from frischid.effects.base import SPEED, WIDTH, Effect, State, Term, is_number, torque_unit
 from frischid.errors import InputError
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from frischid.figures.style import BLUE, COLOURS, MEASURED, Drawing, drawing, number, plain, short, units_of
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 if TYPE_CHECKING:
     from frischid.quality import Quality

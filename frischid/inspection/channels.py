@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from frischid.gram import Array
 from frischid.inspection.finding import Notebook, span
 from frischid.log import STILL, Log
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.signals import noise_level
 
 LEVELS = 20  # fewer steps than this across the usual range of a channel is coarse

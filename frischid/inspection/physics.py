@@ -21,7 +21,7 @@ from frischid.gram import Array
 from frischid.inspection.finding import Notebook, span
 from frischid.inspection.payload import check_payload, payload_errors
 from frischid.inspection.sketch import FEW, Sketch, shared_fit
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 BAD = 0.3
 """NRMSE of the nominal URDF with friction above which a joint calls for an explanation (real arms: 0.02 to 0.25)."""

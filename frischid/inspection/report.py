@@ -21,7 +21,7 @@ from frischid.inspection.sketch import HIGHEST, Sketch
 from frischid.inspection.velocity import check_velocity
 from frischid.log import Log
 from frischid.reduction import Reduction
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.signals import LowPass, Motion, choose_lowpass, prepare
 
 FEWEST = 50  # samples of a sketch

@@ -24,7 +24,7 @@ from scipy.optimize import nnls
 from frischid.effects.base import WIDTH
 from frischid.errors import InputError
 from frischid.gram import Array
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.signals import LowPass, Motion, decimating_filter, derivative_taps, noise_level
 
 HIGHEST = 10.0  # Hz, enough for gross errors; above it noise of bad stamps would drown them

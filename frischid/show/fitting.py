@@ -15,7 +15,7 @@ from frischid.identification import Identification
 from frischid.model import Model
 from frischid.reduction import Reduction
 from frischid.regressor import Regressor
-from frischid.robot import LINK_PARAMETERS, LINK_UNITS, Robot
+from frischid.robot.robot import LINK_PARAMETERS, LINK_UNITS, Robot
 from frischid.show.page import Page, depends, figure, plain, table_of, warning_lines
 
 ORDER = (

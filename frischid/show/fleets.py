@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from frischid.fleet import Fleet, Member
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.show.page import Page, figure, plain, quantities, table_of, warning_lines
 
 MOST = 5  # skipped logs, and warnings, that are listed

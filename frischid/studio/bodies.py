@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from frischid.gram import Array
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 READABLE = {".stl", ".obj", ".ply", ".glb", ".gltf", ".off"} | ({".dae"} if util.find_spec("collada") else set())
 SIMPLE = "0.72 0.75 0.79 1"

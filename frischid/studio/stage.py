@@ -16,7 +16,7 @@ from viser.extras import ViserUrdf
 from frischid.figures.torque import side_by_side
 from frischid.gram import Array
 from frischid.prediction import Prediction
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import thickness_of, urdf_of
 from frischid.studio.track import Track

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frischid.errors import InputError
-from frischid.inertia import dynamic_parameters, pseudo_inertia
+from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 
 Array = NDArray[np.float64]
 Span = tuple[int, int]

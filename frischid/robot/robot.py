@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from frischid.errors import InputError, UnknownNameError
 from frischid.gram import Column
-from frischid.inertia import dynamic_parameters, pseudo_inertia
+from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 
 Array = NDArray[np.float64]
 

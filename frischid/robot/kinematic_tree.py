@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from frischid.robot import Robot
+from frischid.robot.robot import Robot
 
 Array = NDArray[np.float64]
 
