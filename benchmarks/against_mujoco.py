@@ -21,7 +21,7 @@ from common import Worker, parser, publish
 from mujoco import rollout
 
 import frischid as fr
-from frischid.log import Log
+from frischid.logs.log import Log
 
 WORKER = Path(__file__).with_name("mujoco_worker.py")
 STEP = 0.002

@@ -45,11 +45,11 @@ from frischid.frisch import Box, simplex
 from frischid.gram import Column, total
 from frischid.identification import structure
 from frischid.iv import iv
+from frischid.logs.preprocessing import LowPass, Motion
 from frischid.regressor import Regressor, accumulate, stack
 from frischid.selection import select
 from frischid.sensitivity import noise_limits, samples, sensor_moments
 from frischid.sensorwise import sensorwise
-from frischid.signals import LowPass, Motion
 from frischid.simulation import parameters_of, torque
 from frischid.trajectory import Trajectory
 

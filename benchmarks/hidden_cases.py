@@ -21,7 +21,7 @@ from hidden_sensors import Sensors, record
 from hidden_shapes import SMALL
 from hidden_unknown import UNKNOWN
 
-from frischid.log import Log
+from frischid.logs.log import Log
 from frischid.robot.robot import Robot
 
 GRADES = {1: (0.10, 0.20), 2: (0.03, 0.10), 3: (0.01, 0.03)}

@@ -9,7 +9,7 @@ import numpy as np
 from hidden_physics import STEP, Array, World
 from hidden_unknown import smooth
 
-from frischid.log import Log
+from frischid.logs.log import Log
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from bag_files import mcap_ros2
 from common import parser, publish
 
-from frischid.log import Log
-from frischid.readers import read_chunks
+from frischid.logs.log import Log
+from frischid.logs.readers import read_chunks
 
 JOINTS = tuple(f"panda_joint{k}" for k in range(1, 8))
 PIECE = 20_000

@@ -15,8 +15,8 @@ import pinocchio as pin
 from common import parser, publish
 
 import frischid as fr
+from frischid.logs.preprocessing import LowPass, Motion
 from frischid.regressor import Regressor, accumulate
-from frischid.signals import LowPass, Motion
 
 TARGETS = {"full regressor": 1.6, "streamed into moments": 2.2}
 

@@ -23,7 +23,7 @@ from common import parser, publish
 
 import frischid as fr
 from frischid.effects import EFFECTS
-from frischid.log import Log
+from frischid.logs.log import Log
 from frischid.regressor import nominal_parameters
 from frischid.simulation import torque
 

@@ -34,13 +34,13 @@ if TYPE_CHECKING:
     from frischid.identification import identify as identify
     from frischid.improvement import add as add
     from frischid.improvement import improve as improve
-    from frischid.log import Log as Log
-    from frischid.mapping import LogMap as LogMap
+    from frischid.logs.log import Log as Log
+    from frischid.logs.mapping import LogMap as LogMap
+    from frischid.logs.readers import read_chunks as read_chunks
+    from frischid.logs.readers import read_log as read_log
+    from frischid.logs.readers import write_log as write_log
+    from frischid.logs.recording import Recording as Recording
     from frischid.model import Model as Model
-    from frischid.readers import read_chunks as read_chunks
-    from frischid.readers import read_log as read_log
-    from frischid.readers import write_log as write_log
-    from frischid.recording import Recording as Recording
     from frischid.robot.robot import Robot as Robot
     from frischid.simulation import Noise as Noise
     from frischid.simulation import simulate as simulate
@@ -68,13 +68,13 @@ _HOME = {
     "identify": "identification",
     "add": "improvement",
     "improve": "improvement",
-    "Log": "log",
-    "LogMap": "mapping",
+    "Log": "logs.log",
+    "LogMap": "logs.mapping",
     "Model": "model",
-    "read_chunks": "readers",
-    "Recording": "recording",
-    "read_log": "readers",
-    "write_log": "readers",
+    "read_chunks": "logs.readers",
+    "Recording": "logs.recording",
+    "read_log": "logs.readers",
+    "write_log": "logs.readers",
     "Robot": "robot.robot",
     "Noise": "simulation",
     "simulate": "simulation",

@@ -18,10 +18,10 @@ from frischid.conditions import Residuals
 from frischid.core.text import each_of
 from frischid.errors import InputError
 from frischid.gram import Array
-from frischid.log import Log
+from frischid.logs.log import Log
+from frischid.logs.recording import Recording
 from frischid.model import Model
 from frischid.noise import NoiseFloor
-from frischid.recording import Recording
 from frischid.regressor import EXTRA, Block, nominal_parameters
 
 STRETCH = 1000  # filtered samples kept or left out together, so that residuals stay consecutive

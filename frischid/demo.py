@@ -16,7 +16,7 @@ from frischid.effects import BASELINE, parse_effects
 from frischid.gram import Array
 from frischid.identification import Identification, identify
 from frischid.improvement import Step, add
-from frischid.log import Log
+from frischid.logs.log import Log
 from frischid.model import Model
 from frischid.robot.robot import Robot
 from frischid.simulation import Noise, parameters_of, simulate

@@ -29,12 +29,12 @@ from frischid.effects import Effect
 from frischid.errors import InputError
 from frischid.estimate import Prior
 from frischid.gram import Array
-from frischid.log import Log
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import Motion
+from frischid.logs.recording import Recording
 from frischid.model import Model
 from frischid.pieces import Part, Stretch
-from frischid.recording import Recording
 from frischid.rows import Rows
-from frischid.signals import Motion
 
 LOOKED_AT = 50_000  # rows of a joint, spread evenly, on which medians and dependences are judged
 IN_SPAN = 1e-5  # share of a candidate's norm left by the base columns below which it is one of them

@@ -31,8 +31,8 @@ from frischid.criteria import Criterion, criterion_of
 from frischid.effects import BASELINE, Effect
 from frischid.envelope import Envelope, Excess, Violation, violations
 from frischid.errors import InputError, UnknownNameError
-from frischid.log import Log
-from frischid.readers import write_log
+from frischid.logs.log import Log
+from frischid.logs.readers import write_log
 from frischid.robot.robot import Robot
 from frischid.search import ATTEMPTS, Bounds, Cost, Progress, Search
 from frischid.trajectory import FAMILIES, ClosedForm, Family

@@ -29,12 +29,12 @@ from frischid.estimate import Estimate, wls
 from frischid.findings import Finding
 from frischid.gram import Gram
 from frischid.identification import structure
-from frischid.mapping import LogMap
+from frischid.logs.mapping import LogMap
+from frischid.logs.preprocessing import Bandwidths, LowPass
 from frischid.model import Model
 from frischid.reduction import Reduction
 from frischid.regressor import Regressor
 from frischid.robot.robot import Robot
-from frischid.signals import Bandwidths, LowPass
 from frischid.tasks import (
     Job,
     Look,

@@ -31,13 +31,13 @@ from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimate import wls
 from frischid.gram import Array, Gram, total
 from frischid.identification import structure
-from frischid.log import Log
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import LowPass, choose_lowpass, prepare
+from frischid.logs.summary import held_by
 from frischid.physical import Extras, Links, consistent
 from frischid.reduction import Reduction, reduce
 from frischid.regressor import Regressor, accumulate
 from frischid.robot.robot import LINK_PARAMETERS, Robot
-from frischid.signals import LowPass, choose_lowpass, prepare
-from frischid.survey import held_by
 
 SIZE = 0.05  # m: radius of gyration the payload is believed to have
 

@@ -26,9 +26,12 @@ from frischid.frisch import Box, Simplex, simplex
 from frischid.gram import Array, Gram, total
 from frischid.inspection import LogReport, inspect
 from frischid.iv import iv
-from frischid.log import Log
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import LowPass, Motion, choose_lowpass, prepare
+from frischid.logs.recording import Motions, Recording, check_logs, head_of, pieces_of
+from frischid.logs.summary import Data, Survey, check_usable, held_by, moving_but_locked, survey
+from frischid.logs.summary import torque_joints as torque_joints_of
 from frischid.model import Model
-from frischid.recording import Motions, Recording, check_logs, head_of, pieces_of
 from frischid.reduction import Reduction, reduce
 from frischid.regressor import Block, Regressor, accumulate, stack, streaming_qr
 from frischid.robot.robot import Robot
@@ -36,9 +39,6 @@ from frischid.selection import Selection, select
 from frischid.sensitivity import noise_limits, samples, sensor_moments
 from frischid.sensorwise import sensorwise
 from frischid.sharpness import baseline, dry_friction
-from frischid.signals import LowPass, Motion, choose_lowpass, prepare
-from frischid.survey import Data, Survey, check_usable, held_by, moving_but_locked, survey
-from frischid.survey import torque_joints as torque_joints_of
 from frischid.triangular import SAFE_CONDITION
 
 MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see

@@ -15,10 +15,10 @@ from frischid.errors import InputError
 from frischid.estimate import Estimate
 from frischid.findings import Finding
 from frischid.identification import identify
-from frischid.log import Log
+from frischid.logs.log import Log
+from frischid.logs.recording import Recording, check_logs, pieces_of
 from frischid.model import Model
 from frischid.prior import reference_of
-from frischid.recording import Recording, check_logs, pieces_of
 
 
 @dataclass(frozen=True, eq=False)

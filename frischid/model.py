@@ -23,11 +23,11 @@ from frischid.errors import InputError
 from frischid.estimate import Estimate
 from frischid.frisch import Box
 from frischid.gram import Array, Column
-from frischid.log import Log, check_torque
-from frischid.recording import Motions, Recording, head_of
+from frischid.logs.log import Log, check_torque
+from frischid.logs.preprocessing import LowPass, Motion
+from frischid.logs.recording import Motions, Recording, head_of
 from frischid.regressor import Block, Regressor
 from frischid.robot.robot import Robot
-from frischid.signals import LowPass, Motion
 
 SCHEMA = "frischid.model/1"
 

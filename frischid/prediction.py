@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from frischid.errors import InputError
 from frischid.gram import Array
-from frischid.log import Log
+from frischid.logs.log import Log
 from frischid.model import Model
 from frischid.regressor import Block
 

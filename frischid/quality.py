@@ -1,6 +1,6 @@
 """What a log is worth: its clock, the noise of each channel, what was done to it, and how much of the robot it moves.
 
-Noise is read off the log itself by fourth differences (`frischid.signals.noise_level`); excitation is the range, the
+Noise is read off the log itself by fourth differences (`frischid.logs.preprocessing.noise_level`); excitation is the range, the
 speed and the acceleration each joint reaches, beside the limits of the URDF, and the share of time it rests.
 """
 
@@ -16,10 +16,10 @@ from frischid.effects import BASELINE
 from frischid.gram import Array
 from frischid.identification import structure
 from frischid.inspection import inspect
-from frischid.log import Log
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import noise_level, prepare
 from frischid.model import Model
 from frischid.regressor import Regressor
-from frischid.signals import noise_level, prepare
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,8 +21,8 @@ from threadpoolctl import ThreadpoolController
 from frischid.effects import Coulomb, Effect, State, columns_of
 from frischid.errors import InputError
 from frischid.gram import Array, Blocks, Column, Gram, total
+from frischid.logs.preprocessing import LowPass, Motion, decimating_filter
 from frischid.robot.robot import Robot
-from frischid.signals import LowPass, Motion, decimating_filter
 from frischid.triangular import StreamingQR
 
 CHUNK = 256  # samples; fits the processor's cache

@@ -22,13 +22,13 @@ from frischid.core.array_store import Series, Store
 from frischid.core.parallel import Here, Workers
 from frischid.effects import Effect, State
 from frischid.gram import Array
-from frischid.log import Log
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import Motion, decimating_filter
+from frischid.logs.recording import Recording
 from frischid.model import Model
 from frischid.pieces import Part, Piece, Stretch, kept
 from frischid.prior import reference_of
-from frischid.recording import Recording
 from frischid.regressor import Regressor
-from frischid.signals import Motion, decimating_filter
 
 Moments = Mapping[int, Array]
 SCREENED = 10  # shapes of one effect that are judged in full

@@ -34,10 +34,10 @@ from scipy import signal
 from frischid.eiv import Samples
 from frischid.errors import InputError
 from frischid.gram import Array, Gram
+from frischid.logs.preprocessing import LowPass, Motion, derivative_taps, noise_level
 from frischid.regressor import Block, Regressor, accumulate
 from frischid.robot.robot import Robot
 from frischid.sensorwise import TORQUE, SensorMoments
-from frischid.signals import LowPass, Motion, derivative_taps, noise_level
 
 CHANNELS = ("q", "v", "a")
 STEP = 0.03

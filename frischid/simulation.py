@@ -16,7 +16,7 @@ import numpy as np
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError, UnknownNameError
 from frischid.gram import Array
-from frischid.log import Log
+from frischid.logs.log import Log
 from frischid.regressor import Regressor, nominal_parameters
 from frischid.robot.robot import Robot
 from frischid.trajectory import Trajectory

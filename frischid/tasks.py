@@ -22,15 +22,15 @@ from frischid.findings import Finding
 from frischid.gram import Array, Gram, total
 from frischid.identification import structure
 from frischid.inspection import inspect
-from frischid.log import Log
-from frischid.mapping import LogMap
+from frischid.logs.log import Log
+from frischid.logs.mapping import LogMap
+from frischid.logs.preprocessing import Bandwidths, LowPass, prepare
+from frischid.logs.readers import read_log
+from frischid.logs.recording import Motions, Recording, head_of, pieces_of
+from frischid.logs.summary import survey
 from frischid.model import Model
-from frischid.readers import read_log
-from frischid.recording import Motions, Recording, head_of, pieces_of
 from frischid.regressor import Regressor, accumulate
 from frischid.robot.robot import Robot
-from frischid.signals import Bandwidths, LowPass, prepare
-from frischid.survey import survey
 
 BLOCKS = 32  # of a robot
 WHOLE = 32 * 2**20  # bytes of a file that is read as a whole

@@ -8,8 +8,8 @@ import pytest
 from bag_files import WRITERS, mcap_ros2, ros1, ros2
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.log import Log
-from frischid.readers import read_chunks, read_log
+from frischid.logs.log import Log
+from frischid.logs.readers import read_chunks, read_log
 
 JOINTS = ("shoulder", "elbow", "wrist")
 
@@ -52,7 +52,7 @@ def test_chunks_of_a_bag_are_the_whole(tmp_path, name):
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "npz"])
 def test_chunks_of_a_table_are_the_whole(tmp_path, suffix):
-    from frischid.readers import write_log
+    from frischid.logs.readers import write_log
 
     log = made(5000)
     write_log(log, path := tmp_path / f"log.{suffix}")

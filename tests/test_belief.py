@@ -18,8 +18,8 @@ from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimate import Prior, wls
 from frischid.gram import total
 from frischid.identification import identify, structure
+from frischid.logs.preprocessing import LowPass, prepare
 from frischid.regressor import Regressor, accumulate
-from frischid.signals import LowPass, prepare
 from frischid.simulation import Noise
 
 DATA = os.environ.get("FRISCHID_DATA")

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 
 from frischid.cli import main
 from frischid.effects import EFFECTS
-from frischid.log import Log
-from frischid.readers import read_log, write_log
+from frischid.logs.log import Log
+from frischid.logs.readers import read_log, write_log
 from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier

@@ -10,10 +10,10 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
-from frischid import datasets
 from frischid.cli import main
 from frischid.errors import InputError, UnknownNameError
-from frischid.readers import read_log
+from frischid.logs import datasets
+from frischid.logs.readers import read_log
 
 JOINTS = ["torso_lift_joint", "arm_1_joint"]
 

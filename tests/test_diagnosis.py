@@ -18,9 +18,9 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.findings import Finding
 from frischid.identification import identify
 from frischid.improvement import add, improve, undo
-from frischid.log import Log
+from frischid.logs.log import Log
+from frischid.logs.readers import write_log
 from frischid.model import Model
-from frischid.readers import write_log
 from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier

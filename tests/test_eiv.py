@@ -8,9 +8,9 @@ from frischid.eiv import Samples, eiv
 from frischid.errors import IdentifiabilityError
 from frischid.gram import Column
 from frischid.identification import structure
+from frischid.logs.preprocessing import LowPass, Motion
 from frischid.regressor import Regressor
 from frischid.sensitivity import samples
-from frischid.signals import LowPass, Motion
 from frischid.simulation import parameters_of
 from frischid.trajectory import random_fourier
 

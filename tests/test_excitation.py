@@ -13,7 +13,7 @@ from frischid.effects import BASELINE, Coulomb, RotorInertia, Viscous
 from frischid.envelope import Envelope, Excess, nominal_torque, violations
 from frischid.errors import InputError, UnknownNameError
 from frischid.excitation import plan
-from frischid.readers import read_log
+from frischid.logs.readers import read_log
 from frischid.robot.robot import Robot
 from frischid.search import Cost, Search
 from frischid.trajectory import FAMILIES, Family, Fourier

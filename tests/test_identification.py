@@ -11,11 +11,11 @@ from frischid.estimate import cross_validated
 from frischid.frisch import Box
 from frischid.gram import Gram
 from frischid.identification import ESTIMATORS, box_of, examine, identify, structure
-from frischid.log import Log
+from frischid.logs.log import Log
+from frischid.logs.summary import moving_but_locked
 from frischid.regressor import Regressor
 from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
-from frischid.survey import moving_but_locked
 from frischid.trajectory import random_fourier
 
 PLANAR, UR10 = robot("planar2"), robot("ur10")

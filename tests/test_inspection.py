@@ -11,8 +11,8 @@ import pytest
 from frischid.errors import InputError
 from frischid.identification import examine, identify
 from frischid.inspection.channels import quantum
-from frischid.log import Log
-from frischid.readers import read_log
+from frischid.logs.log import Log
+from frischid.logs.readers import read_log
 from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier

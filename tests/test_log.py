@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.log import Log, check_motion, check_torque
+from frischid.logs.log import Log, check_motion, check_torque
 
 N = 50
 T = np.arange(N) * 0.01

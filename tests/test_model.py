@@ -17,11 +17,11 @@ from frischid.errors import InputError
 from frischid.frisch import Box
 from frischid.gram import Column
 from frischid.identification import identify
+from frischid.logs.preprocessing import LowPass
+from frischid.logs.recording import Recording
 from frischid.model import SCHEMA, Model
-from frischid.recording import Recording
 from frischid.regressor import nominal_parameters
 from frischid.robot.robot import Robot
-from frischid.signals import LowPass
 from frischid.simulation import Noise
 
 

@@ -11,9 +11,9 @@ from scipy.signal import lfilter
 from frischid.comparison import compare
 from frischid.effects import parse_effects
 from frischid.identification import identify
+from frischid.logs.preprocessing import LowPass, noise_level
 from frischid.noise import NoiseFloor, level_within
 from frischid.robot.robot import Robot
-from frischid.signals import LowPass, noise_level
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier
 

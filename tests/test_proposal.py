@@ -7,11 +7,11 @@ from click.testing import CliRunner
 
 from frischid.cli import main
 from frischid.errors import InputError
-from frischid.proposal import assign, propose, split
-from frischid.readers import read_log
+from frischid.logs.mapping_guess import assign, propose, split
+from frischid.logs.readers import read_log
+from frischid.logs.tables import write_table
 from frischid.robot.robot import Robot
 from frischid.simulation import simulate
-from frischid.tables import write_table
 from frischid.trajectory import random_fourier
 
 UR = Robot.load("ur10")

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.log import CHANNELS, GARBAGE, Log, check_torque
-from frischid.mapping import JointMap, LogMap
-from frischid.readers import read_log, write_log
+from frischid.logs.log import CHANNELS, GARBAGE, Log, check_torque
+from frischid.logs.mapping import JointMap, LogMap
+from frischid.logs.readers import read_log, write_log
 
 N = 20
 T = np.arange(N) * 0.1

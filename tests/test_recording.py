@@ -10,10 +10,10 @@ import pytest
 import frischid as fr
 from frischid.errors import InputError
 from frischid.gram import Blocks, total
-from frischid.log import Log
-from frischid.recording import Motions, Recording
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import LowPass, prepare
+from frischid.logs.recording import Motions, Recording
 from frischid.regressor import MAX_BLOCKS, Regressor, accumulate, gram_of
-from frischid.signals import LowPass, prepare
 
 ROBOT = fr.Robot.load("planar2")
 
@@ -171,7 +171,7 @@ def test_the_command_line_reads_long_files_in_pieces(tmp_path, monkeypatch):
     plain = [str(tmp_path / "log.parquet"), "--bbrf", "none", "--cutoff", "8", "--json"]
     whole = CliRunner().invoke(main, ["identify", "planar2", *plain])
     monkeypatch.setattr("frischid.cli.arguments.IN_MEMORY", 0)
-    monkeypatch.setattr("frischid.recording.PIECE", 1000)
+    monkeypatch.setattr("frischid.logs.recording.PIECE", 1000)
     pieces = CliRunner().invoke(main, ["identify", "planar2", *plain])
     assert whole.exit_code == pieces.exit_code == 0, pieces.output
     one, many = (json.loads(result.output)["parameters"] for result in (whole, pieces))

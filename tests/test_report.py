@@ -17,8 +17,8 @@ from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.identification import identify
+from frischid.logs.readers import read_log
 from frischid.prediction import predict
-from frischid.readers import read_log
 from frischid.report import page, report, study
 from frischid.report.html import command
 from frischid.report.sections import data, parameters, rounded, verdict

@@ -5,7 +5,7 @@ import pytest
 from test_diagnosis import NOISE, UR5, healthy, log_of, loose_reversals
 
 from frischid.evidence import Evidence
-from frischid.log import Log
+from frischid.logs.log import Log
 from frischid.prior import nominal
 from frischid.resting import at_rest
 

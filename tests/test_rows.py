@@ -12,8 +12,8 @@ from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
 from frischid.evidence import Evidence, thinned
 from frischid.identification import identify
+from frischid.logs.recording import Recording
 from frischid.prior import nominal
-from frischid.recording import Recording
 from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier

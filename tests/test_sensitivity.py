@@ -7,10 +7,10 @@ import pytest
 import frischid as fr
 from frischid.errors import InputError
 from frischid.identification import structure
-from frischid.log import Log
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import LowPass, Motion, prepare
 from frischid.regressor import Regressor, accumulate
 from frischid.sensitivity import moved, noise_levels, samples, sensor_moments, sensors_of
-from frischid.signals import LowPass, Motion, prepare
 from frischid.trajectory import random_fourier
 
 NOTHING = LowPass(None)

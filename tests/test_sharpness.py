@@ -5,10 +5,10 @@ import pytest
 
 from frischid.effects import Coulomb, parse_effects
 from frischid.identification import identify, structure
+from frischid.logs.preprocessing import choose_lowpass, prepare
 from frischid.regressor import Regressor
 from frischid.robot.robot import Robot
 from frischid.sharpness import baseline, dry_friction
-from frischid.signals import choose_lowpass, prepare
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier
 

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from frischid.effects import BASELINE
 from frischid.errors import InputError
 from frischid.identification import identify
-from frischid.log import Log
-from frischid.readers import read_log
-from frischid.signals import (
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import (
     LowPass,
     choose_lowpass,
     decimating_filter,
@@ -21,6 +20,7 @@ from frischid.signals import (
     prepare,
     standstill,
 )
+from frischid.logs.readers import read_log
 from frischid.simulation import Noise
 from frischid.trajectory import random_fourier
 

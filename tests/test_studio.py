@@ -582,7 +582,7 @@ def test_it_listens_on_loopback(case, tmp_path):
 
 
 def test_being_open_to_others_is_said(case, tmp_path, monkeypatch):
-    from frischid.readers import write_log
+    from frischid.logs.readers import write_log
 
     model, logs = case
     model.save(tmp_path / "model.json")

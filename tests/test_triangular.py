@@ -7,9 +7,9 @@ import frischid as fr
 from frischid.errors import IdentifiabilityError
 from frischid.estimate import NormalEquations
 from frischid.identification import structure
-from frischid.log import Log
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import LowPass, prepare
 from frischid.regressor import Regressor, accumulate, stack, streaming_qr
-from frischid.signals import LowPass, prepare
 from frischid.triangular import SAFE_CONDITION, StreamingQR, solve
 
 ROBOT = fr.Robot.load("planar2")

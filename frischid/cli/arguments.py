@@ -19,7 +19,7 @@ IN_MEMORY = 32 * 2**20
 
 if TYPE_CHECKING:
     from frischid.core.parallel import Workers
-    from frischid.log import Log
+    from frischid.logs.log import Log
     from frischid.robot.robot import Robot
 
 
@@ -81,7 +81,7 @@ def load(
     """
     from statistics import median
 
-    from frischid.recording import pieces_of
+    from frischid.logs.recording import pieces_of
     from frischid.robot.robot import Robot
 
     nominal = Robot.load(robot)
@@ -166,8 +166,8 @@ def effects_of(text: str | None) -> Any:
 
 def read(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Log]:
     """Logs of a robot, through a mapping when there is one."""
-    from frischid.mapping import LogMap
-    from frischid.readers import read_log
+    from frischid.logs.mapping import LogMap
+    from frischid.logs.readers import read_log
 
     # A mapping may name joints that are locked in this robot; they are read and then not used.
     form = LogMap.of(mapping)
@@ -176,8 +176,8 @@ def read(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Log]:
 
 def opened(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Any]:
     """Logs of a robot, in memory where they are small together, otherwise as recordings that are read in pieces."""
-    from frischid.mapping import LogMap
-    from frischid.recording import Recording
+    from frischid.logs.mapping import LogMap
+    from frischid.logs.recording import Recording
 
     sizes = [path.stat().st_size for path in map(Path, paths) if path.is_file()]
     if len(sizes) == len(paths) and sum(sizes) <= IN_MEMORY:

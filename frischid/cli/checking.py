@@ -26,7 +26,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
     """
     from frischid.identification import examine
     from frischid.inspection import defects
-    from frischid.mapping import LogMap
+    from frischid.logs.mapping import LogMap
     from frischid.show import checking as show
 
     with working(as_json) as progress:
@@ -53,7 +53,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
 @json_option
 def fetch(name: str | None, output: str | None, source: str | None, as_json: bool) -> None:
     """Fetch public logs of real robots, checked by checksum; without NAME, list them."""
-    from frischid import datasets
+    from frischid.logs import datasets
     from frischid.show import checking as show
 
     if name is None:
@@ -72,7 +72,7 @@ def fetch(name: str | None, output: str | None, source: str | None, as_json: boo
 def map_columns(log: str, robot: str, output: str | None, as_json: bool) -> None:
     """Propose a mapping file for LOG: which column is which of ROBOT's joints, from names and magnitudes."""
     from frischid.core.files import check_writable, write_text
-    from frischid.proposal import propose
+    from frischid.logs.mapping_guess import propose
     from frischid.robot.robot import Robot
     from frischid.show import checking as show
 

@@ -48,7 +48,7 @@ def gains(
 ) -> None:
     """Find drive gains from logs without and with a payload of known weight, and check those given in the mapping."""
     from frischid.gains import find_gains
-    from frischid.mapping import LogMap
+    from frischid.logs.mapping import LogMap
     from frischid.show import drives as show
 
     form = LogMap.of(mapping)

@@ -86,7 +86,7 @@ def run_fleet(
     from frischid.core.files import check_writable
     from frischid.core.parallel import workers
     from frischid.fleet import identify_fleet
-    from frischid.mapping import LogMap
+    from frischid.logs.mapping import LogMap
     from frischid.show import fleets as show
 
     output = arguments["output"]

@@ -59,7 +59,7 @@ def simulate(
 ) -> None:
     """Record a log of a simulated robot, with noise, for trying things out."""
     from frischid.core.files import check_writable
-    from frischid.readers import read_log, write_log
+    from frischid.logs.readers import read_log, write_log
     from frischid.show import motions as show
     from frischid.simulation import Noise
     from frischid.simulation import simulate as run

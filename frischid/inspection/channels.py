@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from frischid.gram import Array
 from frischid.inspection.finding import Notebook, span
-from frischid.log import STILL, Log
+from frischid.logs.log import STILL, Log
+from frischid.logs.preprocessing import noise_level
 from frischid.robot.robot import Robot
-from frischid.signals import noise_level
 
 LEVELS = 20  # fewer steps than this across the usual range of a channel is coarse
 DEAD_BAND = 0.1

@@ -15,9 +15,9 @@ import numpy as np
 
 from frischid.errors import InputError
 from frischid.inspection.finding import LogReport, Notebook
-from frischid.log import GARBAGE
-from frischid.mapping import SECONDS, LogMap
-from frischid.tables import CSV, csv_layout
+from frischid.logs.log import GARBAGE
+from frischid.logs.mapping import SECONDS, LogMap
+from frischid.logs.tables import CSV, csv_layout
 
 JUMP = 100  # a stamp so many usual steps away from both its neighbours is no stamp
 

@@ -19,10 +19,10 @@ from frischid.inspection.lag import check_lag
 from frischid.inspection.physics import check_physics
 from frischid.inspection.sketch import HIGHEST, Sketch
 from frischid.inspection.velocity import check_velocity
-from frischid.log import Log
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import LowPass, Motion, choose_lowpass, prepare
 from frischid.reduction import Reduction
 from frischid.robot.robot import Robot
-from frischid.signals import LowPass, Motion, choose_lowpass, prepare
 
 FEWEST = 50  # samples of a sketch
 FEW_SECONDS = 20.0  # s of a log that suffice for its velocities

@@ -24,8 +24,8 @@ from scipy.optimize import nnls
 from frischid.effects.base import WIDTH
 from frischid.errors import InputError
 from frischid.gram import Array
+from frischid.logs.preprocessing import LowPass, Motion, decimating_filter, derivative_taps, noise_level
 from frischid.robot.robot import Robot
-from frischid.signals import LowPass, Motion, decimating_filter, derivative_taps, noise_level
 
 HIGHEST = 10.0  # Hz, enough for gross errors; above it noise of bad stamps would drown them
 OVERSAMPLING = 6  # samples a period of the cut-off, so that channels can be shifted in time

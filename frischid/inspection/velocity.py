@@ -15,9 +15,9 @@ from scipy import signal
 
 from frischid.gram import Array
 from frischid.inspection.finding import Notebook, span
-from frischid.log import STILL, Log
-from frischid.mapping import SECONDS
-from frischid.signals import LATE_VELOCITY, LowPass, derivative_taps, noise_level, uniform
+from frischid.logs.log import STILL, Log
+from frischid.logs.mapping import SECONDS
+from frischid.logs.preprocessing import LATE_VELOCITY, LowPass, derivative_taps, noise_level, uniform
 
 LONGEST = 1.0  # s, largest lag looked for
 TELLING = 0.9  # share of a channel's variance that must not be noise

@@ -16,7 +16,7 @@ from frischid.diagnosis import Diagnosis, diagnose
 from frischid.errors import FrischidError, InputError
 from frischid.gram import Array
 from frischid.identification import HOPELESS, structure
-from frischid.log import Log
+from frischid.logs.log import Log
 from frischid.model import Model
 from frischid.prediction import Prediction, predict
 from frischid.quality import Quality, quality

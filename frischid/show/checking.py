@@ -7,9 +7,9 @@ from typing import Any
 
 from rich.markup import escape
 
-from frischid.datasets import Dataset
 from frischid.inspection import Finding, LogReport
-from frischid.proposal import Proposal
+from frischid.logs.datasets import Dataset
+from frischid.logs.mapping_guess import Proposal
 from frischid.show.page import Page, figure, table_of
 
 COLUMNS = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from frischid.excitation import Plan
-from frischid.log import Log
+from frischid.logs.log import Log
 from frischid.separation import Apart
 from frischid.show.page import Page
 

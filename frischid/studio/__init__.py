@@ -23,7 +23,7 @@ from frischid.errors import InputError
 from frischid.studio.frame import Frame
 
 if TYPE_CHECKING:
-    from frischid.log import Log
+    from frischid.logs.log import Log
     from frischid.model import Model
     from frischid.studio.bench import Bench
     from frischid.studio.tab import Tab

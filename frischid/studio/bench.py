@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from frischid.comparison import Comparison, compare
 from frischid.effects import EFFECTS, Effect, effect_from_dict
 from frischid.errors import FrischidError, InputError
-from frischid.log import Log
+from frischid.logs.log import Log
 from frischid.model import Model
 from frischid.prediction import Prediction, predict
 

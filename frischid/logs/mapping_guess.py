@@ -25,13 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from frischid.bags import bag_form, is_bag, read_bag
 from frischid.errors import InputError
 from frischid.gram import Array
-from frischid.log import CHANNELS
-from frischid.mapping import SECONDS, LogMap
+from frischid.logs.bags import bag_form, is_bag, read_bag
+from frischid.logs.log import CHANNELS
+from frischid.logs.mapping import SECONDS, LogMap
+from frischid.logs.tables import Table, read_table
 from frischid.robot.robot import Robot
-from frischid.tables import Table, read_table
 
 WORDS = {
     "q": {"q", "pos", "position", "positions", "angle", "angles", "theta", "qpos"},

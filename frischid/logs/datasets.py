@@ -17,8 +17,8 @@ import numpy as np
 
 from frischid.core.files import write_text, written
 from frischid.errors import InputError, UnknownNameError
-from frischid.mapping import LogMap
-from frischid.tables import read_table, write_table
+from frischid.logs.mapping import LogMap
+from frischid.logs.tables import read_table, write_table
 
 Table = dict[str, Any]
 

@@ -1,6 +1,6 @@
 """Files of measurements become a `Log`, and anybody's column names become ours.
 
-A file is first a table of named columns (`frischid.tables`); a mapping (`frischid.mapping`) says what they
+A file is first a table of named columns (`frischid.logs.tables`); a mapping (`frischid.logs.mapping`) says what they
 mean. Without one the columns are ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<joint>``, ``tau_<joint>`` and
 ``current_<joint>``, SI units, joint side. Each conversion, and each column left out, is a note of the log.
 """
@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from frischid.bags import bag_form, bag_tables, is_bag, read_bag
 from frischid.errors import InputError, UnknownNameError, close_names
-from frischid.log import CHANNELS, FEWEST_SAMPLES, Array, Log, check_times, check_values, is_usable
-from frischid.mapping import SECONDS, UNITS, JointMap, LogMap
-from frischid.tables import Table, joined, read_table, read_tables, write_table
+from frischid.logs.bags import bag_form, bag_tables, is_bag, read_bag
+from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Array, Log, check_times, check_values, is_usable
+from frischid.logs.mapping import SECONDS, UNITS, JointMap, LogMap
+from frischid.logs.tables import Table, joined, read_table, read_tables, write_table
 
 SETPOINT = re.compile(r"(?:des|desired|ref|reference|cmd|command|target)_(.+)")
 

@@ -25,7 +25,7 @@ from scipy import ndimage, signal, sparse
 from scipy.interpolate import make_interp_spline
 
 from frischid.errors import InputError
-from frischid.log import STILL, Log
+from frischid.logs.log import STILL, Log
 
 Array = NDArray[np.float64]
 

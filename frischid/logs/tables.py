@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from frischid.core.files import written
 from frischid.errors import InputError, UnknownNameError, close_names
-from frischid.log import CHANNELS, Array, Place, row_place
-from frischid.mapping import LogMap
+from frischid.logs.log import CHANNELS, Array, Place, row_place
+from frischid.logs.mapping import LogMap
 
 MUJOCO = {"qpos": "q", "qvel": "v", "qacc": "a", "qfrc_actuator": "tau", "time": "t"}
 CSV = (".csv", ".tsv", ".txt")

@@ -28,8 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.mapping import LogMap
-from frischid.tables import Table, joined
+from frischid.logs.mapping import LogMap
+from frischid.logs.tables import Table, joined
 
 SUFFIXES = (".bag", ".db3", ".mcap")
 JOINT_STATES = ("sensor_msgs/JointState", "sensor_msgs/msg/JointState")

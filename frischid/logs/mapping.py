@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.log import CHANNELS
+from frischid.logs.log import CHANNELS
 
 UNITS = {"rad": 1.0, "m": 1.0, "deg": np.pi / 180}
 SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from frischid.errors import InputError
-from frischid.log import CHANNELS, FEWEST_SAMPLES, Log
-from frischid.mapping import LogMap
-from frischid.signals import LowPass, Motion, breaks_of, derivative_taps, prepare
+from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Log
+from frischid.logs.mapping import LogMap
+from frischid.logs.preprocessing import LowPass, Motion, breaks_of, derivative_taps, prepare
 
 PIECE = 30_000
 """Samples in memory at once: half a minute at 1 kHz, 1.4 MB a channel of a six-joint arm."""
@@ -62,8 +62,8 @@ class Recording:
         joints: Sequence[str] | None = None,
         mapping: LogMap | dict[str, Any] | str | Path | None = None,
     ) -> Recording:
-        """Stand for a file; arguments as for `frischid.readers.read_chunks`, which reads it."""
-        from frischid.readers import digest_of, read_chunks
+        """Stand for a file; arguments as for `frischid.logs.readers.read_chunks`, which reads it."""
+        from frischid.logs.readers import digest_of, read_chunks
 
         form = LogMap.of(mapping)
 

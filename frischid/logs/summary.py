@@ -12,10 +12,10 @@ from typing import Literal
 import numpy as np
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.log import Log, check_motion, check_torque
-from frischid.recording import Recording, head_of, pieces_of
+from frischid.logs.log import Log, check_motion, check_torque
+from frischid.logs.preprocessing import Bandwidths, LowPass
+from frischid.logs.recording import Recording, head_of, pieces_of
 from frischid.robot.robot import Robot
-from frischid.signals import Bandwidths, LowPass
 
 Data = Log | Recording
 MOVING = 0.05  # rad (m); a locked joint that moves more is not locked
