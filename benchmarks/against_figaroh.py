@@ -25,7 +25,7 @@ import frischid as fr
 from frischid.estimate import ols
 from frischid.identification import structure
 from frischid.logs.preprocessing import LowPass, Motion
-from frischid.regressor import Regressor, accumulate
+from frischid.regression.regressor import Regressor, accumulate
 
 WORKER = Path(__file__).with_name("figaroh_worker.py")
 EFFECTS = "viscous, coulomb(width=1e-9), offset, rotor_inertia"

@@ -22,7 +22,7 @@ from planar_case import RATE, TORQUE_NOISE, WINDOW, Array, arm, case_study
 import frischid as fr
 from frischid.bbrf import bbrf
 from frischid.identification import structure
-from frischid.regressor import Regressor
+from frischid.regression.regressor import Regressor
 
 TARGET, AGREEMENT = 30.0, 1e-6
 SIGMA = 1e-2

@@ -42,11 +42,11 @@ from frischid.eiv import eiv
 from frischid.errors import FrischidError
 from frischid.estimate import Estimate, ols, wls
 from frischid.frisch import Box, simplex
-from frischid.gram import Column, total
 from frischid.identification import structure
 from frischid.iv import iv
 from frischid.logs.preprocessing import LowPass, Motion
-from frischid.regressor import Regressor, accumulate, stack
+from frischid.regression.moments import Column, total
+from frischid.regression.regressor import Regressor, accumulate, stack
 from frischid.selection import select
 from frischid.sensitivity import noise_limits, samples, sensor_moments
 from frischid.sensorwise import sensorwise

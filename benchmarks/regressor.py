@@ -16,7 +16,7 @@ from common import parser, publish
 
 import frischid as fr
 from frischid.logs.preprocessing import LowPass, Motion
-from frischid.regressor import Regressor, accumulate
+from frischid.regression.regressor import Regressor, accumulate
 
 TARGETS = {"full regressor": 1.6, "streamed into moments": 2.2}
 

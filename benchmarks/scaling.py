@@ -24,7 +24,7 @@ from common import parser, publish
 import frischid as fr
 from frischid.effects import EFFECTS
 from frischid.logs.log import Log
-from frischid.regressor import nominal_parameters
+from frischid.regression.regressor import nominal_parameters
 from frischid.simulation import torque
 
 RATE, PERIOD, CUTOFF = 1000.0, 20.0, 8.0

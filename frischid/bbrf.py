@@ -47,7 +47,7 @@ from scipy.stats import t as student
 
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.frisch import CONDITION_LIMIT, Box, extent, vertices_of
-from frischid.gram import Array, Sign
+from frischid.regression.moments import Array, Sign
 
 Variant = Literal["strict", "undo", "calibrated"]
 Flags = NDArray[np.bool_]

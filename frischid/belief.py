@@ -20,9 +20,9 @@ import numpy as np
 
 from frischid.errors import IdentifiabilityError
 from frischid.estimate import Estimate, Prior, cross_validated, wls
-from frischid.gram import Array, Gram, total
-from frischid.reduction import Reduction
-from frischid.regressor import Regressor, nominal_parameters
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.moments import Array, Gram, total
+from frischid.regression.regressor import Regressor, nominal_parameters
 
 STRENGTHS = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0, 10000.0)
 MASS, HEAVIEST = 0.5, 0.1  # a link's mass may be off by this share of it, and this share of the heaviest link's

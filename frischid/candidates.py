@@ -11,8 +11,8 @@ from scipy import sparse
 
 from frischid.core.array_store import Series, Store
 from frischid.effects import Effect, State, Term
-from frischid.gram import Array
 from frischid.pieces import Part, Piece
+from frischid.regression.moments import Array
 
 
 @dataclass(frozen=True, eq=False)

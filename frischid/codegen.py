@@ -18,8 +18,8 @@ from importlib import resources
 import numpy as np
 
 from frischid.errors import InputError
-from frischid.gram import Array
 from frischid.model import Model
+from frischid.regression.moments import Array
 from frischid.robot.kinematic_tree import Body, bodies_of
 
 FUNCTIONS = "tanh|exp|sin|cos|abs|pow"

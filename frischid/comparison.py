@@ -17,12 +17,12 @@ import numpy as np
 from frischid.conditions import Residuals
 from frischid.core.text import each_of
 from frischid.errors import InputError
-from frischid.gram import Array
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model import Model
 from frischid.noise import NoiseFloor
-from frischid.regressor import EXTRA, Block, nominal_parameters
+from frischid.regression.moments import Array
+from frischid.regression.regressor import EXTRA, Block, nominal_parameters
 
 STRETCH = 1000  # filtered samples kept or left out together, so that residuals stay consecutive
 MOST_KEPT = 60_000  # filtered samples in memory: an hour of motion at usual cut-offs, 20 MB for a six-joint arm

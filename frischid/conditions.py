@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from frischid.core.autocorrelation import correlation_time
-from frischid.gram import Array
 from frischid.model import Model
-from frischid.regressor import Block
+from frischid.regression.moments import Array
+from frischid.regression.regressor import Block
 
 Flags = NDArray[np.bool_]
 LEAST = 20  # samples below which a condition says nothing

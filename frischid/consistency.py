@@ -15,12 +15,12 @@ import numpy as np
 
 from frischid.clearance import body_boxes
 from frischid.errors import InputError, UnknownNameError
-from frischid.gram import Array
 from frischid.identification import structure
 from frischid.model import Model
 from frischid.physical import Active, Consistent, Extras, Links, consistent
-from frischid.reduction import Reduction
-from frischid.regressor import Regressor, nominal_parameters
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.moments import Array
+from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.robot.robot import Robot
 
 Box = tuple[Sequence[float], Sequence[float]]

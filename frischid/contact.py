@@ -16,7 +16,7 @@ import numpy as np
 from scipy import ndimage
 
 from frischid.evidence import LOOKED_AT, Evidence, thinned
-from frischid.gram import Array
+from frischid.regression.moments import Array
 from frischid.resting import AT_REST
 
 SMOOTH = 0.25  # s

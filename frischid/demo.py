@@ -13,11 +13,11 @@ import numpy as np
 
 from frischid.diagnosis import Diagnosis, diagnose
 from frischid.effects import BASELINE, parse_effects
-from frischid.gram import Array
 from frischid.identification import Identification, identify
 from frischid.improvement import Step, add
 from frischid.logs.log import Log
 from frischid.model import Model
+from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 from frischid.simulation import Noise, parameters_of, simulate
 from frischid.trajectory import random_fourier

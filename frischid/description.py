@@ -24,8 +24,8 @@ from frischid.conditions import APART
 from frischid.core.text import listed
 from frischid.effects import Formula
 from frischid.evidence import LOOKED_AT, Evidence, thinned
-from frischid.gram import Array
 from frischid.ranking import SIGNIFICANCE, STEADY, Judged, Ranking, block_test, judged
+from frischid.regression.moments import Array
 from frischid.sectors import jumps, steps
 
 TERMS = 3

@@ -23,7 +23,7 @@ from scipy import linalg, stats
 
 from frischid.errors import IdentifiabilityError
 from frischid.estimate import Estimate, NormalEquations, wls
-from frischid.gram import Array, Gram, total
+from frischid.regression.moments import Array, Gram, total
 
 EXCITED = 1e-8  # eigenvalue of the column-scaled moments over the largest, below which a direction was not excited
 LEAST_ROBOTS = 12  # for an empirical null

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import linalg
 
 from frischid.errors import IdentifiabilityError
-from frischid.gram import Array
+from frischid.regression.moments import Array
 
 ENOUGH = 1e-8  # relative change at which the iteration has converged
 

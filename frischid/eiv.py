@@ -44,7 +44,7 @@ from scipy.optimize import brentq
 from frischid.core.array_store import Store, Stored
 from frischid.errors import IdentifiabilityError
 from frischid.estimate import LEAST_BLOCKS, WORST_CONDITION, Estimate
-from frischid.gram import Array, Column
+from frischid.regression.moments import Array, Column
 
 NODE = np.sqrt(3.0)
 BLOCKS = 64

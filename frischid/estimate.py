@@ -25,7 +25,7 @@ import numpy as np
 from scipy import linalg
 
 from frischid.errors import IdentifiabilityError
-from frischid.gram import Array, Column, Gram, total
+from frischid.regression.moments import Array, Column, Gram, total
 
 WORST_CONDITION = 1e6  # of the column-scaled regressor; its square leaves four digits in the moments
 LEAST_BLOCKS = 10

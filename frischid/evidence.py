@@ -28,12 +28,12 @@ from frischid.core.text import each_of
 from frischid.effects import Effect
 from frischid.errors import InputError
 from frischid.estimate import Prior
-from frischid.gram import Array
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording
 from frischid.model import Model
 from frischid.pieces import Part, Stretch
+from frischid.regression.moments import Array
 from frischid.rows import Rows
 
 LOOKED_AT = 50_000  # rows of a joint, spread evenly, on which medians and dependences are judged

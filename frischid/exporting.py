@@ -16,9 +16,9 @@ from frischid.codegen import c_source, numpy_source
 from frischid.consistency import Box, Consistency, as_identified, make_consistent
 from frischid.core.files import check_writable, write_text
 from frischid.errors import FrischidError, InputError, UnknownNameError
-from frischid.gram import Array
 from frischid.mjcf import mjcf_source
 from frischid.model import Model
+from frischid.regression.moments import Array
 from frischid.robot.inertia import is_physical, pseudo_inertia, redistributed
 from frischid.robot.robot import Robot
 from frischid.robot.urdf_edit import UrdfText

@@ -27,13 +27,13 @@ from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError
 from frischid.estimate import Estimate, wls
 from frischid.findings import Finding
-from frischid.gram import Gram
 from frischid.identification import structure
 from frischid.logs.mapping import LogMap
 from frischid.logs.preprocessing import Bandwidths, LowPass
 from frischid.model import Model
-from frischid.reduction import Reduction
-from frischid.regressor import Regressor
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.moments import Gram
+from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 from frischid.tasks import (
     Job,

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError
-from frischid.gram import Array, Sign
+from frischid.regression.moments import Array, Sign
 
 CONDITION_LIMIT = 1e12
 """Largest condition number of unit-diagonal moments that leaves a solution about four correct digits."""

@@ -29,14 +29,14 @@ from frischid.effects import BASELINE, Effect, Payload
 from frischid.effects.dynamics import random_states
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimate import wls
-from frischid.gram import Array, Gram, total
 from frischid.identification import structure
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, choose_lowpass, prepare
 from frischid.logs.summary import held_by
 from frischid.physical import Extras, Links, consistent
-from frischid.reduction import Reduction, reduce
-from frischid.regressor import Regressor, accumulate
+from frischid.regression.base_parameters import Reduction, reduce
+from frischid.regression.moments import Array, Gram, total
+from frischid.regression.regressor import Regressor, accumulate
 from frischid.robot.robot import LINK_PARAMETERS, Robot
 
 SIZE = 0.05  # m: radius of gyration the payload is believed to have

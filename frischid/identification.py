@@ -23,7 +23,6 @@ from frischid.eiv import eiv
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimate import Estimate, cross_validated, ols, wls
 from frischid.frisch import Box, Simplex, simplex
-from frischid.gram import Array, Gram, total
 from frischid.inspection import LogReport, inspect
 from frischid.iv import iv
 from frischid.logs.log import Log
@@ -32,14 +31,15 @@ from frischid.logs.recording import Motions, Recording, check_logs, head_of, pie
 from frischid.logs.summary import Data, Survey, check_usable, held_by, moving_but_locked, survey
 from frischid.logs.summary import torque_joints as torque_joints_of
 from frischid.model import Model
-from frischid.reduction import Reduction, reduce
-from frischid.regressor import Block, Regressor, accumulate, stack, streaming_qr
+from frischid.regression.base_parameters import Reduction, reduce
+from frischid.regression.moments import Array, Gram, total
+from frischid.regression.regressor import Block, Regressor, accumulate, stack, streaming_qr
+from frischid.regression.streaming_qr import SAFE_CONDITION
 from frischid.robot.robot import Robot
 from frischid.selection import Selection, select
 from frischid.sensitivity import noise_limits, samples, sensor_moments
 from frischid.sensorwise import sensorwise
 from frischid.sharpness import baseline, dry_friction
-from frischid.triangular import SAFE_CONDITION
 
 MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see
 FIRST_PIECES = 4  # of a recording, on which the width of dry friction's sign is chosen

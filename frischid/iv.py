@@ -34,9 +34,9 @@ import numpy as np
 from frischid.eiv import covariance_of, information_of, solve_scaled
 from frischid.errors import InputError
 from frischid.estimate import LEAST_BLOCKS, Estimate
-from frischid.gram import Array
 from frischid.logs.preprocessing import LowPass, Motion
-from frischid.regressor import CHUNK, MAX_BLOCKS, Regressor
+from frischid.regression.moments import Array
+from frischid.regression.regressor import CHUNK, MAX_BLOCKS, Regressor
 from frischid.robot.robot import Robot
 from frischid.sensitivity import noise_levels, sensors_of
 from frischid.trajectory import Trajectory

@@ -22,11 +22,11 @@ from frischid.effects import Effect, columns_of, effect_from_dict
 from frischid.errors import InputError
 from frischid.estimate import Estimate
 from frischid.frisch import Box
-from frischid.gram import Array, Column
 from frischid.logs.log import Log, check_torque
 from frischid.logs.preprocessing import LowPass, Motion
 from frischid.logs.recording import Motions, Recording, head_of
-from frischid.regressor import Block, Regressor
+from frischid.regression.moments import Array, Column
+from frischid.regression.regressor import Block, Regressor
 from frischid.robot.robot import Robot
 
 SCHEMA = "frischid.model/1"

@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from frischid.effects import State, columns_of
-from frischid.gram import Array
 from frischid.logs.preprocessing import LowPass, Motion, correlate, decimating_filter, derivative_taps, noise_level
 from frischid.model import Model
-from frischid.regressor import Regressor
+from frischid.regression.moments import Array
+from frischid.regression.regressor import Regressor
 
 SEED = 0  # of the draws: the same log gives the same floor
 SAMPLES = 12_000  # of one motion, from its middle, on which draws are made

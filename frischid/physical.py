@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from frischid.errors import FrischidError, InputError
-from frischid.gram import Array
+from frischid.regression.moments import Array
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 
 PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")

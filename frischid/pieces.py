@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from frischid.core.array_store import Store, Stored
 from frischid.effects import State
-from frischid.gram import Array
+from frischid.regression.moments import Array
 
 Indices = NDArray[np.intp]
 Picked = NDArray[np.int32]

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frischid.errors import InputError
-from frischid.gram import Array
 from frischid.logs.log import Log
 from frischid.model import Model
-from frischid.regressor import Block
+from frischid.regression.moments import Array
+from frischid.regression.regressor import Block
 
 NORMAL = 1.96  # standard errors that hold 95 %
 

@@ -22,10 +22,10 @@ from frischid.belief import doubt_of_links, gaussian
 from frischid.effects import columns_of
 from frischid.effects.dynamics import RigidDynamics, random_states
 from frischid.estimate import Prior
-from frischid.gram import Array
 from frischid.identification import structure
 from frischid.model import Model
-from frischid.regressor import Regressor, nominal_parameters
+from frischid.regression.moments import Array
+from frischid.regression.regressor import Regressor, nominal_parameters
 
 ANYTHING = 10.0  # friction may be so many times the largest torque: nothing is known of it
 

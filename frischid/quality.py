@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from frischid.effects import BASELINE
-from frischid.gram import Array
 from frischid.identification import structure
 from frischid.inspection import inspect
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import noise_level, prepare
 from frischid.model import Model
-from frischid.regressor import Regressor
+from frischid.regression.moments import Array
+from frischid.regression.regressor import Regressor
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ from scipy import stats
 from frischid.candidates import Projection
 from frischid.effects import Coulomb, Effect
 from frischid.evidence import Evidence, Score
-from frischid.gram import Array
+from frischid.regression.moments import Array
 
 TOGETHER = 6  # effects in one place each that may enter together
 POOL = 40  # candidates that go on after the first round

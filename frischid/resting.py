@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frischid.evidence import Evidence
-from frischid.gram import Array
+from frischid.regression.moments import Array
 
 AT_REST = 0.2  # of a joint's rms speed, averaged over the energy of what is left
 PART = 0.1  # of dry friction's own energy while the joint is so slow

@@ -21,14 +21,14 @@ from frischid.candidates import Gathered, Projection, Work, columns_of, filtered
 from frischid.core.array_store import Series, Store
 from frischid.core.parallel import Here, Workers
 from frischid.effects import Effect, State
-from frischid.gram import Array
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion, decimating_filter
 from frischid.logs.recording import Recording
 from frischid.model import Model
 from frischid.pieces import Part, Piece, Stretch, kept
 from frischid.prior import reference_of
-from frischid.regressor import Regressor
+from frischid.regression.moments import Array
+from frischid.regression.regressor import Regressor
 
 Moments = Mapping[int, Array]
 SCREENED = 10  # shapes of one effect that are judged in full

@@ -37,7 +37,7 @@ from frischid.effects import Effect
 from frischid.envelope import RATE, Excess, extremes
 from frischid.errors import InputError
 from frischid.identification import structure
-from frischid.regressor import Regressor
+from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 from frischid.trajectory import Family, Fourier
 

@@ -17,8 +17,8 @@ import numpy as np
 from frischid.candidates import Projection
 from frischid.effects import Formula
 from frischid.evidence import IN_SPAN, LOOKED_AT, Evidence
-from frischid.gram import Array
 from frischid.ranking import Judged, judged
+from frischid.regression.moments import Array
 
 EDGES = 96  # of a joint's range
 MOST = 12  # jumps, and kinks of a continuous line

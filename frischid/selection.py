@@ -24,7 +24,7 @@ from proxsuite import proxqp
 
 from frischid.errors import FrischidError, IdentifiabilityError, InputError
 from frischid.frisch import CONDITION_LIMIT, Box, unit_diagonal
-from frischid.gram import Array
+from frischid.regression.moments import Array
 
 KKT_TOLERANCE = 1e-8
 """Largest accepted residual of the optimality conditions, of a problem scaled to order one."""

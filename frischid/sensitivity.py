@@ -33,9 +33,9 @@ from scipy import signal
 
 from frischid.eiv import Samples
 from frischid.errors import InputError
-from frischid.gram import Array, Gram
 from frischid.logs.preprocessing import LowPass, Motion, derivative_taps, noise_level
-from frischid.regressor import Block, Regressor, accumulate
+from frischid.regression.moments import Array, Gram
+from frischid.regression.regressor import Block, Regressor, accumulate
 from frischid.robot.robot import Robot
 from frischid.sensorwise import TORQUE, SensorMoments
 

@@ -48,7 +48,7 @@ from scipy.stats import t as student
 
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.frisch import Box, simplex, unit_diagonal
-from frischid.gram import Array
+from frischid.regression.moments import Array
 
 TORQUE = "torque"
 ROUNDS = 3  # linear programs in sequence for each extreme; the set is so flat that the second rarely moves

@@ -24,9 +24,9 @@ from frischid.criteria import Separation
 from frischid.effects import BASELINE, Effect
 from frischid.errors import IdentifiabilityError, InputError
 from frischid.excitation import Plan, plan
-from frischid.gram import Array
 from frischid.identification import structure
-from frischid.regressor import Regressor
+from frischid.regression.moments import Array
+from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 from frischid.trajectory import Trajectory, random_fourier
 

@@ -22,9 +22,9 @@ import numpy as np
 from frischid.diagnosis import Diagnosis
 from frischid.evidence import Evidence
 from frischid.findings import Finding
-from frischid.gram import Array
 from frischid.pieces import Indices
 from frischid.prediction import Prediction
+from frischid.regression.moments import Array
 
 BINS = 24
 VARIABLES = ("q", "v", "a", "load", "t")

@@ -19,10 +19,10 @@ import numpy as np
 from frischid.effects import BASELINE, Coulomb, Effect, State, Term
 from frischid.errors import IdentifiabilityError
 from frischid.estimate import cross_validated, wls
-from frischid.gram import total
 from frischid.logs.preprocessing import LowPass, Motion
-from frischid.reduction import Reduction
-from frischid.regressor import Regressor, accumulate
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.moments import total
+from frischid.regression.regressor import Regressor, accumulate
 from frischid.robot.robot import Robot
 
 WIDTHS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s (m/s)

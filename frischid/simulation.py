@@ -15,9 +15,9 @@ import numpy as np
 
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError, UnknownNameError
-from frischid.gram import Array
 from frischid.logs.log import Log
-from frischid.regressor import Regressor, nominal_parameters
+from frischid.regression.moments import Array
+from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.robot.robot import Robot
 from frischid.trajectory import Trajectory
 

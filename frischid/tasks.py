@@ -19,7 +19,6 @@ from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, Effect
 from frischid.errors import FrischidError, InputError
 from frischid.findings import Finding
-from frischid.gram import Array, Gram, total
 from frischid.identification import structure
 from frischid.inspection import inspect
 from frischid.logs.log import Log
@@ -29,7 +28,8 @@ from frischid.logs.readers import read_log
 from frischid.logs.recording import Motions, Recording, head_of, pieces_of
 from frischid.logs.summary import survey
 from frischid.model import Model
-from frischid.regressor import Regressor, accumulate
+from frischid.regression.moments import Array, Gram, total
+from frischid.regression.regressor import Regressor, accumulate
 from frischid.robot.robot import Robot
 
 BLOCKS = 32  # of a robot

@@ -17,8 +17,8 @@ from frischid.core.text import each_of, listed
 from frischid.description import Description, Stranger
 from frischid.evidence import Evidence
 from frischid.findings import ABOVE, HALF, Finding
-from frischid.gram import Array
 from frischid.ranking import TRIFLE, Ranking
+from frischid.regression.moments import Array
 from frischid.resting import at_rest
 
 Verdict = Literal["none", "effect", "contact", "unknown"]

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from frischid.effects import EFFECTS, RotorInertia
 from frischid.identification import ESTIMATORS, identify
-from frischid.regressor import Regressor
+from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot, robot_names
 from frischid.simulation import parameters_of, simulate
 from frischid.trajectory import random_fourier

@@ -16,10 +16,10 @@ from frischid.cli import main
 from frischid.effects import BASELINE
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimate import Prior, wls
-from frischid.gram import total
 from frischid.identification import identify, structure
 from frischid.logs.preprocessing import LowPass, prepare
-from frischid.regressor import Regressor, accumulate
+from frischid.regression.moments import total
+from frischid.regression.regressor import Regressor, accumulate
 from frischid.simulation import Noise
 
 DATA = os.environ.get("FRISCHID_DATA")

@@ -10,7 +10,7 @@ from frischid.comparison import compare
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.identification import identify
-from frischid.regressor import nominal_parameters
+from frischid.regression.regressor import nominal_parameters
 from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier

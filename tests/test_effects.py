@@ -36,7 +36,7 @@ from frischid.effects.flexibility import DAMPING, MANY, Gear, lags
 from frischid.effects.friction_memory import presliding
 from frischid.errors import InputError, UnknownNameError
 from frischid.identification import structure
-from frischid.regressor import Regressor
+from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 from frischid.trajectory import random_fourier
 

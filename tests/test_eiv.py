@@ -6,10 +6,10 @@ import pytest
 import frischid as fr
 from frischid.eiv import Samples, eiv
 from frischid.errors import IdentifiabilityError
-from frischid.gram import Column
 from frischid.identification import structure
 from frischid.logs.preprocessing import LowPass, Motion
-from frischid.regressor import Regressor
+from frischid.regression.moments import Column
+from frischid.regression.regressor import Regressor
 from frischid.sensitivity import samples
 from frischid.simulation import parameters_of
 from frischid.trajectory import random_fourier
@@ -138,7 +138,7 @@ def test_where_states_are_kept_changes_nothing(monkeypatch):
 def test_the_length_of_stretches_changes_nothing(monkeypatch):
     _, long = estimate(0.02, given=False)
     monkeypatch.setattr("frischid.sensitivity.STRETCH", 1)
-    monkeypatch.setattr("frischid.regressor.Regressor.blocks.__defaults__", (50,))
+    monkeypatch.setattr("frischid.regression.regressor.Regressor.blocks.__defaults__", (50,))
     _, short = estimate(0.02, given=False)
     np.testing.assert_allclose(short.theta, long.theta, rtol=1e-10)
     np.testing.assert_allclose(short.covariance, long.covariance, rtol=1e-7, atol=1e-12 * long.covariance.max())

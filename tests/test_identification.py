@@ -9,11 +9,11 @@ from frischid.effects import BASELINE, parse_effects
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimate import cross_validated
 from frischid.frisch import Box
-from frischid.gram import Gram
 from frischid.identification import ESTIMATORS, box_of, examine, identify, structure
 from frischid.logs.log import Log
 from frischid.logs.summary import moving_but_locked
-from frischid.regressor import Regressor
+from frischid.regression.moments import Gram
+from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 from frischid.simulation import Noise, simulate
 from frischid.trajectory import random_fourier

@@ -26,11 +26,11 @@ from cases import (
 )
 
 from frischid.effects import BASELINE, EFFECTS
-from frischid.gram import total
 from frischid.identification import structure
 from frischid.logs.preprocessing import LowPass, prepare
 from frischid.model import Model
-from frischid.regressor import Regressor, accumulate, gram_of, nominal_parameters
+from frischid.regression.moments import total
+from frischid.regression.regressor import Regressor, accumulate, gram_of, nominal_parameters
 from frischid.simulation import Noise, torque
 
 every_robot = pytest.mark.parametrize("name", ROBOTS)

@@ -15,12 +15,12 @@ from frischid.core.files import check_writable
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.frisch import Box
-from frischid.gram import Column
 from frischid.identification import identify
 from frischid.logs.preprocessing import LowPass
 from frischid.logs.recording import Recording
 from frischid.model import SCHEMA, Model
-from frischid.regressor import nominal_parameters
+from frischid.regression.moments import Column
+from frischid.regression.regressor import nominal_parameters
 from frischid.robot.robot import Robot
 from frischid.simulation import Noise
 

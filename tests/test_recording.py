@@ -9,11 +9,11 @@ import pytest
 
 import frischid as fr
 from frischid.errors import InputError
-from frischid.gram import Blocks, total
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, prepare
 from frischid.logs.recording import Motions, Recording
-from frischid.regressor import MAX_BLOCKS, Regressor, accumulate, gram_of
+from frischid.regression.moments import Blocks, total
+from frischid.regression.regressor import MAX_BLOCKS, Regressor, accumulate, gram_of
 
 ROBOT = fr.Robot.load("planar2")
 
@@ -84,7 +84,7 @@ def test_blocks_do_not_grow_with_the_logs():
 
 
 def test_blocks_are_their_grams_in_half_the_room(monkeypatch):
-    monkeypatch.setattr("frischid.gram.LARGE", 0)
+    monkeypatch.setattr("frischid.regression.moments.LARGE", 0)
     robot, lowpass = fr.Robot.load("ur5"), LowPass(5.0)
     log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=100.0)
     regressor = Regressor(robot, fr.BASELINE)

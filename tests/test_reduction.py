@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frischid.errors import IdentifiabilityError, InputError
-from frischid.gram import Column
-from frischid.reduction import Reduction, reduce, root_of
+from frischid.regression.base_parameters import Reduction, reduce, root_of
+from frischid.regression.moments import Column
 
 ROBOTS = Path(pin.__file__).parents[4] / "share/example-robot-data/robots"
 LINK = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -209,7 +209,7 @@ def test_exchange_reaches_the_exhaustive_optimum(monkeypatch):
     W, columns = np.random.default_rng(3).normal(size=(40, 6)), numbered(10)
     W = W @ np.random.default_rng(4).normal(size=(6, 10))
     exhaustive = reduce(W, columns)
-    monkeypatch.setattr("frischid.reduction._EXHAUSTIVE", 0)
+    monkeypatch.setattr("frischid.regression.base_parameters._EXHAUSTIVE", 0)
     assert same_choice(exhaustive, reduce(W, columns))
 
 

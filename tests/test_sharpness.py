@@ -6,7 +6,7 @@ import pytest
 from frischid.effects import Coulomb, parse_effects
 from frischid.identification import identify, structure
 from frischid.logs.preprocessing import choose_lowpass, prepare
-from frischid.regressor import Regressor
+from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 from frischid.sharpness import baseline, dry_friction
 from frischid.simulation import Noise, simulate

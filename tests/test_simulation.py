@@ -4,7 +4,7 @@ from cases import EFFECT_CASES, Reference, exact_log, robot
 
 from frischid.effects import parse_effects
 from frischid.errors import InputError, UnknownNameError
-from frischid.regressor import Regressor
+from frischid.regression.regressor import Regressor
 from frischid.simulation import Noise, parameters_of, simulate, torque
 from frischid.trajectory import Quintic, random_fourier
 

@@ -9,8 +9,8 @@ from frischid.estimate import NormalEquations
 from frischid.identification import structure
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, prepare
-from frischid.regressor import Regressor, accumulate, stack, streaming_qr
-from frischid.triangular import SAFE_CONDITION, StreamingQR, solve
+from frischid.regression.regressor import Regressor, accumulate, stack, streaming_qr
+from frischid.regression.streaming_qr import SAFE_CONDITION, StreamingQR, solve
 
 ROBOT = fr.Robot.load("planar2")
 

@@ -36,7 +36,7 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
     ROBOT is a URDF file or the name of one that example-robot-data ships; without it, the names are listed.
     """
     from frischid.identification import structure
-    from frischid.regressor import Regressor
+    from frischid.regression.regressor import Regressor
     from frischid.robot.robot import robot_names
     from frischid.show import fitting as show
 

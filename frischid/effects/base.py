@@ -22,7 +22,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from frischid.effects.dynamics import RigidDynamics, Slopes
 from frischid.errors import InputError, UnknownNameError
-from frischid.gram import Column, Sign
+from frischid.regression.moments import Column, Sign
 from frischid.robot.robot import Robot
 
 Array = NDArray[np.float64]

@@ -24,7 +24,7 @@ import numpy as np
 
 from frischid.effects.base import SECONDS, SPEED, WIDTH, Effect, State, Term, is_number
 from frischid.errors import InputError
-from frischid.gram import Array
+from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 
 

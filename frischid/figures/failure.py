@@ -19,8 +19,8 @@ from frischid.figures.style import (
     short,
     units_of,
 )
-from frischid.gram import Array
 from frischid.prediction import Prediction
+from frischid.regression.moments import Array
 
 ORDER = (
     "near reversal", "slow", "fast", "forwards", "backwards", "low angles", "middle angles", "high angles",

@@ -25,8 +25,8 @@ from frischid.figures.style import (
     plain,
     thinned,
 )
-from frischid.gram import Array
 from frischid.prediction import Prediction
+from frischid.regression.moments import Array
 
 if TYPE_CHECKING:
     from frischid.contact import Contact

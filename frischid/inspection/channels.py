@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from frischid.gram import Array
 from frischid.inspection.finding import Notebook, span
 from frischid.logs.log import STILL, Log
 from frischid.logs.preprocessing import noise_level
+from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 
 LEVELS = 20  # fewer steps than this across the usual range of a channel is coarse

@@ -15,11 +15,11 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage, signal
 
-from frischid.gram import Array
 from frischid.inspection.finding import Notebook
 from frischid.logs.log import CHANNELS, Log
 from frischid.logs.mapping import SECONDS
 from frischid.logs.preprocessing import noise_level
+from frischid.regression.moments import Array
 
 SLOWEST, FASTEST = 2.0, 2e4
 """Rates [Hz] outside which no recording of a robot's dynamics is made: the unit of time is then another."""

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from frischid.effects import BASELINE
-from frischid.gram import Array
 from frischid.inspection.finding import Notebook
 from frischid.inspection.sketch import OVERSAMPLING, Sketch
-from frischid.reduction import Reduction
-from frischid.regressor import Regressor, nominal_parameters
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.moments import Array
+from frischid.regression.regressor import Regressor, nominal_parameters
 
 FOLDS = 5
 WORSE, WORTHLESS = 1.5, 0.15

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from frischid.gram import Array
+from frischid.regression.moments import Array
 
 Sureness = Literal["certain", "likely", "possible"]
 

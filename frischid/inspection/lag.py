@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from frischid.gram import Array
 from frischid.inspection.finding import Notebook, span
 from frischid.inspection.sketch import Sketch
+from frischid.regression.moments import Array
 
 LONGEST = 0.3  # s
 QUARTERS = 4

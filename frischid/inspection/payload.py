@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frischid.gram import Array
 from frischid.inspection.finding import Notebook
 from frischid.inspection.sketch import FEW, Sketch, shared_fit
+from frischid.regression.moments import Array
 
 REACH = 1.0  # m, farther from the last joint nobody carries a payload
 SEEN = 0.03  # NRMSE that is not worth an explanation

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from frischid.gram import Array
 from frischid.inspection.finding import Notebook, span
 from frischid.inspection.payload import check_payload, payload_errors
 from frischid.inspection.sketch import FEW, Sketch, shared_fit
+from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 
 BAD = 0.3

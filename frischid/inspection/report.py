@@ -10,7 +10,6 @@ from functools import cache
 import numpy as np
 
 from frischid.errors import InputError
-from frischid.gram import Array
 from frischid.inspection.channels import check_channels, check_degrees
 from frischid.inspection.clock import check_clock
 from frischid.inspection.excitation import FreeFit, check_excitation, free_fit
@@ -21,7 +20,8 @@ from frischid.inspection.sketch import HIGHEST, Sketch
 from frischid.inspection.velocity import check_velocity
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, Motion, choose_lowpass, prepare
-from frischid.reduction import Reduction
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 
 FEWEST = 50  # samples of a sketch

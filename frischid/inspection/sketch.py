@@ -23,8 +23,8 @@ from scipy.optimize import nnls
 
 from frischid.effects.base import WIDTH
 from frischid.errors import InputError
-from frischid.gram import Array
 from frischid.logs.preprocessing import LowPass, Motion, decimating_filter, derivative_taps, noise_level
+from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 
 HIGHEST = 10.0  # Hz, enough for gross errors; above it noise of bad stamps would drown them

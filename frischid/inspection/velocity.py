@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from frischid.gram import Array
 from frischid.inspection.finding import Notebook, span
 from frischid.logs.log import STILL, Log
 from frischid.logs.mapping import SECONDS
 from frischid.logs.preprocessing import LATE_VELOCITY, LowPass, derivative_taps, noise_level, uniform
+from frischid.regression.moments import Array
 
 LONGEST = 1.0  # s, largest lag looked for
 TELLING = 0.9  # share of a channel's variance that must not be noise

@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from frischid.errors import InputError
-from frischid.gram import Array
 from frischid.logs.bags import bag_form, is_bag, read_bag
 from frischid.logs.log import CHANNELS
 from frischid.logs.mapping import SECONDS, LogMap
 from frischid.logs.tables import Table, read_table
+from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 
 WORDS = {

@@ -18,9 +18,9 @@ from plotly.offline import get_plotlyjs
 
 from frischid.core.files import check_writable, write_text
 from frischid.diagnosis import Diagnosis
-from frischid.gram import Array
 from frischid.logs.log import Log
 from frischid.model import Model
+from frischid.regression.moments import Array
 from frischid.report.html import esc
 from frischid.report.sections import sections
 from frischid.report.study import Study, study

@@ -14,14 +14,14 @@ from frischid.consistency import Consistency, make_consistent
 from frischid.core.text import listed
 from frischid.diagnosis import Diagnosis, diagnose
 from frischid.errors import FrischidError, InputError
-from frischid.gram import Array
 from frischid.identification import HOPELESS, structure
 from frischid.logs.log import Log
 from frischid.model import Model
 from frischid.prediction import Prediction, predict
 from frischid.quality import Quality, quality
-from frischid.reduction import Reduction
-from frischid.regressor import Regressor, nominal_parameters
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.moments import Array
+from frischid.regression.regressor import Regressor, nominal_parameters
 
 WEAK = 0.5  # relative standard error above which a parameter is hardly known
 

@@ -29,7 +29,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.gram import Column
+from frischid.regression.moments import Column
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ from frischid.belief import Choice
 from frischid.comparison import Comparison
 from frischid.identification import Identification
 from frischid.model import Model
-from frischid.reduction import Reduction
-from frischid.regressor import Regressor
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.regressor import Regressor
 from frischid.robot.robot import LINK_PARAMETERS, LINK_UNITS, Robot
 from frischid.show.page import Page, depends, figure, plain, table_of, warning_lines
 

@@ -14,8 +14,8 @@ from viser import transforms as tf
 from viser.extras import ViserUrdf
 
 from frischid.figures.torque import side_by_side
-from frischid.gram import Array
 from frischid.prediction import Prediction
+from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import thickness_of, urdf_of

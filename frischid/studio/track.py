@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from frischid.figures.torque import side_by_side
-from frischid.gram import Array
+from frischid.regression.moments import Array
 from frischid.studio.bench import Bench
 
 

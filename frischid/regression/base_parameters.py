@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frischid.errors import IdentifiabilityError, InputError
-from frischid.gram import Array, Column, Sign
+from frischid.regression.moments import Array, Column, Sign
 
 Indices = NDArray[np.intp]
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import linalg
 
-from frischid.gram import Array
+from frischid.regression.moments import Array
 
 SAFE_CONDITION = 1e4
 """Of the column-scaled regressor, up to which moments give eight digits."""

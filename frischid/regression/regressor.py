@@ -20,10 +20,10 @@ from threadpoolctl import ThreadpoolController
 
 from frischid.effects import Coulomb, Effect, State, columns_of
 from frischid.errors import InputError
-from frischid.gram import Array, Blocks, Column, Gram, total
 from frischid.logs.preprocessing import LowPass, Motion, decimating_filter
+from frischid.regression.moments import Array, Blocks, Column, Gram, total
+from frischid.regression.streaming_qr import StreamingQR
 from frischid.robot.robot import Robot
-from frischid.triangular import StreamingQR
 
 CHUNK = 256  # samples; fits the processor's cache
 EXTRA = 6  # columns filtered beside Y: τ, ones, known torque, q, q̇, q̈
@@ -381,7 +381,7 @@ def accumulate(
 def streaming_qr(
     regressor: Regressor, motions: Iterable[Motion], lowpass: LowPass, joints: Sequence[str], base: Sequence[int]
 ) -> StreamingQR:
-    """Streaming QR of the same rows and columns; see `frischid.triangular`."""
+    """Streaming QR of the same rows and columns; see `frischid.regression.streaming_qr`."""
     found = StreamingQR(len(joints), len(base))
     keep = np.append(np.asarray(base, dtype=int), len(regressor.columns))
     index = [regressor.robot.joints.index(name) for name in joints]
