@@ -45,13 +45,13 @@ from frischid.frisch import Box, simplex
 from frischid.identification import structure
 from frischid.iv import iv
 from frischid.logs.preprocessing import LowPass, Motion
+from frischid.motions.simulation import parameters_of, torque
+from frischid.motions.trajectory import Trajectory
 from frischid.regression.moments import Column, total
 from frischid.regression.regressor import Regressor, accumulate, stack
 from frischid.selection import select
 from frischid.sensitivity import noise_limits, samples, sensor_moments
 from frischid.sensorwise import sensorwise
-from frischid.simulation import parameters_of, torque
-from frischid.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

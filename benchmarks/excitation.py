@@ -23,14 +23,14 @@ import numpy as np
 from common import data_folder, parser, publish
 from numpy.typing import NDArray
 
-from frischid.clearance import Clearance
-from frischid.criteria import Condition, Criterion, Paper
 from frischid.effects import BASELINE, Coulomb, Effect, RotorInertia, Viscous
-from frischid.envelope import Envelope, Excess
-from frischid.excitation import Plan, default_size, plan
+from frischid.motions.collision import Clearance
+from frischid.motions.limits import Envelope, Excess
+from frischid.motions.optimality import Condition, Criterion, Paper
+from frischid.motions.optimize import Cost, Search
+from frischid.motions.plan import Plan, default_size, plan
+from frischid.motions.trajectory import Family
 from frischid.robot.robot import Robot
-from frischid.search import Cost, Search
-from frischid.trajectory import Family
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from frischid.motions.trajectory import Quintic, Trajectory, random_fourier
 from frischid.robot.robot import Robot
-from frischid.trajectory import Quintic, Trajectory, random_fourier
 
 Array = NDArray[np.float64]
 STEP = 1e-3

@@ -21,8 +21,8 @@ from real_robots import CASES
 from scipy import stats
 
 import frischid as fr
+from frischid.motions.simulation import parameters_of
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
-from frischid.simulation import parameters_of
 
 SECONDS = 40.0
 SIMULATED = ("planar2", "ur10", "kinova", "ur5")

@@ -30,10 +30,10 @@ import frischid as fr
 from frischid.bbrf import bbrf, sample_extents
 from frischid.frisch import Box, simplex
 from frischid.identification import structure
+from frischid.motions.simulation import parameters_of
+from frischid.motions.trajectory import Trajectory
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor
-from frischid.simulation import parameters_of
-from frischid.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -20,8 +20,8 @@ from planar_case import (
     arm,
 )
 
-from frischid.criteria import Paper
 from frischid.frisch import Box
+from frischid.motions.optimality import Paper
 
 PAPER_TABLE_2 = {"σ max": 74.59, "σ min": 6.686, "cond": 11.16, "cost (19)": 13.57}
 PUBLISHED = {"fv1": 0.1434, "fv2": 0.1391, "fc1": 0.3302, "fc2": 0.3576, "Im2": 21.18}

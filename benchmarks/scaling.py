@@ -24,8 +24,8 @@ from common import parser, publish
 import frischid as fr
 from frischid.effects import EFFECTS
 from frischid.logs.log import Log
+from frischid.motions.simulation import torque
 from frischid.regression.regressor import nominal_parameters
-from frischid.simulation import torque
 
 RATE, PERIOD, CUTOFF = 1000.0, 20.0, 8.0
 LIMIT = 400  # MiB at 1e7 samples

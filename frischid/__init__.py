@@ -41,11 +41,11 @@ if TYPE_CHECKING:
     from frischid.logs.readers import write_log as write_log
     from frischid.logs.recording import Recording as Recording
     from frischid.model import Model as Model
+    from frischid.motions.simulation import Noise as Noise
+    from frischid.motions.simulation import simulate as simulate
+    from frischid.motions.trajectory import Quintic as Quintic
+    from frischid.motions.trajectory import random_fourier as random_fourier
     from frischid.robot.robot import Robot as Robot
-    from frischid.simulation import Noise as Noise
-    from frischid.simulation import simulate as simulate
-    from frischid.trajectory import Quintic as Quintic
-    from frischid.trajectory import random_fourier as random_fourier
 
 _HOME = {
     "Comparison": "comparison",
@@ -76,10 +76,10 @@ _HOME = {
     "read_log": "logs.readers",
     "write_log": "logs.readers",
     "Robot": "robot.robot",
-    "Noise": "simulation",
-    "simulate": "simulation",
-    "Quintic": "trajectory",
-    "random_fourier": "trajectory",
+    "Noise": "motions.simulation",
+    "simulate": "motions.simulation",
+    "Quintic": "motions.trajectory",
+    "random_fourier": "motions.trajectory",
 }
 __all__ = sorted(_HOME)
 

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from frischid.clearance import body_boxes
 from frischid.errors import InputError, UnknownNameError
 from frischid.identification import structure
 from frischid.model import Model
+from frischid.motions.collision import body_boxes
 from frischid.physical import Active, Consistent, Extras, Links, consistent
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Array

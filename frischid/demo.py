@@ -17,10 +17,10 @@ from frischid.identification import Identification, identify
 from frischid.improvement import Step, add
 from frischid.logs.log import Log
 from frischid.model import Model
+from frischid.motions.simulation import Noise, parameters_of, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
-from frischid.simulation import Noise, parameters_of, simulate
-from frischid.trajectory import random_fourier
 
 TRUTH = {"Ia1": 0.121, "Ia2": 0.2118, "off1": 0.4, "off2": -0.2}
 """What the URDF does not say of the planar arm: reflected rotor inertias (kg·m²) and torque offsets (N·m)."""

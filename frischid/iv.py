@@ -35,11 +35,11 @@ from frischid.eiv import covariance_of, information_of, solve_scaled
 from frischid.errors import InputError
 from frischid.estimate import LEAST_BLOCKS, Estimate
 from frischid.logs.preprocessing import LowPass, Motion
+from frischid.motions.trajectory import Trajectory
 from frischid.regression.moments import Array
 from frischid.regression.regressor import CHUNK, MAX_BLOCKS, Regressor
 from frischid.robot.robot import Robot
 from frischid.sensitivity import noise_levels, sensors_of
-from frischid.trajectory import Trajectory
 
 SPAN = 0.15  # seconds to either side that make the reference of a sample
 DEGREE = 5

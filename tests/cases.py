@@ -9,10 +9,10 @@ import pinocchio as pin
 
 from frischid.effects import EFFECTS, RotorInertia
 from frischid.identification import ESTIMATORS, identify
+from frischid.motions.simulation import parameters_of, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot, robot_names
-from frischid.simulation import parameters_of, simulate
-from frischid.trajectory import random_fourier
 
 INERTIAL = (
     '<inertial><origin xyz="{c}"/><mass value="{m}"/><inertia ixx="{i[0]}" iyy="{i[1]}" izz="{i[2]}" '

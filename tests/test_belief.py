@@ -18,9 +18,9 @@ from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimate import Prior, wls
 from frischid.identification import identify, structure
 from frischid.logs.preprocessing import LowPass, prepare
+from frischid.motions.simulation import Noise
 from frischid.regression.moments import total
 from frischid.regression.regressor import Regressor, accumulate
-from frischid.simulation import Noise
 
 DATA = os.environ.get("FRISCHID_DATA")
 ARM = tuple(f"panda_joint{i}" for i in range(1, 8))

@@ -12,9 +12,9 @@ from frischid.cli import main
 from frischid.effects import EFFECTS
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log, write_log
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
-from frischid.simulation import Noise, simulate
-from frischid.trajectory import random_fourier
 
 
 def run(*args, code=0):
@@ -385,7 +385,7 @@ def test_output_is_refused_before_the_work(tmp_path, monkeypatch):
     monkeypatch.setattr("frischid.demo.run", lambda *_, **__: pytest.fail("worked for nothing"))
     refused(["there is no folder"], "demo", "-o", tmp_path / "none" / "model.json")
     refused(["there is no folder"], "demo", "--report", tmp_path / "none" / "page.html")
-    monkeypatch.setattr("frischid.simulation.simulate", lambda *_, **__: pytest.fail("worked for nothing"))
+    monkeypatch.setattr("frischid.motions.simulation.simulate", lambda *_, **__: pytest.fail("worked for nothing"))
     refused(["there is no folder"], "simulate", "planar2", "-o", tmp_path / "none" / "log.csv")
 
 

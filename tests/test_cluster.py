@@ -8,11 +8,11 @@ import pytest
 from frischid.core.parallel import Here, workers
 from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
-from frischid.excitation import plan
 from frischid.identification import identify
+from frischid.motions.plan import plan
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
-from frischid.simulation import Noise, simulate
-from frischid.trajectory import random_fourier
 
 ARM = Robot.load("planar2")
 TRIED = ("joint_spring", "stribeck", "hysteresis", "elasticity")

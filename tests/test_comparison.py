@@ -10,10 +10,10 @@ from frischid.comparison import compare
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.identification import identify
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import nominal_parameters
 from frischid.robot.robot import Robot
-from frischid.simulation import Noise, simulate
-from frischid.trajectory import random_fourier
 
 UR10 = robot("ur10")
 VALUES = random_values(UR10, BASELINE)

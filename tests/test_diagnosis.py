@@ -21,9 +21,9 @@ from frischid.improvement import add, improve, undo
 from frischid.logs.log import Log
 from frischid.logs.readers import write_log
 from frischid.model import Model
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
-from frischid.simulation import Noise, simulate
-from frischid.trajectory import random_fourier
 
 UR5 = Robot.load("ur5")
 NOISE = Noise(q=1e-5, tau=0.004)

@@ -36,9 +36,9 @@ from frischid.effects.flexibility import DAMPING, MANY, Gear, lags
 from frischid.effects.friction_memory import presliding
 from frischid.errors import InputError, UnknownNameError
 from frischid.identification import structure
+from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
-from frischid.trajectory import random_fourier
 
 every_robot = pytest.mark.parametrize("name", ROBOTS)
 every_effect = pytest.mark.parametrize("kind", EFFECTS.values(), ids=EFFECTS)

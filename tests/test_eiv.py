@@ -8,11 +8,11 @@ from frischid.eiv import Samples, eiv
 from frischid.errors import IdentifiabilityError
 from frischid.identification import structure
 from frischid.logs.preprocessing import LowPass, Motion
+from frischid.motions.simulation import parameters_of
+from frischid.motions.trajectory import random_fourier
 from frischid.regression.moments import Column
 from frischid.regression.regressor import Regressor
 from frischid.sensitivity import samples
-from frischid.simulation import parameters_of
-from frischid.trajectory import random_fourier
 
 NOTHING = LowPass(None)
 LINE = (Column("k", "N·m/rad", "joint", "spring"),)

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from cases import MIXED, joint, link, made, urdf
 
-from frischid.clearance import Clearance, body_boxes
-from frischid.criteria import CRITERIA, Condition, DOptimal, Paper, criterion_of
 from frischid.effects import BASELINE, Coulomb, RotorInertia, Viscous
-from frischid.envelope import Envelope, Excess, nominal_torque, violations
 from frischid.errors import InputError, UnknownNameError
-from frischid.excitation import plan
 from frischid.logs.readers import read_log
+from frischid.motions.collision import Clearance, body_boxes
+from frischid.motions.limits import Envelope, Excess, nominal_torque, violations
+from frischid.motions.optimality import CRITERIA, Condition, DOptimal, Paper, criterion_of
+from frischid.motions.optimize import Cost, Search
+from frischid.motions.plan import plan
+from frischid.motions.trajectory import FAMILIES, Family, Fourier
 from frischid.robot.robot import Robot
-from frischid.search import Cost, Search
-from frischid.trajectory import FAMILIES, Family, Fourier
 
 BOX = '<collision><origin xyz="0 0 {z}"/><geometry><box size="0.06 0.06 {h}"/></geometry></collision>'
 LIMIT = '<limit lower="-3" upper="3" velocity="3" effort="500"/>'

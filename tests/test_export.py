@@ -20,9 +20,9 @@ from frischid.effects import BASELINE, EFFECTS, parse_effects
 from frischid.errors import InputError, UnknownNameError
 from frischid.exporting import NotPhysicalError, export, urdf_source
 from frischid.model import Model
+from frischid.motions.simulation import Noise
 from frischid.robot.robot import Robot
 from frischid.robot.urdf_edit import UrdfText
-from frischid.simulation import Noise
 
 NAMES = ("planar2", "planar2 far_end known", "ur10 far_end tilted", "panda with fingers", "kinova continuous",
          "tiago torso and arm", "mixed mimic")  # fmt: skip

@@ -15,12 +15,12 @@ from frischid.figures.parameters import recursion_of, scaled
 from frischid.figures.style import BLACK, INK, POINTS, WHITE, on_scale, thinned, typeset
 from frischid.identification import identify
 from frischid.model import Model
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.prediction import predict
 from frischid.quality import quality
 from frischid.robot.robot import Robot
 from frischid.shapes import Shape, correlation_ratio
-from frischid.simulation import Noise, simulate
-from frischid.trajectory import random_fourier
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from frischid.drives import total_least_squares
 from frischid.effects import BASELINE, Payload
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.gains import find_gains
-from frischid.simulation import Noise
+from frischid.motions.simulation import Noise
 
 DATA = os.environ.get("FRISCHID_DATA")
 NAME = "ur10"

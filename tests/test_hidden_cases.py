@@ -10,9 +10,9 @@ import pytest
 from frischid.comparison import compare
 from frischid.diagnosis import diagnose
 from frischid.identification import identify
+from frischid.motions.simulation import simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
-from frischid.simulation import simulate
-from frischid.trajectory import random_fourier
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 

@@ -12,11 +12,11 @@ from frischid.frisch import Box
 from frischid.identification import ESTIMATORS, box_of, examine, identify, structure
 from frischid.logs.log import Log
 from frischid.logs.summary import moving_but_locked
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
-from frischid.simulation import Noise, simulate
-from frischid.trajectory import random_fourier
 
 PLANAR, UR10 = robot("planar2"), robot("ur10")
 VALUES = random_values(PLANAR, BASELINE)

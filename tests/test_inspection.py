@@ -13,9 +13,9 @@ from frischid.identification import examine, identify
 from frischid.inspection.channels import quantum
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
-from frischid.simulation import Noise, simulate
-from frischid.trajectory import random_fourier
 
 ARM = [f"arm_{k}_joint" for k in range(1, 8)]
 ROBOTS = {

@@ -10,9 +10,9 @@ from frischid.estimate import ols
 from frischid.identification import structure
 from frischid.iv import _neighbour_taps, _simulated, _Torque, iv
 from frischid.logs.preprocessing import LowPass, Motion
+from frischid.motions.simulation import parameters_of
+from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor, accumulate
-from frischid.simulation import parameters_of
-from frischid.trajectory import random_fourier
 
 NOTHING = LowPass(None)
 

@@ -19,10 +19,10 @@ from frischid.identification import identify
 from frischid.logs.preprocessing import LowPass
 from frischid.logs.recording import Recording
 from frischid.model import SCHEMA, Model
+from frischid.motions.simulation import Noise
 from frischid.regression.moments import Column
 from frischid.regression.regressor import nominal_parameters
 from frischid.robot.robot import Robot
-from frischid.simulation import Noise
 
 
 @cache

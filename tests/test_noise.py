@@ -12,10 +12,10 @@ from frischid.comparison import compare
 from frischid.effects import parse_effects
 from frischid.identification import identify
 from frischid.logs.preprocessing import LowPass, noise_level
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.noise import NoiseFloor, level_within
 from frischid.robot.robot import Robot
-from frischid.simulation import Noise, simulate
-from frischid.trajectory import random_fourier
 
 STEP, LOWPASS = 0.004, LowPass(5.0)
 T = STEP * np.arange(15_000)

@@ -10,9 +10,9 @@ from frischid.consistency import as_identified, make_consistent
 from frischid.effects import BASELINE
 from frischid.errors import InputError, UnknownNameError
 from frischid.model import Model
+from frischid.motions.simulation import Noise
 from frischid.physical import FLOOR, Extras, InfeasibleError, Links, consistent
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia, redistributed
-from frischid.simulation import Noise
 
 
 def random_links(count=5, seed=0):

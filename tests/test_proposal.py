@@ -10,9 +10,9 @@ from frischid.errors import InputError
 from frischid.logs.mapping_guess import assign, propose, split
 from frischid.logs.readers import read_log
 from frischid.logs.tables import write_table
+from frischid.motions.simulation import simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
-from frischid.simulation import simulate
-from frischid.trajectory import random_fourier
 
 UR = Robot.load("ur10")
 LOG = simulate(UR, random_fourier(UR, 10, seed=1), rate=100)

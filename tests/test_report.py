@@ -18,6 +18,8 @@ from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.identification import identify
 from frischid.logs.readers import read_log
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.prediction import predict
 from frischid.report import page, report, study
 from frischid.report.html import command
@@ -26,8 +28,6 @@ from frischid.report.study import missing
 from frischid.report.study import opened as capital
 from frischid.robot.robot import Robot
 from frischid.shapes import correlation_ratio, shape_of
-from frischid.simulation import Noise, simulate
-from frischid.trajectory import random_fourier
 
 DATA = os.environ.get("FRISCHID_DATA")
 SECTIONS = ("verdict", "torque", "fails", "missing", "history", "parameters", "data")

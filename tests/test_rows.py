@@ -13,10 +13,10 @@ from frischid.effects import BASELINE, parse_effects
 from frischid.evidence import Evidence, thinned
 from frischid.identification import identify
 from frischid.logs.recording import Recording
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.prior import nominal
 from frischid.robot.robot import Robot
-from frischid.simulation import Noise, simulate
-from frischid.trajectory import random_fourier
 
 ARM = Robot.load("planar2")
 TRIED = ("joint_spring", "stribeck", "hysteresis", "thermal_drift")

@@ -5,8 +5,8 @@ from click.testing import CliRunner
 from frischid.cli import main
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import IdentifiabilityError, InputError
+from frischid.motions.discrimination import separate
 from frischid.robot.robot import Robot
-from frischid.separation import separate
 
 PLANAR = Robot.load("planar2")
 

@@ -6,11 +6,11 @@ import pytest
 from frischid.effects import Coulomb, parse_effects
 from frischid.identification import identify, structure
 from frischid.logs.preprocessing import choose_lowpass, prepare
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 from frischid.sharpness import baseline, dry_friction
-from frischid.simulation import Noise, simulate
-from frischid.trajectory import random_fourier
 
 PLANAR = Robot.load("planar2")
 

@@ -21,8 +21,8 @@ from frischid.logs.preprocessing import (
     standstill,
 )
 from frischid.logs.readers import read_log
-from frischid.simulation import Noise
-from frischid.trajectory import random_fourier
+from frischid.motions.simulation import Noise
+from frischid.motions.trajectory import random_fourier
 
 RATE = 100.0
 T = np.arange(2000) / RATE

@@ -4,9 +4,9 @@ from cases import EFFECT_CASES, Reference, exact_log, robot
 
 from frischid.effects import parse_effects
 from frischid.errors import InputError, UnknownNameError
+from frischid.motions.simulation import Noise, parameters_of, simulate, torque
+from frischid.motions.trajectory import Quintic, random_fourier
 from frischid.regression.regressor import Regressor
-from frischid.simulation import Noise, parameters_of, simulate, torque
-from frischid.trajectory import Quintic, random_fourier
 
 PLANAR = robot("planar2")
 MOTION = random_fourier(PLANAR, 10.0, seed=1)

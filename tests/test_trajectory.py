@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from frischid.errors import InputError, UnknownNameError
+from frischid.motions.trajectory import FAMILIES, BSpline, Family, Fourier, Quintic, random_fourier
 from frischid.robot.robot import Robot
-from frischid.trajectory import FAMILIES, BSpline, Family, Fourier, Quintic, random_fourier
 
 rng = np.random.default_rng(0)
 MOTIONS = {

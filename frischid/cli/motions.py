@@ -60,10 +60,10 @@ def simulate(
     """Record a log of a simulated robot, with noise, for trying things out."""
     from frischid.core.files import check_writable
     from frischid.logs.readers import read_log, write_log
+    from frischid.motions.simulation import Noise
+    from frischid.motions.simulation import simulate as run
+    from frischid.motions.trajectory import Quintic, random_fourier
     from frischid.show import motions as show
-    from frischid.simulation import Noise
-    from frischid.simulation import simulate as run
-    from frischid.trajectory import Quintic, random_fourier
 
     check_writable(output)
     names = {"noise_q": "q", "noise_v": "v", "noise_a": "a", "noise_tau": "tau", "quantum": "quantum"}
@@ -136,8 +136,8 @@ def excite(
     """Plan a motion that tells the parameters apart, within the robot's limits everywhere."""
     from frischid.core.files import check_writable
     from frischid.effects import parse_effects
-    from frischid.excitation import plan
-    from frischid.separation import separate as tell_apart
+    from frischid.motions.discrimination import separate as tell_apart
+    from frischid.motions.plan import plan
     from frischid.show import motions as show
 
     for path in filter(None, (output, picture)):

@@ -11,7 +11,7 @@ from plotly.subplots import make_subplots
 from frischid.figures.style import COLOURS, DASHES
 
 if TYPE_CHECKING:
-    from frischid.excitation import Plan
+    from frischid.motions.plan import Plan
 
 
 def excitation(plan: Plan, rate: float = 50.0) -> go.Figure:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from frischid.excitation import Plan
 from frischid.logs.log import Log
-from frischid.separation import Apart
+from frischid.motions.discrimination import Apart
+from frischid.motions.plan import Plan
 from frischid.show.page import Page
 
 BETTER = 1.05  # times smaller standard errors that are worth a word

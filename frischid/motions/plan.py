@@ -25,17 +25,17 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from frischid.clearance import Clearance
 from frischid.core.parallel import Workers
-from frischid.criteria import Criterion, criterion_of
 from frischid.effects import BASELINE, Effect
-from frischid.envelope import Envelope, Excess, Violation, violations
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
 from frischid.logs.readers import write_log
+from frischid.motions.collision import Clearance
+from frischid.motions.limits import Envelope, Excess, Violation, violations
+from frischid.motions.optimality import Criterion, criterion_of
+from frischid.motions.optimize import ATTEMPTS, Bounds, Cost, Progress, Search
+from frischid.motions.trajectory import FAMILIES, ClosedForm, Family
 from frischid.robot.robot import Robot
-from frischid.search import ATTEMPTS, Bounds, Cost, Progress, Search
-from frischid.trajectory import FAMILIES, ClosedForm, Family
 
 Array = NDArray[np.float64]
 

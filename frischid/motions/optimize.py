@@ -32,14 +32,14 @@ from scipy.optimize import Bounds as Box
 from scipy.optimize import differential_evolution, minimize
 from scipy.stats import qmc
 
-from frischid.criteria import EXACT, Criterion
 from frischid.effects import Effect
-from frischid.envelope import RATE, Excess, extremes
 from frischid.errors import InputError
 from frischid.identification import structure
+from frischid.motions.limits import RATE, Excess, extremes
+from frischid.motions.optimality import EXACT, Criterion
+from frischid.motions.trajectory import Family, Fourier
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
-from frischid.trajectory import Family, Fourier
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, float], None]

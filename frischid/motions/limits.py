@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from frischid.clearance import Clearance
 from frischid.errors import InputError
+from frischid.motions.collision import Clearance
+from frischid.motions.trajectory import ClosedForm
 from frischid.robot.robot import Robot
-from frischid.trajectory import ClosedForm
 
 Array = NDArray[np.float64]
 

@@ -16,10 +16,10 @@ import numpy as np
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
+from frischid.motions.trajectory import Trajectory
 from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.robot.robot import Robot
-from frischid.trajectory import Trajectory
 
 MOST_VALUES = 2_000_000  # of the regressor in memory at once
 

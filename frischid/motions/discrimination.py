@@ -20,15 +20,15 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from frischid.criteria import Separation
 from frischid.effects import BASELINE, Effect
 from frischid.errors import IdentifiabilityError, InputError
-from frischid.excitation import Plan, plan
 from frischid.identification import structure
+from frischid.motions.optimality import Separation
+from frischid.motions.plan import Plan, plan
+from frischid.motions.trajectory import Trajectory, random_fourier
 from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
-from frischid.trajectory import Trajectory, random_fourier
 
 TYPICAL = 10  # random motions the planned one is compared with
 RATE = 50.0  # Hz, at which the correlation is computed
