@@ -17,13 +17,13 @@ import numpy as np
 
 from frischid.bbrf import Recursion, Variant, bbrf
 from frischid.belief import Choice, chosen, urdf_priors
+from frischid.checks import LogReport, inspect
 from frischid.comparison import Comparison, compare
 from frischid.effects import BASELINE, Effect
 from frischid.eiv import eiv
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimate import Estimate, cross_validated, ols, wls
 from frischid.frisch import Box, Simplex, simplex
-from frischid.inspection import LogReport, inspect
 from frischid.iv import iv
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, Motion, choose_lowpass, prepare
@@ -147,7 +147,7 @@ def identify(
     reference : mapping of str to float, optional
         Parameter values from which effects that depend on the load take it; the URDF's own by default.
     anyway : bool
-        Go on in spite of a finding of `frischid.inspection` that is certain and makes the logs worthless.
+        Go on in spite of a finding of `frischid.checks` that is certain and makes the logs worthless.
     progress : callable
         Told what is being done.
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from frischid.checks import inspect
 from frischid.effects import BASELINE
 from frischid.identification import structure
-from frischid.inspection import inspect
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import noise_level, prepare
 from frischid.model import Model

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from frischid.checks.channels import quantum
 
 from frischid.errors import InputError
 from frischid.identification import examine, identify
-from frischid.inspection.channels import quantum
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log
 from frischid.motions.simulation import Noise, simulate

@@ -3,7 +3,7 @@
 A log is the sequence ``(t_k, q_k, q̇_k, q̈_k, τ_k, i_k)`` of J joints at N instants. It is frozen, and it is
 either whole or refused: an unusable value (NaN, infinity, uninitialised memory, time running backwards) is an
 error that says where it lies, never something repaired behind the user's back. What is merely suspicious
-(degrees taken for radians, stamps of arrival, a constant torque) `frischid.inspection` finds.
+(degrees taken for radians, stamps of arrival, a constant torque) `frischid.checks` finds.
 
 In a table every column has a name: ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<joint>``, ``tau_<joint>``,
 ``current_<joint>``, and any other name for whatever else was measured.

@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.markup import escape
 
-from frischid.inspection import Finding, LogReport
+from frischid.checks import Finding, LogReport
 from frischid.logs.datasets import Dataset
 from frischid.logs.mapping_guess import Proposal
 from frischid.show.page import Page, figure, table_of

@@ -11,9 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from frischid.checks.finding import Notebook
+from frischid.checks.sketch import FEW, Sketch, shared_fit
 
-from frischid.inspection.finding import Notebook
-from frischid.inspection.sketch import FEW, Sketch, shared_fit
 from frischid.regression.moments import Array
 
 REACH = 1.0  # m, farther from the last joint nobody carries a payload

@@ -2,7 +2,7 @@
 
 A log is believed when the nominal URDF with fitted friction explains its torques. Where it does not, every simple
 mistake is undone in turn on the `Sketch`, and the simplest one that removes nearly all of the error is named. A
-payload, or a hand that is not there, is a body more or less on the last link (`frischid.inspection.payload`). What
+payload, or a hand that is not there, is a body more or less on the last link (`frischid.checks.payload`). What
 remains may be the URDF of another robot: its rigid part then predicts nothing, while free parameters on the same
 joints would.
 """
@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from frischid.checks.finding import Notebook, span
+from frischid.checks.payload import check_payload, payload_errors
+from frischid.checks.sketch import FEW, Sketch, shared_fit
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from frischid.inspection.finding import Notebook, span
-from frischid.inspection.payload import check_payload, payload_errors
-from frischid.inspection.sketch import FEW, Sketch, shared_fit
 from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 

@@ -4,8 +4,8 @@
 cannot be read. Nothing is repaired.
 """
 
-from frischid.inspection.defects import defects
-from frischid.inspection.finding import Finding, LogReport
-from frischid.inspection.report import inspect
+from frischid.checks.defects import defects
+from frischid.checks.finding import Finding, LogReport
+from frischid.checks.report import inspect
 
 __all__ = ["Finding", "LogReport", "defects", "inspect"]

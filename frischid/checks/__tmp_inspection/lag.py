@@ -9,10 +9,10 @@ recording is common to all joints; joints that differ have their own filters, or
 from __future__ import annotations
 
 import numpy as np
+from frischid.checks.finding import Notebook, span
+from frischid.checks.sketch import Sketch
 from scipy.interpolate import make_interp_spline
 
-from frischid.inspection.finding import Notebook, span
-from frischid.inspection.sketch import Sketch
 from frischid.regression.moments import Array
 
 LONGEST = 0.3  # s

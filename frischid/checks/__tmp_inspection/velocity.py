@@ -10,10 +10,10 @@ correlates best may be another joint's.
 from __future__ import annotations
 
 import numpy as np
+from frischid.checks.finding import Notebook, span
 from numpy.typing import NDArray
 from scipy import signal
 
-from frischid.inspection.finding import Notebook, span
 from frischid.logs.log import STILL, Log
 from frischid.logs.mapping import SECONDS
 from frischid.logs.preprocessing import LATE_VELOCITY, LowPass, derivative_taps, noise_level, uniform

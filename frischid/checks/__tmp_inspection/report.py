@@ -8,16 +8,16 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from frischid.checks.channels import check_channels, check_degrees
+from frischid.checks.clock import check_clock
+from frischid.checks.excitation import FreeFit, check_excitation, free_fit
+from frischid.checks.finding import LogReport, Notebook
+from frischid.checks.lag import check_lag
+from frischid.checks.physics import check_physics
+from frischid.checks.sketch import HIGHEST, Sketch
+from frischid.checks.velocity import check_velocity
 
 from frischid.errors import InputError
-from frischid.inspection.channels import check_channels, check_degrees
-from frischid.inspection.clock import check_clock
-from frischid.inspection.excitation import FreeFit, check_excitation, free_fit
-from frischid.inspection.finding import LogReport, Notebook
-from frischid.inspection.lag import check_lag
-from frischid.inspection.physics import check_physics
-from frischid.inspection.sketch import HIGHEST, Sketch
-from frischid.inspection.velocity import check_velocity
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, Motion, choose_lowpass, prepare
 from frischid.regression.base_parameters import Reduction

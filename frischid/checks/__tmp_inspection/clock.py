@@ -13,9 +13,9 @@ positions stand still for a step and jump by two the next.
 from __future__ import annotations
 
 import numpy as np
+from frischid.checks.finding import Notebook
 from scipy import ndimage, signal
 
-from frischid.inspection.finding import Notebook
 from frischid.logs.log import CHANNELS, Log
 from frischid.logs.mapping import SECONDS
 from frischid.logs.preprocessing import noise_level

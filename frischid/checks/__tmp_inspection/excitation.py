@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from frischid.checks.finding import Notebook
+from frischid.checks.sketch import OVERSAMPLING, Sketch
 
 from frischid.effects import BASELINE
-from frischid.inspection.finding import Notebook
-from frischid.inspection.sketch import OVERSAMPLING, Sketch
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor, nominal_parameters

@@ -57,7 +57,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class LogReport:
-    """What `frischid.inspection.inspect` says of one log.
+    """What `frischid.checks.inspect` says of one log.
 
     Attributes
     ----------

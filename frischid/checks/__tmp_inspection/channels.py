@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from frischid.checks.finding import Notebook, span
 from numpy.typing import NDArray
 
-from frischid.inspection.finding import Notebook, span
 from frischid.logs.log import STILL, Log
 from frischid.logs.preprocessing import noise_level
 from frischid.regression.moments import Array

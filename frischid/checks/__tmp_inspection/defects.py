@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from frischid.checks.finding import LogReport, Notebook
 
 from frischid.errors import InputError
-from frischid.inspection.finding import LogReport, Notebook
 from frischid.logs.log import GARBAGE
 from frischid.logs.mapping import SECONDS, LogMap
 from frischid.logs.tables import CSV, csv_layout
