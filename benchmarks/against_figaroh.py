@@ -22,7 +22,7 @@ import pinocchio as pin
 from common import Worker, parser, publish
 
 import frischid as fr
-from frischid.estimate import ols
+from frischid.estimators.least_squares import ols
 from frischid.identification import structure
 from frischid.logs.preprocessing import LowPass, Motion
 from frischid.regression.regressor import Regressor, accumulate

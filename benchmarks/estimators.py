@@ -37,21 +37,21 @@ from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
 import frischid as fr
-from frischid.bbrf import bbrf
-from frischid.eiv import eiv
 from frischid.errors import FrischidError
-from frischid.estimate import Estimate, ols, wls
-from frischid.frisch import Box, simplex
+from frischid.estimators.bbrf import bbrf
+from frischid.estimators.box_qp import select
+from frischid.estimators.errors_in_variables import eiv
+from frischid.estimators.frisch import Box, simplex
+from frischid.estimators.instrumental_variables import iv
+from frischid.estimators.least_squares import Estimate, ols, wls
+from frischid.estimators.sensor_noise import noise_limits, samples, sensor_moments
+from frischid.estimators.sensorwise import sensorwise
 from frischid.identification import structure
-from frischid.iv import iv
 from frischid.logs.preprocessing import LowPass, Motion
 from frischid.motions.simulation import parameters_of, torque
 from frischid.motions.trajectory import Trajectory
 from frischid.regression.moments import Column, total
 from frischid.regression.regressor import Regressor, accumulate, stack
-from frischid.selection import select
-from frischid.sensitivity import noise_limits, samples, sensor_moments
-from frischid.sensorwise import sensorwise
 
 Array = NDArray[np.float64]
 

@@ -27,8 +27,8 @@ from scipy.optimize import lsq_linear
 from threadpoolctl import threadpool_limits
 
 import frischid as fr
-from frischid.bbrf import bbrf, sample_extents
-from frischid.frisch import Box, simplex
+from frischid.estimators.bbrf import bbrf, sample_extents
+from frischid.estimators.frisch import Box, simplex
 from frischid.identification import structure
 from frischid.motions.simulation import parameters_of
 from frischid.motions.trajectory import Trajectory

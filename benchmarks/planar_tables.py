@@ -20,7 +20,7 @@ from planar_case import (
     arm,
 )
 
-from frischid.frisch import Box
+from frischid.estimators.frisch import Box
 from frischid.motions.optimality import Paper
 
 PAPER_TABLE_2 = {"σ max": 74.59, "σ min": 6.686, "cond": 11.16, "cost (19)": 13.57}

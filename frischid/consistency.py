@@ -1,6 +1,6 @@
 """A model whose links could exist: the base parameters kept, the standard parameters physical.
 
-`frischid.physical` does the mathematics. Here a model is brought into its terms: the prior is the URDF, the boxes for
+`frischid.estimators.physical_links` does the mathematics. Here a model is brought into its terms: the prior is the URDF, the boxes for
 centres of mass come from the URDF's own shapes or from the user, and the result is a model again, with
 `Model.standard` filled.
 """
@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from frischid.errors import InputError, UnknownNameError
+from frischid.estimators.physical_links import Active, Consistent, Extras, Links, consistent
 from frischid.identification import structure
 from frischid.model import Model
 from frischid.motions.collision import body_boxes
-from frischid.physical import Active, Consistent, Extras, Links, consistent
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor, nominal_parameters

@@ -22,7 +22,7 @@ import numpy as np
 from scipy import linalg, stats
 
 from frischid.errors import IdentifiabilityError
-from frischid.estimate import Estimate, NormalEquations, wls
+from frischid.estimators.least_squares import Estimate, NormalEquations, wls
 from frischid.regression.moments import Array, Gram, total
 
 EXCITED = 1e-8  # eigenvalue of the column-scaled moments over the largest, below which a direction was not excited

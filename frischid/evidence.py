@@ -27,7 +27,7 @@ from frischid.core.parallel import Workers
 from frischid.core.text import each_of
 from frischid.effects import Effect
 from frischid.errors import InputError
-from frischid.estimate import Prior
+from frischid.estimators.least_squares import Prior
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording

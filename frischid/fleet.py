@@ -25,7 +25,7 @@ from frischid.core.parallel import Here, Workers
 from frischid.deviation import Change, Deviation, Null
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError
-from frischid.estimate import Estimate, wls
+from frischid.estimators.least_squares import Estimate, wls
 from frischid.findings import Finding
 from frischid.identification import structure
 from frischid.logs.mapping import LogMap

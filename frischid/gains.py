@@ -10,7 +10,7 @@ Dynamic Systems, Measurement and Control 136(5)). Three ways, from the same mome
   currents are noisy, so θ and x are eliminated exactly and g is the eigenvector of the least eigenvalue of what is left
   (mixed least squares - total least squares, Van Huffel and Vandewalle 1991, chapter 3);
 - *in amperes*: ``i_j = κ_j (Y_j θ + L_j x + w) + noise`` with κ = 1/g, by Gauss-Newton from there: the likelihood of
-  noisy currents. Its standard errors are a jackknife over blocks of time, as in `frischid.estimate`;
+  noisy currents. Its standard errors are a jackknife over blocks of time, as in `frischid.estimators.least_squares`;
 - *physically constrained*: the same, nearest by its information, with every link and the payload physical and g > 0.
 
 Given gains are checked the other way round: they must give the payload's weight.
@@ -24,16 +24,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frischid.consistency import link_mapping
-from frischid.drives import in_amperes, total_least_squares
 from frischid.effects import BASELINE, Effect, Payload
 from frischid.effects.dynamics import random_states
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
-from frischid.estimate import wls
+from frischid.estimators.drive_gain_ls import in_amperes, total_least_squares
+from frischid.estimators.least_squares import wls
+from frischid.estimators.physical_links import Extras, Links, consistent
 from frischid.identification import structure
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, choose_lowpass, prepare
 from frischid.logs.summary import held_by
-from frischid.physical import Extras, Links, consistent
 from frischid.regression.base_parameters import Reduction, reduce
 from frischid.regression.moments import Array, Gram, total
 from frischid.regression.regressor import Regressor, accumulate

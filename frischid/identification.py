@@ -15,16 +15,20 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from frischid.bbrf import Recursion, Variant, bbrf
-from frischid.belief import Choice, chosen, urdf_priors
 from frischid.checks import LogReport, inspect
 from frischid.comparison import Comparison, compare
 from frischid.effects import BASELINE, Effect
-from frischid.eiv import eiv
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
-from frischid.estimate import Estimate, cross_validated, ols, wls
-from frischid.frisch import Box, Simplex, simplex
-from frischid.iv import iv
+from frischid.estimators.bbrf import Recursion, Variant, bbrf
+from frischid.estimators.box_qp import Selection, select
+from frischid.estimators.errors_in_variables import eiv
+from frischid.estimators.friction_smoothing import baseline, dry_friction
+from frischid.estimators.frisch import Box, Simplex, simplex
+from frischid.estimators.instrumental_variables import iv
+from frischid.estimators.least_squares import Estimate, cross_validated, ols, wls
+from frischid.estimators.sensor_noise import noise_limits, samples, sensor_moments
+from frischid.estimators.sensorwise import sensorwise
+from frischid.estimators.urdf_prior import Choice, chosen, urdf_priors
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, Motion, choose_lowpass, prepare
 from frischid.logs.recording import Motions, Recording, check_logs, head_of, pieces_of
@@ -36,10 +40,6 @@ from frischid.regression.moments import Array, Gram, total
 from frischid.regression.regressor import Block, Regressor, accumulate, stack, streaming_qr
 from frischid.regression.streaming_qr import SAFE_CONDITION
 from frischid.robot.robot import Robot
-from frischid.selection import Selection, select
-from frischid.sensitivity import noise_limits, samples, sensor_moments
-from frischid.sensorwise import sensorwise
-from frischid.sharpness import baseline, dry_friction
 
 MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see
 FIRST_PIECES = 4  # of a recording, on which the width of dry friction's sign is chosen
@@ -134,7 +134,7 @@ def identify(
     velocity : {"auto", "measured", "derived"}
     estimator : {"wls", "ols", "frisch", "sensorwise", "eiv", "iv"}
         Whose values become the model's. ``"frisch"`` is the paper's: the best point in the Frisch box. ``"sensorwise"``
-        adds the box of `frischid.sensorwise`, with the sensors' noise limited to what the log shows; ``"eiv"`` and
+        adds the box of `frischid.estimators.sensorwise`, with the sensors' noise limited to what the log shows; ``"eiv"`` and
         ``"iv"`` are errors-in-variables likelihood and instrumental variables.
     prior : {"auto", "none", "urdf"}
         ``"urdf"``: the URDF's parameters are a prior with a stated uncertainty, as strong as predicts best in

@@ -12,7 +12,7 @@ from frischid.comparison import compare
 from frischid.diagnosis import Diagnosis, Situation, diagnose, gathered
 from frischid.effects import Effect, columns_of
 from frischid.errors import InputError
-from frischid.estimate import Estimate
+from frischid.estimators.least_squares import Estimate
 from frischid.findings import Finding
 from frischid.identification import identify
 from frischid.logs.log import Log

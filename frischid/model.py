@@ -20,8 +20,8 @@ import numpy as np
 from frischid.core.files import write_text
 from frischid.effects import Effect, columns_of, effect_from_dict
 from frischid.errors import InputError
-from frischid.estimate import Estimate
-from frischid.frisch import Box
+from frischid.estimators.frisch import Box
+from frischid.estimators.least_squares import Estimate
 from frischid.logs.log import Log, check_torque
 from frischid.logs.preprocessing import LowPass, Motion
 from frischid.logs.recording import Motions, Recording, head_of

@@ -18,10 +18,10 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import linalg
 
-from frischid.belief import doubt_of_links, gaussian
 from frischid.effects import columns_of
 from frischid.effects.dynamics import RigidDynamics, random_states
-from frischid.estimate import Prior
+from frischid.estimators.least_squares import Prior
+from frischid.estimators.urdf_prior import doubt_of_links, gaussian
 from frischid.identification import structure
 from frischid.model import Model
 from frischid.regression.moments import Array

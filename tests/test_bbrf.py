@@ -4,10 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from frischid import bbrf as module
-from frischid.bbrf import bbrf, window_moments
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
-from frischid.frisch import simplex
+from frischid.estimators import bbrf as module
+from frischid.estimators.bbrf import bbrf, window_moments
+from frischid.estimators.frisch import simplex
 
 VARIANTS = ("strict", "undo", "calibrated")
 

@@ -11,11 +11,11 @@ from cases import exact_log, robot
 from click.testing import CliRunner
 
 import frischid as fr
-from frischid.belief import STRENGTHS, urdf_priors
 from frischid.cli import main
 from frischid.effects import BASELINE
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
-from frischid.estimate import Prior, wls
+from frischid.estimators.least_squares import Prior, wls
+from frischid.estimators.urdf_prior import STRENGTHS, urdf_priors
 from frischid.identification import identify, structure
 from frischid.logs.preprocessing import LowPass, prepare
 from frischid.motions.simulation import Noise

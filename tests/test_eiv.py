@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 import frischid as fr
-from frischid.eiv import Samples, eiv
 from frischid.errors import IdentifiabilityError
+from frischid.estimators.errors_in_variables import Samples, eiv
+from frischid.estimators.sensor_noise import samples
 from frischid.identification import structure
 from frischid.logs.preprocessing import LowPass, Motion
 from frischid.motions.simulation import parameters_of
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.moments import Column
 from frischid.regression.regressor import Regressor
-from frischid.sensitivity import samples
 
 NOTHING = LowPass(None)
 LINE = (Column("k", "N·m/rad", "joint", "spring"),)
@@ -137,7 +137,7 @@ def test_where_states_are_kept_changes_nothing(monkeypatch):
 
 def test_the_length_of_stretches_changes_nothing(monkeypatch):
     _, long = estimate(0.02, given=False)
-    monkeypatch.setattr("frischid.sensitivity.STRETCH", 1)
+    monkeypatch.setattr("frischid.estimators.sensor_noise.STRETCH", 1)
     monkeypatch.setattr("frischid.regression.regressor.Regressor.blocks.__defaults__", (50,))
     _, short = estimate(0.02, given=False)
     np.testing.assert_allclose(short.theta, long.theta, rtol=1e-10)

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError
-from frischid.frisch import Box, simplex
+from frischid.estimators.frisch import Box, simplex
 
 THETA = np.array([2.0, -0.7, 0.03])
 NAMES = ("m", "fv", "Ia")

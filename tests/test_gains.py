@@ -13,9 +13,9 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
-from frischid.drives import total_least_squares
 from frischid.effects import BASELINE, Payload
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
+from frischid.estimators.drive_gain_ls import total_least_squares
 from frischid.gains import find_gains
 from frischid.motions.simulation import Noise
 

@@ -7,8 +7,8 @@ from scipy.signal import lfilter
 
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
-from frischid.estimate import cross_validated
-from frischid.frisch import Box
+from frischid.estimators.frisch import Box
+from frischid.estimators.least_squares import cross_validated
 from frischid.identification import ESTIMATORS, box_of, examine, identify, structure
 from frischid.logs.log import Log
 from frischid.logs.summary import moving_but_locked

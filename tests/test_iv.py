@@ -6,9 +6,9 @@ import pytest
 
 import frischid as fr
 from frischid.errors import InputError
-from frischid.estimate import ols
+from frischid.estimators.instrumental_variables import _neighbour_taps, _simulated, _Torque, iv
+from frischid.estimators.least_squares import ols
 from frischid.identification import structure
-from frischid.iv import _neighbour_taps, _simulated, _Torque, iv
 from frischid.logs.preprocessing import LowPass, Motion
 from frischid.motions.simulation import parameters_of
 from frischid.motions.trajectory import random_fourier

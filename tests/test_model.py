@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 from frischid.core.files import check_writable
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
-from frischid.frisch import Box
+from frischid.estimators.frisch import Box
 from frischid.identification import identify
 from frischid.logs.preprocessing import LowPass
 from frischid.logs.recording import Recording

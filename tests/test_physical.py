@@ -9,9 +9,9 @@ from frischid.comparison import compare
 from frischid.consistency import as_identified, make_consistent
 from frischid.effects import BASELINE
 from frischid.errors import InputError, UnknownNameError
+from frischid.estimators.physical_links import FLOOR, Extras, InfeasibleError, Links, consistent
 from frischid.model import Model
 from frischid.motions.simulation import Noise
-from frischid.physical import FLOOR, Extras, InfeasibleError, Links, consistent
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia, redistributed
 
 

@@ -4,10 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from frischid import selection as module
 from frischid.errors import EmptyBoxError, FrischidError, IdentifiabilityError, InputError
-from frischid.frisch import Box
-from frischid.selection import select
+from frischid.estimators import box_qp as module
+from frischid.estimators.box_qp import select
+from frischid.estimators.frisch import Box
 
 
 def names_of(p):

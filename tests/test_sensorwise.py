@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
-from frischid.frisch import simplex
-from frischid.sensorwise import TORQUE, SensorMoments, compensated, sensorwise
+from frischid.estimators.frisch import simplex
+from frischid.estimators.sensorwise import TORQUE, SensorMoments, compensated, sensorwise
 
 THETA = np.array([1.5, -0.7])
 NAMES = ("a", "b")

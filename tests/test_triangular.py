@@ -5,7 +5,7 @@ import pytest
 
 import frischid as fr
 from frischid.errors import IdentifiabilityError
-from frischid.estimate import NormalEquations
+from frischid.estimators.least_squares import NormalEquations
 from frischid.identification import structure
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, prepare

@@ -9,8 +9,8 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from frischid.belief import Choice
 from frischid.comparison import Comparison
+from frischid.estimators.urdf_prior import Choice
 from frischid.identification import Identification
 from frischid.model import Model
 from frischid.regression.base_parameters import Reduction

@@ -1,7 +1,7 @@
 """The bounding-box recursion (BBRF): every stretch of the log bounds the parameters; the bounds intersect.
 
 A window of w rows of the stacked matrix E = [Y τ] has its own moments Σ_k = EᵀE / w and, by the Frisch
-scheme (`frischid.frisch`), its own p + 1 vertices. The true parameters do not change from window to window,
+scheme (`frischid.estimators.frisch`), its own p + 1 vertices. The true parameters do not change from window to window,
 so they lie in all of the boxes around those vertices (Massaroli et al., *Frisch Scheme Identification of
 Robots Dynamic Parameters*, Algorithm 1):
 
@@ -46,7 +46,7 @@ from scipy.fft import next_fast_len
 from scipy.stats import t as student
 
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
-from frischid.frisch import CONDITION_LIMIT, Box, extent, vertices_of
+from frischid.estimators.frisch import CONDITION_LIMIT, Box, extent, vertices_of
 from frischid.regression.moments import Array, Sign
 
 Variant = Literal["strict", "undo", "calibrated"]

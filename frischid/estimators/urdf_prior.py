@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from frischid.errors import IdentifiabilityError
-from frischid.estimate import Estimate, Prior, cross_validated, wls
+from frischid.estimators.least_squares import Estimate, Prior, cross_validated, wls
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Array, Gram, total
 from frischid.regression.regressor import Regressor, nominal_parameters

@@ -31,15 +31,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from frischid.eiv import covariance_of, information_of, solve_scaled
 from frischid.errors import InputError
-from frischid.estimate import LEAST_BLOCKS, Estimate
+from frischid.estimators.errors_in_variables import covariance_of, information_of, solve_scaled
+from frischid.estimators.least_squares import LEAST_BLOCKS, Estimate
+from frischid.estimators.sensor_noise import noise_levels, sensors_of
 from frischid.logs.preprocessing import LowPass, Motion
 from frischid.motions.trajectory import Trajectory
 from frischid.regression.moments import Array
 from frischid.regression.regressor import CHUNK, MAX_BLOCKS, Regressor
 from frischid.robot.robot import Robot
-from frischid.sensitivity import noise_levels, sensors_of
 
 SPAN = 0.15  # seconds to either side that make the reference of a sample
 DEGREE = 5

@@ -23,7 +23,7 @@ import numpy as np
 from proxsuite import proxqp
 
 from frischid.errors import FrischidError, IdentifiabilityError, InputError
-from frischid.frisch import CONDITION_LIMIT, Box, unit_diagonal
+from frischid.estimators.frisch import CONDITION_LIMIT, Box, unit_diagonal
 from frischid.regression.moments import Array
 
 KKT_TOLERANCE = 1e-8

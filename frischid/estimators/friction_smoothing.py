@@ -18,7 +18,7 @@ import numpy as np
 
 from frischid.effects import BASELINE, Coulomb, Effect, State, Term
 from frischid.errors import IdentifiabilityError
-from frischid.estimate import cross_validated, wls
+from frischid.estimators.least_squares import cross_validated, wls
 from frischid.logs.preprocessing import LowPass, Motion
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import total
