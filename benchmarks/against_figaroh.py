@@ -23,8 +23,8 @@ from common import Worker, parser, publish
 
 import frischid as fr
 from frischid.estimators.least_squares import ols
-from frischid.identification import structure
 from frischid.logs.preprocessing import LowPass, Motion
+from frischid.model.identification import structure
 from frischid.regression.regressor import Regressor, accumulate
 
 WORKER = Path(__file__).with_name("figaroh_worker.py")

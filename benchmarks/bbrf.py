@@ -21,7 +21,7 @@ from planar_case import RATE, TORQUE_NOISE, WINDOW, Array, arm, case_study
 
 import frischid as fr
 from frischid.estimators.bbrf import bbrf
-from frischid.identification import structure
+from frischid.model.identification import structure
 from frischid.regression.regressor import Regressor
 
 TARGET, AGREEMENT = 30.0, 1e-6

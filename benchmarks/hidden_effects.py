@@ -29,7 +29,7 @@ from hidden_cases import EFFECTS, Case, CaseSpec, Truth, build, cases
 from hidden_unknown import UNKNOWN
 
 from frischid.core.files import write_text
-from frischid.identification import identify
+from frischid.model.identification import identify
 
 STEPS = 3
 """Steps `improve` may take to find both of two effects: a background has small ones that are truly there too."""

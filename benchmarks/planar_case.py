@@ -29,7 +29,7 @@ from threadpoolctl import threadpool_limits
 import frischid as fr
 from frischid.estimators.bbrf import bbrf, sample_extents
 from frischid.estimators.frisch import Box, simplex
-from frischid.identification import structure
+from frischid.model.identification import structure
 from frischid.motions.simulation import parameters_of
 from frischid.motions.trajectory import Trajectory
 from frischid.regression.base_parameters import Reduction

@@ -14,8 +14,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from frischid.comparison import Comparison as Comparison
-    from frischid.comparison import compare as compare
     from frischid.consistency import Consistency as Consistency
     from frischid.consistency import make_consistent as make_consistent
     from frischid.diagnosis import Diagnosis as Diagnosis
@@ -30,8 +28,6 @@ if TYPE_CHECKING:
     from frischid.exporting import export as export
     from frischid.gains import Gains as Gains
     from frischid.gains import find_gains as find_gains
-    from frischid.identification import Identification as Identification
-    from frischid.identification import identify as identify
     from frischid.improvement import add as add
     from frischid.improvement import improve as improve
     from frischid.logs.log import Log as Log
@@ -40,7 +36,11 @@ if TYPE_CHECKING:
     from frischid.logs.readers import read_log as read_log
     from frischid.logs.readers import write_log as write_log
     from frischid.logs.recording import Recording as Recording
-    from frischid.model import Model as Model
+    from frischid.model.comparison import Comparison as Comparison
+    from frischid.model.comparison import compare as compare
+    from frischid.model.identification import Identification as Identification
+    from frischid.model.identification import identify as identify
+    from frischid.model.model import Model as Model
     from frischid.motions.simulation import Noise as Noise
     from frischid.motions.simulation import simulate as simulate
     from frischid.motions.trajectory import Quintic as Quintic
@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     from frischid.robot.robot import Robot as Robot
 
 _HOME = {
-    "Comparison": "comparison",
-    "compare": "comparison",
+    "Comparison": "model.comparison",
+    "compare": "model.comparison",
     "Consistency": "consistency",
     "make_consistent": "consistency",
     "BASELINE": "effects",
@@ -64,13 +64,13 @@ _HOME = {
     "export": "exporting",
     "Gains": "gains",
     "find_gains": "gains",
-    "Identification": "identification",
-    "identify": "identification",
+    "Identification": "model.identification",
+    "identify": "model.identification",
     "add": "improvement",
     "improve": "improvement",
     "Log": "logs.log",
     "LogMap": "logs.mapping",
-    "Model": "model",
+    "Model": "model.model",
     "read_chunks": "logs.readers",
     "Recording": "logs.recording",
     "read_log": "logs.readers",

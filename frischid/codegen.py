@@ -18,7 +18,7 @@ from importlib import resources
 import numpy as np
 
 from frischid.errors import InputError
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.regression.moments import Array
 from frischid.robot.kinematic_tree import Body, bodies_of
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.physical_links import Active, Consistent, Extras, Links, consistent
-from frischid.identification import structure
-from frischid.model import Model
+from frischid.model.identification import structure
+from frischid.model.model import Model
 from frischid.motions.collision import body_boxes
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Array

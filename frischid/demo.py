@@ -13,10 +13,10 @@ import numpy as np
 
 from frischid.diagnosis import Diagnosis, diagnose
 from frischid.effects import BASELINE, parse_effects
-from frischid.identification import Identification, identify
 from frischid.improvement import Step, add
 from frischid.logs.log import Log
-from frischid.model import Model
+from frischid.model.identification import Identification, identify
+from frischid.model.model import Model
 from frischid.motions.simulation import Noise, parameters_of, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.moments import Array

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from frischid.conditions import APART
 from frischid.core.text import listed
 from frischid.effects import Formula
 from frischid.evidence import LOOKED_AT, Evidence, thinned
+from frischid.model.residual_conditions import APART
 from frischid.ranking import SIGNIFICANCE, STEADY, Judged, Ranking, block_test, judged
 from frischid.regression.moments import Array
 from frischid.sectors import jumps, steps

@@ -26,8 +26,8 @@ from frischid.evidence import Evidence
 from frischid.findings import WITHIN, Finding, findings_of, refitted
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording, check_logs
-from frischid.model import Model
-from frischid.noise import NoiseFloor
+from frischid.model.model import Model
+from frischid.model.noise_floor import NoiseFloor
 from frischid.prior import identified, nominal
 from frischid.regression.moments import Array
 from frischid.verdict import Known, Verdict, decided, notes_on, with_refit, with_verdict

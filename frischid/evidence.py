@@ -31,7 +31,7 @@ from frischid.estimators.least_squares import Prior
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.pieces import Part, Stretch
 from frischid.regression.moments import Array
 from frischid.rows import Rows

@@ -17,7 +17,7 @@ from frischid.consistency import Box, Consistency, as_identified, make_consisten
 from frischid.core.files import check_writable, write_text
 from frischid.errors import FrischidError, InputError, UnknownNameError
 from frischid.mjcf import mjcf_source
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.regression.moments import Array
 from frischid.robot.inertia import is_physical, pseudo_inertia, redistributed
 from frischid.robot.robot import Robot

@@ -18,7 +18,7 @@ from scipy import stats
 from frischid.core.text import each_of, listed
 from frischid.effects import EFFECTS, Effect
 from frischid.evidence import Evidence
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.prior import nominal
 from frischid.ranking import SIGNIFICANCE, TRIFLE, Ranked, Ranking, ranking
 from frischid.regression.moments import Array

@@ -27,10 +27,10 @@ from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError
 from frischid.estimators.least_squares import Estimate, wls
 from frischid.findings import Finding
-from frischid.identification import structure
 from frischid.logs.mapping import LogMap
 from frischid.logs.preprocessing import Bandwidths, LowPass
-from frischid.model import Model
+from frischid.model.identification import structure
+from frischid.model.model import Model
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor
@@ -169,7 +169,7 @@ def identify_fleet(
     entries : sequence of Entry
         Their logs, as `frischid.archive.entries` gives them.
     effects, torque_joints, cutoff, velocity
-        As for `frischid.identification.identify`.
+        As for `frischid.model.identification.identify`.
     mapping : LogMap, optional
         What the logs' columns mean.
     strict : bool

@@ -30,10 +30,10 @@ from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.drive_gain_ls import in_amperes, total_least_squares
 from frischid.estimators.least_squares import wls
 from frischid.estimators.physical_links import Extras, Links, consistent
-from frischid.identification import structure
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, choose_lowpass, prepare
 from frischid.logs.summary import held_by
+from frischid.model.identification import structure
 from frischid.regression.base_parameters import Reduction, reduce
 from frischid.regression.moments import Array, Gram, total
 from frischid.regression.regressor import Regressor, accumulate

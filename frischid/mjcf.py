@@ -12,7 +12,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.regression.moments import Array
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 from frischid.robot.kinematic_tree import Body, bodies_of

@@ -22,8 +22,8 @@ from frischid.effects import columns_of
 from frischid.effects.dynamics import RigidDynamics, random_states
 from frischid.estimators.least_squares import Prior
 from frischid.estimators.urdf_prior import doubt_of_links, gaussian
-from frischid.identification import structure
-from frischid.model import Model
+from frischid.model.identification import structure
+from frischid.model.model import Model
 from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor, nominal_parameters
 

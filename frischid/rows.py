@@ -24,7 +24,7 @@ from frischid.effects import Effect, State
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion, decimating_filter
 from frischid.logs.recording import Recording
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.pieces import Part, Piece, Stretch, kept
 from frischid.prior import reference_of
 from frischid.regression.moments import Array

@@ -22,8 +22,8 @@ import numpy as np
 from frischid.diagnosis import Diagnosis
 from frischid.evidence import Evidence
 from frischid.findings import Finding
+from frischid.model.prediction import Prediction
 from frischid.pieces import Indices
-from frischid.prediction import Prediction
 from frischid.regression.moments import Array
 
 BINS = 24

@@ -20,14 +20,14 @@ from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, Effect
 from frischid.errors import FrischidError, InputError
 from frischid.findings import Finding
-from frischid.identification import structure
 from frischid.logs.log import Log
 from frischid.logs.mapping import LogMap
 from frischid.logs.preprocessing import Bandwidths, LowPass, prepare
 from frischid.logs.readers import read_log
 from frischid.logs.recording import Motions, Recording, head_of, pieces_of
 from frischid.logs.summary import survey
-from frischid.model import Model
+from frischid.model.identification import structure
+from frischid.model.model import Model
 from frischid.regression.moments import Array, Gram, total
 from frischid.regression.regressor import Regressor, accumulate
 from frischid.robot.robot import Robot

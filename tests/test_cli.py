@@ -372,7 +372,7 @@ def test_a_log_of_another_robot(logs):
 
 
 def test_the_output_folder_must_exist(logs, tmp_path, monkeypatch):
-    monkeypatch.setattr("frischid.identification.identify", lambda *_, **__: pytest.fail("worked for nothing"))
+    monkeypatch.setattr("frischid.model.identification.identify", lambda *_, **__: pytest.fail("worked for nothing"))
     wrong = tmp_path / "none" / "model.json"
     refused(["there is no folder"], "identify", "planar2", logs / "first.parquet", "-o", wrong)
     refused(["is a folder"], "identify", "planar2", logs / "first.parquet", "-o", tmp_path)

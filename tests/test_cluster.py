@@ -8,7 +8,7 @@ import pytest
 from frischid.core.parallel import Here, workers
 from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
-from frischid.identification import identify
+from frischid.model.identification import identify
 from frischid.motions.plan import plan
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier

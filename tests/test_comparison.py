@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from cases import exact_log, quick, random_values, robot
 
-from frischid.comparison import compare
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
-from frischid.identification import identify
+from frischid.model.comparison import compare
+from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import nominal_parameters

@@ -10,17 +10,17 @@ import pytest
 from click.testing import CliRunner
 
 from frischid.cli import main
-from frischid.comparison import compare
 from frischid.contact import _stands_out
 from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError, UnknownNameError
 from frischid.findings import Finding
-from frischid.identification import identify
 from frischid.improvement import add, improve, undo
 from frischid.logs.log import Log
 from frischid.logs.readers import write_log
-from frischid.model import Model
+from frischid.model.comparison import compare
+from frischid.model.identification import identify
+from frischid.model.model import Model
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot

@@ -35,7 +35,7 @@ from frischid.effects.dynamics import RigidDynamics
 from frischid.effects.flexibility import DAMPING, MANY, Gear, lags
 from frischid.effects.friction_memory import presliding
 from frischid.errors import InputError, UnknownNameError
-from frischid.identification import structure
+from frischid.model.identification import structure
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot

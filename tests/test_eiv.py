@@ -7,8 +7,8 @@ import frischid as fr
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.errors_in_variables import Samples, eiv
 from frischid.estimators.sensor_noise import samples
-from frischid.identification import structure
 from frischid.logs.preprocessing import LowPass, Motion
+from frischid.model.identification import structure
 from frischid.motions.simulation import parameters_of
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.moments import Column

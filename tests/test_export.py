@@ -19,7 +19,7 @@ from frischid.consistency import as_identified, make_consistent
 from frischid.effects import BASELINE, EFFECTS, parse_effects
 from frischid.errors import InputError, UnknownNameError
 from frischid.exporting import NotPhysicalError, export, urdf_source
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.motions.simulation import Noise
 from frischid.robot.robot import Robot
 from frischid.robot.urdf_edit import UrdfText

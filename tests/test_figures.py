@@ -9,16 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frischid import figures
-from frischid.comparison import compare
 from frischid.effects import parse_effects
 from frischid.figures.parameters import recursion_of, scaled
 from frischid.figures.style import BLACK, INK, POINTS, WHITE, on_scale, thinned, typeset
-from frischid.identification import identify
-from frischid.model import Model
+from frischid.model.comparison import compare
+from frischid.model.identification import identify
+from frischid.model.log_quality import quality
+from frischid.model.model import Model
+from frischid.model.prediction import predict
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
-from frischid.prediction import predict
-from frischid.quality import quality
 from frischid.robot.robot import Robot
 from frischid.shapes import Shape, correlation_ratio
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frischid.comparison import compare
 from frischid.diagnosis import diagnose
-from frischid.identification import identify
+from frischid.model.comparison import compare
+from frischid.model.identification import identify
 from frischid.motions.simulation import simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot

@@ -9,9 +9,9 @@ from frischid.effects import BASELINE, parse_effects
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import cross_validated
-from frischid.identification import ESTIMATORS, box_of, examine, identify, structure
 from frischid.logs.log import Log
 from frischid.logs.summary import moving_but_locked
+from frischid.model.identification import ESTIMATORS, box_of, examine, identify, structure
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.moments import Gram

@@ -10,9 +10,9 @@ import pytest
 from frischid.checks.channels import quantum
 
 from frischid.errors import InputError
-from frischid.identification import examine, identify
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log
+from frischid.model.identification import examine, identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot

@@ -26,9 +26,9 @@ from cases import (
 )
 
 from frischid.effects import BASELINE, EFFECTS
-from frischid.identification import structure
 from frischid.logs.preprocessing import LowPass, prepare
-from frischid.model import Model
+from frischid.model.identification import structure
+from frischid.model.model import Model
 from frischid.motions.simulation import Noise, torque
 from frischid.regression.moments import total
 from frischid.regression.regressor import Regressor, accumulate, gram_of, nominal_parameters

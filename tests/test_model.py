@@ -15,10 +15,10 @@ from frischid.core.files import check_writable
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.estimators.frisch import Box
-from frischid.identification import identify
 from frischid.logs.preprocessing import LowPass
 from frischid.logs.recording import Recording
-from frischid.model import SCHEMA, Model
+from frischid.model.identification import identify
+from frischid.model.model import SCHEMA, Model
 from frischid.motions.simulation import Noise
 from frischid.regression.moments import Column
 from frischid.regression.regressor import nominal_parameters

@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from frischid.comparison import compare
 from frischid.effects import parse_effects
-from frischid.identification import identify
 from frischid.logs.preprocessing import LowPass, noise_level
+from frischid.model.comparison import compare
+from frischid.model.identification import identify
+from frischid.model.noise_floor import NoiseFloor, level_within
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
-from frischid.noise import NoiseFloor, level_within
 from frischid.robot.robot import Robot
 
 STEP, LOWPASS = 0.004, LowPass(5.0)

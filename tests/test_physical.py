@@ -5,12 +5,12 @@ import pinocchio as pin
 import pytest
 from cases import exact_log, made, quick, random_values, robot, states
 
-from frischid.comparison import compare
 from frischid.consistency import as_identified, make_consistent
 from frischid.effects import BASELINE
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.physical_links import FLOOR, Extras, InfeasibleError, Links, consistent
-from frischid.model import Model
+from frischid.model.comparison import compare
+from frischid.model.model import Model
 from frischid.motions.simulation import Noise
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia, redistributed
 

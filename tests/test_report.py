@@ -11,16 +11,16 @@ import pytest
 from browser import OVERLAPS, needs_browser, opened
 
 from frischid import figures
-from frischid.comparison import compare
-from frischid.conditions import Condition
 from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
-from frischid.identification import identify
 from frischid.logs.readers import read_log
+from frischid.model.comparison import compare
+from frischid.model.identification import identify
+from frischid.model.prediction import predict
+from frischid.model.residual_conditions import Condition
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
-from frischid.prediction import predict
 from frischid.report import page, report, study
 from frischid.report.html import command
 from frischid.report.sections import data, parameters, rounded, verdict

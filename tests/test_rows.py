@@ -11,8 +11,8 @@ from frischid.core.array_store import Series, Store
 from frischid.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
 from frischid.evidence import Evidence, thinned
-from frischid.identification import identify
 from frischid.logs.recording import Recording
+from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.prior import nominal

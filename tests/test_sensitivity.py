@@ -7,9 +7,9 @@ import pytest
 import frischid as fr
 from frischid.errors import InputError
 from frischid.estimators.sensor_noise import moved, noise_levels, samples, sensor_moments, sensors_of
-from frischid.identification import structure
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, Motion, prepare
+from frischid.model.identification import structure
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor, accumulate
 

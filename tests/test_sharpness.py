@@ -5,8 +5,8 @@ import pytest
 
 from frischid.effects import Coulomb, parse_effects
 from frischid.estimators.friction_smoothing import baseline, dry_friction
-from frischid.identification import identify, structure
 from frischid.logs.preprocessing import choose_lowpass, prepare
+from frischid.model.identification import identify, structure
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from frischid.effects import BASELINE
 from frischid.errors import InputError
-from frischid.identification import identify
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import (
     LowPass,
@@ -21,6 +20,7 @@ from frischid.logs.preprocessing import (
     standstill,
 )
 from frischid.logs.readers import read_log
+from frischid.model.identification import identify
 from frischid.motions.simulation import Noise
 from frischid.motions.trajectory import random_fourier
 

@@ -17,8 +17,8 @@ from frischid import diagnosis, improvement
 from frischid.cli import main
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
-from frischid.identification import identify
-from frischid.model import Model
+from frischid.model.identification import identify
+from frischid.model.model import Model
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot

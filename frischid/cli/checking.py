@@ -25,8 +25,8 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
     Exit code 0: nothing, go on. 1: something to look at. 2: a log cannot be used at all.
     """
     from frischid.checks import defects
-    from frischid.identification import examine
     from frischid.logs.mapping import LogMap
+    from frischid.model.identification import examine
     from frischid.show import checking as show
 
     with working(as_json) as progress:

@@ -37,7 +37,7 @@ def consistent(model: str, box: tuple[str, ...], no_shapes: bool, output: str | 
     """Find links that could exist (positive mass, physical inertia) and have the model's base parameters."""
     from frischid.consistency import make_consistent
     from frischid.core.files import check_writable
-    from frischid.model import Model
+    from frischid.model.model import Model
     from frischid.show import exporting as show
 
     if output:
@@ -63,7 +63,7 @@ def export(model: str, box: tuple[str, ...], no_shapes: bool, output: str, force
     The links are made physical first, unless they are (see `frischid consistent`), and it is said what that changed.
     """
     from frischid.exporting import export as run
-    from frischid.model import Model
+    from frischid.model.model import Model
     from frischid.show import exporting as show
 
     loaded = Model.load(model)

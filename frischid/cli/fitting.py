@@ -35,7 +35,7 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 
     ROBOT is a URDF file or the name of one that example-robot-data ships; without it, the names are listed.
     """
-    from frischid.identification import structure
+    from frischid.model.identification import structure
     from frischid.regression.regressor import Regressor
     from frischid.robot.robot import robot_names
     from frischid.show import fitting as show
@@ -104,7 +104,7 @@ def identify(
         run_fleet(robot, logs, scheduler, None, as_json, options, fit | rest)
         return
     from frischid.core.files import check_writable
-    from frischid.identification import identify as run
+    from frischid.model.identification import identify as run
     from frischid.show import fitting as show
 
     if output:
@@ -139,8 +139,8 @@ def identify(
 @json_option
 def compare(model: str, logs: tuple[str, ...], mapping: str | None, as_json: bool) -> None:
     """Measured torque against the model's, joint by joint."""
-    from frischid.comparison import compare as run
-    from frischid.model import Model
+    from frischid.model.comparison import compare as run
+    from frischid.model.model import Model
     from frischid.show import fitting as show
 
     loaded = Model.load(model)

@@ -46,7 +46,7 @@ def diagnose(
 ) -> None:
     """Which physical effect the model is missing, by held-out evidence."""
     from frischid.diagnosis import diagnose as run
-    from frischid.model import Model
+    from frischid.model.model import Model
     from frischid.show import improving as show
 
     loaded = Model.load(model)
@@ -93,7 +93,7 @@ def add(
     from frischid.effects import parse_effects
     from frischid.improvement import add as run
     from frischid.improvement import searched
-    from frischid.model import Model
+    from frischid.model.model import Model
     from frischid.show import improving as show
 
     check_writable(output)
@@ -133,7 +133,7 @@ def improve(
     """Diagnose and add until nothing passes; print how the error falls."""
     from frischid.core.files import check_writable
     from frischid.improvement import improve as run
-    from frischid.model import Model
+    from frischid.model.model import Model
     from frischid.show import improving as show
 
     if output:
@@ -157,7 +157,7 @@ def improve(
 def history(model: str, undo: bool, output: str | None, as_json: bool) -> None:
     """What was done to a model, step by step; any step can be undone."""
     from frischid.improvement import undo as run
-    from frischid.model import Model
+    from frischid.model.model import Model
     from frischid.show import improving as show
 
     loaded = Model.load(model)

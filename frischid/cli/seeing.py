@@ -20,7 +20,7 @@ from frischid.cli.group import main
 def report(model: str, logs: tuple[str, ...], mapping: str | None, situation: Any, output: str, as_json: bool) -> None:
     """One HTML page that opens offline: how good the model is, where it fails, what is missing, what to do."""
     from frischid.core.files import check_writable
-    from frischid.model import Model
+    from frischid.model.model import Model
     from frischid.report import report as run
     from frischid.show import seeing as show
 
@@ -69,7 +69,7 @@ def studio(
         show_page(show.studio(running.address, path, host), as_json)
         with working(as_json) as progress:
             progress("reading logs")
-            from frischid.model import Model
+            from frischid.model.model import Model
 
             loaded = Model.load(model)
             data = read(logs, loaded.robot, mapping)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import plotly.graph_objects as go
 
-from frischid.comparison import Comparison
 from frischid.figures.style import (
     SCALE,
     VERMILION,
@@ -19,7 +18,8 @@ from frischid.figures.style import (
     short,
     units_of,
 )
-from frischid.prediction import Prediction
+from frischid.model.comparison import Comparison
+from frischid.model.prediction import Prediction
 from frischid.regression.moments import Array
 
 ORDER = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import plotly.graph_objects as go
 
 from frischid.figures.style import BLUE, GREEN, Drawing, drawing
-from frischid.model import Model
+from frischid.model.model import Model
 
 CROWD = 6
 """Steps beyond which names and numbers get in each other's way on a small screen, and give way."""

@@ -14,7 +14,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from frischid.figures.style import BLUE, COLOURS, GREEN, INK, MEASURED, PURPLE, Drawing, drawing, number, plain
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.regression.moments import Array
 
 WORDS = {"frisch": "Classical Frisch", "bbrf": "BBRF", "sensorwise": "Sensor-wise Frisch"}

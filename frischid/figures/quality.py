@@ -12,7 +12,7 @@ from frischid.figures.style import BLUE, COLOURS, MEASURED, Drawing, drawing, nu
 from frischid.robot.robot import Robot
 
 if TYPE_CHECKING:
-    from frischid.quality import Quality
+    from frischid.model.log_quality import Quality
 
 
 def reach(robot: Robot, logs: Sequence[Quality]) -> Drawing:

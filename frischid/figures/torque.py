@@ -10,7 +10,6 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from frischid.comparison import Comparison
 from frischid.figures.style import (
     BLUE,
     FAINT,
@@ -25,7 +24,8 @@ from frischid.figures.style import (
     plain,
     thinned,
 )
-from frischid.prediction import Prediction
+from frischid.model.comparison import Comparison
+from frischid.model.prediction import Prediction
 from frischid.regression.moments import Array
 
 if TYPE_CHECKING:

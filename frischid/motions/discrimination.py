@@ -22,7 +22,7 @@ from scipy import linalg
 
 from frischid.effects import BASELINE, Effect
 from frischid.errors import IdentifiabilityError, InputError
-from frischid.identification import structure
+from frischid.model.identification import structure
 from frischid.motions.optimality import Separation
 from frischid.motions.plan import Plan, plan
 from frischid.motions.trajectory import Trajectory, random_fourier

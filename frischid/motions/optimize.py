@@ -34,7 +34,7 @@ from scipy.stats import qmc
 
 from frischid.effects import Effect
 from frischid.errors import InputError
-from frischid.identification import structure
+from frischid.model.identification import structure
 from frischid.motions.limits import RATE, Excess, extremes
 from frischid.motions.optimality import EXACT, Criterion
 from frischid.motions.trajectory import Family, Fourier

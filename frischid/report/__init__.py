@@ -19,7 +19,7 @@ from plotly.offline import get_plotlyjs
 from frischid.core.files import check_writable, write_text
 from frischid.diagnosis import Diagnosis
 from frischid.logs.log import Log
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.regression.moments import Array
 from frischid.report.html import esc
 from frischid.report.sections import sections

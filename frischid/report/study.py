@@ -9,16 +9,16 @@ from typing import Any, Literal
 
 import numpy as np
 
-from frischid.comparison import Comparison, compare
 from frischid.consistency import Consistency, make_consistent
 from frischid.core.text import listed
 from frischid.diagnosis import Diagnosis, diagnose
 from frischid.errors import FrischidError, InputError
-from frischid.identification import HOPELESS, structure
 from frischid.logs.log import Log
-from frischid.model import Model
-from frischid.prediction import Prediction, predict
-from frischid.quality import Quality, quality
+from frischid.model.comparison import Comparison, compare
+from frischid.model.identification import HOPELESS, structure
+from frischid.model.log_quality import Quality, quality
+from frischid.model.model import Model
+from frischid.model.prediction import Prediction, predict
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor, nominal_parameters

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from frischid.consistency import Consistency
 from frischid.exporting import Export
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.show.page import Page, figure, table_of
 
 

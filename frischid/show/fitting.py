@@ -9,10 +9,10 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from frischid.comparison import Comparison
 from frischid.estimators.urdf_prior import Choice
-from frischid.identification import Identification
-from frischid.model import Model
+from frischid.model.comparison import Comparison
+from frischid.model.identification import Identification
+from frischid.model.model import Model
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import LINK_PARAMETERS, LINK_UNITS, Robot

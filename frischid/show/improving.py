@@ -9,7 +9,7 @@ from frischid.diagnosis import Diagnosis
 from frischid.effects import EFFECTS
 from frischid.findings import HOW_RANKED
 from frischid.improvement import Step
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.show.page import Page, change, quantities, table_of
 
 

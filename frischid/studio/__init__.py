@@ -24,7 +24,7 @@ from frischid.studio.frame import Frame
 
 if TYPE_CHECKING:
     from frischid.logs.log import Log
-    from frischid.model import Model
+    from frischid.model.model import Model
     from frischid.studio.bench import Bench
     from frischid.studio.tab import Tab
 

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from frischid.comparison import Comparison, compare
 from frischid.effects import EFFECTS, Effect, effect_from_dict
 from frischid.errors import FrischidError, InputError
 from frischid.logs.log import Log
-from frischid.model import Model
-from frischid.prediction import Prediction, predict
+from frischid.model.comparison import Comparison, compare
+from frischid.model.model import Model
+from frischid.model.prediction import Prediction, predict
 
 if TYPE_CHECKING:  # jobs load what they need: the first picture does not wait for it
     from frischid.diagnosis import Diagnosis

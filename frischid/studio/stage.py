@@ -14,7 +14,7 @@ from viser import transforms as tf
 from viser.extras import ViserUrdf
 
 from frischid.figures.torque import side_by_side
-from frischid.prediction import Prediction
+from frischid.model.prediction import Prediction
 from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 from frischid.studio.bench import Bench

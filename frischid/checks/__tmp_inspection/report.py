@@ -46,7 +46,7 @@ def inspect(
         Its joints are in the log.
     log : Log
     reduction : callable
-        Gives the base parameters of the robot with the baseline effects (`frischid.identification.structure`), if
+        Gives the base parameters of the robot with the baseline effects (`frischid.model.identification.structure`), if
         needed.
     alone : bool
         Whether no other log helps to identify the robot.

@@ -14,10 +14,10 @@ import numpy as np
 
 from frischid.checks import inspect
 from frischid.effects import BASELINE
-from frischid.identification import structure
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import noise_level, prepare
-from frischid.model import Model
+from frischid.model.identification import structure
+from frischid.model.model import Model
 from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor
 

@@ -27,7 +27,7 @@ from scipy import optimize
 
 from frischid.effects import State, columns_of
 from frischid.logs.preprocessing import LowPass, Motion, correlate, decimating_filter, derivative_taps, noise_level
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor
 

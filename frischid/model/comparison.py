@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from frischid.conditions import Residuals
 from frischid.core.text import each_of
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
-from frischid.model import Model
-from frischid.noise import NoiseFloor
+from frischid.model.model import Model
+from frischid.model.noise_floor import NoiseFloor
+from frischid.model.residual_conditions import Residuals
 from frischid.regression.moments import Array
 from frischid.regression.regressor import EXTRA, Block, nominal_parameters
 

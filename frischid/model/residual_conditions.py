@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from frischid.core.autocorrelation import correlation_time
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.regression.moments import Array
 from frischid.regression.regressor import Block
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from frischid.errors import InputError
 from frischid.logs.log import Log
-from frischid.model import Model
+from frischid.model.model import Model
 from frischid.regression.moments import Array
 from frischid.regression.regressor import Block
 

@@ -16,7 +16,6 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from frischid.checks import LogReport, inspect
-from frischid.comparison import Comparison, compare
 from frischid.effects import BASELINE, Effect
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.bbrf import Recursion, Variant, bbrf
@@ -34,7 +33,8 @@ from frischid.logs.preprocessing import LowPass, Motion, choose_lowpass, prepare
 from frischid.logs.recording import Motions, Recording, check_logs, head_of, pieces_of
 from frischid.logs.summary import Data, Survey, check_usable, held_by, moving_but_locked, survey
 from frischid.logs.summary import torque_joints as torque_joints_of
-from frischid.model import Model
+from frischid.model.comparison import Comparison, compare
+from frischid.model.model import Model
 from frischid.regression.base_parameters import Reduction, reduce
 from frischid.regression.moments import Array, Gram, total
 from frischid.regression.regressor import Block, Regressor, accumulate, stack, streaming_qr
