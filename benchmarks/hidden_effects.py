@@ -68,8 +68,8 @@ Diagnose = Callable[[Case], Outcome]
 
 def diagnosed(case: Case) -> Outcome:
     """Ask frischid: the only function that knows the diagnosis' interface."""
-    from frischid.diagnosis import diagnose
-    from frischid.improvement import improve
+    from frischid.diagnosis.diagnosis import diagnose
+    from frischid.diagnosis.improvement import improve
 
     model = identify(case.robot, case.reference or case.fit, recursion="none").model
     found = diagnose(model, case.fit, valid=case.valid)

@@ -23,11 +23,11 @@ from common import data_folder, parser, publish
 from real_robots import CASES, Case
 
 import frischid as fr
-from frischid.diagnosis import gathered
+from frischid.diagnosis.cross_validation import Evidence
+from frischid.diagnosis.diagnosis import gathered
+from frischid.diagnosis.stepwise_selection import SIGNIFICANCE, STEADY, TRIFLE, block_test, judged
 from frischid.effects import Formula
-from frischid.evidence import Evidence
 from frischid.model.comparison import compare
-from frischid.ranking import SIGNIFICANCE, STEADY, TRIFLE, block_test, judged
 
 PAYLOAD = 2.805  # kg, as weighed (the data set's card)
 TRIALS = 200

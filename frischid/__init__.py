@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from frischid.consistency import Consistency as Consistency
     from frischid.consistency import make_consistent as make_consistent
-    from frischid.diagnosis import Diagnosis as Diagnosis
-    from frischid.diagnosis import diagnose as diagnose
+    from frischid.diagnosis.diagnosis import Diagnosis as Diagnosis
+    from frischid.diagnosis.diagnosis import diagnose as diagnose
+    from frischid.diagnosis.improvement import add as add
+    from frischid.diagnosis.improvement import improve as improve
     from frischid.effects import BASELINE as BASELINE
     from frischid.effects import EFFECTS as EFFECTS
     from frischid.effects import Effect as Effect
@@ -28,8 +30,6 @@ if TYPE_CHECKING:
     from frischid.exporting import export as export
     from frischid.gains import Gains as Gains
     from frischid.gains import find_gains as find_gains
-    from frischid.improvement import add as add
-    from frischid.improvement import improve as improve
     from frischid.logs.log import Log as Log
     from frischid.logs.mapping import LogMap as LogMap
     from frischid.logs.readers import read_chunks as read_chunks
@@ -56,8 +56,8 @@ _HOME = {
     "EFFECTS": "effects",
     "Effect": "effects",
     "parse_effects": "effects",
-    "Diagnosis": "diagnosis",
-    "diagnose": "diagnosis",
+    "Diagnosis": "diagnosis.diagnosis",
+    "diagnose": "diagnosis.diagnosis",
     "FrischidError": "errors",
     "InputError": "errors",
     "Export": "exporting",
@@ -66,8 +66,8 @@ _HOME = {
     "find_gains": "gains",
     "Identification": "model.identification",
     "identify": "model.identification",
-    "add": "improvement",
-    "improve": "improvement",
+    "add": "diagnosis.improvement",
+    "improve": "diagnosis.improvement",
     "Log": "logs.log",
     "LogMap": "logs.mapping",
     "Model": "model.model",

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frischid.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.improvement import Step, add
 from frischid.effects import BASELINE, parse_effects
-from frischid.improvement import Step, add
 from frischid.logs.log import Log
 from frischid.model.identification import Identification, identify
 from frischid.model.model import Model

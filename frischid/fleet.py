@@ -23,10 +23,10 @@ import numpy as np
 from frischid.archive import Entry
 from frischid.core.parallel import Here, Workers
 from frischid.deviation import Change, Deviation, Null
+from frischid.diagnosis.findings import Finding
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError
 from frischid.estimators.least_squares import Estimate, wls
-from frischid.findings import Finding
 from frischid.logs.mapping import LogMap
 from frischid.logs.preprocessing import Bandwidths, LowPass
 from frischid.model.identification import structure

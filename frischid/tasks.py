@@ -16,10 +16,10 @@ import numpy as np
 from frischid.archive import Entry, local
 from frischid.checks import inspect
 from frischid.deviation import Change, Deviation, changes, deviation
-from frischid.diagnosis import diagnose
+from frischid.diagnosis.diagnosis import diagnose
+from frischid.diagnosis.findings import Finding
 from frischid.effects import BASELINE, Effect
 from frischid.errors import FrischidError, InputError
-from frischid.findings import Finding
 from frischid.logs.log import Log
 from frischid.logs.mapping import LogMap
 from frischid.logs.preprocessing import Bandwidths, LowPass, prepare

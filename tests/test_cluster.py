@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from frischid.core.parallel import Here, workers
-from frischid.diagnosis import diagnose
+from frischid.diagnosis.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
 from frischid.model.identification import identify
 from frischid.motions.plan import plan

@@ -10,12 +10,12 @@ import pytest
 from click.testing import CliRunner
 
 from frischid.cli import main
-from frischid.contact import _stands_out
-from frischid.diagnosis import diagnose
+from frischid.diagnosis.contacts import _stands_out
+from frischid.diagnosis.diagnosis import diagnose
+from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.improvement import add, improve, undo
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError, UnknownNameError
-from frischid.findings import Finding
-from frischid.improvement import add, improve, undo
 from frischid.logs.log import Log
 from frischid.logs.readers import write_log
 from frischid.model.comparison import compare
@@ -160,7 +160,7 @@ def test_the_error_before_is_the_last_steps_where_it_was_measured_on_the_same_lo
     logs = [log_of(1, hidden, fva4=1.0, ks5=1.0)]
     model = identify(UR5, logs, recursion="none").model
     fits = []
-    monkeypatch.setattr("frischid.improvement.identify", lambda *a, **k: fits.append(a) or identify(*a, **k))
+    monkeypatch.setattr("frischid.diagnosis.improvement.identify", lambda *a, **k: fits.append(a) or identify(*a, **k))
     first = add(model, parse_effects("asymmetric_viscous@wrist_1_joint"), logs)
     second = add(first.model, parse_effects("joint_spring@wrist_2_joint"), logs)
     assert len(fits) == 2
@@ -372,7 +372,7 @@ def test_a_measured_temperature_explains_friction_that_drifts():
 
 
 def test_parameters_that_no_longer_hold_are_a_finding():
-    from frischid.findings import OLD
+    from frischid.diagnosis.findings import OLD
 
     other = {f"fv{i}": 3.0 + (-1) ** i for i in range(1, 7)} | {f"fc{i}": 2.0 - (-1) ** i for i in range(1, 7)}
     worn = [log_of(s, **other | {f"Ia{i}": 0.3 + 0.2 * (i % 3) for i in range(1, 7)}) for s in (5, 6)]

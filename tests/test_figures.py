@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frischid import figures
+from frischid.diagnosis.effect_curves import Shape, correlation_ratio
 from frischid.effects import parse_effects
 from frischid.figures.parameters import recursion_of, scaled
 from frischid.figures.style import BLACK, INK, POINTS, WHITE, on_scale, thinned, typeset
@@ -20,7 +21,6 @@ from frischid.model.prediction import predict
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
-from frischid.shapes import Shape, correlation_ratio
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +138,7 @@ def test_quality_sees_the_noise_that_was_put_in(case):
 
 
 def test_effects_are_named_in_the_staircase(case):
-    from frischid.improvement import add
+    from frischid.diagnosis.improvement import add
 
     model, logs, *_ = case
     step = add(model, parse_effects("joint_spring@joint2"), logs[:1], valid=logs[1:])

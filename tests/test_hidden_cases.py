@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frischid.diagnosis import diagnose
+from frischid.diagnosis.diagnosis import diagnose
 from frischid.model.comparison import compare
 from frischid.model.identification import identify
 from frischid.motions.simulation import simulate

@@ -11,7 +11,8 @@ import pytest
 from browser import OVERLAPS, needs_browser, opened
 
 from frischid import figures
-from frischid.diagnosis import diagnose
+from frischid.diagnosis.diagnosis import diagnose
+from frischid.diagnosis.effect_curves import correlation_ratio, shape_of
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.logs.readers import read_log
@@ -27,7 +28,6 @@ from frischid.report.sections import data, parameters, rounded, verdict
 from frischid.report.study import missing
 from frischid.report.study import opened as capital
 from frischid.robot.robot import Robot
-from frischid.shapes import correlation_ratio, shape_of
 
 DATA = os.environ.get("FRISCHID_DATA")
 SECTIONS = ("verdict", "torque", "fails", "missing", "history", "parameters", "data")

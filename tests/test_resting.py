@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from test_diagnosis import NOISE, UR5, healthy, log_of, loose_reversals
 
-from frischid.evidence import Evidence
+from frischid.diagnosis.change_prior import nominal
+from frischid.diagnosis.cross_validation import Evidence
+from frischid.diagnosis.reversal_residuals import at_rest
 from frischid.logs.log import Log
-from frischid.prior import nominal
-from frischid.resting import at_rest
 
 FLOOR = np.full(6, NOISE.tau)
 

@@ -8,14 +8,14 @@ import pytest
 
 import frischid.core.array_store
 from frischid.core.array_store import Series, Store
-from frischid.diagnosis import diagnose
+from frischid.diagnosis.change_prior import nominal
+from frischid.diagnosis.cross_validation import Evidence, thinned
+from frischid.diagnosis.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
-from frischid.evidence import Evidence, thinned
 from frischid.logs.recording import Recording
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
-from frischid.prior import nominal
 from frischid.robot.robot import Robot
 
 ARM = Robot.load("planar2")

@@ -13,8 +13,8 @@ from browser import OVERLAPS, SOLID, needs_browser, opened
 from cases import MIXED, made
 from click.testing import CliRunner
 
-from frischid import diagnosis, improvement
 from frischid.cli import main
+from frischid.diagnosis import diagnosis, improvement
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.model.identification import identify

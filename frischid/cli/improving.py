@@ -45,7 +45,7 @@ def diagnose(
     as_json: bool,
 ) -> None:
     """Which physical effect the model is missing, by held-out evidence."""
-    from frischid.diagnosis import diagnose as run
+    from frischid.diagnosis.diagnosis import diagnose as run
     from frischid.model.model import Model
     from frischid.show import improving as show
 
@@ -90,9 +90,9 @@ def add(
     EFFECT is written as for `identify --effects`: stribeck(v_s=0.1)@joint3.
     """
     from frischid.core.files import check_writable
+    from frischid.diagnosis.improvement import add as run
+    from frischid.diagnosis.improvement import searched
     from frischid.effects import parse_effects
-    from frischid.improvement import add as run
-    from frischid.improvement import searched
     from frischid.model.model import Model
     from frischid.show import improving as show
 
@@ -132,7 +132,7 @@ def improve(
 ) -> None:
     """Diagnose and add until nothing passes; print how the error falls."""
     from frischid.core.files import check_writable
-    from frischid.improvement import improve as run
+    from frischid.diagnosis.improvement import improve as run
     from frischid.model.model import Model
     from frischid.show import improving as show
 
@@ -156,7 +156,7 @@ def improve(
 @json_option
 def history(model: str, undo: bool, output: str | None, as_json: bool) -> None:
     """What was done to a model, step by step; any step can be undone."""
-    from frischid.improvement import undo as run
+    from frischid.diagnosis.improvement import undo as run
     from frischid.model.model import Model
     from frischid.show import improving as show
 

@@ -26,7 +26,7 @@ from frischid.figures.style import (
 )
 
 if TYPE_CHECKING:
-    from frischid.shapes import Shape
+    from frischid.diagnosis.effect_curves import Shape
 
 
 def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = False) -> Drawing:

@@ -29,7 +29,7 @@ from frischid.model.prediction import Prediction
 from frischid.regression.moments import Array
 
 if TYPE_CHECKING:
-    from frischid.contact import Contact
+    from frischid.diagnosis.contacts import Contact
 
 APART = 0.02  # of the whole, between two logs that stand side by side
 EXCLUDED = "#f3d9b1"

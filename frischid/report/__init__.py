@@ -17,7 +17,7 @@ from typing import Literal
 from plotly.offline import get_plotlyjs
 
 from frischid.core.files import check_writable, write_text
-from frischid.diagnosis import Diagnosis
+from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.logs.log import Log
 from frischid.model.model import Model
 from frischid.regression.moments import Array
@@ -51,7 +51,7 @@ def report(
     diagnosis : Diagnosis, optional
         Of this model on these logs, when there is one already.
     situation : {"auto", "always", "changed"}
-        See `frischid.diagnosis.diagnose`.
+        See `frischid.diagnosis.diagnosis.diagnose`.
     truth : ndarray, shape (p,), optional
         True base parameters of a simulated robot.
     model_path : str

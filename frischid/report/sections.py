@@ -12,12 +12,12 @@ import numpy as np
 
 from frischid import figures
 from frischid.core.text import listed
+from frischid.diagnosis.effect_curves import shape_of
+from frischid.diagnosis.findings import HOW_RANKED, Finding
 from frischid.effects import EFFECTS
 from frischid.figures.style import number
-from frischid.findings import HOW_RANKED, Finding
 from frischid.report.html import command, esc, folded, items, plot, plots, said, table
 from frischid.report.study import Study, missing, opened
-from frischid.shapes import shape_of
 
 SHOWN = 6  # findings drawn; the others stand in the ranking
 VARIABLES = ("q", "v", "a", "load", "t")

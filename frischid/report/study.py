@@ -11,7 +11,7 @@ import numpy as np
 
 from frischid.consistency import Consistency, make_consistent
 from frischid.core.text import listed
-from frischid.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.errors import FrischidError, InputError
 from frischid.logs.log import Log
 from frischid.model.comparison import Comparison, compare
@@ -150,7 +150,7 @@ def study(
     diagnosed : bool
         Whether to diagnose when there is none.
     situation : {"auto", "always", "changed"}
-        See `frischid.diagnosis.diagnose`.
+        See `frischid.diagnosis.diagnosis.diagnose`.
     truth : ndarray, shape (p,), optional
         True base parameters of a simulated robot.
     progress : callable

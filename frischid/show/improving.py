@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from frischid.diagnosis import Diagnosis
+from frischid.diagnosis.diagnosis import Diagnosis
+from frischid.diagnosis.findings import HOW_RANKED
+from frischid.diagnosis.improvement import Step
 from frischid.effects import EFFECTS
-from frischid.findings import HOW_RANKED
-from frischid.improvement import Step
 from frischid.model.model import Model
 from frischid.show.page import Page, change, quantities, table_of
 

@@ -22,8 +22,8 @@ from frischid.model.model import Model
 from frischid.model.prediction import Prediction, predict
 
 if TYPE_CHECKING:  # jobs load what they need: the first picture does not wait for it
-    from frischid.diagnosis import Diagnosis
-    from frischid.findings import Finding
+    from frischid.diagnosis.diagnosis import Diagnosis
+    from frischid.diagnosis.findings import Finding
 
 PATIENCE = 1.0  # s before a diagnosis begins in the background
 
@@ -144,7 +144,7 @@ class Bench:
         InputError
             Another job runs, the state is not the present one, or the effects cannot be added.
         """
-        from frischid.improvement import add
+        from frischid.diagnosis.improvement import add
 
         with self._job(f"refitting with {', '.join(dict.fromkeys(e.id for e in effects))}", revision) as now:
             situation = now.diagnosis.situation if now.diagnosis is not None else "auto"
@@ -161,7 +161,7 @@ class Bench:
 
     def undo(self, revision: int) -> State:
         """Take the last step back: at once, and to what was found missing then, where it was done here."""
-        from frischid.improvement import undo
+        from frischid.diagnosis.improvement import undo
 
         with self._job("taking the last step back", revision) as now:
             earlier = undo(now.model)
@@ -210,7 +210,7 @@ class Bench:
 
     def diagnose(self) -> None:
         """Find what the present model is missing; given up when the model changes meanwhile."""
-        from frischid.diagnosis import diagnose
+        from frischid.diagnosis.diagnosis import diagnose
 
         state = self.state
         tried: set[str] = set()

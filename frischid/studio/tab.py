@@ -24,7 +24,7 @@ from frischid.studio.frame import WIDTH, Frame
 from frischid.studio.track import Track
 
 if TYPE_CHECKING:
-    from frischid.findings import Finding
+    from frischid.diagnosis.findings import Finding
     from frischid.studio.stage import Stage
 
 SHOWN = 6
@@ -229,7 +229,7 @@ class Tab:
 
     def _list(self, state: State) -> None:
         """The findings, each with its button; rebuilt, because they are others after every step."""
-        from frischid.findings import HOW_RANKED
+        from frischid.diagnosis.findings import HOW_RANKED
         from frischid.report.study import missing
 
         for handle in self._listed:

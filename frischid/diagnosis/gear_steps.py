@@ -14,10 +14,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from frischid.candidates import Projection
+from frischid.diagnosis.candidate_columns import Projection
+from frischid.diagnosis.cross_validation import IN_SPAN, LOOKED_AT, Evidence
+from frischid.diagnosis.stepwise_selection import Judged, judged
 from frischid.effects import Formula
-from frischid.evidence import IN_SPAN, LOOKED_AT, Evidence
-from frischid.ranking import Judged, judged
 from frischid.regression.moments import Array
 
 EDGES = 96  # of a joint's range

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from frischid.evidence import Evidence
+from frischid.diagnosis.cross_validation import Evidence
 from frischid.regression.moments import Array
 
 AT_REST = 0.2  # of a joint's rms speed, averaged over the energy of what is left

@@ -24,9 +24,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from frischid.candidates import Projection
+from frischid.diagnosis.candidate_columns import Projection
+from frischid.diagnosis.cross_validation import Evidence, Score
 from frischid.effects import Coulomb, Effect
-from frischid.evidence import Evidence, Score
 from frischid.regression.moments import Array
 
 TOGETHER = 6  # effects in one place each that may enter together

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from frischid.diagnosis import Diagnosis, Situation, diagnose, gathered
+from frischid.diagnosis.change_prior import reference_of
+from frischid.diagnosis.diagnosis import Diagnosis, Situation, diagnose, gathered
+from frischid.diagnosis.findings import Finding
 from frischid.effects import Effect, columns_of
 from frischid.errors import InputError
 from frischid.estimators.least_squares import Estimate
-from frischid.findings import Finding
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording, check_logs, pieces_of
 from frischid.model.comparison import compare
 from frischid.model.identification import identify
 from frischid.model.model import Model
-from frischid.prior import reference_of
 
 
 @dataclass(frozen=True, eq=False)

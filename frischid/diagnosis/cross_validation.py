@@ -21,10 +21,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from frischid.candidates import Projection
 from frischid.core.autocorrelation import Correlated
 from frischid.core.parallel import Workers
 from frischid.core.text import each_of
+from frischid.diagnosis.candidate_columns import Projection
+from frischid.diagnosis.dataset import Rows
+from frischid.diagnosis.motion_cache import Part, Stretch
 from frischid.effects import Effect
 from frischid.errors import InputError
 from frischid.estimators.least_squares import Prior
@@ -32,9 +34,7 @@ from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
-from frischid.pieces import Part, Stretch
 from frischid.regression.moments import Array
-from frischid.rows import Rows
 
 LOOKED_AT = 50_000  # rows of a joint, spread evenly, on which medians and dependences are judged
 IN_SPAN = 1e-5  # share of a candidate's norm left by the base columns below which it is one of them

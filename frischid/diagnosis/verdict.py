@@ -12,14 +12,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from frischid.contact import Contact
 from frischid.core.text import each_of, listed
-from frischid.description import Description, Stranger
-from frischid.evidence import Evidence
-from frischid.findings import ABOVE, HALF, Finding
-from frischid.ranking import TRIFLE, Ranking
+from frischid.diagnosis.contacts import Contact
+from frischid.diagnosis.cross_validation import Evidence
+from frischid.diagnosis.findings import ABOVE, HALF, Finding
+from frischid.diagnosis.residual_formula import Description, Stranger
+from frischid.diagnosis.reversal_residuals import at_rest
+from frischid.diagnosis.stepwise_selection import TRIFLE, Ranking
 from frischid.regression.moments import Array
-from frischid.resting import at_rest
 
 Verdict = Literal["none", "effect", "contact", "unknown"]
 Known = Literal["always", "changed"]

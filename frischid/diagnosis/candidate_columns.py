@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from frischid.core.array_store import Series, Store
+from frischid.diagnosis.motion_cache import Part, Piece
 from frischid.effects import Effect, State, Term
-from frischid.pieces import Part, Piece
 from frischid.regression.moments import Array
 
 

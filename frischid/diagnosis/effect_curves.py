@@ -19,11 +19,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frischid.diagnosis import Diagnosis
-from frischid.evidence import Evidence
-from frischid.findings import Finding
+from frischid.diagnosis.cross_validation import Evidence
+from frischid.diagnosis.diagnosis import Diagnosis
+from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.motion_cache import Indices
 from frischid.model.prediction import Prediction
-from frischid.pieces import Indices
 from frischid.regression.moments import Array
 
 BINS = 24

@@ -17,16 +17,16 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from frischid.candidates import Gathered, Projection, Work, columns_of, filtered, sampled
 from frischid.core.array_store import Series, Store
 from frischid.core.parallel import Here, Workers
+from frischid.diagnosis.candidate_columns import Gathered, Projection, Work, columns_of, filtered, sampled
+from frischid.diagnosis.change_prior import reference_of
+from frischid.diagnosis.motion_cache import Part, Piece, Stretch, kept
 from frischid.effects import Effect, State
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion, decimating_filter
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
-from frischid.pieces import Part, Piece, Stretch, kept
-from frischid.prior import reference_of
 from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor
 

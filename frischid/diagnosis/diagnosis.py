@@ -16,21 +16,21 @@ from typing import Any, Literal
 
 import numpy as np
 
-from frischid.candidates import Projection
-from frischid.contact import Contact, find_contacts, stretches
 from frischid.core.parallel import Workers
-from frischid.description import Description, best_foreign, describe, outdone
+from frischid.diagnosis.candidate_columns import Projection
+from frischid.diagnosis.change_prior import identified, nominal
+from frischid.diagnosis.contacts import Contact, find_contacts, stretches
+from frischid.diagnosis.cross_validation import Evidence
+from frischid.diagnosis.findings import WITHIN, Finding, findings_of, refitted
+from frischid.diagnosis.residual_formula import Description, best_foreign, describe, outdone
+from frischid.diagnosis.verdict import Known, Verdict, decided, notes_on, with_refit, with_verdict
 from frischid.effects import EFFECTS
 from frischid.errors import InputError, UnknownNameError
-from frischid.evidence import Evidence
-from frischid.findings import WITHIN, Finding, findings_of, refitted
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.model import Model
 from frischid.model.noise_floor import NoiseFloor
-from frischid.prior import identified, nominal
 from frischid.regression.moments import Array
-from frischid.verdict import Known, Verdict, decided, notes_on, with_refit, with_verdict
 
 Situation = Literal["auto", "always", "changed"]
 EXPLAINED = 0.6  # share of the bursts' energy that is left if a steady effect is what makes them
