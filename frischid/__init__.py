@@ -14,8 +14,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from frischid.consistency import Consistency as Consistency
-    from frischid.consistency import make_consistent as make_consistent
     from frischid.diagnosis.diagnosis import Diagnosis as Diagnosis
     from frischid.diagnosis.diagnosis import diagnose as diagnose
     from frischid.diagnosis.improvement import add as add
@@ -26,10 +24,12 @@ if TYPE_CHECKING:
     from frischid.effects import parse_effects as parse_effects
     from frischid.errors import FrischidError as FrischidError
     from frischid.errors import InputError as InputError
-    from frischid.exporting import Export as Export
-    from frischid.exporting import export as export
-    from frischid.gains import Gains as Gains
-    from frischid.gains import find_gains as find_gains
+    from frischid.export.consistency import Consistency as Consistency
+    from frischid.export.consistency import make_consistent as make_consistent
+    from frischid.export.drive_gains import Gains as Gains
+    from frischid.export.drive_gains import find_gains as find_gains
+    from frischid.export.urdf import Export as Export
+    from frischid.export.urdf import export as export
     from frischid.logs.log import Log as Log
     from frischid.logs.mapping import LogMap as LogMap
     from frischid.logs.readers import read_chunks as read_chunks
@@ -50,8 +50,8 @@ if TYPE_CHECKING:
 _HOME = {
     "Comparison": "model.comparison",
     "compare": "model.comparison",
-    "Consistency": "consistency",
-    "make_consistent": "consistency",
+    "Consistency": "export.consistency",
+    "make_consistent": "export.consistency",
     "BASELINE": "effects",
     "EFFECTS": "effects",
     "Effect": "effects",
@@ -60,10 +60,10 @@ _HOME = {
     "diagnose": "diagnosis.diagnosis",
     "FrischidError": "errors",
     "InputError": "errors",
-    "Export": "exporting",
-    "export": "exporting",
-    "Gains": "gains",
-    "find_gains": "gains",
+    "Export": "export.urdf",
+    "export": "export.urdf",
+    "Gains": "export.drive_gains",
+    "find_gains": "export.drive_gains",
     "Identification": "model.identification",
     "identify": "model.identification",
     "add": "diagnosis.improvement",

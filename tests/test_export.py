@@ -15,10 +15,10 @@ from cases import exact_log, quick, random_values, robot, states
 from click.testing import CliRunner
 
 from frischid.cli import main
-from frischid.consistency import as_identified, make_consistent
 from frischid.effects import BASELINE, EFFECTS, parse_effects
 from frischid.errors import InputError, UnknownNameError
-from frischid.exporting import NotPhysicalError, export, urdf_source
+from frischid.export.consistency import as_identified, make_consistent
+from frischid.export.urdf import NotPhysicalError, export, urdf_source
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise
 from frischid.robot.robot import Robot

@@ -16,7 +16,7 @@ from frischid.cli import main
 from frischid.effects import BASELINE, Payload
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.drive_gain_ls import total_least_squares
-from frischid.gains import find_gains
+from frischid.export.drive_gains import find_gains
 from frischid.motions.simulation import Noise
 
 DATA = os.environ.get("FRISCHID_DATA")

@@ -5,10 +5,10 @@ import pinocchio as pin
 import pytest
 from cases import exact_log, made, quick, random_values, robot, states
 
-from frischid.consistency import as_identified, make_consistent
 from frischid.effects import BASELINE
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.physical_links import FLOOR, Extras, InfeasibleError, Links, consistent
+from frischid.export.consistency import as_identified, make_consistent
 from frischid.model.comparison import compare
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise

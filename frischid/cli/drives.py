@@ -47,7 +47,7 @@ def gains(
     **options: Any,
 ) -> None:
     """Find drive gains from logs without and with a payload of known weight, and check those given in the mapping."""
-    from frischid.gains import find_gains
+    from frischid.export.drive_gains import find_gains
     from frischid.logs.mapping import LogMap
     from frischid.show import drives as show
 

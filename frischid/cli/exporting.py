@@ -35,8 +35,8 @@ def box_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @json_option
 def consistent(model: str, box: tuple[str, ...], no_shapes: bool, output: str | None, as_json: bool) -> None:
     """Find links that could exist (positive mass, physical inertia) and have the model's base parameters."""
-    from frischid.consistency import make_consistent
     from frischid.core.files import check_writable
+    from frischid.export.consistency import make_consistent
     from frischid.model.model import Model
     from frischid.show import exporting as show
 
@@ -62,7 +62,7 @@ def export(model: str, box: tuple[str, ...], no_shapes: bool, output: str, force
 
     The links are made physical first, unless they are (see `frischid consistent`), and it is said what that changed.
     """
-    from frischid.exporting import export as run
+    from frischid.export.urdf import export as run
     from frischid.model.model import Model
     from frischid.show import exporting as show
 

@@ -58,7 +58,7 @@ class Model:
         Parameter values from which effects that depend on the load take it; None: the URDF's own.
     standard : dict of str to float, optional
         Physically consistent value of every parameter, known ones included, that has these base parameters; None until
-        `frischid.consistency.make_consistent` found them.
+        `frischid.export.consistency.make_consistent` found them.
     history : tuple of dict
         What was done, oldest first, in plain JSON values.
     previous : Model, optional

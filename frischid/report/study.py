@@ -9,10 +9,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from frischid.consistency import Consistency, make_consistent
 from frischid.core.text import listed
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.errors import FrischidError, InputError
+from frischid.export.consistency import Consistency, make_consistent
 from frischid.logs.log import Log
 from frischid.model.comparison import Comparison, compare
 from frischid.model.identification import HOPELESS, structure

@@ -8,8 +8,8 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from frischid.consistency import Consistency
-from frischid.exporting import Export
+from frischid.export.consistency import Consistency
+from frischid.export.urdf import Export
 from frischid.model.model import Model
 from frischid.show.page import Page, figure, table_of
 

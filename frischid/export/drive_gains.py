@@ -23,13 +23,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from frischid.consistency import link_mapping
 from frischid.effects import BASELINE, Effect, Payload
 from frischid.effects.dynamics import random_states
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.drive_gain_ls import in_amperes, total_least_squares
 from frischid.estimators.least_squares import wls
 from frischid.estimators.physical_links import Extras, Links, consistent
+from frischid.export.consistency import link_mapping
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, choose_lowpass, prepare
 from frischid.logs.summary import held_by

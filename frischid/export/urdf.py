@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from frischid.codegen import c_source, numpy_source
-from frischid.consistency import Box, Consistency, as_identified, make_consistent
 from frischid.core.files import check_writable, write_text
 from frischid.errors import FrischidError, InputError, UnknownNameError
-from frischid.mjcf import mjcf_source
+from frischid.export.code import c_source, numpy_source
+from frischid.export.consistency import Box, Consistency, as_identified, make_consistent
+from frischid.export.mjcf import mjcf_source
 from frischid.model.model import Model
 from frischid.regression.moments import Array
 from frischid.robot.inertia import is_physical, pseudo_inertia, redistributed
@@ -71,12 +71,12 @@ def export(
     Parameters
     ----------
     model : Model
-        Made physical first unless it is; see `frischid.consistency.make_consistent`.
+        Made physical first unless it is; see `frischid.export.consistency.make_consistent`.
     path : str or Path
     force : bool
         Export a model that is not physical, with the parameters as they were identified.
     boxes, shapes
-        As for `frischid.consistency.make_consistent`.
+        As for `frischid.export.consistency.make_consistent`.
 
     Raises
     ------
