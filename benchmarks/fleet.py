@@ -20,9 +20,9 @@ import numpy as np
 from common import parser, publish
 
 import frischid as fr
-from frischid.archive import entries
 from frischid.core.parallel import Dask, Here, Workers
-from frischid.fleet import Fleet, identify_fleet
+from frischid.fleet.fleet import Fleet, identify_fleet
+from frischid.fleet.log_paths import entries
 
 FRICTION = {"fv1": 4.0, "fv2": 5.0, "fv3": 3.0, "fc1": 6.0, "fc2": 7.0, "fc3": 5.0}
 ALTERED = [

@@ -10,12 +10,12 @@ import pytest
 from click.testing import CliRunner
 
 import frischid as fr
-from frischid.archive import Entry, entries, local, robot_of
 from frischid.cli import main
 from frischid.core.parallel import Dask, Here, workers
-from frischid.deviation import Null
 from frischid.errors import InputError
-from frischid.fleet import identify_fleet
+from frischid.fleet.deviation import Null
+from frischid.fleet.fleet import identify_fleet
+from frischid.fleet.log_paths import Entry, entries, local, robot_of
 
 ROBOTS, SECONDS, RATE = 22, 20.0, 50.0
 FRICTION = {"fv1": 4.0, "fv2": 5.0, "fv3": 3.0, "fc1": 6.0, "fc2": 7.0, "fc3": 5.0}

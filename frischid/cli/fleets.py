@@ -82,10 +82,10 @@ def run_fleet(
     arguments: dict[str, Any],
 ) -> None:
     """Identify a fleet and print what was found; also what `frischid identify --scheduler` does."""
-    from frischid.archive import entries
     from frischid.core.files import check_writable
     from frischid.core.parallel import workers
-    from frischid.fleet import identify_fleet
+    from frischid.fleet.fleet import identify_fleet
+    from frischid.fleet.log_paths import entries
     from frischid.logs.mapping import LogMap
     from frischid.show import fleets as show
 

@@ -8,7 +8,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from frischid.fleet import Fleet, Member
+from frischid.fleet.fleet import Fleet, Member
 from frischid.robot.robot import Robot
 from frischid.show.page import Page, figure, plain, quantities, table_of, warning_lines
 

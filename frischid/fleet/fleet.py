@@ -3,7 +3,7 @@
     every log → moments        (where the log is read; a log that cannot be read is named, skipped and counted)
     logs of a robot → one sum  → its own parameters
     robots → one sum           → the fleet's parameters, standard errors from leaving out one robot at a time
-    robot against the others   → a p value (`frischid.deviation`); who differs is taken out of the sum, and again
+    robot against the others   → a p value (`frischid.fleet.deviation`); who differs is taken out of the sum, and again
     who differs                → which effect: parameters of the model that changed, or `diagnose` in the situation
                                  "changed" with the fleet as what is known
 
@@ -20,22 +20,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from frischid.archive import Entry
 from frischid.core.parallel import Here, Workers
-from frischid.deviation import Change, Deviation, Null
 from frischid.diagnosis.findings import Finding
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError
 from frischid.estimators.least_squares import Estimate, wls
-from frischid.logs.mapping import LogMap
-from frischid.logs.preprocessing import Bandwidths, LowPass
-from frischid.model.identification import structure
-from frischid.model.model import Model
-from frischid.regression.base_parameters import Reduction
-from frischid.regression.moments import Gram
-from frischid.regression.regressor import Regressor
-from frischid.robot.robot import Robot
-from frischid.tasks import (
+from frischid.fleet.deviation import Change, Deviation, Null
+from frischid.fleet.jobs import (
     Job,
     Look,
     Skipped,
@@ -50,6 +41,15 @@ from frischid.tasks import (
     summary,
     tools,
 )
+from frischid.fleet.log_paths import Entry
+from frischid.logs.mapping import LogMap
+from frischid.logs.preprocessing import Bandwidths, LowPass
+from frischid.model.identification import structure
+from frischid.model.model import Model
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.moments import Gram
+from frischid.regression.regressor import Regressor
+from frischid.robot.robot import Robot
 
 SIGNIFICANCE = 0.01
 LOOKED_AT = 32  # logs from which the filter and the joints are taken
@@ -167,7 +167,7 @@ def identify_fleet(
     robot : Robot
         What all of them are meant to be.
     entries : sequence of Entry
-        Their logs, as `frischid.archive.entries` gives them.
+        Their logs, as `frischid.fleet.log_paths.entries` gives them.
     effects, torque_joints, cutoff, velocity
         As for `frischid.model.identification.identify`.
     mapping : LogMap, optional

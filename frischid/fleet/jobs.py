@@ -1,4 +1,4 @@
-"""What is done to the logs of a fleet where they are read: every task of `frischid.fleet`, of picklable arguments.
+"""What is done to the logs of a fleet where they are read: every task of `frischid.fleet.fleet`, of picklable arguments.
 
 A task never raises for a log: one that cannot be used is an answer that says so.
 """
@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from frischid.archive import Entry, local
 from frischid.checks import inspect
-from frischid.deviation import Change, Deviation, changes, deviation
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.effects import BASELINE, Effect
 from frischid.errors import FrischidError, InputError
+from frischid.fleet.deviation import Change, Deviation, changes, deviation
+from frischid.fleet.log_paths import Entry, local
 from frischid.logs.log import Log
 from frischid.logs.mapping import LogMap
 from frischid.logs.preprocessing import Bandwidths, LowPass, prepare

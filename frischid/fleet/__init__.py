@@ -1,0 +1,4 @@
+"""Many equal robots: each alone, all together, and which one differs.
+
+Start with `frischid.fleet.fleet`.
+"""
