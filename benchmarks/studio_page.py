@@ -26,7 +26,7 @@ from playwright.sync_api import sync_playwright
 from real_robots import CASES, UR10E_GAIN, identified
 
 import frischid as fr
-from frischid import demo
+from frischid.cli import demo
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from browser import CHROMIUM, QUIET

@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import frischid as fr
-from frischid import demo
+from frischid.cli import demo
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from common import data_folder

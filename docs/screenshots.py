@@ -15,7 +15,7 @@ from pathlib import Path
 from PIL import Image
 
 import frischid as fr
-from frischid import demo
+from frischid.cli import demo
 from frischid.report import report
 from frischid.studio import studio
 

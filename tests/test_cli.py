@@ -382,7 +382,7 @@ def test_the_output_folder_must_exist(logs, tmp_path, monkeypatch):
 
 
 def test_output_is_refused_before_the_work(tmp_path, monkeypatch):
-    monkeypatch.setattr("frischid.demo.run", lambda *_, **__: pytest.fail("worked for nothing"))
+    monkeypatch.setattr("frischid.cli.demo.run", lambda *_, **__: pytest.fail("worked for nothing"))
     refused(["there is no folder"], "demo", "-o", tmp_path / "none" / "model.json")
     refused(["there is no folder"], "demo", "--report", tmp_path / "none" / "page.html")
     monkeypatch.setattr("frischid.motions.simulation.simulate", lambda *_, **__: pytest.fail("worked for nothing"))

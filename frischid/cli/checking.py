@@ -25,9 +25,9 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
     Exit code 0: nothing, go on. 1: something to look at. 2: a log cannot be used at all.
     """
     from frischid.checks import defects
+    from frischid.cli.pages import checking as show
     from frischid.logs.mapping import LogMap
     from frischid.model.identification import examine
-    from frischid.show import checking as show
 
     with working(as_json) as progress:
         progress("reading logs")
@@ -53,8 +53,8 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
 @json_option
 def fetch(name: str | None, output: str | None, source: str | None, as_json: bool) -> None:
     """Fetch public logs of real robots, checked by checksum; without NAME, list them."""
+    from frischid.cli.pages import checking as show
     from frischid.logs import datasets
-    from frischid.show import checking as show
 
     if name is None:
         show_page(show.datasets(datasets.DATASETS), as_json)
@@ -71,10 +71,10 @@ def fetch(name: str | None, output: str | None, source: str | None, as_json: boo
 @json_option
 def map_columns(log: str, robot: str, output: str | None, as_json: bool) -> None:
     """Propose a mapping file for LOG: which column is which of ROBOT's joints, from names and magnitudes."""
+    from frischid.cli.pages import checking as show
     from frischid.core.files import check_writable, write_text
     from frischid.logs.mapping_guess import propose
     from frischid.robot.robot import Robot
-    from frischid.show import checking as show
 
     if output:
         check_writable(output)

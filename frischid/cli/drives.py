@@ -47,9 +47,9 @@ def gains(
     **options: Any,
 ) -> None:
     """Find drive gains from logs without and with a payload of known weight, and check those given in the mapping."""
+    from frischid.cli.pages import drives as show
     from frischid.export.drive_gains import find_gains
     from frischid.logs.mapping import LogMap
-    from frischid.show import drives as show
 
     form = LogMap.of(mapping)
     given = {n: j.current_gain for n, j in form.joint.items() if j.current_gain is not None}

@@ -35,10 +35,10 @@ def box_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @json_option
 def consistent(model: str, box: tuple[str, ...], no_shapes: bool, output: str | None, as_json: bool) -> None:
     """Find links that could exist (positive mass, physical inertia) and have the model's base parameters."""
+    from frischid.cli.pages import exporting as show
     from frischid.core.files import check_writable
     from frischid.export.consistency import make_consistent
     from frischid.model.model import Model
-    from frischid.show import exporting as show
 
     if output:
         check_writable(output)
@@ -62,9 +62,9 @@ def export(model: str, box: tuple[str, ...], no_shapes: bool, output: str, force
 
     The links are made physical first, unless they are (see `frischid consistent`), and it is said what that changed.
     """
+    from frischid.cli.pages import exporting as show
     from frischid.export.urdf import export as run
     from frischid.model.model import Model
-    from frischid.show import exporting as show
 
     loaded = Model.load(model)
     with working(as_json) as progress:

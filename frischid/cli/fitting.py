@@ -35,10 +35,10 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 
     ROBOT is a URDF file or the name of one that example-robot-data ships; without it, the names are listed.
     """
+    from frischid.cli.pages import fitting as show
     from frischid.model.identification import structure
     from frischid.regression.regressor import Regressor
     from frischid.robot.robot import robot_names
-    from frischid.show import fitting as show
 
     if robot is None:
         show_page(show.robots(list(robot_names())), as_json)
@@ -103,9 +103,9 @@ def identify(
         rest = {"velocity": velocity, "strict": False, "diagnosed": 20, "output": output}
         run_fleet(robot, logs, scheduler, None, as_json, options, fit | rest)
         return
+    from frischid.cli.pages import fitting as show
     from frischid.core.files import check_writable
     from frischid.model.identification import identify as run
-    from frischid.show import fitting as show
 
     if output:
         check_writable(output)
@@ -139,9 +139,9 @@ def identify(
 @json_option
 def compare(model: str, logs: tuple[str, ...], mapping: str | None, as_json: bool) -> None:
     """Measured torque against the model's, joint by joint."""
+    from frischid.cli.pages import fitting as show
     from frischid.model.comparison import compare as run
     from frischid.model.model import Model
-    from frischid.show import fitting as show
 
     loaded = Model.load(model)
     with working(as_json) as progress:

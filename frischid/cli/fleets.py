@@ -82,12 +82,12 @@ def run_fleet(
     arguments: dict[str, Any],
 ) -> None:
     """Identify a fleet and print what was found; also what `frischid identify --scheduler` does."""
+    from frischid.cli.pages import fleets as show
     from frischid.core.files import check_writable
     from frischid.core.parallel import workers
     from frischid.fleet.fleet import identify_fleet
     from frischid.fleet.log_paths import entries
     from frischid.logs.mapping import LogMap
-    from frischid.show import fleets as show
 
     output = arguments["output"]
     if output:

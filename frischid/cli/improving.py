@@ -45,9 +45,9 @@ def diagnose(
     as_json: bool,
 ) -> None:
     """Which physical effect the model is missing, by held-out evidence."""
+    from frischid.cli.pages import improving as show
     from frischid.diagnosis.diagnosis import diagnose as run
     from frischid.model.model import Model
-    from frischid.show import improving as show
 
     loaded = Model.load(model)
     with working(as_json) as progress, elsewhere(scheduler, workers) as pool:
@@ -89,12 +89,12 @@ def add(
 
     EFFECT is written as for `identify --effects`: stribeck(v_s=0.1)@joint3.
     """
+    from frischid.cli.pages import improving as show
     from frischid.core.files import check_writable
     from frischid.diagnosis.improvement import add as run
     from frischid.diagnosis.improvement import searched
     from frischid.effects import parse_effects
     from frischid.model.model import Model
-    from frischid.show import improving as show
 
     check_writable(output)
     if joints is not None and "@" in effect:
@@ -131,10 +131,10 @@ def improve(
     as_json: bool,
 ) -> None:
     """Diagnose and add until nothing passes; print how the error falls."""
+    from frischid.cli.pages import improving as show
     from frischid.core.files import check_writable
     from frischid.diagnosis.improvement import improve as run
     from frischid.model.model import Model
-    from frischid.show import improving as show
 
     if output:
         check_writable(output)
@@ -156,9 +156,9 @@ def improve(
 @json_option
 def history(model: str, undo: bool, output: str | None, as_json: bool) -> None:
     """What was done to a model, step by step; any step can be undone."""
+    from frischid.cli.pages import improving as show
     from frischid.diagnosis.improvement import undo as run
     from frischid.model.model import Model
-    from frischid.show import improving as show
 
     loaded = Model.load(model)
     if undo:

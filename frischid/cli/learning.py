@@ -14,8 +14,8 @@ from frischid.errors import UnknownNameError
 @json_option
 def effects(name: str | None, as_json: bool) -> None:
     """The catalogue of physical effects, or the page of one of them."""
+    from frischid.cli.pages import learning as show
     from frischid.effects import EFFECTS
-    from frischid.show import learning as show
 
     if name is not None and name not in EFFECTS:
         raise UnknownNameError("effect", name, EFFECTS)
@@ -31,10 +31,10 @@ def effects(name: str | None, as_json: bool) -> None:
 @json_option
 def demo(seed: int, output: str | None, page: str, as_json: bool) -> None:
     """The whole job on a simulated planar arm: simulate, identify, compare with the truth, write the report."""
+    from frischid.cli.demo import run
+    from frischid.cli.pages import learning as show
     from frischid.core.files import check_writable
-    from frischid.demo import run
     from frischid.report import report
-    from frischid.show import learning as show
 
     for path in filter(None, (output, page)):
         check_writable(path)

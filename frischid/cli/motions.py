@@ -58,12 +58,12 @@ def simulate(
     **options: Any,
 ) -> None:
     """Record a log of a simulated robot, with noise, for trying things out."""
+    from frischid.cli.pages import motions as show
     from frischid.core.files import check_writable
     from frischid.logs.readers import read_log, write_log
     from frischid.motions.simulation import Noise
     from frischid.motions.simulation import simulate as run
     from frischid.motions.trajectory import Quintic, random_fourier
-    from frischid.show import motions as show
 
     check_writable(output)
     names = {"noise_q": "q", "noise_v": "v", "noise_a": "a", "noise_tau": "tau", "quantum": "quantum"}
@@ -134,11 +134,11 @@ def excite(
     **options: Any,
 ) -> None:
     """Plan a motion that tells the parameters apart, within the robot's limits everywhere."""
+    from frischid.cli.pages import motions as show
     from frischid.core.files import check_writable
     from frischid.effects import parse_effects
     from frischid.motions.discrimination import separate as tell_apart
     from frischid.motions.plan import plan
-    from frischid.show import motions as show
 
     for path in filter(None, (output, picture)):
         check_writable(path)

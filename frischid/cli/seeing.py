@@ -19,10 +19,10 @@ from frischid.cli.group import main
 @json_option
 def report(model: str, logs: tuple[str, ...], mapping: str | None, situation: Any, output: str, as_json: bool) -> None:
     """One HTML page that opens offline: how good the model is, where it fails, what is missing, what to do."""
+    from frischid.cli.pages import seeing as show
     from frischid.core.files import check_writable
     from frischid.model.model import Model
     from frischid.report import report as run
-    from frischid.show import seeing as show
 
     check_writable(output)
     loaded = Model.load(model)
@@ -64,7 +64,7 @@ def studio(
     warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
     running = Studio(host, port)  # before all that takes time: a browser may begin to load the page
     try:
-        from frischid.show import studio as show
+        from frischid.cli.pages import studio as show
 
         show_page(show.studio(running.address, path, host), as_json)
         with working(as_json) as progress:

@@ -8,10 +8,10 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from frischid.cli.pages.page import Page, figure, table_of
 from frischid.export.consistency import Consistency
 from frischid.export.urdf import Export
 from frischid.model.model import Model
-from frischid.show.page import Page, figure, table_of
 
 
 def consistency(found: Consistency, output: str | None) -> Page:

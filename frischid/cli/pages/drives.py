@@ -6,8 +6,8 @@ from typing import Any
 
 from rich.markup import escape
 
+from frischid.cli.pages.page import Page, figure, plain, table_of
 from frischid.export.drive_gains import Gains
-from frischid.show.page import Page, figure, plain, table_of
 
 WEAK = 0.05  # relative standard error from which a gain is called hardly known
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from frischid.show.page import Page, warning_lines
+from frischid.cli.pages.page import Page, warning_lines
 
 
 def studio(address: str, output: str, host: str) -> Page:

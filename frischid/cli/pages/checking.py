@@ -8,9 +8,9 @@ from typing import Any
 from rich.markup import escape
 
 from frischid.checks import Finding, LogReport
+from frischid.cli.pages.page import Page, figure, table_of
 from frischid.logs.datasets import Dataset
 from frischid.logs.mapping_guess import Proposal
-from frischid.show.page import Page, figure, table_of
 
 COLUMNS = {
     "resting": "at rest",

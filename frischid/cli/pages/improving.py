@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from frischid.cli.pages.page import Page, change, quantities, table_of
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import HOW_RANKED
 from frischid.diagnosis.improvement import Step
 from frischid.effects import EFFECTS
 from frischid.model.model import Model
-from frischid.show.page import Page, change, quantities, table_of
 
 
 def diagnosis(result: Diagnosis) -> Page:

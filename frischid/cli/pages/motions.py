@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from frischid.cli.pages.page import Page
 from frischid.logs.log import Log
 from frischid.motions.discrimination import Apart
 from frischid.motions.plan import Plan
-from frischid.show.page import Page
 
 BETTER = 1.05  # times smaller standard errors that are worth a word
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from frischid.cli.pages.page import Page, warning_lines
 from frischid.report import Study
 from frischid.report.study import missing
-from frischid.show.page import Page, warning_lines
 
 
 def report(study: Study, output: str) -> Page:

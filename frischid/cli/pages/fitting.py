@@ -9,6 +9,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from frischid.cli.pages.page import Page, depends, figure, plain, table_of, warning_lines
 from frischid.estimators.urdf_prior import Choice
 from frischid.model.comparison import Comparison
 from frischid.model.identification import Identification
@@ -16,7 +17,6 @@ from frischid.model.model import Model
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import LINK_PARAMETERS, LINK_UNITS, Robot
-from frischid.show.page import Page, depends, figure, plain, table_of, warning_lines
 
 ORDER = (
     "near reversal", "slow", "fast", "forwards", "backwards", "low angles", "middle angles", "high angles",

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from frischid.demo import HIDDEN, STRENGTH, Demo
+from frischid.cli.demo import HIDDEN, STRENGTH, Demo
+from frischid.cli.pages.fitting import comparison, identified, parameters, summary
+from frischid.cli.pages.improving import diagnosis
+from frischid.cli.pages.page import Page, change, quantities, table_of, warning_lines
 from frischid.effects import EFFECTS, Effect
-from frischid.show.fitting import comparison, identified, parameters, summary
-from frischid.show.improving import diagnosis
-from frischid.show.page import Page, change, quantities, table_of, warning_lines
 
 
 def catalogue() -> Page:
