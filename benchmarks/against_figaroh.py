@@ -24,8 +24,8 @@ from common import Worker, parser, publish
 import frischid as fr
 from frischid.estimators.least_squares import ols
 from frischid.logs.preprocessing import LowPass, Motion
-from frischid.model.identification import structure
 from frischid.regression.regressor import Regressor, accumulate
+from frischid.regression.structure import structure
 
 WORKER = Path(__file__).with_name("figaroh_worker.py")
 EFFECTS = "viscous, coulomb(width=1e-9), offset, rotor_inertia"

@@ -4,7 +4,7 @@ Both slide a window by one row over the same rows of [Y τ] and leave out a wind
 port does what Algorithm 1 and the authors' code say, window after window: moments of the window's rows; for each of
 the p + 1 variables the largest variance its noise can have, a ratio of two determinants; the null space of what is left
 by an SVD; the vertices' extent. It is timed over the first windows only and extrapolated (every window costs the same).
-frischid updates the moments and takes all p + 1 vertices from one inverse (`frischid.estimators.bbrf`); it is timed over all
+frischid updates the moments and takes all p + 1 vertices from one inverse (`bbrf`); it is timed over all
 windows. Columns come at unit mean square, or the determinants would suffer.
 """
 
@@ -21,8 +21,8 @@ from planar_case import RATE, TORQUE_NOISE, WINDOW, Array, arm, case_study
 
 import frischid as fr
 from frischid.estimators.bbrf import bbrf
-from frischid.model.identification import structure
 from frischid.regression.regressor import Regressor
+from frischid.regression.structure import structure
 
 TARGET, AGREEMENT = 30.0, 1e-6
 SIGMA = 1e-2

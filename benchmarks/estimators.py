@@ -31,12 +31,12 @@ from typing import Any
 
 import numpy as np
 from common import data_folder, parser, pool, publish
-from numpy.typing import NDArray
 from planar_case import DURATION, EFFECTS, RATE, ROTORS
 from scipy.stats import t as student
 from threadpoolctl import threadpool_limits
 
 import frischid as fr
+from frischid.core.types import Array, Column
 from frischid.errors import FrischidError
 from frischid.estimators.bbrf import bbrf
 from frischid.estimators.box_qp import select
@@ -47,13 +47,11 @@ from frischid.estimators.least_squares import Estimate, ols, wls
 from frischid.estimators.sensor_noise import noise_limits, samples, sensor_moments
 from frischid.estimators.sensorwise import sensorwise
 from frischid.logs.preprocessing import LowPass, Motion
-from frischid.model.identification import structure
 from frischid.motions.simulation import parameters_of, torque
 from frischid.motions.trajectory import Trajectory
-from frischid.regression.moments import Column, total
+from frischid.regression.moments import total
 from frischid.regression.regressor import Regressor, accumulate, stack
-
-Array = NDArray[np.float64]
+from frischid.regression.structure import structure
 
 LEVELS = (1e-3, 1e-2, 5e-2)
 TORQUE_NOISE, CONFIDENCE, WINDOW, WINDOWS = 1.0, 0.95, 1000, 400

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 from common import data_folder, parser, publish
-from numpy.typing import NDArray
 
+from frischid.core.types import Array
 from frischid.effects import BASELINE, Coulomb, Effect, RotorInertia, Viscous
 from frischid.motions.collision import Clearance
 from frischid.motions.limits import Envelope, Excess
@@ -31,8 +31,6 @@ from frischid.motions.optimize import Cost, Search
 from frischid.motions.plan import Plan, default_size, plan
 from frischid.motions.trajectory import Family
 from frischid.robot.robot import Robot
-
-Array = NDArray[np.float64]
 
 PAPER_EVALUATIONS = 399_671
 DURATION = 20.0

@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from frischid.core.types import Array
 from frischid.motions.trajectory import Quintic, Trajectory, random_fourier
 from frischid.robot.robot import Robot
 
-Array = NDArray[np.float64]
 STEP = 1e-3
 """Time step of every simulated world, s."""
 STICK = 5e-4

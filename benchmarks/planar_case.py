@@ -27,15 +27,14 @@ from scipy.optimize import lsq_linear
 from threadpoolctl import threadpool_limits
 
 import frischid as fr
+from frischid.core.types import Array
 from frischid.estimators.bbrf import bbrf, sample_extents
 from frischid.estimators.frisch import Box, simplex
-from frischid.model.identification import structure
 from frischid.motions.simulation import parameters_of
 from frischid.motions.trajectory import Trajectory
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor
-
-Array = NDArray[np.float64]
+from frischid.regression.structure import structure
 
 EFFECTS = "viscous, coulomb(width=1e-6), rotor_inertia(coupled=true, ratio=0.1)"
 ROTORS = {"Im1": 12.10, "Im2": 21.18}

@@ -27,11 +27,11 @@ from cases import (
 
 from frischid.effects import BASELINE, EFFECTS
 from frischid.logs.preprocessing import LowPass, prepare
-from frischid.model.identification import structure
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise, torque
 from frischid.regression.moments import total
 from frischid.regression.regressor import Regressor, accumulate, gram_of, nominal_parameters
+from frischid.regression.structure import structure
 
 every_robot = pytest.mark.parametrize("name", ROBOTS)
 every_effect = pytest.mark.parametrize("effect", EFFECT_CASES.values(), ids=EFFECT_CASES)

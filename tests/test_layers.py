@@ -1,4 +1,4 @@
-"""The layer law: imports run one way, the numeric half knows no robot, and importing costs nothing."""
+"""The layer law: folders import folders above them, the numeric half knows no robot, and importing costs nothing."""
 
 import ast
 import subprocess
@@ -12,160 +12,148 @@ import frischid
 
 PACKAGE = Path(frischid.__file__).parent
 
-LAYERS = (
-    ("errors", "files", "inertia", "urdf_text", "words"),
-    ("robot", "log", "gram", "triangular", "cluster", "archive", "store"),
-    ("readers", "mapping", "tables", "bags", "signals", "effects", "trajectory", "clearance", "recording", "tree"),
-    (
-        *("regressor", "reduction", "estimate", "deviation", "eiv", "iv", "frisch", "bbrf", "selection", "physical"),
-        *(
-            "sensorwise",
-            "sensitivity",
-            "criteria",
-            "envelope",
-            "survey",
-            "belief",
-            "drives",
-            "sharpness",
-            "correlation",
-        ),
-    ),
-    ("model",),
-    ("datasets", "proposal"),
-    (
-        "identification",
-        "inspection",
-        "excitation",
-        "search",
-        "separation",
-        "simulation",
-        "comparison",
-        "conditions",
-        "noise",
-        "prior",
-        "ranking",
-        "evidence",
-        "pieces",
-        "candidates",
-        "rows",
-        "resting",
-        "contact",
-        "sectors",
-        "description",
-        "findings",
-        "verdict",
-        "prediction",
-        "quality",
-    ),
-    ("consistency", "gains", "diagnosis"),
-    ("codegen", "mjcf", "exporting"),
-    ("improvement", "shapes", "tasks", "fleet"),
-    ("demo",),
-    ("figures", "report"),
-    ("show",),
-    ("studio",),
-    ("cli",),
+FOLDERS = (
+    "errors",  # the one module that stands alone: every folder raises its errors
+    "core",
+    "robot",
+    "logs",
+    "effects",
+    "regression",
+    "motions",
+    "checks",
+    "estimators",
+    "model",
+    "diagnosis",
+    "export",
+    "fleet",
+    "figures",
+    "report",
+    "studio",
+    "cli",
 )
+"""One folder a stage of the data flow. A folder imports only folders that stand above it."""
+
 NUMERIC = (
-    "gram",
-    "triangular",
-    "reduction",
-    "estimate",
-    "eiv",
-    "frisch",
-    "sensorwise",
-    "bbrf",
-    "selection",
-    "criteria",
-    "physical",
-    "drives",
-    "correlation",
+    "core.types",
+    "regression.moments",
+    "regression.streaming_qr",
+    "regression.base_parameters",
+    "estimators.least_squares",
+    "estimators.frisch",
+    "estimators.sensorwise",
+    "estimators.bbrf",
+    "estimators.box_qp",
+    "estimators.physical_links",
+    "estimators.drive_gain_ls",
 )
-LAYER = {module: k for k, layer in enumerate(LAYERS) for module in layer}
+"""Modules that see numbers only. Physics makes columns, numbers make parameters."""
+
+ROBOTICS = ("robot", "logs", "effects", "model")
+
+
+def names_in(path):
+    """Modules a file imports, with what it takes from packages spelled out."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            if node.module != "frischid":
+                yield str(node.module)
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
 @cache
-def imports(everywhere):
-    """Modules of the package -> what each imports: anywhere, or when it is itself imported."""
-    found = {}
-    for path in sorted(PACKAGE.rglob("*.py")):
-        module = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        for node in ast.walk(tree) if everywhere else tree.body:
-            if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                assert node.level == 0, f"{path}: relative import"
-                own = node.module == "frischid"
-                names = [f"frischid.{alias.name}" for alias in node.names] if own else [node.module]
-            else:
-                continue
-            found.setdefault(module, set()).update(names)
-        found.setdefault(module, set())
-    return found
+def modules():
+    """Module of the package, without the package's name -> its file."""
+    files = [p for p in sorted(PACKAGE.rglob("*.py")) if p.parent != PACKAGE or p.name == "errors.py"]
+    return {".".join(p.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"): p for p in files}
 
 
-def within(everywhere=True):
-    """Imports inside the package, by the first part of the module's name; public names by their home."""
-    home, edges = frischid._HOME, {}
-    for module, names in imports(everywhere).items():
-        parts = {name.split(".")[1] for name in names if name.startswith("frischid.")}
-        if module not in ("__init__", "__main__"):
-            edges[module] = {home.get(part, part) for part in parts} - {module}
-    return edges
+@cache
+def imports():
+    """Module -> everything it imports, anywhere in the file."""
+    return {module: set(names_in(path)) for module, path in modules().items()}
 
 
-def test_every_module_has_a_layer():
-    missing = set(within()) - set(LAYER)
-    assert not missing, f"give {sorted(missing)} a layer in tests/test_layers.py"
+@cache
+def within():
+    """Module -> modules of the package that it imports, packages as such only where no module of theirs is meant."""
+    return {
+        module: {n.removeprefix("frischid.") for n in names if n.removeprefix("frischid.") in modules()} - {module}
+        for module, names in imports().items()
+    }
 
 
-def test_imports_run_one_way():
+def folder(module):
+    return module.split(".")[0]
+
+
+def test_every_folder_has_a_place():
+    assert {folder(m) for m in modules()} == set(FOLDERS)
+
+
+def test_no_arrow_upwards():
+    place = {name: k for k, name in enumerate(FOLDERS)}
     upward = [
-        f"{module} (layer {LAYER[module]}) imports {other} (layer {LAYER[other]})"
+        f"{module} imports {other}"
         for module, others in within().items()
         for other in others
-        if LAYER[other] > LAYER[module]
+        if place[folder(other)] > place[folder(module)]
     ]
     assert not upward
 
 
 def test_imports_have_no_circle():
-    edges, done = within(), set()
+    done = set()
 
     def visit(module, path):
         assert module not in path, " -> ".join([*path, module])
         if module not in done:
-            for other in sorted(edges[module]):
-                visit(other, [*path, module])
+            for other in sorted(within()[module]):
+                if not module.startswith(f"{other}."):  # a package is imported with its modules
+                    visit(other, [*path, module])
             done.add(module)
 
-    for module in edges:
+    for module in within():
         visit(module, [])
 
 
 def test_the_package_itself_is_not_imported_within():
-    assert not [m for m, names in imports(True).items() if "frischid" in names and m != "__init__"]
+    assert not [m for m, names in imports().items() if "frischid" in names]
 
 
-@pytest.mark.parametrize("module", [m for m in NUMERIC if m in imports(True)])
+@pytest.mark.parametrize("module", NUMERIC)
 def test_numeric_half_knows_no_robot(module):
-    seen, todo, edges = set(), [module], within()
+    seen, todo = set(), [module]
     while todo:
         here = todo.pop()
         if here not in seen:
             seen.add(here)
-            todo += edges[here]
-    assert not seen & {"robot", "regressor", "effects", "signals", "log", "model"}
+            todo += within()[here]
+    assert not {name for name in seen if folder(name) in ROBOTICS or name == "regression.regressor"} - {"robot.inertia"}
     for name in seen:
-        roots = {full.split(".")[0] for full in imports(True)[name]}
+        roots = {full.split(".")[0] for full in imports()[name]}
         assert not roots & {"pinocchio", "plotly", "viser", "click", "rich"}, name
 
 
 def test_only_robot_and_geometry_know_pinocchio():
-    knows = {m for m, names in imports(True).items() if any(n.split(".")[0] == "pinocchio" for n in names)}
-    assert "robot" in knows
-    assert not knows & {"cli", "show", "report", "identification", "comparison", "diagnosis", "simulation"}
+    knows = {m for m, names in imports().items() if any(n.split(".")[0] == "pinocchio" for n in names)}
+    assert {folder(m) for m in knows} <= {"robot", "effects", "regression", "motions", "export", "studio"}, knows
+
+
+def test_every_folder_says_what_it_is_for():
+    for name in FOLDERS[1:]:
+        text = ast.get_docstring(ast.parse((PACKAGE / name / "__init__.py").read_text(encoding="utf-8"))) or ""
+        assert text.count(".") >= 3, f"frischid/{name}/__init__.py: say what comes in, what goes out, where to start"
+
+
+def test_no_module_name_stands_in_two_folders():
+    stems = {}
+    for module in modules():
+        if folder(module) not in ("cli", "figures", "report", "studio") and "." in module:
+            stems.setdefault(module.split(".")[-1], []).append(module)
+    assert not {stem: found for stem, found in stems.items() if len(found) > 1}
 
 
 def test_public_names_exist_and_are_listed():

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.improvement import Step, add
 from frischid.effects import BASELINE, parse_effects
@@ -19,7 +20,6 @@ from frischid.model.identification import Identification, identify
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise, parameters_of, simulate
 from frischid.motions.trajectory import random_fourier
-from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 
 TRUTH = {"Ia1": 0.121, "Ia2": 0.2118, "off1": 0.4, "off2": -0.2}

@@ -36,8 +36,8 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
     ROBOT is a URDF file or the name of one that example-robot-data ships; without it, the names are listed.
     """
     from frischid.cli.pages import fitting as show
-    from frischid.model.identification import structure
     from frischid.regression.regressor import Regressor
+    from frischid.regression.structure import structure
     from frischid.robot.robot import robot_names
 
     if robot is None:

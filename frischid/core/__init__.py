@@ -1,4 +1,5 @@
-"""What every stage uses and no stage owns: types, files, text, work on several cores.
+"""What every stage uses and no stage owns: types, files, text, arrays on disk, work on several cores.
 
-Nothing here knows robots or regressions.
+Nothing comes in and nothing goes out: these are tools. Nothing here knows robots or regressions. Start with
+`frischid.core.types`.
 """

@@ -16,7 +16,7 @@ from collections.abc import Iterable
 import numpy as np
 from scipy import fft
 
-from frischid.regression.moments import Array
+from frischid.core.types import Array
 
 LAGS = 400
 LOST = 0.05  # correlation below which the rest is noise

@@ -1,4 +1,5 @@
-"""Where a model fails, which physical effect is missing, and what happens when the effect is added.
+"""Where a model fails, which physical effect is missing, and how far the error falls with the effect.
 
-Start with `frischid.diagnosis.diagnosis`: its module text lists the stages in order.
+Comes in: a model and logs. Goes out: findings with evidence, a verdict, and better models.
+Start with `frischid.diagnosis.diagnosis`.
 """

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from frischid.core.array_store import Series, Store
+from frischid.core.types import Array
 from frischid.diagnosis.motion_cache import Part, Piece
 from frischid.effects import Effect, State, Term
-from frischid.regression.moments import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,14 +18,14 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import linalg
 
+from frischid.core.types import Array
 from frischid.effects import columns_of
 from frischid.effects.dynamics import RigidDynamics, random_states
 from frischid.estimators.least_squares import Prior
 from frischid.estimators.urdf_prior import doubt_of_links, gaussian
-from frischid.model.identification import structure
 from frischid.model.model import Model
-from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor, nominal_parameters
+from frischid.regression.structure import structure
 
 ANYTHING = 10.0  # friction may be so many times the largest torque: nothing is known of it
 

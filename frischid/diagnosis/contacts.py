@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import LOOKED_AT, Evidence, thinned
 from frischid.diagnosis.reversal_residuals import AT_REST
-from frischid.regression.moments import Array
 
 SMOOTH = 0.25  # s
 HIGH, LOW = 30.0, 6.0  # squared robust units at which a burst is seen and where it ends

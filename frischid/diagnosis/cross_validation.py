@@ -24,6 +24,7 @@ from scipy import linalg
 from frischid.core.autocorrelation import Correlated
 from frischid.core.parallel import Workers
 from frischid.core.text import each_of
+from frischid.core.types import Array
 from frischid.diagnosis.candidate_columns import Projection
 from frischid.diagnosis.dataset import Rows
 from frischid.diagnosis.motion_cache import Part, Stretch
@@ -34,7 +35,6 @@ from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
-from frischid.regression.moments import Array
 
 LOOKED_AT = 50_000  # rows of a joint, spread evenly, on which medians and dependences are judged
 IN_SPAN = 1e-5  # share of a candidate's norm left by the base columns below which it is one of them

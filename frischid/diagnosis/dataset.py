@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from frischid.core.array_store import Series, Store
 from frischid.core.parallel import Here, Workers
+from frischid.core.types import Array
 from frischid.diagnosis.candidate_columns import Gathered, Projection, Work, columns_of, filtered, sampled
 from frischid.diagnosis.change_prior import reference_of
 from frischid.diagnosis.motion_cache import Part, Piece, Stretch, kept
@@ -27,7 +28,6 @@ from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion, decimating_filter
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
-from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor
 
 Moments = Mapping[int, Array]

@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from frischid.core.parallel import Workers
+from frischid.core.types import Array
 from frischid.diagnosis.candidate_columns import Projection
 from frischid.diagnosis.change_prior import identified, nominal
 from frischid.diagnosis.contacts import Contact, find_contacts, stretches
@@ -30,7 +31,6 @@ from frischid.logs.log import Log
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.model import Model
 from frischid.model.noise_floor import NoiseFloor
-from frischid.regression.moments import Array
 
 Situation = Literal["auto", "always", "changed"]
 EXPLAINED = 0.6  # share of the bursts' energy that is left if a steady effect is what makes them

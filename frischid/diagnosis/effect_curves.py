@@ -19,12 +19,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import Evidence
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.motion_cache import Indices
 from frischid.model.prediction import Prediction
-from frischid.regression.moments import Array
 
 BINS = 24
 VARIABLES = ("q", "v", "a", "load", "t")

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from frischid.core.text import each_of, listed
+from frischid.core.types import Array
 from frischid.diagnosis.change_prior import nominal
 from frischid.diagnosis.cross_validation import Evidence
 from frischid.diagnosis.reversal_residuals import at_rest
 from frischid.diagnosis.stepwise_selection import SIGNIFICANCE, TRIFLE, Ranked, Ranking, ranking
 from frischid.effects import EFFECTS, Effect
 from frischid.model.model import Model
-from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 
 WITHIN = 1.15  # noise floors: an error below is what the sensors leave, as well as that is known

@@ -14,11 +14,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.diagnosis.candidate_columns import Projection
 from frischid.diagnosis.cross_validation import IN_SPAN, LOOKED_AT, Evidence
 from frischid.diagnosis.stepwise_selection import Judged, judged
 from frischid.effects import Formula
-from frischid.regression.moments import Array
 
 EDGES = 96  # of a joint's range
 MOST = 12  # jumps, and kinks of a continuous line

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frischid.core.array_store import Store, Stored
+from frischid.core.types import Array
 from frischid.effects import State
-from frischid.regression.moments import Array
 
 Indices = NDArray[np.intp]
 Picked = NDArray[np.int32]

@@ -21,12 +21,12 @@ import numpy as np
 from scipy import stats
 
 from frischid.core.text import listed
+from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import LOOKED_AT, Evidence, thinned
 from frischid.diagnosis.gear_steps import jumps, steps
 from frischid.diagnosis.stepwise_selection import SIGNIFICANCE, STEADY, Judged, Ranking, block_test, judged
 from frischid.effects import Formula
 from frischid.model.residual_conditions import APART
-from frischid.regression.moments import Array
 
 TERMS = 3
 FAR_LESS = 0.5  # of what the first finding leaves above the noise

@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import Evidence
-from frischid.regression.moments import Array
 
 AT_REST = 0.2  # of a joint's rms speed, averaged over the energy of what is left
 PART = 0.1  # of dry friction's own energy while the joint is so slow

@@ -24,10 +24,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from frischid.core.types import Array
 from frischid.diagnosis.candidate_columns import Projection
 from frischid.diagnosis.cross_validation import Evidence, Score
 from frischid.effects import Coulomb, Effect
-from frischid.regression.moments import Array
 
 TOGETHER = 6  # effects in one place each that may enter together
 POOL = 40  # candidates that go on after the first round

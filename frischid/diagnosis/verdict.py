@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frischid.core.text import each_of, listed
+from frischid.core.types import Array
 from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.cross_validation import Evidence
 from frischid.diagnosis.findings import ABOVE, HALF, Finding
 from frischid.diagnosis.residual_formula import Description, Stranger
 from frischid.diagnosis.reversal_residuals import at_rest
 from frischid.diagnosis.stepwise_selection import TRIFLE, Ranking
-from frischid.regression.moments import Array
 
 Verdict = Literal["none", "effect", "contact", "unknown"]
 Known = Literal["always", "changed"]

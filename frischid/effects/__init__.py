@@ -1,4 +1,8 @@
-"""The catalogue of physical effects: one family a file, one class an effect."""
+"""The catalogue of physical effects: one family per file, one class per effect.
+
+Comes in: a stretch of motion. Goes out: the columns that an effect adds to the regressor, with names, units and known
+signs. Start with `frischid.effects.base`; `frischid.effects.friction` has the simplest effects.
+"""
 
 # isort: off
 # In the order of the catalogue, which is that of definition: first what every robot has.
@@ -19,7 +23,7 @@ from frischid.effects.flexibility import Backlash, Elasticity
 from frischid.effects.load import GravityTilt, Payload
 from frischid.effects.sensing import DriveGain, EncoderZero, TimeDelay
 from frischid.effects.formula import Formula
-from frischid.effects.text import effect_from_dict, parse_effects
+from frischid.effects.notation import effect_from_dict, parse_effects
 # isort: on
 
 BASELINE = (Viscous(), Coulomb(), Offset(), RotorInertia())

@@ -17,15 +17,12 @@ from functools import cached_property
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
+from frischid.core.types import Array, Column, Sign
 from frischid.effects.dynamics import RigidDynamics, Slopes
 from frischid.errors import InputError, UnknownNameError
-from frischid.regression.moments import Column, Sign
 from frischid.robot.robot import Robot
-
-Array = NDArray[np.float64]
 
 EFFECTS: dict[str, type[Effect]] = {}
 """The catalogue: identifier -> effect class, in order of definition."""

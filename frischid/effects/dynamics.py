@@ -22,10 +22,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from frischid.core.types import Array
 from frischid.robot.robot import Robot
-
-Array = NDArray[np.float64]
-
 
 FELT = 1e-9  # a torque nobody feels is this small or smaller, N·m
 

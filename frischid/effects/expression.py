@@ -19,11 +19,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
-
-Array = NDArray[np.float64]
 
 FUNCTIONS: dict[str, Callable[[Array], Array]] = {
     "sin": np.sin,

@@ -33,7 +33,8 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from frischid.effects.base import ANGLE, SECONDS, WIDTH, Array, Effect, State, Term, is_number, torque_unit
+from frischid.core.types import Array
+from frischid.effects.base import ANGLE, SECONDS, WIDTH, Effect, State, Term, is_number, torque_unit
 from frischid.errors import InputError
 
 DAMPING = 0.05

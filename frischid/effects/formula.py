@@ -16,7 +16,8 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from frischid.effects.base import Array, Effect, State, Term, torque_unit
+from frischid.core.types import Array
+from frischid.effects.base import Effect, State, Term, torque_unit
 from frischid.effects.expression import QUANTITIES, VARIABLE, Expression
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.robot import Robot

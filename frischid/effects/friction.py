@@ -22,9 +22,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.effects.base import SECONDS, SPEED, WIDTH, Effect, State, Term, is_number
 from frischid.errors import InputError
-from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 
 

@@ -17,7 +17,8 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from frischid.effects.base import CELSIUS, SECONDS, SPEED, WIDTH, Array, Effect, State, Term, is_number
+from frischid.core.types import Array
+from frischid.effects.base import CELSIUS, SECONDS, SPEED, WIDTH, Effect, State, Term, is_number
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.robot import Robot
 

@@ -18,7 +18,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from frischid.effects.base import ANGLE, SPEED, WIDTH, Array, Effect, State, Term
+from frischid.core.types import Array
+from frischid.effects.base import ANGLE, SPEED, WIDTH, Effect, State, Term
 
 
 def presliding(t: Array, v: Array, distance: float) -> Array:

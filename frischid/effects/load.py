@@ -20,7 +20,8 @@ from typing import ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from frischid.effects.base import Array, Effect, State, Term
+from frischid.core.types import Array
+from frischid.effects.base import Effect, State, Term
 from frischid.effects.dynamics import FELT, RigidDynamics, random_states
 from frischid.robot.robot import LINK_PARAMETERS, LINK_UNITS, Robot
 

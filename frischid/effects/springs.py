@@ -22,7 +22,8 @@ from typing import ClassVar, Literal, Self
 
 import numpy as np
 
-from frischid.effects.base import ANGLE, Array, Effect, State, Term, is_number, torque_unit
+from frischid.core.types import Array
+from frischid.effects.base import ANGLE, Effect, State, Term, is_number, torque_unit
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.robot import Robot
 

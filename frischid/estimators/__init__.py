@@ -1,5 +1,5 @@
 """Moments become parameters with bounds.
 
-Nothing here knows a robot's file or Pinocchio, except the estimators that need each sensor's noise.
-Start with `frischid.estimators.least_squares`.
+Comes in: moments of [Y τ], and for some estimators each sensor's noise. Goes out: values, covariances, boxes.
+Most modules know numbers only, no robot. Start with `frischid.estimators.least_squares`.
 """

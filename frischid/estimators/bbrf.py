@@ -45,9 +45,9 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.stats import t as student
 
+from frischid.core.types import Array, Sign
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.frisch import CONDITION_LIMIT, Box, extent, vertices_of
-from frischid.regression.moments import Array, Sign
 
 Variant = Literal["strict", "undo", "calibrated"]
 Flags = NDArray[np.bool_]

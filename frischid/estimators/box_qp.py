@@ -22,9 +22,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from proxsuite import proxqp
 
+from frischid.core.types import Array
 from frischid.errors import FrischidError, IdentifiabilityError, InputError
 from frischid.estimators.frisch import CONDITION_LIMIT, Box, unit_diagonal
-from frischid.regression.moments import Array
 
 KKT_TOLERANCE = 1e-8
 """Largest accepted residual of the optimality conditions, of a problem scaled to order one."""

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
+from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
-from frischid.regression.moments import Array
 
 ENOUGH = 1e-8  # relative change at which the iteration has converged
 

@@ -42,9 +42,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from frischid.core.array_store import Store, Stored
+from frischid.core.types import Array, Column
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.least_squares import LEAST_BLOCKS, WORST_CONDITION, Estimate
-from frischid.regression.moments import Array, Column
 
 NODE = np.sqrt(3.0)
 BLOCKS = 64
@@ -184,7 +184,7 @@ def eiv(
     Parameters
     ----------
     stretches : iterable of Samples
-        From `frischid.estimators.sensor_noise.samples`; gone through once, and one of them in memory at a time (see `Store`).
+        From `sensor_noise.samples`; gone through once, and one of them in memory at a time (see `Store`).
     columns : sequence of Column
         The p base parameters.
     joints : sequence of str
@@ -290,7 +290,7 @@ def _equations(parts: Sequence[_Stretch], inflation: float) -> Array:
 
 
 def covariance_of(sums: Array, theta: Array) -> Array:
-    """Delete-one-block jackknife of ``A θ = b`` from the blocks' [A b], (B, p, p + 1): see `frischid.estimators.least_squares`."""
+    """Delete-one-block jackknife of ``A θ = b`` from the blocks' [A b], (B, p, p + 1): see `least_squares`."""
     whole = sums.sum(axis=0)
     scale = 1.0 / np.sqrt(np.abs(np.diag(whole)))
     scores = (sums[:, :, -1] - sums[:, :, :-1] @ theta) * scale

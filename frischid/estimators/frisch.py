@@ -27,8 +27,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frischid.core.types import Array, Sign
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError
-from frischid.regression.moments import Array, Sign
 
 CONDITION_LIMIT = 1e12
 """Largest condition number of unit-diagonal moments that leaves a solution about four correct digits."""

@@ -24,8 +24,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
+from frischid.core.types import Array, Column
 from frischid.errors import IdentifiabilityError
-from frischid.regression.moments import Array, Column, Gram, total
+from frischid.regression.moments import Gram, total
 
 WORST_CONDITION = 1e6  # of the column-scaled regressor; its square leaves four digits in the moments
 LEAST_BLOCKS = 10

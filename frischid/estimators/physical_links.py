@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from frischid.core.types import Array
 from frischid.errors import FrischidError, InputError
-from frischid.regression.moments import Array
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 
 PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")

@@ -15,7 +15,7 @@ low-pass, decimation, moments) gives
 
     S_s = (G(+h) + G(−h) − 2 G(0)) / 2h²  →  ½ Σ_k ∂²(x xᵀ)/∂ε_k².
 
-Differences of *moments* hold the curvature of the columns too (see `frischid.estimators.sensorwise`), and of a velocity's sign,
+Differences of *moments* hold the curvature of the columns too (see `sensorwise`), and of a velocity's sign,
 whose square is always one, only what the noise can really change. Without filter and derivatives w_k² = 1 makes this
 an exact second difference; with them, products of neighbouring errors w_k w_l cancel in the mean over the log.
 
@@ -31,11 +31,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import signal
 
+from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.estimators.errors_in_variables import Samples
 from frischid.estimators.sensorwise import TORQUE, SensorMoments
 from frischid.logs.preprocessing import LowPass, Motion, derivative_taps, noise_level
-from frischid.regression.moments import Array, Gram
+from frischid.regression.moments import Gram
 from frischid.regression.regressor import Block, Regressor, accumulate
 from frischid.robot.robot import Robot
 
@@ -242,7 +243,7 @@ def noise_levels(motions: Iterable[Motion], robot: Robot, lowpass: LowPass) -> d
 def noise_limits(
     motions: Iterable[Motion], robot: Robot, lowpass: LowPass, margin: float = 1.5
 ) -> dict[str, tuple[float, float]]:
-    """Limits for `frischid.estimators.sensorwise.sensorwise` where there is no data sheet: at most `margin` times `noise_levels`.
+    """Noise limits for `sensorwise` where there is no data sheet: at most `margin` times `noise_levels`.
 
     They hold for errors that are white; an encoder's eccentricity or a late velocity is more than they allow.
     """

@@ -1,6 +1,6 @@
 """The sensor-wise Frisch scheme: bounds from what is really noisy, the sensors.
 
-The classical scheme (`frischid.estimators.frisch`) lets every column of the regressor carry a noise of its own. No robot has
+The classical scheme (`frisch`) lets every column of the regressor carry a noise of its own. No robot has
 that: all columns are functions of the same few sensors z = (q, q̇, q̈), and the torque. Let x = [y(z) τ] be a row,
 with ``x θ̃ = 0`` for exact readings and θ̃ = [θ; −1], and let sensor s be off by independent errors of unknown
 variance σ_s². Taylor's formula, to second order in the errors, says what they add to the moments Σ = E[x xᵀ],
@@ -9,7 +9,7 @@ variance σ_s². Taylor's formula, to second order in the errors, says what they
 
 with x_s, x_ss the derivatives by z_s. The second half of S_s, the curvature, is of the same order as the first:
 leaving it out biases θ by ½ σ_q² from gravity alone. It also makes sense of the sign of a velocity: sgn² = 1 whatever
-the noise, so the infinite x_s x_sᵀ is cancelled by the curvature, and what is left is finite (`frischid.estimators.sensor_noise`
+the noise, so the infinite x_s x_sᵀ is cancelled by the curvature, and what is left is finite (`sensor_noise`
 takes differences of moments, never of columns).
 
 **Statement.** Let V be the variances σ² ≥ 0, within a data sheet's limits if there is one, for which Σ − Σ_s σ_s² S_s
@@ -29,7 +29,7 @@ than the correlation, estimates its covariance. The bounds are the extremes over
 over the p parameters. The variances cost nothing: the bounds fail only where the one true direction fails.
 
 **When it fails.** Errors so large that fourth-order terms count (0.05 rad is fine, 0.3 rad is not); errors that
-depend on one another and are declared independent (derive q̇ from q and it is one sensor, as `frischid.estimators.sensor_noise`
+depend on one another and are declared independent (derive q̇ from q and it is one sensor, as `sensor_noise`
 has it); a model error, which no sensor explains: on a real log the bounds then hold for the parameters that explain
 it as noise.
 
@@ -46,9 +46,9 @@ import numpy as np
 from scipy import linalg
 from scipy.stats import t as student
 
+from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.frisch import Box, simplex, unit_diagonal
-from frischid.regression.moments import Array
 
 TORQUE = "torque"
 ROUNDS = 3  # linear programs in sequence for each extreme; the set is so flat that the second rarely moves

@@ -18,10 +18,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.least_squares import Estimate, Prior, cross_validated, wls
 from frischid.regression.base_parameters import Reduction
-from frischid.regression.moments import Array, Gram, total
+from frischid.regression.moments import Gram, total
 from frischid.regression.regressor import Regressor, nominal_parameters
 
 STRENGTHS = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0, 10000.0)

@@ -1,4 +1,5 @@
-"""A model taken home: URDF, MJCF, code, physical links, drive gains.
+"""A model taken home: physical links, URDF, MJCF, code for a control loop, drive gains.
 
+Comes in: a model. Goes out: files that were checked against the model before they appear.
 Start with `frischid.export.urdf`.
 """

@@ -17,9 +17,9 @@ from importlib import resources
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.model.model import Model
-from frischid.regression.moments import Array
 from frischid.robot.kinematic_tree import Body, bodies_of
 
 FUNCTIONS = "tanh|exp|sin|cos|abs|pow"
@@ -63,7 +63,7 @@ def numpy_source(model: Model) -> str:
 
 
 def _filled(template: str, **values: object) -> str:
-    text = resources.files("frischid").joinpath("templates", template).read_text(encoding="utf-8")
+    text = resources.files("frischid.export").joinpath("templates", template).read_text(encoding="utf-8")
     return re.sub(r"@(\w+)@", lambda m: str(values[m[1]]), text)
 
 

@@ -1,6 +1,6 @@
 """A model whose links could exist: the base parameters kept, the standard parameters physical.
 
-`frischid.estimators.physical_links` does the mathematics. Here a model is brought into its terms: the prior is the URDF, the boxes for
+`physical_links` does the mathematics. Here a model is brought into its terms: the prior is the URDF, the boxes for
 centres of mass come from the URDF's own shapes or from the user, and the result is a model again, with
 `Model.standard` filled.
 """
@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.physical_links import Active, Consistent, Extras, Links, consistent
-from frischid.model.identification import structure
 from frischid.model.model import Model
 from frischid.motions.collision import body_boxes
 from frischid.regression.base_parameters import Reduction
-from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor, nominal_parameters
+from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
 Box = tuple[Sequence[float], Sequence[float]]

@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect, Payload
 from frischid.effects.dynamics import random_states
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
@@ -33,10 +34,10 @@ from frischid.export.consistency import link_mapping
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, choose_lowpass, prepare
 from frischid.logs.summary import held_by
-from frischid.model.identification import structure
 from frischid.regression.base_parameters import Reduction, reduce
-from frischid.regression.moments import Array, Gram, total
+from frischid.regression.moments import Gram, total
 from frischid.regression.regressor import Regressor, accumulate
+from frischid.regression.structure import structure
 from frischid.robot.robot import LINK_PARAMETERS, Robot
 
 SIZE = 0.05  # m: radius of gyration the payload is believed to have

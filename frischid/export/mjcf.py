@@ -12,8 +12,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from frischid.core.types import Array
 from frischid.model.model import Model
-from frischid.regression.moments import Array
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 from frischid.robot.kinematic_tree import Body, bodies_of
 

@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from frischid.core.files import check_writable, write_text
+from frischid.core.types import Array
 from frischid.errors import FrischidError, InputError, UnknownNameError
 from frischid.export.code import c_source, numpy_source
 from frischid.export.consistency import Box, Consistency, as_identified, make_consistent
 from frischid.export.mjcf import mjcf_source
 from frischid.model.model import Model
-from frischid.regression.moments import Array
 from frischid.robot.inertia import is_physical, pseudo_inertia, redistributed
 from frischid.robot.robot import Robot
 from frischid.robot.urdf_edit import UrdfText

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import plotly.graph_objects as go
 
+from frischid.core.types import Array
 from frischid.figures.style import (
     SCALE,
     VERMILION,
@@ -20,7 +21,6 @@ from frischid.figures.style import (
 )
 from frischid.model.comparison import Comparison
 from frischid.model.prediction import Prediction
-from frischid.regression.moments import Array
 
 ORDER = (
     "near reversal", "slow", "fast", "forwards", "backwards", "low angles", "middle angles", "high angles",

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
+from frischid.core.types import Array
 from frischid.figures.style import BLUE, COLOURS, GREEN, INK, MEASURED, PURPLE, Drawing, drawing, number, plain
 from frischid.model.model import Model
-from frischid.regression.moments import Array
 
 WORDS = {"frisch": "Classical Frisch", "bbrf": "BBRF", "sensorwise": "Sensor-wise Frisch"}
 LOOKS = {"frisch": ("#a6d5f5", 11.0), "bbrf": (COLOURS[4], 7.0), "sensorwise": (PURPLE, 5.0)}

@@ -19,7 +19,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from frischid.core.files import write_text
-from frischid.regression.moments import Array
+from frischid.core.types import Array
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")  # Okabe and Ito
 DASHES = ("solid", "dash", "dot", "dashdot")

@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from frischid.core.types import Array
 from frischid.figures.style import (
     BLUE,
     FAINT,
@@ -26,7 +27,6 @@ from frischid.figures.style import (
 )
 from frischid.model.comparison import Comparison
 from frischid.model.prediction import Prediction
-from frischid.regression.moments import Array
 
 if TYPE_CHECKING:
     from frischid.diagnosis.contacts import Contact

@@ -1,4 +1,5 @@
 """Many equal robots: each alone, all together, and which one differs.
 
+Comes in: the paths of many logs. Goes out: parameters of each robot and of all, and a test of who is different.
 Start with `frischid.fleet.fleet`.
 """

@@ -21,9 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, stats
 
+from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.least_squares import Estimate, NormalEquations, wls
-from frischid.regression.moments import Array, Gram, total
+from frischid.regression.moments import Gram, total
 
 EXCITED = 1e-8  # eigenvalue of the column-scaled moments over the largest, below which a direction was not excited
 LEAST_ROBOTS = 12  # for an empirical null

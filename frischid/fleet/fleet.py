@@ -7,7 +7,7 @@
     who differs                → which effect: parameters of the model that changed, or `diagnose` in the situation
                                  "changed" with the fleet as what is known
 
-Only moments travel. Every step is a `frischid.core.parallel.Workers.map` or `tree`: the result is the same in one process.
+Only moments travel. Every step is a `Workers.map` or `tree`: the result is the same in one process.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ from frischid.fleet.jobs import (
 from frischid.fleet.log_paths import Entry
 from frischid.logs.mapping import LogMap
 from frischid.logs.preprocessing import Bandwidths, LowPass
-from frischid.model.identification import structure
 from frischid.model.model import Model
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor
+from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
 SIGNIFICANCE = 0.01

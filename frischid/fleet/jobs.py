@@ -1,4 +1,4 @@
-"""What is done to the logs of a fleet where they are read: every task of `frischid.fleet.fleet`, of picklable arguments.
+"""The jobs of a fleet, each done where its logs are read: functions of picklable arguments.
 
 A task never raises for a log: one that cannot be used is an answer that says so.
 """
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from frischid.checks import inspect
+from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.effects import BASELINE, Effect
@@ -26,10 +27,10 @@ from frischid.logs.preprocessing import Bandwidths, LowPass, prepare
 from frischid.logs.readers import read_log
 from frischid.logs.recording import Motions, Recording, head_of, pieces_of
 from frischid.logs.summary import survey
-from frischid.model.identification import structure
 from frischid.model.model import Model
-from frischid.regression.moments import Array, Gram, total
+from frischid.regression.moments import Gram, total
 from frischid.regression.regressor import Regressor, accumulate
+from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
 BLOCKS = 32  # of a robot

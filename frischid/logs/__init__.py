@@ -1,5 +1,6 @@
 """Files of measurements become logs, and logs become filtered motions.
 
-A file is read as a table (`tables`, `bags`), a mapping says what its columns mean (`mapping`), a `Log` holds the samples,
-and `preprocessing` gives positions, velocities and accelerations without delay. Start with `frischid.logs.log`.
+Comes in: CSV, Parquet, NPZ or ROS bags. A file is read as a table, a mapping says what its columns mean, a `Log`
+holds the samples. Goes out: motions, with positions, velocities and accelerations that nothing delayed.
+Start with `frischid.logs.log`, then `frischid.logs.preprocessing`.
 """

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 
-Array = NDArray[np.float64]
 Place = Callable[[int], str]
 
 CHANNELS = ("q", "v", "a", "tau", "current")

@@ -25,12 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.bags import bag_form, is_bag, read_bag
 from frischid.logs.log import CHANNELS
 from frischid.logs.mapping import SECONDS, LogMap
 from frischid.logs.tables import Table, read_table
-from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 
 WORDS = {

@@ -24,10 +24,9 @@ from numpy.typing import NDArray
 from scipy import ndimage, signal, sparse
 from scipy.interpolate import make_interp_spline
 
+from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.log import STILL, Log
-
-Array = NDArray[np.float64]
 
 DERIVATIVE_BAND = 5.0  # derivatives pass this many times the cut-off; beyond it only noise is left
 QUARTIC = 4

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError, close_names
 from frischid.logs.bags import bag_form, bag_tables, is_bag, read_bag
-from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Array, Log, check_times, check_values, is_usable
+from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Log, check_times, check_values, is_usable
 from frischid.logs.mapping import SECONDS, UNITS, JointMap, LogMap
 from frischid.logs.tables import Table, joined, read_table, read_tables, write_table
 

@@ -25,8 +25,9 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from frischid.core.files import written
+from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError, close_names
-from frischid.logs.log import CHANNELS, Array, Place, row_place
+from frischid.logs.log import CHANNELS, Place, row_place
 from frischid.logs.mapping import LogMap
 
 MUJOCO = {"qpos": "q", "qvel": "v", "qacc": "a", "qfrc_actuator": "tau", "time": "t"}

@@ -1,5 +1,5 @@
 """Logs become a model, and a model is held against logs.
 
-`identification` runs the whole pipeline, `model` is what it gives and saves, `comparison` measures its error.
+Comes in: a robot and logs. Goes out: a `Model` that is saved as one JSON file, and its error on other logs.
 Start with `frischid.model.identification`.
 """

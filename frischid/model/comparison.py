@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from frischid.core.text import each_of
+from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
 from frischid.model.noise_floor import NoiseFloor
 from frischid.model.residual_conditions import Residuals
-from frischid.regression.moments import Array
 from frischid.regression.regressor import EXTRA, Block, nominal_parameters
 
 STRETCH = 1000  # filtered samples kept or left out together, so that residuals stay consecutive

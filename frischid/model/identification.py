@@ -16,6 +16,7 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from frischid.checks import LogReport, inspect
+from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.bbrf import Recursion, Variant, bbrf
@@ -35,13 +36,13 @@ from frischid.logs.summary import Data, Survey, check_usable, held_by, moving_bu
 from frischid.logs.summary import torque_joints as torque_joints_of
 from frischid.model.comparison import Comparison, compare
 from frischid.model.model import Model
-from frischid.regression.base_parameters import Reduction, reduce
-from frischid.regression.moments import Array, Gram, total
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.moments import Gram, total
 from frischid.regression.regressor import Block, Regressor, accumulate, stack, streaming_qr
 from frischid.regression.streaming_qr import SAFE_CONDITION
+from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
-MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see
 FIRST_PIECES = 4  # of a recording, on which the width of dry friction's sign is chosen
 HOPELESS = 0.8  # cross-validated NRMSE above which a joint is not explained but wrong
 MOST_ROWS = 100_000  # of the bounding-box recursion, which needs them all in memory and inverts a matrix for each
@@ -134,7 +135,7 @@ def identify(
     velocity : {"auto", "measured", "derived"}
     estimator : {"wls", "ols", "frisch", "sensorwise", "eiv", "iv"}
         Whose values become the model's. ``"frisch"`` is the paper's: the best point in the Frisch box. ``"sensorwise"``
-        adds the box of `frischid.estimators.sensorwise`, with the sensors' noise limited to what the log shows; ``"eiv"`` and
+        adds the box of `sensorwise`, with the sensors' noise limited to what the log shows; ``"eiv"`` and
         ``"iv"`` are errors-in-variables likelihood and instrumental variables.
     prior : {"auto", "none", "urdf"}
         ``"urdf"``: the URDF's parameters are a prior with a stated uncertainty, as strong as predicts best in
@@ -351,35 +352,6 @@ def _event(
         "held_out_nrmse": None if comparison is None else comparison.nrmse,
         "held_out_logs": [{"source": log.source, "sha256": log.identity} for log in valid],
     }
-
-
-def structure(regressor: Regressor, torque_joints: Sequence[str], seed: int = 0) -> Reduction:
-    """Base parameters of a robot with its effects, whatever the motion: from random states, so no log is needed.
-
-    Parameters
-    ----------
-    regressor : Regressor
-    torque_joints : sequence of str
-        Joints whose torque is seen.
-    seed : int
-
-    Returns
-    -------
-    Reduction
-    """
-    robot = regressor.robot
-    J, C = len(robot.joints), len(regressor.columns)
-    rng = np.random.default_rng(seed)
-    N = max(40, -(-3 * C // len(torque_joints)))
-    lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
-    q = rng.uniform(lower, upper, (N, J))
-    v, a = rng.normal(size=(2, N, J))
-    # Unrelated states must be far apart in time, or what effects make of their rates of change outgrows all else.
-    channels = {name for effect in regressor.effects for name in effect.channels(robot)}
-    extra = {name: 30.0 * rng.uniform(0.5, 1.5, N) for name in sorted(channels)}  # temperatures, °C
-    Y = regressor(0.5 * np.arange(N, dtype=np.float64), q, v, a * 3.0, extra=extra)
-    index = [robot.joints.index(n) for n in torque_joints]
-    return reduce(Y[:, :, index].transpose(0, 2, 1).reshape(-1, C), regressor.columns, tol=MISALIGNED)
 
 
 def examine(robot: Robot, logs: Sequence[Log]) -> list[LogReport]:

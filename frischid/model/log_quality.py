@@ -1,6 +1,6 @@
 """What a log is worth: its clock, the noise of each channel, what was done to it, and how much of the robot it moves.
 
-Noise is read off the log itself by fourth differences (`frischid.logs.preprocessing.noise_level`); excitation is the range, the
+Noise is read off the log itself by fourth differences (`noise_level`); excitation is the range, the
 speed and the acceleration each joint reaches, beside the limits of the URDF, and the share of time it rests.
 """
 
@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from frischid.checks import inspect
+from frischid.core.types import Array
 from frischid.effects import BASELINE
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import noise_level, prepare
-from frischid.model.identification import structure
 from frischid.model.model import Model
-from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor
+from frischid.regression.structure import structure
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from frischid.core.files import write_text
+from frischid.core.types import Array, Column
 from frischid.effects import Effect, columns_of, effect_from_dict
 from frischid.errors import InputError
 from frischid.estimators.frisch import Box
@@ -25,7 +26,6 @@ from frischid.estimators.least_squares import Estimate
 from frischid.logs.log import Log, check_torque
 from frischid.logs.preprocessing import LowPass, Motion
 from frischid.logs.recording import Motions, Recording, head_of
-from frischid.regression.moments import Array, Column
 from frischid.regression.regressor import Block, Regressor
 from frischid.robot.robot import Robot
 

@@ -25,10 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from frischid.core.types import Array
 from frischid.effects import State, columns_of
 from frischid.logs.preprocessing import LowPass, Motion, correlate, decimating_filter, derivative_taps, noise_level
 from frischid.model.model import Model
-from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor
 
 SEED = 0  # of the draws: the same log gives the same floor

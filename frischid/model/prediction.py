@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.model.model import Model
-from frischid.regression.moments import Array
 from frischid.regression.regressor import Block
 
 NORMAL = 1.96  # standard errors that hold 95 %

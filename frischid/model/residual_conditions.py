@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from frischid.core.autocorrelation import correlation_time
+from frischid.core.types import Array
 from frischid.model.model import Model
-from frischid.regression.moments import Array
 from frischid.regression.regressor import Block
 
 Flags = NDArray[np.bool_]

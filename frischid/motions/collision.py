@@ -21,9 +21,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from frischid.core.types import Array
 from frischid.robot.robot import Robot, robot_names
-
-Array = NDArray[np.float64]
 
 FLOOR = "floor"
 _POSES = 64

@@ -20,14 +20,14 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
+from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
 from frischid.errors import IdentifiabilityError, InputError
-from frischid.model.identification import structure
 from frischid.motions.optimality import Separation
 from frischid.motions.plan import Plan, plan
 from frischid.motions.trajectory import Trajectory, random_fourier
-from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor
+from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
 TYPICAL = 10  # random motions the planned one is compared with

@@ -16,12 +16,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.motions.collision import Clearance
 from frischid.motions.trajectory import ClosedForm
 from frischid.robot.robot import Robot
-
-Array = NDArray[np.float64]
 
 SECONDS_TO_FULL_SPEED = 0.25
 """A URDF gives no acceleration limit: this long from rest to the velocity limit is gentle for an industrial arm."""

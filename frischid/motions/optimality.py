@@ -24,11 +24,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
-
-Array = NDArray[np.float64]
 
 EXACT = np.inf
 """Sharpness at which soft extremes are the true ones."""

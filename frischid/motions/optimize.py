@@ -27,21 +27,20 @@ from itertools import count
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import Bounds as Box
 from scipy.optimize import differential_evolution, minimize
 from scipy.stats import qmc
 
+from frischid.core.types import Array
 from frischid.effects import Effect
 from frischid.errors import InputError
-from frischid.model.identification import structure
 from frischid.motions.limits import RATE, Excess, extremes
 from frischid.motions.optimality import EXACT, Criterion
 from frischid.motions.trajectory import Family, Fourier
 from frischid.regression.regressor import Regressor
+from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, float], None]
 """Called with the share of the budget that is used, and the best cost so far."""
 Bounds = Literal["everywhere", "points"]

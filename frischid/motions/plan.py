@@ -22,10 +22,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from frischid.core.parallel import Workers
+from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
@@ -36,8 +36,6 @@ from frischid.motions.optimality import Criterion, criterion_of
 from frischid.motions.optimize import ATTEMPTS, Bounds, Cost, Progress, Search
 from frischid.motions.trajectory import FAMILIES, ClosedForm, Family
 from frischid.robot.robot import Robot
-
-Array = NDArray[np.float64]
 
 BUDGET = 30_000
 

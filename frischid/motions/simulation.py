@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
 from frischid.motions.trajectory import Trajectory
-from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.robot.robot import Robot
 

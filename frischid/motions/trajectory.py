@@ -21,14 +21,12 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BPoly, PPoly
 from scipy.interpolate import BSpline as ScipySpline
 
+from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 class Trajectory(Protocol):

@@ -1,5 +1,5 @@
-"""Motions become columns, columns become moments, moments say which parameters can be identified.
+"""Motions become columns, columns become moments, and moments say which parameters can be identified.
 
-`regressor` evaluates the columns of the robot and its effects, `moments` sums them, `base_parameters` reduces them.
+Comes in: a robot, its effects and filtered motions. Goes out: moments of [Y τ] over the base parameters.
 Start with `frischid.regression.moments`.
 """

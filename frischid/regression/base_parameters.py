@@ -30,8 +30,8 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.core.types import Array, Column, Sign
 from frischid.errors import IdentifiabilityError, InputError
-from frischid.regression.moments import Array, Column, Sign
 
 Indices = NDArray[np.intp]
 

@@ -14,41 +14,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
-from typing import Literal, overload
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.core.types import Array, Column
 from frischid.errors import InputError, UnknownNameError
 
-Array = NDArray[np.float64]
-Sign = Literal[-1, 0, 1]
 LARGE = 2**20  # bytes of moments above which a block is worth packing
-
-
-@dataclass(frozen=True)
-class Column:
-    """What one column of the regressor stands for.
-
-    Attributes
-    ----------
-    name : str
-        Parameter name, unique within a regressor (``mx3``, ``fv1``).
-    unit : str
-        Unit of the parameter (``kg·m``).
-    joint : str
-        Joint (and so link) it belongs to.
-    effect : str
-        ``"rigid"`` or the identifier of the effect that made it.
-    sign : {-1, 0, 1}
-        Known sign of the parameter; 0 when either sign is possible.
-    """
-
-    name: str
-    unit: str
-    joint: str
-    effect: str
-    sign: Sign = 0
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import linalg
 
-from frischid.regression.moments import Array
+from frischid.core.types import Array
 
 SAFE_CONDITION = 1e4
 """Of the column-scaled regressor, up to which moments give eight digits."""

@@ -17,10 +17,10 @@ from typing import Literal
 from plotly.offline import get_plotlyjs
 
 from frischid.core.files import check_writable, write_text
+from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.logs.log import Log
 from frischid.model.model import Model
-from frischid.regression.moments import Array
 from frischid.report.html import esc
 from frischid.report.sections import sections
 from frischid.report.study import Study, study

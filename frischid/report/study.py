@@ -10,18 +10,19 @@ from typing import Any, Literal
 import numpy as np
 
 from frischid.core.text import listed
+from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.errors import FrischidError, InputError
 from frischid.export.consistency import Consistency, make_consistent
 from frischid.logs.log import Log
 from frischid.model.comparison import Comparison, compare
-from frischid.model.identification import HOPELESS, structure
+from frischid.model.identification import HOPELESS
 from frischid.model.log_quality import Quality, quality
 from frischid.model.model import Model
 from frischid.model.prediction import Prediction, predict
 from frischid.regression.base_parameters import Reduction
-from frischid.regression.moments import Array
 from frischid.regression.regressor import Regressor, nominal_parameters
+from frischid.regression.structure import structure
 
 WEAK = 0.5  # relative standard error above which a parameter is hardly known
 

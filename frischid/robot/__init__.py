@@ -1,4 +1,5 @@
 """A URDF becomes a robot whose torques are linear in its inertial parameters.
 
-Start with `frischid.robot.robot`: `Robot.load` reads the URDF and gives the rigid regressor.
+Comes in: the text of a URDF. Goes out: a `Robot`, which gives the rigid regressor of any motion.
+Start with `frischid.robot.robot`.
 """

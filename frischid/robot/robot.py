@@ -28,11 +28,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from frischid.core.types import Array, Column
 from frischid.errors import InputError, UnknownNameError
-from frischid.regression.moments import Column
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
-
-Array = NDArray[np.float64]
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 LINK_UNITS = ("kg",) + ("kg·m",) * 3 + ("kg·m²",) * 6
@@ -496,7 +494,7 @@ class Robot:
 
 def robot_names() -> dict[str, Path]:
     """URDFs that can be loaded by name: those of this package, then those of example-robot-data."""
-    own = [p for p in (Path(__file__).parent / "urdf", Path(__file__).parents[1] / "urdf") if p.is_dir()]
+    own = [p for p in (Path(__file__).parents[1] / "urdf", Path(__file__).parents[2] / "urdf") if p.is_dir()]
     files = [p for folder in own[:1] for p in sorted(folder.glob("*.urdf"))]
     try:
         share = metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from xml.parsers import expat
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 
-Array = NDArray[np.float64]
 Span = tuple[int, int]
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from frischid.regression.moments import Array
+from frischid.core.types import Array
 from frischid.robot.robot import Robot
 
 READABLE = {".stl", ".obj", ".ply", ".glb", ".gltf", ".off"} | ({".dae"} if util.find_spec("collada") else set())

@@ -13,9 +13,9 @@ from viser import ClientHandle
 from viser import transforms as tf
 from viser.extras import ViserUrdf
 
+from frischid.core.types import Array
 from frischid.figures.torque import side_by_side
 from frischid.model.prediction import Prediction
-from frischid.regression.moments import Array
 from frischid.robot.robot import Robot
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import thickness_of, urdf_of

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.figures.torque import side_by_side
-from frischid.regression.moments import Array
 from frischid.studio.bench import Bench
 
 

@@ -1,0 +1,209 @@
+"""What each channel is able to show: noise, resolution, dead bands, saturation, degrees, rest."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.checks.finding import Notebook, span
+from frischid.core.types import Array
+from frischid.logs.log import STILL, Log
+from frischid.logs.preprocessing import noise_level
+from frischid.robot.robot import Robot
+
+LEVELS = 20  # fewer steps than this across the usual range of a channel is coarse
+DEAD_BAND = 0.1
+"""Share of exact zeros of which a channel is suspected to have a dead band."""
+
+
+def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = True) -> None:
+    """Dead, coarse, saturated and held channels; joints that do not move; noise of each channel as `figures`."""
+    moving = np.ptp(log.q, axis=0) >= STILL
+    notes.facts["channels"] = [c for c in ("v", "a", "tau", "current") if log.has(c).any()]
+    for channel in ("q", "v", "tau", "current") if figures else ():
+        values, present = getattr(log, channel), log.has(channel)
+        if values is None:
+            continue
+        noise = np.where(present, noise_level(np.nan_to_num(values)), np.nan)
+        notes.per_joint(f"noise_{channel}", noise)
+        quanta = np.array([quantum(x) if yes else np.nan for x, yes in zip(values.T, present, strict=True)])
+        notes.per_joint(f"quantum_{channel}", np.where(quanta > 0, quanta, np.nan))
+    if not moving.all():
+        notes.find(
+            "no motion",
+            f"range below {STILL:g} rad (m): nothing can be learnt about it",
+            notes.which(~moving),
+            "certain",
+            "move it, lock it (--lock), or check its position column",
+        )
+    _velocity(log, moving, notes)
+    for channel, unit in (("tau", "N·m"), ("current", "A")):
+        if getattr(log, channel) is not None and (channel == "tau" or not log.has("tau").any()):
+            _effort(log, channel, unit, moving, notes)
+
+
+def quantum(x: Array) -> float:
+    """Step of a channel whose values all lie on a grid, zero where there is none."""
+    levels = np.unique(x)
+    if len(levels) < 2 or len(levels) > len(x) / 2:
+        return 0.0
+    step = float(np.diff(levels).min())
+    # binary rounding of decimals makes neighbours of what is one level
+    while step < 1e-9 * np.ptp(levels) and len(levels) > 2:
+        levels = levels[np.append(True, np.diff(levels) > 1e-9 * np.ptp(levels))]
+        step = float(np.diff(levels).min())
+    off = np.abs((levels - levels[0]) / step - np.round((levels - levels[0]) / step))
+    return step if np.median(off) < 0.05 else 0.0
+
+
+def _velocity(log: Log, moving: NDArray[np.bool_], notes: Notebook) -> None:
+    if log.v is None:
+        return
+    dead = log.has("v") & moving & (np.ptp(np.nan_to_num(log.v), axis=0) == 0)
+    if dead.any():
+        notes.find(
+            "dead velocity",
+            "the measured velocity never changes while the joint moves",
+            notes.which(dead),
+            "certain",
+            "leave the column out: the velocity is then derived from the positions",
+        )
+
+
+def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes: Notebook) -> None:
+    """Dead, dead band, coarse, saturated, held."""
+    values, present, name = getattr(log, channel), log.has(channel), {"tau": "torque"}.get(channel, channel)
+    if not present.all():
+        notes.find(
+            "no torque",
+            f"no {name} column, while other joints have one",
+            notes.which(~present),
+            "certain",
+            "its torque row is left out of the fit; record it, or lock the joint if it does not move",
+        )
+    dead = present & (np.ptp(np.nan_to_num(values), axis=0) == 0)
+    if dead.any():
+        notes.find(
+            "dead torque",
+            f"the {name} never changes, it was probably not measured",
+            notes.which(dead),
+            "certain",
+            "leave its torque row out (--torque-joints), or record it",
+        )
+    live = present & ~dead
+    zeros = np.where(live, (values == 0).mean(axis=0), 0.0)
+    band = live & moving & np.array([_dead_band(x, share) for x, share in zip(values.T, zeros, strict=True)])
+    notes.per_joint(f"zero_{channel}", np.where(zeros > 0.01, zeros, np.nan))
+    if band.any():
+        notes.find(
+            "dead band",
+            f"the {name} is exactly zero in {span(100 * zeros[band], ' %')} of the samples while the joint moves",
+            notes.which(band),
+            "certain",
+            "leave its torque row out (--torque-joints): most of what it should show is missing",
+        )
+    levels = np.array([_levels(x) for x in values.T])
+    coarse = live & ~band & (levels < LEVELS)
+    if coarse.any():
+        notes.find(
+            "coarse torque",
+            f"the {name} takes {span(levels[coarse])} steps over the middle 90 % of its samples",
+            notes.which(coarse),
+            "certain",
+            "record it with more digits; as it is, errors below half a step are not noise and do not average out",
+        )
+    share = np.array([_saturated(x) if ok else 0.0 for x, ok in zip(values.T, live & ~band, strict=True)])
+    if (share > 0).any():
+        extremes = np.abs(values[:, share > 0]).max(axis=0)
+        notes.find(
+            "saturated torque",
+            f"the {name} rests at its extreme ({span(extremes)} {unit}) in {span(100 * share[share > 0], ' %')} "
+            "of the samples",
+            notes.which(share > 0),
+            "likely",
+            "the drive or the recording is at its limit there: slow the motion down, or leave these stretches out",
+        )
+    held = np.array([_held(x) if ok else 1 for x, ok in zip(values.T, live & ~band, strict=True)])
+    if (held > 1).any():
+        notes.find(
+            "held torque",
+            f"the {name} changes only every {span(held[held > 1])} samples: it is measured at a lower rate than "
+            "the log's",
+            notes.which(held > 1),
+            "certain",
+            "record at the rate of the torque; as it is, it is late by half of that",
+        )
+
+
+def _dead_band(x: Array, zeros: float) -> bool:
+    """Whether zero is taken far more often than the values beside it: more than rounding to it explains."""
+    if zeros < DEAD_BAND:
+        return False
+    step = quantum(x) or 1e-3 * float(np.ptp(x))
+    beside = np.mean((np.abs(x) > 0.5 * step) & (np.abs(x) < 2.5 * step)) / 4
+    return zeros > 5 * float(beside)
+
+
+def _levels(x: Array) -> float:
+    """Steps of its grid that a channel spans most of the time; infinite without a grid."""
+    step = quantum(x)
+    return float(np.ptp(np.quantile(x, [0.05, 0.95])) / step) if step else np.inf
+
+
+def _saturated(x: Array) -> float:
+    """Share of samples at the very extreme, where they are too many for a signal that turns round there."""
+    worst = 0.0
+    step = max(quantum(x), 1e-6 * float(np.ptp(x)))
+    for y in (x, -x):
+        top = float(y.max())
+        at = int(np.sum(y > top - 0.5 * step))
+        below = int(np.sum((y > top - 2.5 * step) & (y <= top - 0.5 * step)))
+        if at >= 10 and at > 8 * max(below, 1):
+            worst = max(worst, at / len(y))
+    return worst
+
+
+def _held(x: Array) -> int:
+    """Samples between two changes of a channel that is updated more slowly than it is logged; else one."""
+    changes = np.flatnonzero(np.diff(x) != 0)
+    if len(changes) < 20 or len(changes) > 0.6 * len(x):
+        return 1
+    sizes, gaps = np.abs(np.diff(x))[changes], np.diff(changes)
+    usual = int(np.median(gaps))
+    # a coarse grid too makes a channel stand still, but then it moves by one step, and not in a rhythm
+    steps = np.median(sizes) / max(quantum(x), 1e-12)
+    return usual if usual > 1 and steps > 3 and np.mean(gaps % usual == 0) > 0.8 else 1
+
+
+def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
+    """Positions that no joint can have in radians.
+
+    Much further out than the robot's limits, or much faster and over more than a turn; a degree is 57 times too large.
+    Simulated robots are often faster than their URDF allows, but then stay within a turn.
+    """
+    limits = robot.limits
+    lower, upper = limits.lower, limits.upper
+    limited = np.isfinite(lower) & np.isfinite(upper)
+    room = np.where(limited, upper - lower, np.inf)
+    # over ten samples, because stamps of arrival may be next to one another
+    apart = min(10, len(log) - 1)
+    typical = np.percentile(
+        np.abs(log.q[apart:] - log.q[:-apart]) / (log.t[apart:] - log.t[:-apart])[:, None], 95, axis=0
+    )
+    far = limited & ((log.q > upper + room) | (log.q < lower - room)).any(axis=0)
+    # Without any limit to compare with, two full turns is where a joint of an arm becomes suspicious.
+    turns = ~limited & ~np.isfinite(limits.velocity) & (np.ptp(log.q, axis=0) > 4 * np.pi)
+    fast = (typical > 3 * limits.velocity) & (np.ptp(log.q, axis=0) > 2 * np.pi)
+    found = (fast | far | turns) & ~robot.prismatic
+    if not found.any():
+        return
+    evidence = "far outside the URDF's limits" if (far | fast).any() else "several full turns"
+    notes.find(
+        "degrees",
+        f"motion implausible in radians ({evidence}: {span(np.abs(log.q[:, found]).max(axis=0))} rad), it looks "
+        "like degrees",
+        notes.which(found),
+        "likely" if turns[found].all() else "certain",
+        'if so, set angle_unit = "deg" under [file] in a mapping file',
+        blocks=not turns[found].all(),
+    )

@@ -1,0 +1,183 @@
+"""When the samples were really taken.
+
+The positions are a second clock. Between two samples they advance by ``Δq = q̇ Δt``, so with the speed known from the
+neighbourhood every pair of samples says how much time passed between them, in all moving joints at once:
+
+    ε_k = Σ_j (Δq_jk v̄_jk / σ_j²) / Σ_j (v̄_jk² / σ_j²)
+
+(σ_j the noise of the positions: least squares). If the stamps are those of the measurement, ε follows their steps,
+slope one. If they are times of arrival at a computer, the stamps jitter and the positions do not: slope zero; or the
+positions stand still for a step and jump by two the next.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage, signal
+
+from frischid.checks.finding import Notebook
+from frischid.core.types import Array
+from frischid.logs.log import CHANNELS, Log
+from frischid.logs.mapping import SECONDS
+from frischid.logs.preprocessing import noise_level
+
+SLOWEST, FASTEST = 2.0, 2e4
+"""Rates [Hz] outside which no recording of a robot's dynamics is made: the unit of time is then another."""
+WINDOW = 31  # samples over which the speed is averaged
+CLEAR = 0.2  # standard error of the slope above which the positions cannot tell
+GAP = 5  # steps
+
+
+def check_clock(log: Log, notes: Notebook) -> None:
+    """Rate, jitter, gaps, repeated samples, stamps of arrival, unit of time."""
+    step = np.diff(log.t)
+    usual = float(np.median(step))
+    notes.facts |= {
+        "samples": len(log),
+        "seconds": log.duration,
+        "rate_hz": 1 / usual,
+        "mean_rate_hz": (len(log) - 1) / log.duration,
+        "steps_ms": [1e3 * float(x) for x in (step.min(), usual, step.max())],
+    }
+    mean = log.duration / (len(log) - 1)
+    if 1 / min(usual, mean) < SLOWEST or 1 / max(usual, mean) > FASTEST:
+        _wrong_unit(1 / mean, notes)
+        return
+    repeated = _repeats(log)
+    notes.facts["repeated_share"] = float(repeated.mean())
+    if repeated.mean() > 0.01:
+        notes.find(
+            "repeated samples",
+            f"{int(repeated.sum())} rows ({repeated.mean():.1%}) repeat the row before under a new stamp while "
+            "the robot "
+            "moves",
+            (),
+            "certain",
+            "record each controller cycle once, or delete the repeats; derivatives of such positions are spikes",
+        )
+    _gaps(step, usual, notes)
+    _arrival(log, step, usual, notes)
+
+
+def _wrong_unit(rate: float, notes: Notebook) -> None:
+    """Say which unit would make the rate that of a robot."""
+    units = {name: rate * factor for name, factor in SECONDS.items() if 20 <= rate * factor <= 5e3}
+    guess = ", ".join(f"{name} ({hz:.4g} Hz)" for name, hz in units.items())
+    hint = f"; it looks like {guess}" if guess and rate < SLOWEST else ""
+    notes.find(
+        "unit of time",
+        f"the stamps are {1 / rate:.4g} s apart, {rate:.3g} samples a second{hint}",
+        (),
+        "certain" if guess else "likely",
+        'give the stamps in seconds, or say time_unit = "ms", "us" or "ns" under [file] in a mapping file',
+        blocks=True,
+    )
+
+
+def _repeats(log: Log) -> np.ndarray:
+    """Rows equal to the row before in every channel, although the joints are on their way, (N - 1,)."""
+    same = np.ones(len(log) - 1, bool)
+    for channel in CHANNELS:
+        values = getattr(log, channel)
+        if values is not None:
+            same &= (np.diff(np.nan_to_num(values), axis=0) == 0).all(axis=1)
+    advance = np.abs(ndimage.uniform_filter1d(np.diff(log.q, axis=0), WINDOW, axis=0))
+    finest = np.array([_finest(q) for q in log.q.T])
+    return np.asarray(same & (advance > 3 * finest).any(axis=1))
+
+
+def _finest(x: Array) -> float:
+    """Smallest change there is: what a joint moves by must be more to be seen."""
+    changes = np.abs(np.diff(x))
+    return float(changes[changes > 0].min()) if changes.any() else np.inf
+
+
+def _gaps(step: Array, usual: float, notes: Notebook) -> None:
+    wide = step > GAP * usual
+    lost = float(np.round(step[step > 1.5 * usual] / usual - 1).sum()) / len(step)
+    notes.facts |= {"gaps": int(wide.sum()), "missing_share": lost}
+    if not wide.any():
+        return
+    at = "" if len(step) == 1 else f", after sample {int(step.argmax()) + 1}"
+    notes.find(
+        "gap",
+        f"{int(wide.sum())} gap{'s' * (int(wide.sum()) > 1)} in the time stamps, the longest "
+        f"{1e3 * step.max():.3g} ms{at} (usual "
+        f"step {1e3 * usual:.3g} ms)",
+        (),
+        "certain",
+        "long gaps split the log and cost data on both sides; record without losses, or on the controller itself",
+    )
+
+
+def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
+    """Whether the stamps are those of the measurement."""
+    inside = slice(WINDOW, -WINDOW)
+    if len(log) < 10 * WINDOW:
+        return
+    told, weight, steps = (x[inside] for x in (*_told_by_positions(log), step))
+    mean = ndimage.uniform_filter1d(steps, WINDOW)
+    use = (steps < 3 * usual) & (weight > np.median(weight)) & (weight > 0)
+    if use.sum() < 100:
+        return
+    w = np.minimum(weight[use], np.quantile(weight[use], 0.9))
+    x, y = (steps - mean)[use] / usual, (told - mean)[use] / usual
+    jitter = float(np.sqrt(np.average(x**2, weights=w)))
+    off = float(np.sqrt(np.average((y - x) ** 2, weights=w)))
+    expected = float(np.sqrt(np.average(2 / weight[use], weights=w))) / usual
+    notes.facts["jitter"] = jitter
+    slope, error = np.nan, np.inf
+    if jitter > 1e-4:
+        slope = float(np.sum(w * x * y) / np.sum(w * x**2))
+        error = float(np.sqrt(np.sum((w * x * (y - slope * x)) ** 2)) / np.sum(w * x**2))
+    if error < CLEAR:
+        notes.facts |= {"stamps_follow": slope, "stamps_follow_error": error}
+    advice = (
+        "record the controller's own cycle count or time (header.stamp, not the time of arrival); if the controller's "
+        "cycle is known, rebuild the stamps from it. Until then derivatives carry the clock's noise"
+    )
+    words = f"steps between {1e3 * step.min():.3g} and {1e3 * step.max():.3g} ms (usual {1e3 * usual:.3g} ms)"
+    if jitter > 0.003 and error < CLEAR and slope + 4 * error < 0.6:
+        notes.find(
+            "host clock",
+            f"{words}, a jitter of {jitter:.1%} of a step that the positions do not show (they follow it by "
+            f"{slope:.2f} ± "
+            f"{error:.2f}; 1 if it were real): the stamps are those of arrival",
+            (),
+            "certain",
+            advice,
+        )
+    elif off > 0.15 and off > 5 * expected:
+        still, double = (float(np.mean(np.abs(y + mean[use] / usual - k) < 0.25)) for k in (0, 2))
+        notes.find(
+            "host clock",
+            f"{words}; the positions stand still over {still:.1%} of the steps and advance by two over "
+            f"{double:.1%}, whatever "
+            "the stamps say: samples were read from a buffer, not when they were measured",
+            (),
+            "certain",
+            advice,
+        )
+    elif jitter > 0.02 and error >= CLEAR:
+        notes.find(
+            "jitter",
+            f"{words}; whether the stamps are those of the measurement the positions cannot tell",
+            (),
+            "possible",
+            "prefer stamps made where the positions are measured",
+        )
+
+
+def _told_by_positions(log: Log) -> tuple[Array, Array]:
+    """Time between samples as the positions tell it [s], and 1 / variance of it [1/s²], both (N - 1,)."""
+    taps = signal.savgol_coeffs(WINDOW, 3, deriv=1, use="dot")
+    slope = ndimage.correlate1d(log.q, taps, axis=0, mode="nearest")
+    speed = slope / ndimage.correlate1d(log.t, taps, mode="nearest")[:, None]
+    noise = noise_level(log.q)
+    seen = (noise > 0) & (np.ptp(log.q, axis=0) > 0)
+    if not seen.any():
+        noise, seen = np.maximum(noise, 1e-12), np.ptp(log.q, axis=0) > 0
+    speed = ((speed[1:] + speed[:-1]) / 2 / np.where(seen, noise, np.inf))[:, seen]
+    advance = np.diff(log.q, axis=0)[:, seen] / noise[seen]
+    weight = np.sum(speed**2, axis=1)
+    return np.sum(speed * advance, axis=1) / np.maximum(weight, 1e-300), weight

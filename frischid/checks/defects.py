@@ -1,0 +1,117 @@
+"""What is wrong with a CSV file that cannot be read, all of it at once.
+
+Reading stops at the first fault. A recording that was cut, or in which memory was written out before it was filled,
+has many; the whole file is looked through line by line, and every kind of fault is told with its lines. Nothing is
+repaired.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from frischid.checks.finding import LogReport, Notebook
+from frischid.errors import InputError
+from frischid.logs.log import GARBAGE
+from frischid.logs.mapping import SECONDS, LogMap
+from frischid.logs.tables import CSV, csv_layout
+
+JUMP = 100  # a stamp so many usual steps away from both its neighbours is no stamp
+
+
+def defects(path: Path, form: LogMap) -> LogReport | None:
+    """Every kind of unusable line of a CSV file; None when there is none, or the file is not a CSV."""
+    if path.suffix.lower() not in CSV or not path.is_file():
+        return None
+    try:
+        layout = csv_layout(path, form)
+    except InputError:
+        return None
+    width, notes = len(layout.names), Notebook(())
+    time = (
+        layout.names.index(form.time)
+        if form.time in layout.names
+        else form.time
+        if isinstance(form.time, int)
+        else None
+    )
+    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+        rows = [
+            (number, row)
+            for number, row in enumerate(csv.reader(file, delimiter=layout.delimiter), start=1)
+            if number > layout.skip and row
+        ]
+    if not rows:
+        return None
+    ragged = [number for number, row in rows if len(row) != width]
+    whole = [(number, _numbers(row)) for number, row in rows if len(row) == width]
+    garbage = [number for number, values in whole if not (np.abs(values) <= GARBAGE).all()]
+    if ragged and ragged[-1] == rows[-1][0]:
+        cells = len(rows[-1][1])
+        what = f"line {ragged.pop()}, the last, holds {cells} cells instead of {width}: the recording was cut"
+        notes.find("truncated line", what, (), "certain", "delete that line", blocks=True)
+    if ragged:
+        what = f"{len(ragged)} lines hold another number of cells than {width}: {_ranges(ragged)}"
+        notes.find("ragged lines", what, (), "certain", "correct or delete them", blocks=True)
+    if garbage:
+        what = f"{len(garbage)} lines hold no measurement (not a number, nan, or above {GARBAGE:g}): {_ranges(garbage)}"
+        advice = "delete these lines: memory written out before it was filled, as a rule"
+        notes.find("garbage rows", what, (), "certain", advice, blocks=True)
+    if time is not None:
+        bad = {*ragged, *garbage}
+        good = [(number, values[time] / SECONDS[form.time_unit]) for number, values in whole if number not in bad]
+        _stamps([number for number, _ in good], np.array([t for _, t in good]), notes)
+    return notes.report(str(path)) if notes.findings else None
+
+
+def _numbers(row: Sequence[str]) -> np.ndarray:
+    try:
+        return np.array(row, dtype=float)
+    except ValueError:
+        return np.full(len(row), np.nan)
+
+
+def _stamps(lines: Sequence[int], t: np.ndarray, notes: Notebook) -> None:
+    """Stamps that are none, that fall or repeat, and the gaps between those that are left."""
+    if len(t) < 3:
+        return
+    steps = np.diff(t)
+    usual = float(np.median(np.abs(steps)))
+    lost = np.abs(t - np.median(t)) > JUMP * usual * len(t)
+    before, after = np.append(np.inf, np.abs(steps)), np.append(np.abs(steps), np.inf)
+    lost |= np.minimum(before, after) > JUMP * usual
+    if lost.any():
+        where = _ranges([line for line, yes in zip(lines, lost, strict=True) if yes])
+        what = f"{int(lost.sum())} lines whose stamp is nowhere near those around it: {where}"
+        notes.find("garbage rows", what, (), "certain", "delete these lines: they hold no measurement", blocks=True)
+    kept, at = t[~lost], [line for line, yes in zip(lines, lost, strict=True) if not yes]
+    steps = np.diff(kept)
+    back = np.flatnonzero(steps <= 0)
+    if len(back):
+        what = f"time does not increase at {len(back)} lines: {_ranges([at[k + 1] for k in back])}"
+        notes.find(
+            "time", what, (), "certain", "remove repeated rows; split the log where the clock was set back", blocks=True
+        )
+    wide = np.flatnonzero(steps > 5 * usual)
+    if len(wide):
+        longest = int(steps.argmax())
+        what = (
+            f"{len(wide)} gap{'s' * (len(wide) > 1)} in the time stamps, the longest {steps[longest]:.4g} s "
+            f"after line {at[longest]}"
+        )
+        notes.find("gap", what, (), "certain", "a gap splits the log in two; nothing is filled in")
+
+
+def _ranges(lines: Sequence[int], most: int = 6) -> str:
+    """Line numbers, neighbours as ranges."""
+    groups: list[list[int]] = []
+    for line in lines:
+        if groups and line == groups[-1][1] + 1:
+            groups[-1][1] = line
+        else:
+            groups.append([line, line])
+    words = [str(a) if a == b else f"{a} to {b}" for a, b in groups[:most]]
+    return ", ".join(words) + (f" and {len(groups) - most} more places" if len(groups) > most else "")

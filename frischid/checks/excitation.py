@@ -1,0 +1,99 @@
+"""What free parameters would explain, and which of them this log cannot see.
+
+The base parameters are fitted to the `Sketch`, cross-validated over five stretches of time. A parameter is unseen
+when its standard error is larger than what the URDF says of the terms it is made of: the URDF's own value, wrong by
+all of itself, would then be the better estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frischid.checks.finding import Notebook
+from frischid.checks.sketch import OVERSAMPLING, Sketch
+from frischid.core.types import Array
+from frischid.effects import BASELINE
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.regressor import Regressor, nominal_parameters
+
+FOLDS = 5
+WORSE, WORTHLESS = 1.5, 0.15
+"""A log alone is too weak when its own fit predicts it so many times worse than the URDF does, and not well at all."""
+
+TORQUES = ("late torque", "torque scale", "wrong robot", "unexplained torque")
+"""Findings that are reason enough for a bad fit."""
+
+
+@dataclass(frozen=True, eq=False)
+class FreeFit:
+    """Base parameters fitted to a sketch.
+
+    Attributes
+    ----------
+    errors : ndarray, shape (R,)
+        Cross-validated NRMSE of the judged joints.
+    stderr : ndarray, shape (p,)
+    """
+
+    errors: Array
+    stderr: Array
+
+
+def free_fit(sketch: Sketch, reduction: Reduction) -> FreeFit | None:
+    """Fit the base parameters of the baseline model; None when the sketch is too short for that."""
+    Y = Regressor(sketch.robot, BASELINE)(sketch.t, sketch.q, sketch.v, sketch.a)[:, list(reduction.base)]
+    uses = [np.flatnonzero(sketch.used[:, j]) for j in sketch.rows]
+    which = np.repeat(np.arange(len(uses)), [len(use) for use in uses])
+    X = np.concatenate([Y[use, :, j] for use, j in zip(uses, sketch.rows, strict=True)]) / sketch.spread[which, None]
+    y = np.concatenate([sketch.tau[use, j] for use, j in zip(uses, sketch.rows, strict=True)]) / sketch.spread[which]
+    if len(y) < 2 * X.shape[1]:
+        return None
+    norms = np.sqrt((X**2).sum(axis=0))
+    scale = np.where(norms > 0, norms, 1.0)
+    X = X / scale
+    ridge = 1e-10 * np.eye(X.shape[1])  # what no sample excites must not stop the rest from being judged
+    fold = np.concatenate(uses) * FOLDS // len(sketch)
+    H, b = X.T @ X, X.T @ y
+    left = np.empty_like(y)
+    for k in range(FOLDS):
+        out = fold == k
+        theta = np.linalg.solve(H - X[out].T @ X[out] + ridge, b - X[out].T @ y[out])
+        left[out] = y[out] - X[out] @ theta
+    inside = (y - X @ np.linalg.solve(H + ridge, b)) ** 2
+    variance = np.bincount(which, inside)[which] / np.maximum(np.bincount(which)[which] - X.shape[1] / len(uses), 1)
+    inverse = np.linalg.inv(H + ridge)
+    spread = np.einsum("ij,jk,ki->i", inverse, X.T @ (X * variance[:, None]), inverse)
+    # neighbours in a sketch are correlated: half a period of the cut-off counts once
+    stderr = np.sqrt(np.maximum(spread, 0) * OVERSAMPLING / 2) / scale
+    errors = np.sqrt(np.bincount(which, left**2) / np.bincount(which))
+    return FreeFit(errors, np.where(norms > 0, stderr, np.inf))
+
+
+def check_excitation(
+    sketch: Sketch, reduction: Reduction, fit: FreeFit | None, notes: Notebook, *, alone: bool
+) -> None:
+    """Say which base parameters the log cannot see; that it is too weak only if it is `alone`."""
+    sizes = np.abs(reduction.mapping) @ np.abs(nominal_parameters(sketch.robot, BASELINE))
+    columns = reduction.base_columns()
+    rigid = np.array([c.effect == "rigid" for c in columns]) & (sizes > 0)
+    if fit is None:
+        if alone:
+            words = f"{len(sketch)} filtered samples of {len(sketch.rows)} joints for {len(columns)} base parameters"
+            notes.find("too short", words, (), "likely", "record longer, or several logs")
+        return
+    unseen = [c.name for c, yes in zip(columns, rigid & (fit.stderr > sizes), strict=True) if yes]
+    notes.facts |= {"rigid_parameters": int(rigid.sum()), "unseen_parameters": unseen}
+    free, nominal = (float(np.sqrt(np.mean(x**2))) for x in (fit.errors, sketch.asis))
+    healthy = alone and not any(f.blocks or f.kind in TORQUES for f in notes.findings)
+    if healthy and free > max(WORTHLESS, WORSE * nominal):
+        notes.find(
+            "weak excitation",
+            f"free parameters fitted to this log predict stretches left out with NRMSE {free:.2g}, the URDF's own "
+            f"with {nominal:.2g}; "
+            f"{len(unseen)} of {int(rigid.sum())} rigid base parameters have a standard error above their own size",
+            (),
+            "likely",
+            "record a motion that excites more (frischid excite), add logs, or use a prior",
+        )

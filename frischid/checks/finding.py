@@ -1,0 +1,131 @@
+"""What a data check says: one finding, one log's report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.core.types import Array
+
+Sureness = Literal["certain", "likely", "possible"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something in a log that needs a look.
+
+    Attributes
+    ----------
+    kind : str
+        What it is, in two or three words that do not change: ``"late velocity"``.
+    what : str
+        The evidence, with figures.
+    where : tuple of str
+        The joints concerned; empty when it is the whole log.
+    sure : {"certain", "likely", "possible"}
+        Certain: nothing else looks like this. Likely: something rare would. Possible: the reader must judge.
+    advice : str
+        What to do about it.
+    blocks : bool
+        Whether an identification from this log would be worthless.
+    """
+
+    kind: str
+    what: str
+    where: tuple[str, ...]
+    sure: Sureness
+    advice: str
+    blocks: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.short}; {self.advice}"
+
+    @property
+    def short(self) -> str:
+        """Without the advice, for the page of another command."""
+        place = f"{', '.join(self.where)}: " if self.where else ""
+        return f"{place}{self.what} ({self.kind}, {self.sure})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {**vars(self), "where": list(self.where)}
+
+
+@dataclass(frozen=True)
+class LogReport:
+    """What `frischid.checks.inspect` says of one log.
+
+    Attributes
+    ----------
+    source : str
+        The log.
+    facts : mapping of str to object
+        Figures of the whole log, for example ``rate_hz``.
+    joints : mapping of str to mapping of str to float
+        Figures of each joint, for example ``noise_q``; what could not be measured is missing.
+    findings : tuple of Finding
+        Blocking ones first, then the surest.
+    """
+
+    source: str
+    facts: Mapping[str, Any]
+    joints: Mapping[str, Mapping[str, float]]
+    findings: tuple[Finding, ...]
+
+    @property
+    def blocked(self) -> bool:
+        """Whether some finding makes the log worthless as it stands."""
+        return any(finding.blocks for finding in self.findings)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The findings as sentences."""
+        return tuple(map(str, self.findings))
+
+
+@dataclass
+class Notebook:
+    """Where the checks write what they see; `LogReport` is its fair copy."""
+
+    names: Sequence[str]
+    facts: dict[str, Any] = field(default_factory=dict)
+    joints: dict[str, dict[str, float]] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+
+    def per_joint(self, quantity: str, values: Array) -> None:
+        """Note a figure of every joint, (J,); what is not finite is left out."""
+        for name, value in zip(self.names, values, strict=True):
+            if np.isfinite(value):
+                self.joints.setdefault(name, {})[quantity] = float(value)
+
+    def find(
+        self, kind: str, what: str, where: Iterable[str], sure: Sureness, advice: str, *, blocks: bool = False
+    ) -> None:
+        """Add a finding; one that differs only in its joints joins the earlier one."""
+        new = Finding(kind, what, tuple(where), sure, advice, blocks)
+        for k, old in enumerate(self.findings):
+            if new.where and replace(old, where=new.where) == new:
+                joints = {*old.where, *new.where}
+                self.findings[k] = replace(old, where=tuple(n for n in self.names if n in joints))
+                return
+        self.findings.append(new)
+
+    def which(self, chosen: NDArray[np.bool_]) -> tuple[str, ...]:
+        """Names of the chosen joints, (J,)."""
+        return tuple(name for name, yes in zip(self.names, chosen, strict=True) if yes)
+
+    def report(self, source: str) -> LogReport:
+        """Everything noted, the gravest finding first."""
+        order = {"certain": 0, "likely": 1, "possible": 2}
+        findings = sorted(self.findings, key=lambda f: (not f.blocks, order[f.sure]))
+        return LogReport(source, self.facts, self.joints, tuple(findings))
+
+
+def span(values: Array, unit: str = "") -> str:
+    """Smallest to largest, in words."""
+    low, high = f"{np.min(values):.3g}", f"{np.max(values):.3g}"
+    return f"{low}{unit}" if low == high else f"{low} to {high}{unit}"

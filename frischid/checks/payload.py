@@ -1,0 +1,92 @@
+"""A body more, or less, on the last link than the URDF has: a payload, or a hand that is not there.
+
+    τ − τ_nominal ≈ Γ_last(q, q̇, q̈) φ + friction,      φ = (m, mc, I) of the body
+
+One least-squares problem over all joints. The body is believed when it removes nearly all of the nominal URDF's error
+and could be one: its mass positive, or negative and no larger than the last link's, its centre of mass within reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frischid.checks.finding import Notebook
+from frischid.checks.sketch import FEW, Sketch, shared_fit
+from frischid.core.types import Array
+
+REACH = 1.0  # m, farther from the last joint nobody carries a payload
+SEEN = 0.03  # NRMSE that is not worth an explanation
+
+
+@dataclass(frozen=True)
+class Body:
+    """What is best added to the last link.
+
+    Attributes
+    ----------
+    joint : str
+        Of the link that carries it.
+    mass : float
+        kg; negative when it is missing.
+    centre : ndarray, shape (3,)
+        In the joint's frame, m.
+    removed : float
+        Share of the nominal URDF's squared error that it removes; 0 when it could not be a body.
+    """
+
+    joint: str
+    mass: float
+    centre: Array
+    removed: float
+
+
+def payload_errors(sketch: Sketch) -> Body:
+    """Fit a body on the last link."""
+    few = sketch.thinned(FEW)
+    robot = few.robot
+    joint = robot.bodies[int(np.argmax([len(list(robot.model.supports[k])) for k in robot.numbers.values()]))]
+    last = [i for i, column in enumerate(robot.columns) if column.joint == joint]
+    if len(last) < 10 or not len(few.rows):
+        return Body(joint, 0.0, np.zeros(3), 0.0)
+    Y = np.empty((len(few), len(robot.columns), len(robot.joints)))
+    robot.regressor(few.q, few.v, few.a, Y)
+    phi = shared_fit(few, {int(j): Y[:, last, j] for j in few.rows}, few.tau - few.nominal)[:10]
+    body = np.einsum("nck,c->nk", Y[:, last], phi)
+    after = float(np.sum(few.errors(few.nominal + body) ** 2))
+    before = float(np.sum(few.asis**2))
+    mass, centre = float(phi[0]), phi[1:4] / (phi[0] or 1.0)
+    masses = robot.nominal[0::10]
+    sensible = -1.3 * masses[robot.numbers[joint] - 1] < mass < masses.sum() and np.linalg.norm(centre) < REACH
+    return Body(joint, mass, centre, 1 - after / max(before, 1e-12) if sensible else 0.0)
+
+
+def check_payload(sketch: Sketch, explained: float, notes: Notebook) -> bool:
+    """Report a body more or less on the last link; whether there is one."""
+    if len(sketch.rows) == 0 or sketch.asis.max() < SEEN:
+        return False
+    body = payload_errors(sketch)
+    if body.removed < explained:
+        return False
+    what = f"removes {body.removed:.0%} of the squared error of the nominal URDF"
+    at = ", ".join(f"{x:.2f}" for x in np.round(body.centre, 2) + 0.0)
+    if body.mass > 0:
+        notes.find(
+            "payload",
+            f"a body of about {body.mass:.2g} kg at ({at}) m in its frame, which the URDF does not have, {what}",
+            (body.joint,),
+            "likely",
+            "use a URDF with the payload if it belongs to the robot; take it off if it does not",
+        )
+    else:
+        notes.find(
+            "missing hand",
+            f"about {-body.mass:.2g} kg of what the URDF has on the last link at ({at}) m were not there: without "
+            "it, the fit "
+            f"{what}",
+            (body.joint,),
+            "likely",
+            "use the URDF of the robot without the hand (or tool) it was measured without",
+        )
+    return True

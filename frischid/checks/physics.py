@@ -1,0 +1,294 @@
+"""Whether the torques are those of this robot: wrong signs, exchanged columns, degrees, payloads, another robot.
+
+A log is believed when the nominal URDF with fitted friction explains its torques. Where it does not, every simple
+mistake is undone in turn on the `Sketch`, and the simplest one that removes nearly all of the error is named. A
+payload, or a hand that is not there, is a body more or less on the last link (`frischid.checks.payload`). What
+remains may be the URDF of another robot: its rigid part then predicts nothing, while free parameters on the same
+joints would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from frischid.checks.finding import Notebook, span
+from frischid.checks.payload import check_payload, payload_errors
+from frischid.checks.sketch import FEW, Sketch, shared_fit
+from frischid.core.types import Array
+from frischid.robot.robot import Robot
+
+BAD = 0.3
+"""NRMSE of the nominal URDF with friction above which a joint calls for an explanation (real arms: 0.02 to 0.25)."""
+EXPLAINED = 0.85
+"""Share of the squared error that an explanation must remove."""
+CAP = 2.0  # NRMSE above which worse is not more telling
+DEGREE = np.pi / 180
+MILD = ("torque scale", "mounting")  # mistakes in spite of which an identification is worth something
+AS_GOOD = 0.03  # difference of shares removed below which the simpler explanation is taken
+
+
+@dataclass(frozen=True)
+class Fix:
+    """A mistake undone.
+
+    Attributes
+    ----------
+    kind, what, where, advice
+        As in `Finding`.
+    sketch : Sketch
+        The log without it.
+    touched : ndarray of bool, shape (R,), or None
+        The judged joints whose error it can change; None: all.
+    order : int
+        Simpler mistakes have lower ones.
+    """
+
+    kind: str
+    what: str
+    where: tuple[str, ...]
+    advice: str
+    sketch: Sketch
+    touched: NDArray[np.bool_] | None
+    order: int
+
+    def removes(self, before: Array) -> float:
+        """Share of the squared error that is gone, of the joints touched."""
+        touched = np.ones(len(before), bool) if self.touched is None else self.touched
+        old, new = squared(before[touched]), squared(self.sketch.asis[touched])
+        return float(1 - new / max(old, 1e-12))
+
+
+def squared(errors: Array) -> float:
+    """Sum of squared NRMSEs, none counted above `CAP`."""
+    return float(np.sum(np.minimum(errors, CAP) ** 2))
+
+
+def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) -> Sketch:
+    """Compare the torques with the nominal URDF, and explain what does not fit.
+
+    Parameters
+    ----------
+    sketch : Sketch
+    free : callable
+        NRMSE of free base parameters on the judged joints, (R,), NaN where unknown; asked only when needed.
+    notes : Notebook
+
+    Returns
+    -------
+    Sketch
+        The log with the joints whose torques can be believed.
+    """
+    if not sketch.robot.nominal.any():
+        notes.facts["nominal"] = "the URDF has no inertials: torques cannot be compared with it"
+        return sketch
+    few = sketch.thinned(FEW)
+    fixes = explanation(few) if (sketch.excess > BAD).any() else []
+    removed = 1 - squared(fixes[-1].sketch.asis) / squared(few.asis) if fixes else 0.0
+    odds = -AS_GOOD if any(fix.kind == "torque scale" for fix in fixes) else AS_GOOD
+    if not fixes or payload_errors(few).removed >= removed + odds:
+        if not check_payload(sketch, EXPLAINED, notes):
+            _unexplained(sketch, free, notes)
+        return sketch
+    for fix in fixes:
+        notes.find(fix.kind, fix.what, fix.where, "likely", fix.advice, blocks=fix.kind not in MILD)
+    if not check_payload(fixes[-1].sketch, EXPLAINED, notes):
+        _unexplained(fixes[-1].sketch, free, notes)
+    wrong = {name for fix in fixes for name in (sketch.names if fix.touched is None else fix.where)}
+    return sketch.with_(
+        rows=np.array([j for j, n in zip(sketch.rows, sketch.names, strict=True) if n not in wrong], int)
+    )
+
+
+def explanation(sketch: Sketch) -> list[Fix]:
+    """Fewest mistakes that account for what the nominal URDF does not; each with all before it undone."""
+    before = sketch.asis
+    bad = sketch.excess > BAD
+    whole = [fix for fix in global_fixes(sketch) if fix.removes(before) > EXPLAINED]
+    local: list[Fix] = []
+    done = sketch
+    while len(local) < len(bad):
+        now = done.asis
+        found = [
+            fix
+            for fix in local_fixes(done, np.flatnonzero(done.excess > BAD))
+            if fix.removes(now) > EXPLAINED and (fix.sketch.excess[fix.touched] < BAD).all()
+        ]
+        if not found:
+            break
+        local.append(_simplest(found, now))
+        done = local[-1].sketch
+    # Torques off by several factors are not several mistakes but one of another kind, left unexplained here.
+    if sum(fix.kind == "torque scale" for fix in local) > 1:
+        local, done = [], sketch
+    if not whole:
+        return local
+    best = _simplest(whole, before)
+    odds = 1 if len(local) == 1 else -1  # two mistakes must explain more than one
+    return (
+        local if local and squared(done.asis) < squared(best.sketch.asis) + odds * AS_GOOD * squared(before) else [best]
+    )
+
+
+def _simplest(fixes: Sequence[Fix], before: Array) -> Fix:
+    """Of the fixes nearly as good as the best, the simplest."""
+    removed = [squared(before) - squared(fix.sketch.asis) for fix in fixes]
+    near = max(removed) - AS_GOOD * squared(before)
+    return min(
+        (fix for fix, share in zip(fixes, removed, strict=True) if share >= near),
+        key=lambda fix: (fix.order, squared(fix.sketch.asis)),
+    )
+
+
+def local_fixes(sketch: Sketch, bad: Sequence[int] | NDArray[np.intp]) -> Iterator[Fix]:
+    """Undo what concerns the torques of one joint or two: a sign, an exchange, a scale."""
+    names = sketch.names
+
+    def touched(*ks: int) -> NDArray[np.bool_]:
+        return np.isin(np.arange(len(names)), ks)
+
+    for k in map(int, bad):
+        tau = sketch.tau.copy()
+        tau[:, sketch.rows[k]] *= -1
+        advice = "set torque_sign = -1 for it in a mapping file, or check the sign of its current gain"
+        what = "the torque has the wrong sign: turned, it is the model's"
+        yield Fix("torque sign", what, (names[k],), advice, sketch.with_(tau=tau), touched(k), 0)
+    for k, m in combinations(map(int, bad), 2):
+        tau = sketch.tau.copy()
+        tau[:, sketch.rows[[k, m]]] = sketch.tau[:, sketch.rows[[m, k]]]
+        what = "their torques are exchanged: each is the other's in the model"
+        advice = "exchange the two torque columns in the mapping file"
+        yield Fix("swapped torques", what, (names[k], names[m]), advice, sketch.with_(tau=tau), touched(k, m), 1)
+    for k in map(int, bad):
+        scale = _scale(sketch, int(sketch.rows[k]))
+        tau = sketch.tau.copy()
+        tau[:, sketch.rows[k]] = tau[:, sketch.rows[k]] / max(scale, 1e-6)
+        what = f"the load in its torque is {scale:.3g} times what the URDF predicts, beside friction that fits"
+        advice = "check its unit and its current gain; without a usable unit leave its torque row out (--torque-joints)"
+        yield Fix("torque scale", what, (names[k],), advice, _rescaled(sketch, k, scale), touched(k), 3)
+
+
+def _scale(sketch: Sketch, j: int) -> float:
+    """Least-squares factor of the nominal torque in a joint's measured one, beside its friction."""
+    use = sketch.used[:, j]
+    X = np.column_stack([sketch.nominal[:, j], sketch.friction(j)])[use]
+    return float(nnls(X, sketch.tau[use, j])[0][0])
+
+
+def _rescaled(sketch: Sketch, k: int, scale: float) -> Sketch:
+    """The sketch with one joint's nominal torque scaled, as if its sensor were."""
+    changed = sketch.with_()
+    nominal = sketch.nominal.copy()
+    nominal[:, sketch.rows[k]] *= scale
+    changed.__dict__["nominal"] = nominal
+    return changed
+
+
+def global_fixes(sketch: Sketch) -> Iterator[Fix]:
+    """Undo what concerns the motion, and so all torques: turned and exchanged joints, degrees."""
+    robot, J = sketch.robot, len(sketch.robot.joints)
+    for j in range(J):
+        turn = np.where(np.arange(J) == j, -1.0, 1.0)
+        for both in (True, False):
+            what = f"its positions{' and torques' * both} have the wrong sign: turned, the model explains the torques"
+            advice = f"set sign = -1{'' if both else ' and torque_sign = -1'} for it in a mapping file"
+            yield Fix("position sign", what, (robot.joints[j],), advice, _moved(sketch, turn, None, both), None, 1)
+    for i, j in combinations(range(J), 2):
+        order = np.arange(J)
+        order[[i, j]] = j, i
+        pair = (robot.joints[i], robot.joints[j])
+        for both in (True, False):
+            kind = "swapped joints" if both else "swapped positions"
+            what = (
+                f"their positions{' and torques' * both} are exchanged: the other way round the model explains "
+                "the torques"
+            )
+            yield Fix(
+                kind, what, pair, "exchange the columns in the mapping file", _moved(sketch, None, order, both), None, 2
+            )
+    gravity = _gravity(sketch)
+    length = float(np.linalg.norm(robot.gravity))
+    # A direction is believed when its length, which nothing forces, is that of gravity.
+    if length and abs(np.linalg.norm(gravity) / length - 1) < 0.15:
+        turned = gravity / np.linalg.norm(gravity) * length
+        other = Robot.from_dict({**robot.to_dict(), "gravity": turned.tolist()})
+        at = ", ".join(f"{x:.3g}" for x in np.round(turned, 2) + 0.0)
+        advice = "say how the base is mounted (--base-rpy or --gravity)"
+        what = f"gravity points along ({at}) m/s² in the base frame: so turned, the model explains the torques"
+        yield Fix("mounting", what, (), advice, replace(sketch, robot=other), None, 3)
+    scales = [_scale(sketch, int(j)) for j in sketch.rows]
+    heard = [x for x, k in zip(scales, sketch.without > BAD, strict=True) if k and x > 0]
+    if len(heard) > 1:
+        common = float(np.median(heard))
+        what = f"all torques are about {common:.3g} times what the URDF predicts"
+        advice = "check their unit and the current gains, or whether the URDF is of a smaller or larger robot"
+        yield Fix("torque scale", what, sketch.names, advice, sketch.with_(tau=sketch.tau / common), None, 1)
+    degrees = _moved(sketch, np.where(robot.prismatic, 1.0, DEGREE), None, False)
+    what = "the positions are in degrees: in radians the model explains the torques"
+    yield Fix("degrees", what, robot.joints, 'set angle_unit = "deg" under [file] in a mapping file', degrees, None, 0)
+
+
+def _moved(sketch: Sketch, factor: Array | None, order: NDArray[np.intp] | None, torque: bool) -> Sketch:
+    """Motions scaled and exchanged; torques with them, in sign and order, if wanted."""
+    J = sketch.q.shape[1]
+    take = np.arange(J) if order is None else order
+    by = np.ones(J) if factor is None else factor
+    changes = {name: getattr(sketch, name)[:, take] * by for name in ("q", "v", "a")}
+    changes |= {"sign": sketch.sign[:, take] * np.sign(by), "used": sketch.used[:, take]}
+    if torque:
+        changes["tau"] = sketch.tau[:, take] * np.sign(by)
+    return sketch.with_(**changes)
+
+
+def _gravity(sketch: Sketch) -> Array:
+    """Gravity in the base frame that fits best, beside the nominal inertias and friction, m/s²."""
+    few = sketch.thinned(FEW)
+    still = np.zeros_like(few.q)
+    pull = []
+    for axis in np.eye(3):
+        robot = Robot.from_dict({**few.robot.to_dict(), "gravity": axis.tolist()})
+        pull.append(robot.inverse_dynamics(few.q, still, still))
+    own = np.einsum("i,inj->nj", few.robot.gravity, np.array(pull))
+    columns = {int(j): np.column_stack([x[:, j] for x in pull]) for j in few.rows}
+    return shared_fit(few, columns, few.tau - (few.nominal - own))[:3]
+
+
+def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebook) -> None:
+    """Joints that neither the URDF nor a simple mistake explains."""
+    bad = sketch.excess > BAD
+    if not bad.any():
+        return
+    free = free_errors()
+    before, nominal, best = squared(sketch.without), squared(sketch.asis), squared(np.fmin(free, CAP))
+    names = tuple(n for n, yes in zip(sketch.names, bad, strict=True) if yes)
+    figures = (
+        f"NRMSE {span(sketch.asis[bad])} with the URDF's inertials and fitted friction, "
+        f"{span(sketch.without[bad])} with "
+    )
+    figures += f"friction alone, {span(free[bad])} with free parameters"
+    rigid = before - min(best, before)
+    share = (before - nominal) / rigid if rigid > 0.05 * before else 1.0
+    if np.isfinite(free).all() and squared(free[bad]) < 0.3 * squared(sketch.asis[bad]) and share < 0.75:
+        notes.find(
+            "wrong robot",
+            f"the URDF's inertials explain {max(share, 0):.0%} of what free parameters on the same joints do: "
+            f"{figures}",
+            names,
+            "likely" if share < 0.4 else "possible",
+            "is it the URDF of the robot that was measured (model, hand, mounting: --base-rpy), and are the "
+            "current gains right? "
+            "Identification replaces the inertials, not the kinematics",
+        )
+    else:
+        notes.find(
+            "unexplained torque",
+            f"the model hardly explains the torque: {figures}",
+            names,
+            "possible",
+            "check which columns are these joints', their signs and units, and what touched the robot",
+        )

@@ -1,0 +1,110 @@
+"""All checks of one log, in the order in which one makes the next meaningless."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from frischid.checks.channels import check_channels, check_degrees
+from frischid.checks.clock import check_clock
+from frischid.checks.excitation import FreeFit, check_excitation, free_fit
+from frischid.checks.finding import LogReport, Notebook
+from frischid.checks.lag import check_lag
+from frischid.checks.physics import check_physics
+from frischid.checks.sketch import HIGHEST, Sketch
+from frischid.checks.velocity import check_velocity
+from frischid.core.types import Array
+from frischid.errors import InputError
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import LowPass, Motion, choose_lowpass, prepare
+from frischid.regression.base_parameters import Reduction
+from frischid.robot.robot import Robot
+
+FEWEST = 50  # samples of a sketch
+FEW_SECONDS = 20.0  # s of a log that suffice for its velocities
+USELESS = {"dead band", "dead torque", "no torque", "saturated torque"}
+"""Findings after which a joint's torque says nothing about the physics."""
+
+
+def inspect(
+    robot: Robot,
+    log: Log,
+    reduction: Callable[[], Reduction],
+    *,
+    alone: bool = True,
+    prepared: tuple[LowPass, Sequence[Motion]] | None = None,
+) -> LogReport:
+    """Everything that is suspicious in a log, and its figures.
+
+    Parameters
+    ----------
+    robot : Robot
+        Its joints are in the log.
+    log : Log
+    reduction : callable
+        Gives the base parameters of the robot with the baseline effects (`frischid.model.identification.structure`), if
+        needed.
+    alone : bool
+        Whether no other log helps to identify the robot.
+    prepared : LowPass and sequence of Motion, optional
+        The log prepared already, for somebody who has no time: figures that no finding needs are then left out.
+
+    Returns
+    -------
+    LogReport
+    """
+    log, brief = log.select(robot.joints), prepared is not None
+    notes = Notebook(robot.joints)
+    check_clock(log, notes)
+    check_channels(robot, log, notes, figures=not brief)
+    if any(f.blocks for f in notes.findings):
+        return notes.report(log.source)
+    if notes.facts.get("stamps_follow", 1.0) < 0.5:
+        # Stamps of arrival are worse than none: what follows is judged on the mean step.
+        log, prepared = replace(log, t=np.linspace(log.t[0], log.t[-1], len(log))), None
+    lowpass = choose_lowpass([log], robot.joints) if prepared is None else prepared[0]
+    coarse = LowPass(min(lowpass.cutoff or HIGHEST, HIGHEST))
+    check_velocity(log, coarse, notes, most=FEW_SECONDS if brief else None)
+    if not any(f.kind == "degrees" for f in notes.findings):
+        check_degrees(robot, log, notes)
+    if not any(f.blocks for f in notes.findings):
+        with suppress(InputError):  # a log too short for the filters is for `identify` to refuse
+            motions = prepare(log, coarse).motions if prepared is None else prepared[1]
+            _dynamics(log, Sketch.of(robot, motions, coarse, _rows(log, notes)), reduction, notes, alone, brief)
+    return notes.report(log.source)
+
+
+def _rows(log: Log, notes: Notebook) -> list[str]:
+    """Joints whose torque can say something about the physics."""
+    dead = {name for f in notes.findings if f.kind in USELESS for name in f.where}
+    return [n for n, yes in zip(log.joints, log.has("tau"), strict=True) if yes and n not in dead]
+
+
+def _dynamics(
+    log: Log, sketch: Sketch, reduction: Callable[[], Reduction], notes: Notebook, alone: bool, brief: bool
+) -> None:
+    notes.per_joint("resting", 1 - sketch.used.mean(axis=0))
+    if len(sketch.rows) == 0 or len(sketch) < FEWEST:
+        return
+
+    @cache
+    def fit() -> FreeFit | None:
+        return free_fit(sketch, reduction())
+
+    def free() -> Array:
+        found = fit()
+        return np.full(len(sketch.rows), np.nan) if found is None else found.errors
+
+    corrected = check_physics(sketch, free, notes)
+    check_lag(corrected, notes)
+    if brief:
+        return
+    for label, values in (("nominal_nrmse", sketch.asis), ("friction_nrmse", sketch.without), ("free_nrmse", free())):
+        whole = np.full(len(log.joints), np.nan)
+        whole[sketch.rows] = values
+        notes.per_joint(label, whole)
+    check_excitation(sketch, reduction(), fit(), notes, alone=alone)

@@ -1,0 +1,228 @@
+"""A log seen from afar: a thousand filtered samples on which hypotheses about it are cheap to try.
+
+What is grossly wrong with a log shows at low frequency. Motion and torque go through one low-pass, every n-th sample is
+kept, and each hypothesis ("joint 3's torque has the wrong sign", "a hand is missing") is one recursive Newton-Euler
+pass over them and one small least-squares problem a joint:
+
+    τ_j ≈ τ_nominal,j(q, q̇, q̈) + fv_j q̇_j + fc_j sign q̇_j + off_j + Ia_j q̈_j,      fv, fc, Ia ≥ 0.
+
+The signs of friction and rotor inertia are physics that holds whatever the URDF says: a fit that needs a motor to be
+driven by its friction is no explanation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from frischid.core.types import Array
+from frischid.effects.base import WIDTH
+from frischid.errors import InputError
+from frischid.logs.preprocessing import LowPass, Motion, decimating_filter, derivative_taps, noise_level
+from frischid.robot.robot import Robot
+
+HIGHEST = 10.0  # Hz, enough for gross errors; above it noise of bad stamps would drown them
+OVERSAMPLING = 6  # samples a period of the cut-off, so that channels can be shifted in time
+MOST = 1500  # samples
+RESTING = 0.01
+CLEAR = 0.3  # noise of the velocity above which its sign, and so dry friction, is anybody's guess
+FEW = 500  # samples that suffice for a handful of parameters
+FEWEST = 30  # samples under way
+
+
+@dataclass(frozen=True, eq=False)
+class Sketch:
+    """Filtered samples of one log.
+
+    Attributes
+    ----------
+    robot : Robot
+    t : ndarray, shape (M,)
+    q, v, a, tau : ndarray, shape (M, J)
+        tau is NaN where not measured.
+    sign : ndarray, shape (M, J)
+        Smoothed sign of the velocity, filtered like the torque.
+    used : ndarray of bool, shape (M, J)
+        False where the joint rests.
+    rows : ndarray of int
+        Joints whose torque can be judged.
+    noise : ndarray, shape (2, J)
+        Standard deviation of the white noise left on the torques and, from the positions, on the accelerations.
+    ends : tuple of int
+        Where each stretch without a gap ends.
+    """
+
+    robot: Robot
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    sign: Array
+    used: NDArray[np.bool_]
+    rows: NDArray[np.intp]
+    noise: Array
+    ends: tuple[int, ...]
+
+    @classmethod
+    def of(cls, robot: Robot, motions: Sequence[Motion], lowpass: LowPass, rows: Sequence[str]) -> Sketch:
+        """Filter and thin out the motions of one log."""
+        cutoff = min(lowpass.cutoff or HIGHEST, HIGHEST)
+        coarse = LowPass(cutoff)
+        parts, noise, samples = [], np.zeros((2, len(robot.joints))), 0
+        clear = np.ones(len(robot.joints), bool)
+        for motion in motions:
+            taps = coarse.taps(motion.step)
+            every = max(1, int(1 / (OVERSAMPLING * cutoff * motion.step)))
+            F = decimating_filter(taps, len(motion.t), every)
+            if F.shape[0] == 0:
+                continue
+            second = np.convolve(taps, derivative_taps(2, motion.step, cutoff))
+            first = derivative_taps(1, motion.step, cutoff)
+            sigma = noise_level(motion.q)
+            level = [noise_level(motion.tau) * np.linalg.norm(taps), sigma * np.linalg.norm(second)]
+            noise += len(motion.t) * np.square(level)
+            clear &= sigma * np.linalg.norm(first) < CLEAR * motion.v.std(axis=0)
+            samples += len(motion.t)
+            half = len(taps) // 2
+            t = motion.t[half : len(motion.t) - half][::every]
+            channels = (motion.q, motion.v, motion.a, motion.tau, np.tanh(motion.v / WIDTH))
+            filtered = [F @ x for x in channels]
+            parts.append((t[: F.shape[0]], *filtered, (abs(F) @ motion.still.astype(float)) < RESTING))
+        if not parts:
+            raise InputError(f"the log is shorter than its filters ({len(taps)} samples); record longer")
+        ends = tuple(np.cumsum([len(part[0]) for part in parts]).tolist())
+        t, q, v, a, tau, sign, used = (np.concatenate(x) for x in zip(*parts, strict=True))
+        index = np.array([robot.joints.index(n) for n in rows], dtype=int)
+        known = np.isfinite(tau).all(axis=0) & (np.ptp(tau, axis=0) > 0)
+        ok = (known & clear & (used.sum(axis=0) > FEWEST))[index]
+        return cls(robot, t, q, v, a, tau, sign, used, index[ok], np.sqrt(noise / samples), ends).thinned()
+
+    def thinned(self, most: int = MOST) -> Sketch:
+        """At most so many samples, evenly taken."""
+        every = -(-len(self.t) // most)
+        if every == 1:
+            return self
+        keep = slice(None, None, every)
+        arrays: dict[str, Any] = {
+            name: getattr(self, name)[keep] for name in ("t", "q", "v", "a", "tau", "sign", "used")
+        }
+        return replace(self, **arrays, ends=tuple(-(-end // every) for end in self.ends))
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @cached_property
+    def nominal(self) -> Array:
+        """Rigid torque of the URDF's own parameters, (M, J)."""
+        return self.robot.inverse_dynamics(self.q, self.v, self.a)
+
+    @cached_property
+    def spread(self) -> Array:
+        """Standard deviation of each judged joint's torque while it moves, (R,)."""
+        moving = (self.used[:, j] if self.used[:, j].sum() >= FEWEST else slice(None) for j in self.rows)
+        return np.array([self.tau[use, j].std() for use, j in zip(moving, self.rows, strict=True)])
+
+    @cached_property
+    def without(self) -> Array:
+        """NRMSE of friction, offset and rotor inertia alone, (R,)."""
+        return self.errors(np.zeros_like(self.tau))
+
+    @cached_property
+    def asis(self) -> Array:
+        """NRMSE of the nominal URDF with fitted friction, (R,)."""
+        return self.errors(self.nominal)
+
+    @cached_property
+    def white(self) -> Array:
+        """NRMSE that white noise of torques and positions alone leaves on the judged joints, (R,)."""
+        some = slice(None, None, max(1, len(self) // 20))
+        q, v, a = self.q[some], self.v[some], self.a[some]
+        base, variance = self.robot.inverse_dynamics(q, v, a), np.square(self.noise[0])
+        for i, level in enumerate(self.noise[1]):
+            moved = self.robot.inverse_dynamics(q, v, a + np.eye(len(self.robot.joints))[i])
+            variance = variance + np.mean((moved - base) ** 2, axis=0) * level**2
+        return np.asarray(np.sqrt(variance[self.rows]) / self.spread)
+
+    @cached_property
+    def excess(self) -> Array:
+        """`asis` beyond what white noise leaves, (R,)."""
+        return np.asarray(np.sqrt(np.maximum(self.asis**2 - self.white**2, 0.0)))
+
+    def with_(self, **changes: Any) -> Sketch:
+        """Copy with some arrays exchanged; nothing computed is kept."""
+        return replace(self, **changes)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the judged joints."""
+        return tuple(self.robot.joints[j] for j in self.rows)
+
+    @property
+    def longest(self) -> slice:
+        """Samples of the longest stretch without a gap."""
+        edges = [0, *self.ends]
+        k = int(np.argmax(np.diff(edges)))
+        return slice(edges[k], edges[k + 1])
+
+    def friction(self, j: int) -> Array:
+        """Columns of what a joint has of its own: fv, fc, Ia ≥ 0, and the offset in both signs, (M, 5)."""
+        one = np.ones(len(self))
+        return np.column_stack([self.v[:, j], self.sign[:, j], self.a[:, j], one, -one])
+
+    def errors(self, torque: Array) -> Array:
+        """NRMSE of each judged joint when `torque` (M, J) is its rigid part and friction is fitted, (R,)."""
+        return np.array([self.error(j, self.tau[:, j] - torque[:, j]) for j in self.rows]) / self.spread
+
+    def error(self, j: int, left: Array) -> float:
+        """RMS of what friction of joint j leaves of a torque, (M,), while it moves [N·m]."""
+        use = self.used[:, j]
+        if use.sum() < FEWEST:  # a hypothesis gave it the motion of a joint at rest
+            return float(np.sqrt(np.mean(left**2)))
+        _, norm = nnls(self.friction(j)[use], left[use])
+        return float(norm / np.sqrt(use.sum()))
+
+
+def shared_fit(sketch: Sketch, columns: Mapping[int, Array], left: Array) -> Array:
+    """Least squares of a few parameters that all joints share, beside each joint's own friction.
+
+    Parameters
+    ----------
+    sketch : Sketch
+    columns : mapping of int to ndarray, shape (M, P)
+        Joint -> what the shared parameters do to it.
+    left : ndarray, shape (M, J)
+        Torque to explain, N·m (N); each joint counts in units of its spread.
+
+    Returns
+    -------
+    ndarray, shape (P + 4 R,)
+        The shared parameters first; a parameter without effect is zero.
+    """
+    R, P = len(sketch.rows), columns[int(sketch.rows[0])].shape[1]
+    rows, y = [], []
+    for k, j in enumerate(sketch.rows):
+        use = sketch.used[:, j]
+        X = np.zeros((len(sketch), P + 4 * R))
+        X[:, :P], X[:, P + 4 * k : P + 4 * k + 4] = columns[int(j)], sketch.friction(j)[:, :4]
+        rows.append(X[use] / sketch.spread[k])
+        y.append(left[use, j] / sketch.spread[k])
+    X = np.concatenate(rows)
+    scale = np.sqrt((X**2).sum(axis=0))
+    acts = scale > 1e-9 * scale.max()
+    free = np.concatenate([np.ones(P, bool), np.tile([False, False, False, True], R)])[acts]
+    triangle = np.asarray(np.linalg.qr(np.column_stack([X[:, acts] / scale[acts], np.concatenate(y)]), mode="r"))
+    # what may have either sign is the difference of two that may not
+    A, b = triangle[:, :-1], triangle[:, -1]
+    both, _ = nnls(np.column_stack([A, -A[:, free]]), b, maxiter=100 * A.shape[1])
+    x = both[: A.shape[1]]
+    x[free] -= both[A.shape[1] :]
+    found = np.zeros(len(scale))
+    found[acts] = x / scale[acts]
+    return found

@@ -1,0 +1,193 @@
+"""The measured velocity against the slope of the position beside it.
+
+    v(t) ≈ s · q̇(t − d)
+
+d is where the cross-correlation with the derived velocity peaks, s the least-squares factor there. Filtered
+differences are late; a factor of 57.3 is a degree, -1 a sign, a gear's ratio a motor's side; and the column that
+correlates best may be another joint's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from frischid.checks.finding import Notebook, span
+from frischid.core.types import Array
+from frischid.logs.log import STILL, Log
+from frischid.logs.mapping import SECONDS
+from frischid.logs.preprocessing import LATE_VELOCITY, LowPass, derivative_taps, noise_level, uniform
+
+LONGEST = 1.0  # s, largest lag looked for
+TELLING = 0.9  # share of a channel's variance that must not be noise
+RELATED = 0.9  # correlation from which two channels are the same quantity
+DEGREE = 180 / np.pi
+
+
+def check_velocity(log: Log, lowpass: LowPass, notes: Notebook, most: float | None = None) -> None:
+    """Late, scaled, negated, exchanged and unrelated velocity columns, in at `most` so many seconds."""
+    moving = np.ptp(log.q, axis=0) >= STILL
+    which = np.flatnonzero(log.has("v") & moving & (np.ptp(np.nan_to_num(_measured(log)), axis=0) > 0))
+    if len(which) == 0:
+        return
+    step, v, slope, reliability = _both(log, lowpass, most)
+    if len(v) < 50:
+        return
+    lag, correlation = _lags(v, slope, step)
+    correlation = correlation / np.sqrt(np.maximum(np.outer(*reliability), TELLING**2))
+    own = np.array([correlation[j, j] for j in range(len(log.joints))])
+    factor, late = _aligned(v, slope, np.diag(lag), step)
+    seen = np.zeros(len(log.joints), bool)
+    seen[which] = (reliability[:, which] > TELLING).all(axis=0)
+    good = seen & (np.abs(own) > RELATED)
+    notes.per_joint("velocity_lag", np.where(good, late, np.nan))
+    notes.per_joint("velocity_factor", np.where(good, factor, np.nan))
+    _late(late, slope, step, good, notes)
+    _scaled(factor, good, notes)
+    _unrelated(correlation, seen & ~good, seen, notes)
+
+
+def _measured(log: Log) -> Array:
+    return np.zeros_like(log.q) if log.v is None else log.v
+
+
+def _both(log: Log, lowpass: LowPass, most: float | None) -> tuple[float, Array, Array, Array]:
+    """Step, measured and derived velocity of the longest stretch without a gap, filtered alike.
+
+    Last, the share of the variance of each, (2, J), that is not white noise.
+    """
+    breaks = np.flatnonzero(np.diff(log.t) > 0.1 + 4 * np.median(np.diff(log.t))) + 1
+    edges = np.concatenate([[0], breaks, [len(log)]])
+    longest = int(np.argmax(np.diff(edges)))
+    start, stop = int(edges[longest]), int(edges[longest + 1])
+    spare = 0 if most is None else max(0, stop - start - int(most * log.rate)) // 2
+    part = log.slice(start + spare, stop - spare)
+    t, q, v = uniform(part.t, part.q, np.nan_to_num(_measured(part)))
+    step = float((t[-1] - t[0]) / (len(t) - 1))
+    slopes = derivative_taps(1, step, lowpass.cutoff)
+    smooth = np.asarray(lowpass.taps(step))
+    half = len(slopes) // 2
+    if len(t) < len(slopes) + len(smooth) + 50:
+        return step, v[:0], v[:0], np.zeros((2, v.shape[1]))
+    derived = signal.oaconvolve(q - q[0], slopes[::-1, None], mode="valid", axes=0)
+    both = [signal.oaconvolve(x, smooth[:, None], mode="valid", axes=0) for x in (v[half : len(v) - half], derived)]
+    levels = noise_level(v) * np.linalg.norm(smooth), noise_level(q) * np.linalg.norm(np.convolve(slopes, smooth))
+    reliability = [1 - (level / np.maximum(x.std(axis=0), 1e-300)) ** 2 for level, x in zip(levels, both, strict=True)]
+    return step, both[0], both[1], np.clip(reliability, 0.0, 1.0)
+
+
+def _lags(v: Array, slope: Array, step: float) -> tuple[Array, Array]:
+    """Lag [s] of column i of v behind column j of the slopes, and the correlation there, both (J, J)."""
+    N, J = v.shape
+    reach = min(int(LONGEST / step), N // 4)
+    size = 2 ** int(np.ceil(np.log2(N + reach)))
+    V, S = np.fft.rfft(v - v.mean(axis=0), size, axis=0), np.fft.rfft(slope - slope.mean(axis=0), size, axis=0)
+    scale = np.sqrt(np.outer(((v - v.mean(axis=0)) ** 2).sum(axis=0), ((slope - slope.mean(axis=0)) ** 2).sum(axis=0)))
+    lag, best = np.zeros((J, J)), np.zeros((J, J))
+    for i in range(J):
+        cross = np.fft.irfft(V[:, i : i + 1] * S.conj(), size, axis=0)
+        cross = np.concatenate([cross[-reach:], cross[: reach + 1]]) / np.maximum(scale[i], 1e-300)
+        for j in range(J):
+            k = int(np.argmax(np.abs(cross[:, j])))
+            shift = 0.0
+            if 0 < k < 2 * reach:
+                before, here, after = np.abs(cross[k - 1 : k + 2, j])
+                curve = before - 2 * here + after
+                shift = 0.5 * (before - after) / curve if curve < 0 else 0.0
+            lag[i, j], best[i, j] = (k - reach + shift) * step, cross[k, j]
+    return lag, best
+
+
+def _aligned(v: Array, slope: Array, lag: Array, step: float) -> tuple[Array, Array]:
+    """Factor of each measured velocity on its own slope, and its lag [s] to a fraction of a sample, (J,) each.
+
+    The peak of a correlation is flat; at the nearest sample the lag that is left follows from
+    ``v/s − q̇ ≈ −d q̈`` by least squares.
+    """
+    factors, lags = np.full((2, v.shape[1]), np.nan)
+    for j, k in enumerate(np.round(lag / step).astype(int)):
+        late, early = v[max(k, 0) : len(v) + min(k, 0), j], slope[max(-k, 0) : len(v) - max(k, 0), j]
+        factors[j] = float(late @ early / max(float(early @ early), 1e-300))
+        rate = np.gradient(early, step)
+        left = late / (factors[j] or 1.0) - early
+        lags[j] = k * step - float(left @ rate / max(float(rate @ rate), 1e-300))
+    return factors, lags
+
+
+def _late(lag: Array, slope: Array, step: float, good: NDArray[np.bool_], notes: Notebook) -> None:
+    acceleration = np.gradient(slope, step, axis=0).std(axis=0)
+    error = np.abs(lag) * acceleration / np.maximum(slope.std(axis=0), 1e-300)
+    late = good & (error > LATE_VELOCITY) & (np.abs(lag) > 0.5 * step)
+    if not late.any():
+        return
+    way = "lags its own position" if np.median(lag[late]) > 0 else "runs ahead of its own position"
+    notes.find(
+        "late velocity",
+        f"the measured velocity {way} by {span(np.abs(lag[late]))} s (median "
+        f"{np.median(np.abs(lag[late])):.2g} s), an error of {span(100 * error[late], ' %')}",
+        notes.which(late),
+        "certain",
+        "it is not used: velocities are derived from the positions; record it unfiltered, or leave the columns out",
+    )
+
+
+def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
+    """Name the unit, the sign or the gear that a factor other than one stands for."""
+    odd = good & (np.abs(factor - 1) > 0.1)
+    everywhere = odd[good].all() and good.any()
+    for unit, scale in SECONDS.items():
+        hit = odd & ((np.abs(factor / scale - 1) < 0.1) | (np.abs(factor * scale - 1) < 0.1))
+        if scale > 1 and everywhere and hit[good].all():
+            _say(
+                notes,
+                hit,
+                factor,
+                "unit of time",
+                f"the stamps are in {unit}",
+                "correct time_unit in a mapping file",
+                True,
+            )
+            return
+    cases = [
+        (
+            DEGREE,
+            "degrees",
+            "velocities are in degrees",
+            "convert it, or leave the column out: it is not used as it is",
+            False,
+        ),
+        (1 / DEGREE, "degrees", "positions are in degrees, velocities are not", "convert the positions", True),
+        (
+            -1.0,
+            "velocity sign",
+            "its sign is turned",
+            "correct it, or leave the column out: it is not used as it is",
+            False,
+        ),
+    ]
+    for known, kind, words, advice, blocks in cases:
+        hit = odd & (np.abs(factor / known - 1) < 0.1)
+        _say(notes, hit, factor, kind, words, advice, blocks)
+        odd &= ~hit
+    _say(notes, odd, factor, "velocity scale", "a gear ratio or a unit", "correct it; it is not used as it is", False)
+
+
+def _say(
+    notes: Notebook, hit: NDArray[np.bool_], factor: Array, kind: str, words: str, advice: str, blocks: bool
+) -> None:
+    if hit.any():
+        what = f"the measured velocity is {span(factor[hit])} times the slope of the position: {words}"
+        notes.find(kind, what, notes.which(hit), "certain", advice, blocks=blocks)
+
+
+def _unrelated(correlation: Array, bad: NDArray[np.bool_], seen: NDArray[np.bool_], notes: Notebook) -> None:
+    """Velocity columns that are not their joint's: another's, or nothing's."""
+    for i in map(int, np.flatnonzero(bad)):
+        j = int(np.argmax(np.where(seen, np.abs(correlation[i]), 0.0)))
+        if j != i and abs(correlation[i, j]) > RELATED:
+            what, kind = f"the measured velocity is that of {notes.names[j]}", "exchanged velocity"
+        else:
+            what = f"the measured velocity is not the slope of the position (correlation {correlation[i, i]:.2f})"
+            kind = "unrelated velocity"
+        notes.find(kind, what, (notes.names[i],), "certain", "check the column names; it is not used as it is")

@@ -1,0 +1,306 @@
+"""The data check: silent on clean logs of many robots, and each planted fault is named, with its joint."""
+
+import os
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from frischid.checks.channels import quantum
+from frischid.errors import InputError
+from frischid.logs.log import Log
+from frischid.logs.readers import read_log
+from frischid.model.identification import examine, identify
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
+from frischid.robot.robot import Robot
+
+ARM = [f"arm_{k}_joint" for k in range(1, 8)]
+ROBOTS = {
+    "planar2": {},
+    "ur10": {},
+    "panda": {},
+    "kinova": {},
+    "tiago": {"joints": ARM},
+    "xarm7": {},
+}
+SENSORS = {
+    "quiet": (100, 20, Noise(q=1e-5, v=1e-3, tau=0.01), ("v",)),
+    "noisy": (125, 25, Noise(q=3e-4, v=1e-2, tau=0.05), ("v",)),
+    "coarse encoder": (250, 20, Noise(quantum=1e-3, tau=0.02), ()),
+    "fast": (1000, 12, Noise(q=2e-5, tau=0.02, quantum=2e-5), ()),
+    "exact": (100, 30, Noise(), ("v", "a")),
+}
+
+
+@cache
+def machine(name):
+    return Robot.load(name, **ROBOTS[name])
+
+
+def drives(robot, seed):
+    """Friction, rotor inertia and offsets of the size drives have."""
+    rng = np.random.default_rng(seed)
+    effort = np.where(np.isfinite(robot.limits.effort), np.minimum(robot.limits.effort, 100), 20)
+    values = {}
+    for name, size in zip(robot.joints, effort, strict=True):
+        k = robot.numbers[name]
+        share = size * rng.uniform(0.3, 1.0, 3)
+        values |= {f"fv{k}": 0.025 * share[0], f"fc{k}": 0.03 * share[1], f"Ia{k}": 0.004 * share[2]}
+        values[f"off{k}"] = 0.01 * size * rng.normal()
+    return values
+
+
+@cache
+def clean(name, sensors="quiet", seed=1):
+    rate, seconds, noise, channels = SENSORS[sensors]
+    robot, motion = machine(name), random_fourier(machine(name), seconds, seed=seed)
+    options = {"noise": noise, "channels": channels, "seed": seed, "parameters": drives(robot, seed)}
+    return simulate(robot, motion, rate=rate, **options)
+
+
+def kinds(robot, log):
+    (report,) = examine(robot, [log])
+    return {finding.kind: finding for finding in report.findings}
+
+
+@pytest.mark.parametrize("sensors", SENSORS)
+@pytest.mark.parametrize("name", ROBOTS)
+def test_nothing_is_found_in_clean_logs(name, sensors):
+    for seed in (1, 2):
+        (report,) = examine(machine(name), [clean(name, sensors, seed)])
+        assert report.warnings == ()
+
+
+# ---------------------------------------------------------------------- planted faults
+
+
+def column(x, j, change):
+    x = np.array(x)
+    x[:, j] = change(x[:, j])
+    return x
+
+
+def swapped(x):
+    return None if x is None else x[:, [1, 0, *range(2, x.shape[1])]]
+
+
+def delayed(log, x, by):
+    return np.column_stack([np.interp(log.t - by, log.t, c) for c in x.T])
+
+
+def stale(log):
+    rng = np.random.default_rng(0)
+    index = np.arange(len(log))
+    late = np.flatnonzero(rng.random(len(log)) < 0.05)
+    index[late] = np.maximum(late - 1, 0)
+    return replace(log, q=log.q[index], v=log.v[index], tau=log.tau[index])
+
+
+def arrival(log):
+    late = np.minimum(np.random.default_rng(0).exponential(0.15, len(log)), 0.9)
+    return replace(log, t=log.t + late / log.rate)
+
+
+def bursts(log):
+    k = np.arange(len(log))
+    return replace(log, t=((k // 4 + 1) * 4 + (k % 4) * 0.01) / log.rate)
+
+
+FAULTS = {
+    "ms": (lambda x: replace(x, t=1e3 * x.t), "unit of time", None, True),
+    "ns": (lambda x: replace(x, t=1e9 * x.t), "unit of time", None, True),
+    "degrees": (lambda x: replace(x, q=np.rad2deg(x.q), v=np.rad2deg(x.v)), "degrees", "all", True),
+    "degrees, rad/s": (lambda x: replace(x, q=np.rad2deg(x.q)), "degrees", "all", True),
+    "degrees a second": (lambda x: replace(x, v=np.rad2deg(x.v)), "degrees", "all", False),
+    "late velocity": (lambda x: replace(x, v=delayed(x, x.v, 0.05)), "late velocity", "all", False),
+    "velocity sign": (lambda x: replace(x, v=column(x.v, 1, np.negative)), "velocity sign", (1,), False),
+    "velocity of the motor": (lambda x: replace(x, v=column(x.v, 1, lambda c: 50 * c)), "velocity scale", (1,), False),
+    "swapped velocities": (lambda x: replace(x, v=swapped(x.v)), "exchanged velocity", None, False),
+    "dead velocity": (lambda x: replace(x, v=column(x.v, 0, np.zeros_like)), "dead velocity", (0,), False),
+    "torque sign": (lambda x: replace(x, tau=column(x.tau, 1, np.negative)), "torque sign", (1,), True),
+    "torque signs": (lambda x: replace(x, tau=-x.tau), "torque sign", "all", True),
+    "swapped torques": (lambda x: replace(x, tau=swapped(x.tau)), "swapped torques", (0, 1), True),
+    "turned axis": (
+        lambda x: replace(x, q=column(x.q, 1, np.negative), v=None, tau=column(x.tau, 1, np.negative)),
+        "position sign", (1,), True,
+    ),
+    "swapped joints": (
+        lambda x: replace(x, q=swapped(x.q), v=swapped(x.v), tau=swapped(x.tau)), "swapped joints", (0, 1), True,
+    ),
+    "late torque": (lambda x: replace(x, tau=delayed(x, x.tau, 0.05)), "late torque", None, False),
+    "dead torque": (lambda x: replace(x, tau=column(x.tau, 1, lambda c: 0 * c + 3.0)), "dead torque", (1,), False),
+    "dead band": (
+        lambda x: replace(x, tau=column(x.tau, 1, lambda c: np.where(np.abs(c) < np.median(np.abs(c)), 0, c))),
+        "dead band", (1,), False,
+    ),
+    "saturated": (
+        lambda x: replace(x, tau=column(x.tau, 1, lambda c: np.clip(c, -0.6 * abs(c).max(), 0.6 * abs(c).max()))),
+        "saturated torque", (1,), False,
+    ),
+    "coarse": (
+        lambda x: replace(x, tau=column(x.tau, 1, lambda c: np.round(10 * c / np.ptp(c)) / 10 * np.ptp(c))),
+        "coarse torque", (1,), False,
+    ),
+    "held": (lambda x: replace(x, tau=np.repeat(x.tau[::5], 5, axis=0)[: len(x)]), "held torque", "all", False),
+    "mN·m": (lambda x: replace(x, tau=1e3 * x.tau), "torque scale", None, False),
+    "one gain": (lambda x: replace(x, tau=column(x.tau, 1, lambda c: 10 * c)), "torque scale", (1,), False),
+    "stamps of arrival": (arrival, "host clock", None, False),
+    "bursts": (bursts, "host clock", None, False),
+    "stale rows": (stale, "repeated samples", None, False),
+    "no motion": (lambda x: replace(x, q=column(x.q, 0, lambda c: 0 * c)), "no motion", (0,), False),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("name", ["planar2", "ur10", "kinova"])
+def test_each_fault_is_named(name, fault):
+    damage, kind, where, blocks = FAULTS[fault]
+    robot, log = machine(name), clean(name)
+    found = kinds(robot, damage(log))
+    assert kind in found, list(found)
+    assert found[kind].blocks is blocks
+    assert found[kind].advice
+    if where == "all":
+        assert found[kind].where == robot.joints
+    elif where is not None:
+        assert found[kind].where == tuple(robot.joints[j] for j in where)
+
+
+def test_lags_are_measured():
+    log = clean("ur10")
+    (report,) = examine(machine("ur10"), [replace(log, v=delayed(log, log.v, 0.05), tau=delayed(log, log.tau, 0.02))])
+    assert [figures["velocity_lag"] for figures in report.joints.values()] == pytest.approx([0.05] * 6, abs=2e-3)
+    assert report.facts["torque_lag"] == pytest.approx(0.02, abs=2e-3)
+
+
+def test_gaps_and_true_jitter():
+    robot, log = machine("ur10"), clean("ur10")
+    keep = (log.t < 8) | (log.t > 8.5)
+    cut = Log(log.t[keep], log.joints, log.q[keep], v=log.v[keep], tau=log.tau[keep])
+    assert "the longest 520 ms" in kinds(robot, cut)["gap"].what
+    # stamps that jitter because the samples did are no fault
+    rng = np.random.default_rng(0)
+    t = np.sort(log.t + rng.uniform(-0.3, 0.3, len(log)) / log.rate)
+    true = simulate(robot, random_fourier(robot, 20, seed=1), rate=2000)
+    q, v, tau = (np.column_stack([np.interp(t, true.t, c) for c in x.T]) for x in (true.q, true.v, true.tau))
+    (report,) = examine(robot, [Log(t, log.joints, q, v=v, tau=tau)])
+    assert report.findings == ()
+    assert report.facts["stamps_follow"] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("name", ["ur10", "panda", "kinova"])
+@pytest.mark.parametrize("mass", [0.3, 3.0])
+def test_payloads_are_weighed(name, mass):
+    robot = machine(name)
+    last, nominal = robot.numbers[robot.joints[-1]], dict(zip(robot.all_names, robot.nominal, strict=True))
+    if name == "panda":
+        robot = Robot.load("panda", joints=[f"panda_joint{k}" for k in range(1, 8)])
+        last, nominal = 7, dict(zip(robot.all_names, robot.nominal, strict=True))
+    more = {"m": mass, "mz": 0.1 * mass, "Ixx": 0.01 * mass, "Iyy": 0.01 * mass}
+    values = drives(robot, 1) | {f"{p}{last}": nominal[f"{p}{last}"] + x for p, x in more.items()}
+    motion = random_fourier(robot, 20, seed=1)
+    log = simulate(robot, motion, rate=100, noise=SENSORS["quiet"][2], parameters=values, channels=("v",))
+    found = kinds(robot, log)
+    assert f"about {mass:.2g} kg at (0.00, 0.00, 0.10) m" in found["payload"].what
+
+
+def test_wrong_robot_and_wrong_mounting():
+    ur5 = Robot.load("ur5")
+    assert "wrong robot" in kinds(ur5, replace(clean("ur10"), joints=ur5.joints))
+    tilted = Robot.load("panda", base_rpy=(0.3, 0.0, 0.0))
+    log = simulate(tilted, random_fourier(tilted, 20, seed=1), rate=200, noise=Noise(q=1e-5, tau=0.01))
+    assert "(0, -2.9, -9.37) m/s²" in kinds(machine("panda"), log)["mounting"].what
+
+
+def test_quantum():
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=5000)
+    assert quantum(x) == 0
+    assert quantum(np.round(x / 0.01) * 0.01) == pytest.approx(0.01)
+    assert quantum(np.zeros(100)) == 0
+
+
+# ---------------------------------------------------------------------- identify
+
+
+def test_identify_prints_the_short_form_and_refuses_what_is_worthless():
+    robot, log = machine("planar2"), clean("planar2")
+    options = {"recursion": "none"}
+    assert identify(robot, [log], **options).warnings == identify(robot, [log], anyway=True, **options).warnings
+    late = identify(robot, [replace(log, v=delayed(log, log.v, 0.05))], **options)
+    assert any("lags its own position" in w and "late velocity" in w for w in late.warnings)
+    for damage, words in ((FAULTS["degrees"][0], "looks like degrees"), (FAULTS["ms"][0], r'time_unit = "ms"')):
+        with pytest.raises(InputError, match=rf"{words}.*--anyway"):
+            identify(robot, [damage(log)], **options)
+    found = identify(robot, [FAULTS["degrees"][0](log)], anyway=True, **options)
+    assert any("degrees" in w for w in found.warnings)
+
+
+def test_a_motion_faster_than_the_urdf_allows_is_not_in_degrees():
+    log = clean("kinova")
+    fast = replace(log, t=log.t[0] + (log.t - log.t[0]) / 6, v=None if log.v is None else 6 * log.v)
+    assert (np.ptp(fast.q, axis=0) < 2 * np.pi).all()
+    (report,) = examine(machine("kinova"), [fast])
+    assert "degrees" not in {finding.kind for finding in report.findings}
+
+
+def test_identify_refuses_to_hold_out_what_it_fitted():
+    robot, log = machine("planar2"), clean("planar2")
+    with pytest.raises(InputError, match="both fitted and held out"):
+        identify(robot, [log], valid=[replace(log, source="copy")], recursion="none")
+
+
+def test_a_cutoff_above_half_the_rate_is_refused():
+    with pytest.raises(InputError, match="cut-off of 50 Hz is not below half its rate of 100 Hz"):
+        identify(machine("planar2"), [clean("planar2")], cutoff=50.0)
+
+
+# ---------------------------------------------------------------------- real logs: what their cards say
+
+GAINS = [11.97, 11.98, 9.84, 10.75, 10.69, 10.68]
+
+
+@pytest.fixture
+def data():
+    if not (folder := os.environ.get("FRISCHID_DATA")):
+        pytest.skip("FRISCHID_DATA is not set")
+    return Path(folder)
+
+
+def measured(data, urdf, log, mapping=None):
+    robot = Robot.load(data / urdf)
+    return kinds(robot, read_log(data / log, robot.joints, mapping))
+
+
+def test_tiago(data):
+    found = measured(data, "tiago/tiago_48_schunk.urdf", "tiago/logs/ident_0_48s.parquet")
+    assert found["dead band"].where == ("arm_5_joint", "arm_6_joint", "arm_7_joint")
+    assert len(found["late velocity"].where) == 8
+    assert "steps between 7.96 and 12.3 ms" in found["host clock"].what
+    assert found["torque scale"].where == ("torso_lift_joint",)
+    assert set(found) == {"dead band", "late velocity", "host clock", "torque scale"}
+
+
+def test_panda(data):
+    robot = Robot.load(data / "panda/panda.urdf")
+    (report,) = examine(robot, [read_log(data / "panda/logs/ident_0_14s.parquet", robot.joints)])
+    assert {f.kind for f in report.findings} == {"gap"}  # lost cycles; their stamps are true
+    assert report.facts["stamps_follow"] == pytest.approx(1.0, abs=1e-3)
+    host = measured(data, "panda/panda.urdf", "panda/logs/traj1_raw_host_time.parquet")
+    assert set(host) == {"gap", "repeated samples", "host clock"}
+    hand = measured(data, "panda/panda_with_hand.urdf", "panda/logs/ident_0_14s.parquet")
+    assert set(hand) == {"gap", "missing hand"}
+    assert "about 0.72 kg" in hand["missing hand"].what  # the hand weighs 0.73
+
+
+def test_ur10e(data):
+    robot = Robot.load(data / "ur10e/ur10e.urdf")
+    mapping = {"current_gain": dict(zip(robot.joints, GAINS, strict=True))}
+    names = ["ident_20s_5harm", "unloaded_50s_14harm", "valid_ptp_10_points", "loaded_2805g_50s_14harm"]
+    logs = [read_log(data / f"ur10e/logs/{n}.parquet", robot.joints, mapping) for n in names]
+    *plain, loaded = [{f.kind for f in report.findings} for report in examine(robot, logs)]
+    assert all(found <= {"late torque"} for found in plain)
+    assert loaded == {"payload"}

@@ -1,0 +1,51 @@
+"""The width and lead of dry friction's sign are read off the data."""
+
+import numpy as np
+import pytest
+
+from frischid.effects import Coulomb, parse_effects
+from frischid.estimators.friction_smoothing import baseline, dry_friction
+from frischid.logs.preprocessing import choose_lowpass, prepare
+from frischid.model.identification import identify
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
+from frischid.regression.regressor import Regressor
+from frischid.regression.structure import structure
+from frischid.robot.robot import Robot
+
+PLANAR = Robot.load("planar2")
+
+
+def log_of(width, seconds=20.0, lead=0.0):
+    """A log of an arm whose dry friction has this width and lead."""
+    effects = parse_effects(f"viscous, coulomb(width={width}, lead={lead}), offset, rotor_inertia")
+    values = {"fv1": 0.5, "fv2": 0.5, "fc1": 1.0, "fc2": 0.6, "Ia1": 0.1, "Ia2": 0.1}
+    motion = random_fourier(PLANAR, seconds, seed=3)
+    noise = Noise(q=1e-5, tau=0.003)
+    return simulate(PLANAR, motion, rate=200, effects=effects, parameters=values, noise=noise, channels=(), seed=1)
+
+
+@pytest.mark.parametrize(("width", "lower", "upper"), [(2e-4, 0.0, 0.001), (0.02, 0.016, 0.025), (0.065, 0.05, 0.08)])
+def test_the_width_is_found(width, lower, upper):
+    found = identify(PLANAR, [log_of(width)], recursion="none")
+    friction = next(e for e in found.model.effects if e.id == "coulomb")
+    assert lower < friction.width <= upper
+    assert friction.lead == 0
+    assert any("chosen by cross-validation" in note for note in found.notes)
+
+
+def test_the_lead_is_found():
+    # That of MuJoCo's frictionloss, as it is by default.
+    found = identify(PLANAR, [log_of(0.002, lead=0.0095)], recursion="none")
+    friction = next(e for e in found.model.effects if e.id == "coulomb")
+    assert 0.008 < friction.lead < 0.011
+    assert any("ms ahead of the motion" in note for note in found.notes)
+
+
+def test_too_little_data_leaves_the_choice_open():
+    log = log_of(0.01, 3.0)
+    lowpass = choose_lowpass([log], log.joints)
+    motions = [m.part(slice(0, 40)) for m in prepare(log, lowpass).motions]
+    reduction = structure(Regressor(PLANAR, baseline(Coulomb(width=0.01))), PLANAR.joints)
+    assert dry_friction(PLANAR, motions, lowpass, PLANAR.joints, reduction) is None
+    assert np.isclose(baseline(Coulomb(width=0.03))[1].width, 0.03)
