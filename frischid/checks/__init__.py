@@ -1,11 +1,11 @@
 """What is wrong with a log: one family of checks a file, each resting on a principle that its file states.
 
-`inspect` runs them all and returns a `LogReport` of figures and `Finding`s; `defects` looks through a file that
+`inspect` runs them all and returns a `LogReport` of figures and `LogIssue` objects; `defects` looks through a file that
 cannot be read. Nothing is repaired.
 """
 
 from frischid.checks.defects import defects
-from frischid.checks.finding import Finding, LogReport
+from frischid.checks.log_issue import LogIssue, LogReport
 from frischid.checks.report import inspect
 
-__all__ = ["Finding", "LogReport", "defects", "inspect"]
+__all__ = ["LogIssue", "LogReport", "defects", "inspect"]

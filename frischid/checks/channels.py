@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from frischid.checks.finding import Notebook, span
+from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
 from frischid.logs.log import STILL, Log
 from frischid.logs.preprocessing import noise_level
@@ -29,7 +29,7 @@ def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = T
         quanta = np.array([quantum(x) if yes else np.nan for x, yes in zip(values.T, present, strict=True)])
         notes.per_joint(f"quantum_{channel}", np.where(quanta > 0, quanta, np.nan))
     if not moving.all():
-        notes.find(
+        notes.add(
             "no motion",
             f"range below {STILL:g} rad (m): nothing can be learnt about it",
             notes.which(~moving),
@@ -61,7 +61,7 @@ def _velocity(log: Log, moving: NDArray[np.bool_], notes: Notebook) -> None:
         return
     dead = log.has("v") & moving & (np.ptp(np.nan_to_num(log.v), axis=0) == 0)
     if dead.any():
-        notes.find(
+        notes.add(
             "dead velocity",
             "the measured velocity never changes while the joint moves",
             notes.which(dead),
@@ -74,7 +74,7 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
     """Dead, dead band, coarse, saturated, held."""
     values, present, name = getattr(log, channel), log.has(channel), {"tau": "torque"}.get(channel, channel)
     if not present.all():
-        notes.find(
+        notes.add(
             "no torque",
             f"no {name} column, while other joints have one",
             notes.which(~present),
@@ -83,7 +83,7 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
         )
     dead = present & (np.ptp(np.nan_to_num(values), axis=0) == 0)
     if dead.any():
-        notes.find(
+        notes.add(
             "dead torque",
             f"the {name} never changes, it was probably not measured",
             notes.which(dead),
@@ -95,7 +95,7 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
     band = live & moving & np.array([_dead_band(x, share) for x, share in zip(values.T, zeros, strict=True)])
     notes.per_joint(f"zero_{channel}", np.where(zeros > 0.01, zeros, np.nan))
     if band.any():
-        notes.find(
+        notes.add(
             "dead band",
             f"the {name} is exactly zero in {span(100 * zeros[band], ' %')} of the samples while the joint moves",
             notes.which(band),
@@ -105,7 +105,7 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
     levels = np.array([_levels(x) for x in values.T])
     coarse = live & ~band & (levels < LEVELS)
     if coarse.any():
-        notes.find(
+        notes.add(
             "coarse torque",
             f"the {name} takes {span(levels[coarse])} steps over the middle 90 % of its samples",
             notes.which(coarse),
@@ -115,7 +115,7 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
     share = np.array([_saturated(x) if ok else 0.0 for x, ok in zip(values.T, live & ~band, strict=True)])
     if (share > 0).any():
         extremes = np.abs(values[:, share > 0]).max(axis=0)
-        notes.find(
+        notes.add(
             "saturated torque",
             f"the {name} rests at its extreme ({span(extremes)} {unit}) in {span(100 * share[share > 0], ' %')} "
             "of the samples",
@@ -125,7 +125,7 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
         )
     held = np.array([_held(x) if ok else 1 for x, ok in zip(values.T, live & ~band, strict=True)])
     if (held > 1).any():
-        notes.find(
+        notes.add(
             "held torque",
             f"the {name} changes only every {span(held[held > 1])} samples: it is measured at a lower rate than "
             "the log's",
@@ -198,7 +198,7 @@ def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
     if not found.any():
         return
     evidence = "far outside the URDF's limits" if (far | fast).any() else "several full turns"
-    notes.find(
+    notes.add(
         "degrees",
         f"motion implausible in radians ({evidence}: {span(np.abs(log.q[:, found]).max(axis=0))} rad), it looks "
         "like degrees",

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage, signal
 
-from frischid.checks.finding import Notebook
+from frischid.checks.log_issue import Notebook
 from frischid.core.types import Array
 from frischid.logs.log import CHANNELS, Log
 from frischid.logs.mapping import SECONDS
@@ -46,7 +46,7 @@ def check_clock(log: Log, notes: Notebook) -> None:
     repeated = _repeats(log)
     notes.facts["repeated_share"] = float(repeated.mean())
     if repeated.mean() > 0.01:
-        notes.find(
+        notes.add(
             "repeated samples",
             f"{int(repeated.sum())} rows ({repeated.mean():.1%}) repeat the row before under a new stamp while "
             "the robot "
@@ -64,7 +64,7 @@ def _wrong_unit(rate: float, notes: Notebook) -> None:
     units = {name: rate * factor for name, factor in SECONDS.items() if 20 <= rate * factor <= 5e3}
     guess = ", ".join(f"{name} ({hz:.4g} Hz)" for name, hz in units.items())
     hint = f"; it looks like {guess}" if guess and rate < SLOWEST else ""
-    notes.find(
+    notes.add(
         "unit of time",
         f"the stamps are {1 / rate:.4g} s apart, {rate:.3g} samples a second{hint}",
         (),
@@ -99,7 +99,7 @@ def _gaps(step: Array, usual: float, notes: Notebook) -> None:
     if not wide.any():
         return
     at = "" if len(step) == 1 else f", after sample {int(step.argmax()) + 1}"
-    notes.find(
+    notes.add(
         "gap",
         f"{int(wide.sum())} gap{'s' * (int(wide.sum()) > 1)} in the time stamps, the longest "
         f"{1e3 * step.max():.3g} ms{at} (usual "
@@ -138,7 +138,7 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
     )
     words = f"steps between {1e3 * step.min():.3g} and {1e3 * step.max():.3g} ms (usual {1e3 * usual:.3g} ms)"
     if jitter > 0.003 and error < CLEAR and slope + 4 * error < 0.6:
-        notes.find(
+        notes.add(
             "host clock",
             f"{words}, a jitter of {jitter:.1%} of a step that the positions do not show (they follow it by "
             f"{slope:.2f} ± "
@@ -149,7 +149,7 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
         )
     elif off > 0.15 and off > 5 * expected:
         still, double = (float(np.mean(np.abs(y + mean[use] / usual - k) < 0.25)) for k in (0, 2))
-        notes.find(
+        notes.add(
             "host clock",
             f"{words}; the positions stand still over {still:.1%} of the steps and advance by two over "
             f"{double:.1%}, whatever "
@@ -159,7 +159,7 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
             advice,
         )
     elif jitter > 0.02 and error >= CLEAR:
-        notes.find(
+        notes.add(
             "jitter",
             f"{words}; whether the stamps are those of the measurement the positions cannot tell",
             (),

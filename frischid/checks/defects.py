@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from frischid.checks.finding import LogReport, Notebook
+from frischid.checks.log_issue import LogReport, Notebook
 from frischid.errors import InputError
 from frischid.logs.log import GARBAGE
 from frischid.logs.mapping import SECONDS, LogMap
@@ -52,19 +52,19 @@ def defects(path: Path, form: LogMap) -> LogReport | None:
     if ragged and ragged[-1] == rows[-1][0]:
         cells = len(rows[-1][1])
         what = f"line {ragged.pop()}, the last, holds {cells} cells instead of {width}: the recording was cut"
-        notes.find("truncated line", what, (), "certain", "delete that line", blocks=True)
+        notes.add("truncated line", what, (), "certain", "delete that line", blocks=True)
     if ragged:
         what = f"{len(ragged)} lines hold another number of cells than {width}: {_ranges(ragged)}"
-        notes.find("ragged lines", what, (), "certain", "correct or delete them", blocks=True)
+        notes.add("ragged lines", what, (), "certain", "correct or delete them", blocks=True)
     if garbage:
         what = f"{len(garbage)} lines hold no measurement (not a number, nan, or above {GARBAGE:g}): {_ranges(garbage)}"
         advice = "delete these lines: memory written out before it was filled, as a rule"
-        notes.find("garbage rows", what, (), "certain", advice, blocks=True)
+        notes.add("garbage rows", what, (), "certain", advice, blocks=True)
     if time is not None:
         bad = {*ragged, *garbage}
         good = [(number, values[time] / SECONDS[form.time_unit]) for number, values in whole if number not in bad]
         _stamps([number for number, _ in good], np.array([t for _, t in good]), notes)
-    return notes.report(str(path)) if notes.findings else None
+    return notes.report(str(path)) if notes.issues else None
 
 
 def _numbers(row: Sequence[str]) -> np.ndarray:
@@ -86,13 +86,13 @@ def _stamps(lines: Sequence[int], t: np.ndarray, notes: Notebook) -> None:
     if lost.any():
         where = _ranges([line for line, yes in zip(lines, lost, strict=True) if yes])
         what = f"{int(lost.sum())} lines whose stamp is nowhere near those around it: {where}"
-        notes.find("garbage rows", what, (), "certain", "delete these lines: they hold no measurement", blocks=True)
+        notes.add("garbage rows", what, (), "certain", "delete these lines: they hold no measurement", blocks=True)
     kept, at = t[~lost], [line for line, yes in zip(lines, lost, strict=True) if not yes]
     steps = np.diff(kept)
     back = np.flatnonzero(steps <= 0)
     if len(back):
         what = f"time does not increase at {len(back)} lines: {_ranges([at[k + 1] for k in back])}"
-        notes.find(
+        notes.add(
             "time", what, (), "certain", "remove repeated rows; split the log where the clock was set back", blocks=True
         )
     wide = np.flatnonzero(steps > 5 * usual)
@@ -102,7 +102,7 @@ def _stamps(lines: Sequence[int], t: np.ndarray, notes: Notebook) -> None:
             f"{len(wide)} gap{'s' * (len(wide) > 1)} in the time stamps, the longest {steps[longest]:.4g} s "
             f"after line {at[longest]}"
         )
-        notes.find("gap", what, (), "certain", "a gap splits the log in two; nothing is filled in")
+        notes.add("gap", what, (), "certain", "a gap splits the log in two; nothing is filled in")
 
 
 def _ranges(lines: Sequence[int], most: int = 6) -> str:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frischid.checks.finding import Notebook
+from frischid.checks.log_issue import Notebook
 from frischid.checks.sketch import OVERSAMPLING, Sketch
 from frischid.core.types import Array
 from frischid.effects import BASELINE
@@ -23,7 +23,7 @@ WORSE, WORTHLESS = 1.5, 0.15
 """A log alone is too weak when its own fit predicts it so many times worse than the URDF does, and not well at all."""
 
 TORQUES = ("late torque", "torque scale", "wrong robot", "unexplained torque")
-"""Findings that are reason enough for a bad fit."""
+"""Issues that are reason enough for a bad fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,14 +81,14 @@ def check_excitation(
     if fit is None:
         if alone:
             words = f"{len(sketch)} filtered samples of {len(sketch.rows)} joints for {len(columns)} base parameters"
-            notes.find("too short", words, (), "likely", "record longer, or several logs")
+            notes.add("too short", words, (), "likely", "record longer, or several logs")
         return
     unseen = [c.name for c, yes in zip(columns, rigid & (fit.stderr > sizes), strict=True) if yes]
     notes.facts |= {"rigid_parameters": int(rigid.sum()), "unseen_parameters": unseen}
     free, nominal = (float(np.sqrt(np.mean(x**2))) for x in (fit.errors, sketch.asis))
-    healthy = alone and not any(f.blocks or f.kind in TORQUES for f in notes.findings)
+    healthy = alone and not any(f.blocks or f.kind in TORQUES for f in notes.issues)
     if healthy and free > max(WORTHLESS, WORSE * nominal):
-        notes.find(
+        notes.add(
             "weak excitation",
             f"free parameters fitted to this log predict stretches left out with NRMSE {free:.2g}, the URDF's own "
             f"with {nominal:.2g}; "

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from frischid.checks.finding import Notebook, span
+from frischid.checks.log_issue import Notebook, span
 from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
 
@@ -69,7 +69,7 @@ def _together(costs: Array) -> Array:
 
 
 def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, ...], sure: str) -> None:
-    notes.find(
+    notes.add(
         "late torque",
         f"the torque {'lags the motion' if sign > 0 else 'runs ahead of the motion'} by {by.lstrip('-')}: "
         f"shifting it back removes {gone:.0%} of the squared error of the nominal model",

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frischid.checks.finding import Notebook
+from frischid.checks.log_issue import Notebook
 from frischid.checks.sketch import FEW, Sketch, shared_fit
 from frischid.core.types import Array
 
@@ -72,7 +72,7 @@ def check_payload(sketch: Sketch, explained: float, notes: Notebook) -> bool:
     what = f"removes {body.removed:.0%} of the squared error of the nominal URDF"
     at = ", ".join(f"{x:.2f}" for x in np.round(body.centre, 2) + 0.0)
     if body.mass > 0:
-        notes.find(
+        notes.add(
             "payload",
             f"a body of about {body.mass:.2g} kg at ({at}) m in its frame, which the URDF does not have, {what}",
             (body.joint,),
@@ -80,7 +80,7 @@ def check_payload(sketch: Sketch, explained: float, notes: Notebook) -> bool:
             "use a URDF with the payload if it belongs to the robot; take it off if it does not",
         )
     else:
-        notes.find(
+        notes.add(
             "missing hand",
             f"about {-body.mass:.2g} kg of what the URDF has on the last link at ({at}) m were not there: without "
             "it, the fit "

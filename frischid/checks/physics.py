@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from frischid.checks.finding import Notebook, span
+from frischid.checks.log_issue import Notebook, span
 from frischid.checks.payload import check_payload, payload_errors
 from frischid.checks.sketch import FEW, Sketch, shared_fit
 from frischid.core.types import Array
@@ -40,7 +40,7 @@ class Fix:
     Attributes
     ----------
     kind, what, where, advice
-        As in `Finding`.
+        As in `LogIssue`.
     sketch : Sketch
         The log without it.
     touched : ndarray of bool, shape (R,), or None
@@ -96,7 +96,7 @@ def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) ->
             _unexplained(sketch, free, notes)
         return sketch
     for fix in fixes:
-        notes.find(fix.kind, fix.what, fix.where, "likely", fix.advice, blocks=fix.kind not in MILD)
+        notes.add(fix.kind, fix.what, fix.where, "likely", fix.advice, blocks=fix.kind not in MILD)
     if not check_payload(fixes[-1].sketch, EXPLAINED, notes):
         _unexplained(fixes[-1].sketch, free, notes)
     wrong = {name for fix in fixes for name in (sketch.names if fix.touched is None else fix.where)}
@@ -274,7 +274,7 @@ def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebo
     rigid = before - min(best, before)
     share = (before - nominal) / rigid if rigid > 0.05 * before else 1.0
     if np.isfinite(free).all() and squared(free[bad]) < 0.3 * squared(sketch.asis[bad]) and share < 0.75:
-        notes.find(
+        notes.add(
             "wrong robot",
             f"the URDF's inertials explain {max(share, 0):.0%} of what free parameters on the same joints do: "
             f"{figures}",
@@ -285,7 +285,7 @@ def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebo
             "Identification replaces the inertials, not the kinematics",
         )
     else:
-        notes.find(
+        notes.add(
             "unexplained torque",
             f"the model hardly explains the torque: {figures}",
             names,

@@ -12,8 +12,8 @@ import numpy as np
 from frischid.checks.channels import check_channels, check_degrees
 from frischid.checks.clock import check_clock
 from frischid.checks.excitation import FreeFit, check_excitation, free_fit
-from frischid.checks.finding import LogReport, Notebook
 from frischid.checks.lag import check_lag
+from frischid.checks.log_issue import LogReport, Notebook
 from frischid.checks.physics import check_physics
 from frischid.checks.sketch import HIGHEST, Sketch
 from frischid.checks.velocity import check_velocity
@@ -27,7 +27,7 @@ from frischid.robot.robot import Robot
 FEWEST = 50  # samples of a sketch
 FEW_SECONDS = 20.0  # s of a log that suffice for its velocities
 USELESS = {"dead band", "dead torque", "no torque", "saturated torque"}
-"""Findings after which a joint's torque says nothing about the physics."""
+"""Issues after which a joint's torque says nothing about the physics."""
 
 
 def inspect(
@@ -51,7 +51,7 @@ def inspect(
     alone : bool
         Whether no other log helps to identify the robot.
     prepared : LowPass and sequence of Motion, optional
-        The log prepared already, for somebody who has no time: figures that no finding needs are then left out.
+        The log prepared already, for somebody who has no time: figures that no issue needs are then left out.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def inspect(
     notes = Notebook(robot.joints)
     check_clock(log, notes)
     check_channels(robot, log, notes, figures=not brief)
-    if any(f.blocks for f in notes.findings):
+    if any(f.blocks for f in notes.issues):
         return notes.report(log.source)
     if notes.facts.get("stamps_follow", 1.0) < 0.5:
         # Stamps of arrival are worse than none: what follows is judged on the mean step.
@@ -69,9 +69,9 @@ def inspect(
     lowpass = choose_lowpass([log], robot.joints) if prepared is None else prepared[0]
     coarse = LowPass(min(lowpass.cutoff or HIGHEST, HIGHEST))
     check_velocity(log, coarse, notes, most=FEW_SECONDS if brief else None)
-    if not any(f.kind == "degrees" for f in notes.findings):
+    if not any(f.kind == "degrees" for f in notes.issues):
         check_degrees(robot, log, notes)
-    if not any(f.blocks for f in notes.findings):
+    if not any(f.blocks for f in notes.issues):
         with suppress(InputError):  # a log too short for the filters is for `identify` to refuse
             motions = prepare(log, coarse).motions if prepared is None else prepared[1]
             _dynamics(log, Sketch.of(robot, motions, coarse, _rows(log, notes)), reduction, notes, alone, brief)
@@ -80,7 +80,7 @@ def inspect(
 
 def _rows(log: Log, notes: Notebook) -> list[str]:
     """Joints whose torque can say something about the physics."""
-    dead = {name for f in notes.findings if f.kind in USELESS for name in f.where}
+    dead = {name for f in notes.issues if f.kind in USELESS for name in f.where}
     return [n for n, yes in zip(log.joints, log.has("tau"), strict=True) if yes and n not in dead]
 
 

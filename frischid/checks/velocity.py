@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from frischid.checks.finding import Notebook, span
+from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
 from frischid.logs.log import STILL, Log
 from frischid.logs.mapping import SECONDS
@@ -122,7 +122,7 @@ def _late(lag: Array, slope: Array, step: float, good: NDArray[np.bool_], notes:
     if not late.any():
         return
     way = "lags its own position" if np.median(lag[late]) > 0 else "runs ahead of its own position"
-    notes.find(
+    notes.add(
         "late velocity",
         f"the measured velocity {way} by {span(np.abs(lag[late]))} s (median "
         f"{np.median(np.abs(lag[late])):.2g} s), an error of {span(100 * error[late], ' %')}",
@@ -178,7 +178,7 @@ def _say(
 ) -> None:
     if hit.any():
         what = f"the measured velocity is {span(factor[hit])} times the slope of the position: {words}"
-        notes.find(kind, what, notes.which(hit), "certain", advice, blocks=blocks)
+        notes.add(kind, what, notes.which(hit), "certain", advice, blocks=blocks)
 
 
 def _unrelated(correlation: Array, bad: NDArray[np.bool_], seen: NDArray[np.bool_], notes: Notebook) -> None:
@@ -190,4 +190,4 @@ def _unrelated(correlation: Array, bad: NDArray[np.bool_], seen: NDArray[np.bool
         else:
             what = f"the measured velocity is not the slope of the position (correlation {correlation[i, i]:.2f})"
             kind = "unrelated velocity"
-        notes.find(kind, what, (notes.names[i],), "certain", "check the column names; it is not used as it is")
+        notes.add(kind, what, (notes.names[i],), "certain", "check the column names; it is not used as it is")

@@ -37,13 +37,13 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
             # One error stops the reading. Where there is more to say, the page says it first.
             form = LogMap.of(mapping)
             broken = [report for path in logs if (report := defects(Path(path), form)) is not None]
-            if sum(len(report.findings) for report in broken) > 1:
+            if sum(len(report.issues) for report in broken) > 1:
                 show_page(show.check(broken), as_json)
             raise
         progress("checking")
         reports = examine(machine, data)
     show_page(show.check(reports), as_json)
-    sys.exit(1 if any(report.findings for report in reports) else 0)
+    sys.exit(1 if any(report.issues for report in reports) else 0)
 
 
 @main.command()

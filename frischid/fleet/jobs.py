@@ -148,7 +148,7 @@ def measure(entry: Entry, job: Job) -> Part | Skipped:
                 alone=False,
                 prepared=(job.lowpass, known),
             )
-            warnings = tuple(f"{entry.address}: {finding.short}" for finding in report.findings)
+            warnings = tuple(f"{entry.address}: {issue.short}" for issue in report.issues)
             return Part(entry.address, merged, seen.samples[0], seen.seconds, warnings)
     except Exception as error:
         return _skipped(entry, error)

@@ -148,7 +148,7 @@ def identify(
     reference : mapping of str to float, optional
         Parameter values from which effects that depend on the load take it; the URDF's own by default.
     anyway : bool
-        Go on in spite of a finding of `frischid.checks` that is certain and makes the logs worthless.
+        Go on in spite of an issue of `frischid.checks` that is certain and makes the logs worthless.
     progress : callable
         Told what is being done.
 
@@ -175,7 +175,7 @@ def identify(
     notes.append(_filtering(lowpass))
     progress("checking the logs")
     reports = _reports(robot, logs, None if streamed else (lowpass, list(motions)))
-    warnings = [f"{report.source}: {finding.short}" for report in reports for finding in report.findings]
+    warnings = [f"{report.source}: {issue.short}" for report in reports for issue in report.issues]
     if not anyway:
         _refuse_worthless(reports)
     if effects is None:
@@ -398,9 +398,9 @@ def _reports(
 def _refuse_worthless(reports: Sequence[LogReport]) -> None:
     """Stop at what is certain and leaves nothing to identify."""
     for report in reports:
-        for finding in report.findings:
-            if finding.blocks and finding.sure == "certain":
-                raise InputError(f"{report.source}: {finding}. To go on all the same: --anyway (anyway=True)")
+        for issue in report.issues:
+            if issue.blocks and issue.sure == "certain":
+                raise InputError(f"{report.source}: {issue}. To go on all the same: --anyway (anyway=True)")
 
 
 def _check_cutoff(cutoff: float | str | None, logs: Sequence[Data]) -> None:

@@ -124,5 +124,5 @@ def _judge(model: Model, log: Log) -> Quality:
         np.abs(stacked["a"]).max(axis=0),
         stacked["still"].mean(axis=0),
         (*log.notes, *prepared.notes),
-        tuple(finding.short for finding in report.findings),
+        tuple(issue.short for issue in report.issues),
     )

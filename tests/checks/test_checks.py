@@ -63,7 +63,7 @@ def clean(name, sensors="quiet", seed=1):
 
 def kinds(robot, log):
     (report,) = examine(robot, [log])
-    return {finding.kind: finding for finding in report.findings}
+    return {issue.kind: issue for issue in report.issues}
 
 
 @pytest.mark.parametrize("sensors", SENSORS)
@@ -187,7 +187,7 @@ def test_gaps_and_true_jitter():
     true = simulate(robot, random_fourier(robot, 20, seed=1), rate=2000)
     q, v, tau = (np.column_stack([np.interp(t, true.t, c) for c in x.T]) for x in (true.q, true.v, true.tau))
     (report,) = examine(robot, [Log(t, log.joints, q, v=v, tau=tau)])
-    assert report.findings == ()
+    assert report.issues == ()
     assert report.facts["stamps_follow"] == pytest.approx(1.0, abs=0.05)
 
 
@@ -244,7 +244,7 @@ def test_a_motion_faster_than_the_urdf_allows_is_not_in_degrees():
     fast = replace(log, t=log.t[0] + (log.t - log.t[0]) / 6, v=None if log.v is None else 6 * log.v)
     assert (np.ptp(fast.q, axis=0) < 2 * np.pi).all()
     (report,) = examine(machine("kinova"), [fast])
-    assert "degrees" not in {finding.kind for finding in report.findings}
+    assert "degrees" not in {issue.kind for issue in report.issues}
 
 
 def test_identify_refuses_to_hold_out_what_it_fitted():
@@ -287,7 +287,7 @@ def test_tiago(data):
 def test_panda(data):
     robot = Robot.load(data / "panda/panda.urdf")
     (report,) = examine(robot, [read_log(data / "panda/logs/ident_0_14s.parquet", robot.joints)])
-    assert {f.kind for f in report.findings} == {"gap"}  # lost cycles; their stamps are true
+    assert {f.kind for f in report.issues} == {"gap"}  # lost cycles; their stamps are true
     assert report.facts["stamps_follow"] == pytest.approx(1.0, abs=1e-3)
     host = measured(data, "panda/panda.urdf", "panda/logs/traj1_raw_host_time.parquet")
     assert set(host) == {"gap", "repeated samples", "host clock"}
@@ -301,6 +301,6 @@ def test_ur10e(data):
     mapping = {"current_gain": dict(zip(robot.joints, GAINS, strict=True))}
     names = ["ident_20s_5harm", "unloaded_50s_14harm", "valid_ptp_10_points", "loaded_2805g_50s_14harm"]
     logs = [read_log(data / f"ur10e/logs/{n}.parquet", robot.joints, mapping) for n in names]
-    *plain, loaded = [{f.kind for f in report.findings} for report in examine(robot, logs)]
+    *plain, loaded = [{f.kind for f in report.issues} for report in examine(robot, logs)]
     assert all(found <= {"late torque"} for found in plain)
     assert loaded == {"payload"}

@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.markup import escape
 
-from frischid.checks import Finding, LogReport
+from frischid.checks import LogIssue, LogReport
 from frischid.cli.pages.page import Page, figure, table_of
 from frischid.logs.datasets import Dataset
 from frischid.logs.mapping_guess import Proposal
@@ -28,34 +28,33 @@ COLUMNS = {
 
 
 def check(reports: Sequence[LogReport]) -> Page:
-    """Figures and findings of logs."""
+    """Figures and issues of logs."""
     parts: list[Any] = []
     for report in reports:
         parts += [_headline(report.source, report.facts), *(f"  {escape(n)}" for n in report.facts.get("notes", ()))]
         parts += [*_clock(report.facts), *_joints(report.joints), *_parameters(report.facts)]
-        parts += [line for finding in report.findings for line in lines(finding)] or ["  nothing suspicious"]
+        parts += [line for issue in report.issues for line in lines(issue)] or ["  nothing suspicious"]
     data = [
         {
             "log": report.source,
             **report.facts,
             "joint_figures": {name: dict(values) for name, values in report.joints.items()},
-            "findings": [finding.to_dict() for finding in report.findings],
+            "issues": [issue.to_dict() for issue in report.issues],
             "warnings": list(report.warnings),
             "blocked": report.blocked,
         }
         for report in reports
     ]
-    return Page({"logs": data, "ok": not any(report.findings for report in reports)}, parts)
+    return Page({"logs": data, "ok": not any(report.issues for report in reports)}, parts)
 
 
-def lines(finding: Finding) -> list[str]:
-    """A finding for people: what and where, then what to do."""
-    place = f"{', '.join(finding.where)}: " if finding.where else ""
-    colour = "red" if finding.blocks else "yellow"
+def lines(issue: LogIssue) -> list[str]:
+    """An issue for people: what and where, then what to do."""
+    place = f"{', '.join(issue.where)}: " if issue.where else ""
+    colour = "red" if issue.blocks else "yellow"
     return [
-        f"[{colour}]{finding.kind}[/{colour}] ({finding.sure}{', stops here' * finding.blocks}) "
-        f"{escape(place + finding.what)}",
-        f"    → {escape(finding.advice)}",
+        f"[{colour}]{issue.kind}[/{colour}] ({issue.sure}{', stops here' * issue.blocks}) {escape(place + issue.what)}",
+        f"    → {escape(issue.advice)}",
     ]
 
 

@@ -1,4 +1,4 @@
-"""What a data check says: one finding, one log's report."""
+"""What a data check says: one issue, one log's report."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Sureness = Literal["certain", "likely", "possible"]
 
 
 @dataclass(frozen=True)
-class Finding:
+class LogIssue:
     """Something in a log that needs a look.
 
     Attributes
@@ -67,24 +67,24 @@ class LogReport:
         Figures of the whole log, for example ``rate_hz``.
     joints : mapping of str to mapping of str to float
         Figures of each joint, for example ``noise_q``; what could not be measured is missing.
-    findings : tuple of Finding
+    issues : tuple of LogIssue
         Blocking ones first, then the surest.
     """
 
     source: str
     facts: Mapping[str, Any]
     joints: Mapping[str, Mapping[str, float]]
-    findings: tuple[Finding, ...]
+    issues: tuple[LogIssue, ...]
 
     @property
     def blocked(self) -> bool:
-        """Whether some finding makes the log worthless as it stands."""
-        return any(finding.blocks for finding in self.findings)
+        """Whether some issue makes the log worthless as it stands."""
+        return any(issue.blocks for issue in self.issues)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """The findings as sentences."""
-        return tuple(map(str, self.findings))
+        """The issues as sentences."""
+        return tuple(map(str, self.issues))
 
 
 @dataclass
@@ -94,7 +94,7 @@ class Notebook:
     names: Sequence[str]
     facts: dict[str, Any] = field(default_factory=dict)
     joints: dict[str, dict[str, float]] = field(default_factory=dict)
-    findings: list[Finding] = field(default_factory=list)
+    issues: list[LogIssue] = field(default_factory=list)
 
     def per_joint(self, quantity: str, values: Array) -> None:
         """Note a figure of every joint, (J,); what is not finite is left out."""
@@ -102,27 +102,27 @@ class Notebook:
             if np.isfinite(value):
                 self.joints.setdefault(name, {})[quantity] = float(value)
 
-    def find(
+    def add(
         self, kind: str, what: str, where: Iterable[str], sure: Sureness, advice: str, *, blocks: bool = False
     ) -> None:
-        """Add a finding; one that differs only in its joints joins the earlier one."""
-        new = Finding(kind, what, tuple(where), sure, advice, blocks)
-        for k, old in enumerate(self.findings):
+        """Add an issue; one that differs only in its joints joins the earlier one."""
+        new = LogIssue(kind, what, tuple(where), sure, advice, blocks)
+        for k, old in enumerate(self.issues):
             if new.where and replace(old, where=new.where) == new:
                 joints = {*old.where, *new.where}
-                self.findings[k] = replace(old, where=tuple(n for n in self.names if n in joints))
+                self.issues[k] = replace(old, where=tuple(n for n in self.names if n in joints))
                 return
-        self.findings.append(new)
+        self.issues.append(new)
 
     def which(self, chosen: NDArray[np.bool_]) -> tuple[str, ...]:
         """Names of the chosen joints, (J,)."""
         return tuple(name for name, yes in zip(self.names, chosen, strict=True) if yes)
 
     def report(self, source: str) -> LogReport:
-        """Everything noted, the gravest finding first."""
+        """Everything noted, the gravest issue first."""
         order = {"certain": 0, "likely": 1, "possible": 2}
-        findings = sorted(self.findings, key=lambda f: (not f.blocks, order[f.sure]))
-        return LogReport(source, self.facts, self.joints, tuple(findings))
+        issues = sorted(self.issues, key=lambda f: (not f.blocks, order[f.sure]))
+        return LogReport(source, self.facts, self.joints, tuple(issues))
 
 
 def span(values: Array, unit: str = "") -> str:
