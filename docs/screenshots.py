@@ -16,7 +16,7 @@ from PIL import Image
 
 import frischid as fr
 from frischid.cli import demo
-from frischid.report import report
+from frischid.reports.page import report
 from frischid.studio import studio
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))

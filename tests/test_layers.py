@@ -27,7 +27,7 @@ FOLDERS = (
     "export",
     "fleet",
     "figures",
-    "report",
+    "reports",
     "studio",
     "cli",
 )
@@ -151,7 +151,7 @@ def test_every_folder_says_what_it_is_for():
 def test_no_module_name_stands_in_two_folders():
     stems = {}
     for module in modules():
-        if folder(module) not in ("cli", "figures", "report", "studio") and "." in module:
+        if folder(module) not in ("cli", "figures", "reports", "studio") and "." in module:
             stems.setdefault(module.split(".")[-1], []).append(module)
     assert not {stem: found for stem, found in stems.items() if len(found) > 1}
 

@@ -70,7 +70,7 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
     metavar="ADDRESS",
     help="Take the logs as those of a fleet and sum their moments there (a Dask address, local, or none): see fleet.",
 )
-@click.option("--anyway", is_flag=True, help="Go on in spite of what the data check found.")
+@click.option("--force", is_flag=True, help="Identify although the log check found errors.")
 @click.option("-o", "--output", type=click.Path(), help="Write the model here (JSON).")
 @json_option
 def identify(
@@ -87,7 +87,7 @@ def identify(
     bbrf: str,
     window: int | None,
     scheduler: str | None,
-    anyway: bool,
+    force: bool,
     output: str | None,
     as_json: bool,
     **options: Any,
@@ -124,7 +124,7 @@ def identify(
             prior=prior,
             recursion=bbrf,
             window=window,
-            anyway=anyway,
+            anyway=force,
             progress=progress,
         )
     if output:

@@ -117,7 +117,7 @@ def add(
 @valid_option
 @map_option
 @situation_option
-@click.option("--most", default=8, show_default=True, help="Most effects to add.")
+@click.option("--max-steps", default=8, show_default=True, help="Largest number of effects to add.")
 @click.option("-o", "--output", type=click.Path(), help="Write the final model here (JSON).")
 @json_option
 def improve(
@@ -126,7 +126,7 @@ def improve(
     valid: tuple[str, ...],
     mapping: str | None,
     situation: Any,
-    most: int,
+    max_steps: int,
     output: str | None,
     as_json: bool,
 ) -> None:
@@ -142,7 +142,7 @@ def improve(
     with working(as_json) as progress:
         progress("reading logs")
         data, held_out = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
-        steps, last = run(loaded, data, valid=held_out, situation=situation, most=most, progress=progress)
+        steps, last = run(loaded, data, valid=held_out, situation=situation, most=max_steps, progress=progress)
     final = steps[-1].model if steps else loaded
     if output:
         final.save(output)

@@ -34,7 +34,7 @@ def demo(seed: int, output: str | None, page: str, as_json: bool) -> None:
     from frischid.cli.demo import run
     from frischid.cli.pages import learning as show
     from frischid.core.files import check_writable
-    from frischid.report import report
+    from frischid.reports.page import report
 
     for path in filter(None, (output, page)):
         check_writable(path)

@@ -22,7 +22,7 @@ def report(model: str, logs: tuple[str, ...], mapping: str | None, situation: An
     from frischid.cli.pages import seeing as show
     from frischid.core.files import check_writable
     from frischid.model.model import Model
-    from frischid.report import report as run
+    from frischid.reports.page import report as run
 
     check_writable(output)
     loaded = Model.load(model)

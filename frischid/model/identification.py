@@ -400,7 +400,7 @@ def _refuse_worthless(reports: Sequence[LogReport]) -> None:
     for report in reports:
         for issue in report.issues:
             if issue.blocks and issue.sure == "certain":
-                raise InputError(f"{report.source}: {issue}. To go on all the same: --anyway (anyway=True)")
+                raise InputError(f"{report.source}: {issue}. To go on all the same: --force (anyway=True)")
 
 
 def _check_cutoff(cutoff: float | str | None, logs: Sequence[Data]) -> None:

@@ -177,7 +177,7 @@ class Bench:
 
     def export(self) -> Path:
         """Write the report on the present model, beside it."""
-        from frischid.report import report
+        from frischid.reports.page import report
 
         state = self.state
         path = self.output.with_suffix(".html")

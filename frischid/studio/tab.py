@@ -230,7 +230,7 @@ class Tab:
     def _list(self, state: State) -> None:
         """The findings, each with its button; rebuilt, because they are others after every step."""
         from frischid.diagnosis.findings import HOW_RANKED
-        from frischid.report.study import missing
+        from frischid.reports.study import missing
 
         for handle in self._listed:
             handle.remove()
@@ -248,7 +248,7 @@ class Tab:
                 self._offer(finding, state.revision)
 
     def _offer(self, finding: Finding, revision: int) -> None:
-        from frischid.report.study import opened
+        from frischid.reports.study import opened
 
         button = self.client.gui.add_button(
             f"Add {finding.effect}: {finding.error_before:.4f} → {finding.error_after:.4f}"

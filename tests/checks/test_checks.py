@@ -233,7 +233,7 @@ def test_identify_prints_the_short_form_and_refuses_what_is_worthless():
     late = identify(robot, [replace(log, v=delayed(log, log.v, 0.05))], **options)
     assert any("lags its own position" in w and "late velocity" in w for w in late.warnings)
     for damage, words in ((FAULTS["degrees"][0], "looks like degrees"), (FAULTS["ms"][0], r'time_unit = "ms"')):
-        with pytest.raises(InputError, match=rf"{words}.*--anyway"):
+        with pytest.raises(InputError, match=rf"{words}.*--force"):
             identify(robot, [damage(log)], **options)
     found = identify(robot, [FAULTS["degrees"][0](log)], anyway=True, **options)
     assert any("degrees" in w for w in found.warnings)

@@ -345,8 +345,8 @@ def test_one_dead_torque(logs, tmp_path):
 
 def test_degrees_stop_identify_unless_told_otherwise(logs, tmp_path):
     path = changed(logs, tmp_path, q_joint1=np.rad2deg, q_joint2=np.rad2deg)
-    refused(["degrees", "--anyway"], "identify", "planar2", path, "--bbrf", "none")
-    result = data_of("identify", "planar2", path, "--bbrf", "none", "--anyway")
+    refused(["degrees", "--force"], "identify", "planar2", path, "--bbrf", "none")
+    result = data_of("identify", "planar2", path, "--bbrf", "none", "--force")
     assert any("degrees" in w for w in result["warnings"])
     mapping = tmp_path / "map.toml"
     mapping.write_text('[file]\nangle_unit = "deg"\n')

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from frischid.cli.pages.page import Page, warning_lines
-from frischid.report import Study
-from frischid.report.study import missing
+from frischid.reports.study import Study, missing
 
 
 def report(study: Study, output: str) -> Page:

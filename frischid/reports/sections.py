@@ -16,8 +16,8 @@ from frischid.diagnosis.effect_curves import shape_of
 from frischid.diagnosis.findings import HOW_RANKED, Finding
 from frischid.effects import EFFECTS
 from frischid.figures.style import number
-from frischid.report.html import command, esc, folded, items, plot, plots, said, table
-from frischid.report.study import Study, missing, opened
+from frischid.reports.html import command, esc, folded, items, plot, plots, said, table
+from frischid.reports.study import Study, missing, opened
 
 SHOWN = 6  # findings drawn; the others stand in the ranking
 VARIABLES = ("q", "v", "a", "load", "t")

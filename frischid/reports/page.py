@@ -21,9 +21,9 @@ from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.logs.log import Log
 from frischid.model.model import Model
-from frischid.report.html import esc
-from frischid.report.sections import sections
-from frischid.report.study import Study, study
+from frischid.reports.html import esc
+from frischid.reports.sections import sections
+from frischid.reports.study import Study, study
 
 __all__ = ["Study", "page", "report", "study"]
 
@@ -106,4 +106,4 @@ def _made(found: Study) -> str:
 
 
 def _part(name: str) -> str:
-    return resources.files("frischid.report").joinpath(name).read_text(encoding="utf-8")
+    return resources.files("frischid.reports").joinpath(name).read_text(encoding="utf-8")

@@ -22,11 +22,11 @@ from frischid.model.prediction import predict
 from frischid.model.residual_conditions import Condition
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
-from frischid.report import page, report, study
-from frischid.report.html import command
-from frischid.report.sections import data, parameters, rounded, verdict
-from frischid.report.study import missing
-from frischid.report.study import opened as capital
+from frischid.reports.html import command
+from frischid.reports.page import page, report
+from frischid.reports.sections import data, parameters, rounded, verdict
+from frischid.reports.study import missing, study
+from frischid.reports.study import opened as capital
 from frischid.robot.robot import Robot
 
 DATA = os.environ.get("FRISCHID_DATA")
