@@ -156,13 +156,6 @@ def test_no_module_name_stands_in_two_folders():
     assert not {stem: found for stem, found in stems.items() if len(found) > 1}
 
 
-def test_public_names_exist_and_are_listed():
-    for name in frischid.__all__:
-        assert getattr(frischid, name) is not None
-    with pytest.raises(AttributeError, match="no attribute 'identfy'"):
-        frischid.identfy  # noqa: B018
-
-
 HEAVY = ("pinocchio", "cvxpy", "plotly", "viser", "scipy", "numpy", "pyarrow", "rich", "dask", "proxsuite")
 
 
