@@ -25,7 +25,7 @@ from common import data_folder, parser, publish
 from frischid.core.types import Array
 from frischid.effects import BASELINE, Coulomb, Effect, RotorInertia, Viscous
 from frischid.motions.collision import Clearance
-from frischid.motions.limits import Envelope, Excess
+from frischid.motions.limits import Excess, MotionLimits
 from frischid.motions.optimality import Condition, Criterion, Paper
 from frischid.motions.optimize import Cost, Search
 from frischid.motions.plan import Plan, default_size, plan
@@ -36,12 +36,12 @@ PAPER_EVALUATIONS = 399_671
 DURATION = 20.0
 
 
-def planar() -> tuple[Robot, tuple[Effect, ...], Envelope]:
+def planar() -> tuple[Robot, tuple[Effect, ...], MotionLimits]:
     """Return the arm, effects and bounds of the paper's section 3.2."""
     robot = Robot.load("planar2", frames="far_end", known={"my1": 0.0, "my2": 0.0})
     rotor = RotorInertia(joints=(robot.joints[1],), coupled=True, ratio=0.1)
     ones = np.ones(2)
-    bounds = Envelope(-3 * ones, 3 * ones, 5 * ones, 10 * ones, np.full(2, np.inf))
+    bounds = MotionLimits(-3 * ones, 3 * ones, 5 * ones, 10 * ones, np.full(2, np.inf))
     return robot, (Viscous(), Coulomb(width=1e-3), rotor), bounds
 
 
@@ -104,7 +104,7 @@ def random_best(robot: Robot, harmonics: int, count: int, seed: int, clearance: 
     coarse = np.linspace(0.0, DURATION, 100)
     family = Family.named("fourier", DURATION, harmonics)
     cost = Cost(robot, BASELINE, coarse, Condition(), seed)
-    search = Search(family, cost, Excess(robot, Envelope.of(robot), clearance), DURATION, "everywhere", 0)
+    search = Search(family, cost, Excess(robot, MotionLimits.of(robot), clearance), DURATION, "everywhere", 0)
     rng = np.random.default_rng(seed)
     found: list[tuple[float, Array]] = []
     for _ in range(count):

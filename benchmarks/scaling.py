@@ -84,7 +84,7 @@ def case(joints: int, samples: int) -> dict[str, Any]:
     recording = made_up(robot, samples)
     started = resident()
     start = time.process_time()
-    for _ in recording.pieces():
+    for _ in recording.chunks():
         pass
     reading = time.process_time() - start
     start = time.process_time()

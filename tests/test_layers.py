@@ -38,6 +38,7 @@ NUMERIC = (
     "regression.moments",
     "regression.streaming_qr",
     "regression.base_parameters",
+    "estimators.autocorrelation",
     "estimators.least_squares",
     "estimators.frisch",
     "estimators.sensorwise",

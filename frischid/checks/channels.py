@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
-from frischid.logs.log import STILL, Log
+from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.preprocessing import noise_level
 from frischid.robot.robot import Robot
 
@@ -18,7 +18,7 @@ DEAD_BAND = 0.1
 
 def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = True) -> None:
     """Dead, coarse, saturated and held channels; joints that do not move; noise of each channel as `figures`."""
-    moving = np.ptp(log.q, axis=0) >= STILL
+    moving = np.ptp(log.q, axis=0) >= STANDSTILL_SPAN
     notes.facts["channels"] = [c for c in ("v", "a", "tau", "current") if log.has(c).any()]
     for channel in ("q", "v", "tau", "current") if figures else ():
         values, present = getattr(log, channel), log.has(channel)
@@ -31,7 +31,7 @@ def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = T
     if not moving.all():
         notes.add(
             "no motion",
-            f"range below {STILL:g} rad (m): nothing can be learnt about it",
+            f"range below {STANDSTILL_SPAN:g} rad (m): nothing can be learnt about it",
             notes.which(~moving),
             "certain",
             "move it, lock it (--lock), or check its position column",

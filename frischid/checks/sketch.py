@@ -94,7 +94,7 @@ class Sketch:
             t = motion.t[half : len(motion.t) - half][::every]
             channels = (motion.q, motion.v, motion.a, motion.tau, np.tanh(motion.v / WIDTH))
             filtered = [F @ x for x in channels]
-            parts.append((t[: F.shape[0]], *filtered, (abs(F) @ motion.still.astype(float)) < RESTING))
+            parts.append((t[: F.shape[0]], *filtered, (abs(F) @ motion.standstill.astype(float)) < RESTING))
         if not parts:
             raise InputError(f"the log is shorter than its filters ({len(taps)} samples); record longer")
         ends = tuple(np.cumsum([len(part[0]) for part in parts]).tolist())

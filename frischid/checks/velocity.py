@@ -15,7 +15,7 @@ from scipy import signal
 
 from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
-from frischid.logs.log import STILL, Log
+from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.mapping import SECONDS
 from frischid.logs.preprocessing import LATE_VELOCITY, LowPass, derivative_taps, noise_level, uniform
 
@@ -27,7 +27,7 @@ DEGREE = 180 / np.pi
 
 def check_velocity(log: Log, lowpass: LowPass, notes: Notebook, most: float | None = None) -> None:
     """Late, scaled, negated, exchanged and unrelated velocity columns, in at `most` so many seconds."""
-    moving = np.ptp(log.q, axis=0) >= STILL
+    moving = np.ptp(log.q, axis=0) >= STANDSTILL_SPAN
     which = np.flatnonzero(log.has("v") & moving & (np.ptp(np.nan_to_num(_measured(log)), axis=0) > 0))
     if len(which) == 0:
         return

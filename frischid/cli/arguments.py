@@ -81,7 +81,7 @@ def load(
     """
     from statistics import median
 
-    from frischid.logs.recording import pieces_of
+    from frischid.logs.recording import chunks_of
     from frischid.robot.robot import Robot
 
     nominal = Robot.load(robot)
@@ -95,7 +95,7 @@ def load(
     if joints is not None:
         locks |= {j: float("nan") for j in nominal.joints if j not in joints and j not in locks}
     free = [joint for joint, angle in locks.items() if angle != angle]
-    first = next(pieces_of(logs[0])) if logs and free else None
+    first = next(chunks_of(logs[0])) if logs and free else None
     for joint in free:
         if first is not None and joint in first.joints:
             locks[joint] = median(first.select([joint]).q[:, 0].tolist())

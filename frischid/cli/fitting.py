@@ -124,7 +124,7 @@ def identify(
             prior=prior,
             recursion=bbrf,
             window=window,
-            anyway=force,
+            force=force,
             progress=progress,
         )
     if output:

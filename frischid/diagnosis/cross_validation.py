@@ -21,7 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from frischid.core.autocorrelation import Correlated
 from frischid.core.parallel import Workers
 from frischid.core.text import each_of
 from frischid.core.types import Array
@@ -30,6 +29,7 @@ from frischid.diagnosis.dataset import Rows
 from frischid.diagnosis.motion_cache import Part, Stretch
 from frischid.effects import Effect
 from frischid.errors import InputError
+from frischid.estimators.autocorrelation import Autocorrelation
 from frischid.estimators.least_squares import Prior
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
@@ -111,7 +111,9 @@ class Evidence:
     def _on(self, data: Rows) -> None:
         """Take these rows."""
         self.data, self.counts = data, data.counts
-        self.spread = np.array([Correlated.of(p.tau for p in data.parts(row)).std for row in range(len(self.joints))])
+        self.spread = np.array(
+            [Autocorrelation.of(p.tau for p in data.parts(row)).std for row in range(len(self.joints))]
+        )
         flat = [name for name, spread in zip(self.joints, self.spread, strict=True) if not spread > 0]
         if flat:
             raise InputError(
@@ -164,7 +166,7 @@ class Evidence:
             self.omega = 1.0 / (np.maximum(sigma, 1e-9 * self.spread) ** 2 * self.correlation)
             self.systems = [self._solve(f) for f in (*range(self.folds), None)]
             self.theta = self.systems[-1][1]
-            left = [Correlated.of(self.residuals(row, self.theta)) for row in range(len(self.joints))]
+            left = [Autocorrelation.of(self.residuals(row, self.theta)) for row in range(len(self.joints))]
             sigma, self.correlation = np.array([x.std for x in left]), np.array([x.time for x in left])
         self.sigma = sigma
         self.effective = self.counts.sum(axis=0) / self.correlation
@@ -426,5 +428,5 @@ class Evidence:
         theta, n = self.theta + fit.change, self.counts.sum(axis=0)
         for row in candidate.columns:
             left = (p.tau - self.predicted(p, theta, candidate, fit.beta) for p in self.data.parts(row))
-            effective[row] = max(effective[row], n[row] / Correlated.of(left).time)
+            effective[row] = max(effective[row], n[row] / Autocorrelation.of(left).time)
         return effective

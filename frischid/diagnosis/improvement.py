@@ -15,7 +15,7 @@ from frischid.effects import Effect, columns_of
 from frischid.errors import InputError
 from frischid.estimators.least_squares import Estimate
 from frischid.logs.log import Log
-from frischid.logs.recording import Recording, check_logs, pieces_of
+from frischid.logs.recording import Recording, check_logs, chunks_of
 from frischid.model.comparison import compare
 from frischid.model.identification import identify
 from frischid.model.model import Model
@@ -101,7 +101,7 @@ def add(
         "measured_on": measured_on,
         "sentence": "" if finding is None else finding.sentence,
         "logs": [
-            {"source": log.source, "sha256": log.identity, "samples": sum(map(len, pieces_of(log)))} for log in logs
+            {"source": log.source, "sha256": log.identity, "samples": sum(map(len, chunks_of(log)))} for log in logs
         ],
         "held_out_logs": [{"source": log.source, "sha256": log.identity} for log in valid],
     }

@@ -25,8 +25,8 @@ from frischid.logs.log import Log
 from frischid.logs.mapping import LogMap
 from frischid.logs.preprocessing import Bandwidths, LowPass, prepare
 from frischid.logs.readers import read_log
-from frischid.logs.recording import Motions, Recording, head_of, pieces_of
-from frischid.logs.summary import survey
+from frischid.logs.recording import Motions, Recording, chunks_of, preview_of
+from frischid.logs.summary import summarise
 from frischid.model.model import Model
 from frischid.regression.moments import Gram, total
 from frischid.regression.regressor import Regressor, accumulate
@@ -115,10 +115,10 @@ def look(entry: Entry, joints: tuple[str, ...], rows: tuple[str, ...] | None, ma
     try:
         with local(entry.address) as path:
             log = _open(path, entry.address, joints, mapping)
-            head = head_of(log)
+            head = preview_of(log)
             torques = tuple(str(n) for n in np.compress(head.has("tau"), head.joints))
             bands = Bandwidths()
-            bands.add(next(pieces_of(log)), [n for n in (rows or torques) if n in torques])
+            bands.add(next(chunks_of(log)), [n for n in (rows or torques) if n in torques])
             return Look(head.joints, torques, tuple(bands.bands), tuple(bands.clear), float(bands.rate))
     except Exception as error:
         return _skipped(entry, error)
@@ -130,8 +130,8 @@ def measure(entry: Entry, job: Job) -> Part | Skipped:
         robot, regressor = tools(job.robot, job.effects)
         with local(entry.address) as path:
             log = _open(path, entry.address, (*robot.joints, *robot.locked), job.mapping)
-            seen = survey(robot, [log], job.rows, job.lowpass.cutoff)
-            missing = [n for n in job.rows if not head_of(log).select([n]).has("tau")[0]]
+            seen = summarise(robot, [log], job.rows, job.lowpass.cutoff)
+            missing = [n for n in job.rows if not preview_of(log).select([n]).has("tau")[0]]
             if missing:
                 raise InputError(f"no torque of {', '.join(missing)}, which other logs have")
             pieces = Motions([log], robot.joints, job.lowpass, job.velocity)
@@ -139,7 +139,7 @@ def measure(entry: Entry, job: Job) -> Part | Skipped:
             seconds = seen.seconds if isinstance(log, Recording) else None
             grams = accumulate(regressor, motions, job.lowpass, job.rows, seconds=seconds, base=job.base)
             merged = tuple(_merged(grams, BLOCKS))
-            first = next(pieces_of(log)).select(robot.joints)
+            first = next(chunks_of(log)).select(robot.joints)
             known = motions if isinstance(motions, list) else prepare(first, job.lowpass, velocity=job.velocity).motions
             report = inspect(
                 robot,
@@ -222,7 +222,7 @@ def explain(
             break
         with local(address) as path:
             opened = _open(path, address, (*fleet.robot.joints, *fleet.robot.locked), mapping)
-            logs.append(next(pieces_of(opened)))
+            logs.append(next(chunks_of(opened)))
     try:
         found = diagnose(fleet, logs, situation="changed").findings
     except FrischidError as error:

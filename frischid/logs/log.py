@@ -30,7 +30,7 @@ CHANNELS = ("q", "v", "a", "tau", "current")
 FEWEST_SAMPLES = 10
 GARBAGE = 1e12
 """No SI quantity of a robot is larger: such a value is uninitialised memory."""
-STILL = 1e-3
+STANDSTILL_SPAN = 1e-3
 """A joint whose position spans less than this [rad or m] has not moved."""
 
 
@@ -255,9 +255,9 @@ def check_times(t: Array, source: str, place: Place = row_place, name: str = "t"
 
 
 def check_motion(log: Log) -> None:
-    """Refuse a log in which every joint's position spans less than `STILL`."""
+    """Refuse a log in which every joint's position spans less than `STANDSTILL_SPAN`."""
     span = np.ptp(log.q, axis=0)
-    if (span < STILL).all():
+    if (span < STANDSTILL_SPAN).all():
         raise InputError(
             f"{log.source}: no joint moves (largest range {span.max():.3g} rad); dynamics need motion: "
             "check the position columns and their unit, or record an exciting trajectory"

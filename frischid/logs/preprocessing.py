@@ -26,7 +26,7 @@ from scipy.interpolate import make_interp_spline
 
 from frischid.core.types import Array
 from frischid.errors import InputError
-from frischid.logs.log import STILL, Log
+from frischid.logs.log import STANDSTILL_SPAN, Log
 
 DERIVATIVE_BAND = 5.0  # derivatives pass this many times the cut-off; beyond it only noise is left
 QUARTIC = 4
@@ -116,7 +116,7 @@ class Motion:
 
     def part(self, kept: slice) -> Motion:
         """Some of the samples."""
-        parts = {name: getattr(self, name)[kept] for name in ("t", "q", "v", "a", "tau", "still")}
+        parts = {name: getattr(self, name)[kept] for name in ("t", "q", "v", "a", "tau", "standstill")}
         return replace(self, **parts, extra={name: x[kept] for name, x in self.extra.items()})
 
 
@@ -152,7 +152,7 @@ def standstill(q: Array, v: Array, a: Array, step: float, pause: float = PAUSE) 
     """Joints that hold their position, or stop and go on without reversing.
 
     Dry friction at rest takes any value up to break-away, whatever the speed's noise says; a model with Coulomb
-    friction makes no prediction there. A joint holds its position when it travels less than `STILL` within half a
+    friction makes no prediction there. A joint holds its position when it travels less than `STANDSTILL_SPAN` within half a
     second around the sample. It stops where it creeps (slower than `CREEPING`, or than a fiftieth of its usual speed
     if that is less) and slows to a fifth of that, unless the stretch is short and the joint turns round in it: a
     reversal is motion, and says most about friction. It has rested before it turned when it was hardly accelerated for
@@ -160,7 +160,7 @@ def standstill(q: Array, v: Array, a: Array, step: float, pause: float = PAUSE) 
     """
     window = 2 * round(0.25 / step) + 1
     travel = ndimage.maximum_filter1d(q, window, axis=0) - ndimage.minimum_filter1d(q, window, axis=0)
-    still = np.asarray(travel < STILL)
+    still = np.asarray(travel < STANDSTILL_SPAN)
     for j in range(q.shape[1]):
         creeping = min(CREEPING, float(np.quantile(np.abs(v[:, j]), 0.9)) / 50)
         labels, count = ndimage.label(np.abs(v[:, j]) < creeping)
@@ -236,7 +236,7 @@ class Bandwidths:
         f, power, floor = _spectrum(q, step)
         velocity = np.where(power > 10 * floor, power - floor, 0.0) * (f**2)[:, None]
         share = np.cumsum(velocity, axis=0) / np.maximum(velocity.sum(axis=0), 1e-300)
-        moving = (np.ptp(q, axis=0) > STILL) & velocity.any(axis=0)
+        moving = (np.ptp(q, axis=0) > STANDSTILL_SPAN) & velocity.any(axis=0)
         edge = f[np.minimum((share < 0.99).sum(axis=0), len(f) - 1)]
         self.bands += edge[moving].tolist()
         f, power, floor = _spectrum(np.nan_to_num(tau), step)

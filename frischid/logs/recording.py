@@ -1,13 +1,14 @@
-"""Logs of any length: read piece by piece, as often as they are gone through, and never held as a whole.
+"""Logs of any length: read in chunks, as often as needed, and never held in memory as a whole.
 
-A `Recording` stands for a log that is too long for memory. Everything that sums over samples works on its pieces; the
-samples that a filter still needs are carried from one piece into the next, so that no sample is lost or counted twice:
+A `Recording` stands for a log that is too long for memory. Everything that sums over samples works on its chunks. A
+filter of length n needs n samples for one output, so the last samples of a chunk are carried into the next one. No
+sample is lost or counted twice:
 
-    piece k:   … a b c d e f           filters see d, but not yet e and f
-    piece k+1:         c d e f g h …   begins where the last complete output ended
+    chunk k:   … a b c d e f           filters see d, but not yet e and f
+    chunk k+1:         c d e f g h …   begins where the last complete output ended
 
-A log in memory is its own single piece. What is decided from the samples themselves (the grid's step, which velocity
-is believed, where a joint rests) is decided once a piece.
+A log in memory is its own single chunk. Three decisions depend on the samples and are taken once per chunk: the grid's
+step, whether the measured velocity is used, and where a joint is at standstill.
 """
 
 from __future__ import annotations
@@ -25,23 +26,24 @@ from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Log
 from frischid.logs.mapping import LogMap
 from frischid.logs.preprocessing import LowPass, Motion, breaks_of, derivative_taps, prepare
 
-PIECE = 30_000
+RECORDING_CHUNK = 30_000
 """Samples in memory at once: half a minute at 1 kHz, 1.4 MB a channel of a six-joint arm."""
-HEAD = 256
-"""Samples read to see what a recording holds."""
-MOST_NOTES = 5
+PREVIEW_SAMPLES = 256
+"""Samples read to see which joints and channels a recording holds."""
+NOTES_SHOWN = 5
+"""Notes of one recording that are printed; a longer list says how many more there are."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A log that is read in pieces.
+    """A log that is read in chunks.
 
     Attributes
     ----------
     source : str
         File path or description, its name in messages.
     read : callable
-        Given a number of samples, a fresh iterator over consecutive `Log` pieces of about that many.
+        Given a number of samples, a fresh iterator over consecutive `Log` chunks of about that many.
     digest : callable, optional
         Computes the hash of the file it stands for.
     """
@@ -72,25 +74,25 @@ class Recording:
 
         return cls(str(path), read, lambda: digest_of(Path(path)))
 
-    def pieces(self, samples: int | None = None) -> Iterator[Log]:
-        """Read from the beginning, about `samples` samples (`PIECE` by default) at a time."""
-        return self.read(PIECE if samples is None else samples)
+    def chunks(self, samples: int | None = None) -> Iterator[Log]:
+        """Read from the beginning, about `samples` samples (`RECORDING_CHUNK` by default) at a time."""
+        return self.read(RECORDING_CHUNK if samples is None else samples)
 
-    def head(self) -> Log:
+    def preview(self) -> Log:
         """The first samples, which say what the recording holds."""
-        for piece in self.read(HEAD):
-            return piece
+        for chunk in self.read(PREVIEW_SAMPLES):
+            return chunk
         raise InputError(f"{self.source}: the recording holds no samples")
 
 
-def pieces_of(log: Log | Recording) -> Iterator[Log]:
-    """The pieces of a recording; a log is its own."""
-    return iter((log,)) if isinstance(log, Log) else log.pieces()
+def chunks_of(log: Log | Recording) -> Iterator[Log]:
+    """The chunks of a recording; a log is its own."""
+    return iter((log,)) if isinstance(log, Log) else log.chunks()
 
 
-def head_of(log: Log | Recording) -> Log:
+def preview_of(log: Log | Recording) -> Log:
     """A log that shows which joints and channels are there."""
-    return log if isinstance(log, Log) else log.head()
+    return log if isinstance(log, Log) else log.preview()
 
 
 class Motions:
@@ -127,15 +129,15 @@ class Motions:
     def _of(self, log: Log | Recording, notes: list[str]) -> Iterator[Motion]:
         tail: tuple[Log, int] | None = None
         begin, found = None, False
-        for piece in pieces_of(log):
-            begin = float(piece.t[0]) if begin is None else begin
-            chosen = piece.select(self.joints)
+        for chunk in chunks_of(log):
+            begin = float(chunk.t[0]) if begin is None else begin
+            chosen = chunk.select(self.joints)
             whole = chosen if tail is None else joined(*tail, chosen)
-            notes += piece.notes
+            notes += chunk.notes
             try:
                 prepared = prepare(whole, self.lowpass, velocity=self.velocity, begin=begin)
             except InputError as error:
-                # A piece of gaps says nothing; a whole log of them is of no use.
+                # A chunk of gaps says nothing; a whole log of them is of no use.
                 if isinstance(log, Log):
                     raise
                 notes.append(str(error))
@@ -151,7 +153,7 @@ class Motions:
 
 
 def joined(first: Log, skip: int, second: Log) -> Log:
-    """Two consecutive pieces, the first less `skip` samples; the second alone where their channels differ."""
+    """Two consecutive chunks, the first less `skip` samples; the second alone where their channels differ."""
     same = first.joints == second.joints and set(first.extra) == set(second.extra)
     if not (same and all((first.has(c) == second.has(c)).all() for c in CHANNELS)):
         return second
@@ -179,9 +181,9 @@ def _end(log: Log, first: int) -> tuple[Log, int]:
 def brief(notes: Iterable[str], source: str) -> list[str]:
     """Each note once, the first few of a recording."""
     kept = list(dict.fromkeys(notes))
-    if len(kept) <= MOST_NOTES + 1:
+    if len(kept) <= NOTES_SHOWN + 1:
         return kept
-    return [*kept[:MOST_NOTES], f"{source}: {len(kept) - MOST_NOTES} more such notes on later pieces"]
+    return [*kept[:NOTES_SHOWN], f"{source}: {len(kept) - NOTES_SHOWN} more such notes on later chunks"]
 
 
 def check_logs(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]) -> None:

@@ -1,6 +1,6 @@
 """The first look at logs: what they hold, whether they can be used, and which filter fits them.
 
-One pass over all samples, a piece of a recording at a time, before anything is computed from them.
+One pass over all samples, a chunk of a recording at a time, before anything is computed from them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log, check_motion, check_torque
 from frischid.logs.preprocessing import Bandwidths, LowPass
-from frischid.logs.recording import Recording, head_of, pieces_of
+from frischid.logs.recording import Recording, chunks_of, preview_of
 from frischid.robot.robot import Robot
 
 Data = Log | Recording
@@ -22,7 +22,7 @@ MOVING = 0.05  # rad (m); a locked joint that moves more is not locked
 
 
 @dataclass(frozen=True)
-class Survey:
+class LogSummary:
     """What a first look found.
 
     Attributes
@@ -42,9 +42,9 @@ class Survey:
     moving: dict[str, float]
 
 
-def survey(
+def summarise(
     robot: Robot, logs: Sequence[Data], rows: Sequence[str], cutoff: float | Literal["auto"] | None = "auto"
-) -> Survey:
+) -> LogSummary:
     """Look at every sample of some logs once.
 
     Parameters
@@ -66,34 +66,34 @@ def survey(
     span: dict[str, tuple[float, float]] = {}
     for log in logs:
         count, faults = 0, []
-        for number, piece in enumerate(pieces_of(log)):
+        for number, chunk in enumerate(chunks_of(log)):
             try:
-                check_usable(robot, piece, rows, strict=True)
+                check_usable(robot, chunk, rows, strict=True)
             except InputError as error:
-                # A recording may rest for a piece; that its torque is dead must be so in all of them.
+                # A recording may rest for a chunk; that its torque is dead must be so in all of them.
                 faults.append(error)
             if len(faults) <= number and cutoff == "auto":
-                bands.add(piece, rows)
+                bands.add(chunk, rows)
             for name in robot.locked:
-                if name in piece.joints:
-                    q = piece.q[:, piece.joints.index(name)]
+                if name in chunk.joints:
+                    q = chunk.q[:, chunk.joints.index(name)]
                     low, high = span.get(name, (np.inf, -np.inf))
                     span[name] = (min(low, float(q.min())), max(high, float(q.max())))
-            count += len(piece)
-            seconds += piece.duration
+            count += len(chunk)
+            seconds += chunk.duration
         if faults and len(faults) == number + 1:
             raise faults[0]
         samples.append(count)
     lowpass = bands.lowpass() if cutoff == "auto" else LowPass(cutoff)
     moving = {name: high - low for name, (low, high) in span.items() if high - low > MOVING}
-    return Survey(lowpass, tuple(samples), seconds, moving)
+    return LogSummary(lowpass, tuple(samples), seconds, moving)
 
 
 def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
     """Lock the joints that some log does not hold."""
     if not logs:
         raise InputError("there is no log to identify from")
-    heads = [head_of(log) for log in logs]
+    heads = [preview_of(log) for log in logs]
     held = [n for n in robot.joints if all(n in log.joints for log in heads)]
     if not held:
         raise InputError(
@@ -118,7 +118,7 @@ def torque_joints(robot: Robot, logs: Sequence[Data], wanted: Sequence[str] | No
         if left:
             notes.append(f"torque rows left out: {', '.join(left)} (they move, their torque is not fitted)")
         return [n for n in robot.joints if n in wanted]
-    there = [set(np.compress(head.has("tau"), head.joints)) for head in map(head_of, logs)]
+    there = [set(np.compress(head.has("tau"), head.joints)) for head in map(preview_of, logs)]
     have = [n for n in robot.joints if all(n in names for names in there)]
     without = [n for n in robot.joints if n not in have]
     if have and without:

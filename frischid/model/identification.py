@@ -31,8 +31,8 @@ from frischid.estimators.sensorwise import sensorwise
 from frischid.estimators.urdf_prior import Choice, chosen, urdf_priors
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import LowPass, Motion, choose_lowpass, prepare
-from frischid.logs.recording import Motions, Recording, check_logs, head_of, pieces_of
-from frischid.logs.summary import Data, Survey, check_usable, held_by, moving_but_locked, survey
+from frischid.logs.recording import Motions, Recording, check_logs, chunks_of, preview_of
+from frischid.logs.summary import Data, LogSummary, check_usable, held_by, moving_but_locked, summarise
 from frischid.logs.summary import torque_joints as torque_joints_of
 from frischid.model.comparison import Comparison, compare
 from frischid.model.model import Model
@@ -112,7 +112,7 @@ def identify(
     recursion: str = "strict",
     window: int | None = None,
     reference: Mapping[str, float] | None = None,
-    anyway: bool = False,
+    force: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
     """Identify a robot's dynamic parameters from logs.
@@ -147,7 +147,7 @@ def identify(
         BBRF window in rows; by default the larger of 1000 and 20 a parameter, at most half the rows.
     reference : mapping of str to float, optional
         Parameter values from which effects that depend on the load take it; the URDF's own by default.
-    anyway : bool
+    force : bool
         Go on in spite of an issue of `frischid.checks` that is certain and makes the logs worthless.
     progress : callable
         Told what is being done.
@@ -170,13 +170,13 @@ def identify(
     robot, notes = held_by(robot, logs)
     rows = torque_joints_of(robot, logs, torque_joints, notes)
     streamed = any(isinstance(log, Recording) for log in logs)
-    seen, pieces, motions = _prepared(robot, logs, valid, rows, cutoff, velocity, anyway)
+    seen, pieces, motions = _prepared(robot, logs, valid, rows, cutoff, velocity, force)
     lowpass = seen.lowpass
     notes.append(_filtering(lowpass))
     progress("checking the logs")
     reports = _reports(robot, logs, None if streamed else (lowpass, list(motions)))
     warnings = [f"{report.source}: {issue.short}" for report in reports for issue in report.issues]
-    if not anyway:
+    if not force:
         _refuse_worthless(reports)
     if effects is None:
         effects = _default_effects(robot, motions, lowpass, rows, notes)
@@ -284,17 +284,17 @@ def _prepared(
     rows: Sequence[str],
     cutoff: float | Literal["auto"] | None,
     velocity: str,
-    anyway: bool,
-) -> tuple[Survey, Motions, Iterable[Motion]]:
+    force: bool,
+) -> tuple[LogSummary, Motions, Iterable[Motion]]:
     """What the logs hold, and their motions: read again each time they are gone through, or all in memory."""
     try:
         _check_cutoff(cutoff, [*logs, *valid])
-        seen = survey(robot, logs, rows, cutoff)
+        seen = summarise(robot, logs, rows, cutoff)
         pieces = Motions(logs, robot.joints, seen.lowpass, velocity)
         # What is in memory anyway is prepared once; a recording is read again each time it is gone through.
         return seen, pieces, pieces if any(isinstance(log, Recording) for log in logs) else list(pieces)
     except InputError:
-        if not anyway:  # a wrong unit is a better reason than what follows from it
+        if not force:  # a wrong unit is a better reason than what follows from it
             _refuse_worthless(_reports(robot, logs))
         raise
 
@@ -315,7 +315,7 @@ def _default_effects(
     return baseline(dry)
 
 
-def _independent_rows(seen: Survey, lowpass: LowPass) -> float:
+def _independent_rows(seen: LogSummary, lowpass: LowPass) -> float:
     """Samples that are not copies of their neighbours: two a second and hertz of bandwidth."""
     rate = sum(seen.samples) / max(seen.seconds, 1e-9)
     return 2.0 * min(lowpass.cutoff or np.inf, 0.5 * rate) * seen.seconds
@@ -389,7 +389,7 @@ def _reports(
         return structure(Regressor(robot, BASELINE), robot.joints)
 
     reports = []
-    for log in (next(pieces_of(log)) for log in logs):
+    for log in (next(chunks_of(log)) for log in logs):
         own = prepared and (prepared[0], [m for m in prepared[1] if m.source == log.source])
         reports.append(inspect(robot, log.select(robot.joints), reduction, alone=len(logs) == 1, prepared=own))
     return reports
@@ -400,13 +400,13 @@ def _refuse_worthless(reports: Sequence[LogReport]) -> None:
     for report in reports:
         for issue in report.issues:
             if issue.blocks and issue.sure == "certain":
-                raise InputError(f"{report.source}: {issue}. To go on all the same: --force (anyway=True)")
+                raise InputError(f"{report.source}: {issue}. To go on all the same: --force (force=True)")
 
 
 def _check_cutoff(cutoff: float | str | None, logs: Sequence[Data]) -> None:
     if not isinstance(cutoff, int | float):
         return
-    for log in map(head_of, logs):
+    for log in map(preview_of, logs):
         if cutoff >= log.rate / 2 * (1 - 1e-6):
             raise InputError(
                 f"{log.source}: a cut-off of {cutoff:g} Hz is not below half its rate of {log.rate:.4g} Hz; take "

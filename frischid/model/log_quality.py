@@ -102,7 +102,7 @@ def _judge(model: Model, log: Log) -> Quality:
         weight = np.array([len(x) for x in parts if x is not None], dtype=float)
         levels = np.array([noise_level(x) for x in parts if x is not None])
         noise[name] = np.sqrt((weight[:, None] * levels**2).sum(axis=0) / weight.sum())
-    stacked = {k: np.concatenate([getattr(m, k) for m in motions]) for k in ("q", "v", "a", "still")}
+    stacked = {k: np.concatenate([getattr(m, k) for m in motions]) for k in ("q", "v", "a", "standstill")}
     report = inspect(
         model.robot,
         chosen,
@@ -122,7 +122,7 @@ def _judge(model: Model, log: Log) -> Quality:
         stacked["q"].max(axis=0),
         np.abs(stacked["v"]).max(axis=0),
         np.abs(stacked["a"]).max(axis=0),
-        stacked["still"].mean(axis=0),
+        stacked["standstill"].mean(axis=0),
         (*log.notes, *prepared.notes),
         tuple(issue.short for issue in report.issues),
     )

@@ -25,7 +25,7 @@ from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import Estimate
 from frischid.logs.log import Log, check_torque
 from frischid.logs.preprocessing import LowPass, Motion
-from frischid.logs.recording import Motions, Recording, head_of
+from frischid.logs.recording import Motions, Recording, preview_of
 from frischid.regression.regressor import Block, Regressor
 from frischid.robot.robot import Robot
 
@@ -185,7 +185,7 @@ class Model:
         InputError
         """
         for log in logs:
-            head = head_of(log)
+            head = preview_of(log)
             absent = [n for n in self.robot.joints if n not in head.joints]
             if absent:
                 raise InputError(

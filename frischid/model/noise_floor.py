@@ -157,7 +157,7 @@ def _through_the_motion(model: Model, motion: Motion) -> Array:
     regressor, index = Regressor(model.robot, model.effects, model.reference), model.torque_index
     taps, every = model.lowpass.taps(path.step), model.lowpass.decimation(path.step)
     F = decimating_filter(taps, len(path.t), every)
-    used = regressor.counted(abs(F) @ path.still)[:, index]
+    used = regressor.counted(abs(F) @ path.standstill)[:, index]
     truth, found = (regressor.torque(motion, model.full_theta) for motion in (path, seen))
     sharp_truth, sharp_found = (_sharpened(model, motion) for motion in (path, seen))
     errors = (truth - found, truth + sharp_truth - found, truth + sharp_truth - found - sharp_found)

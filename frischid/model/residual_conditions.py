@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from frischid.core.autocorrelation import correlation_time
 from frischid.core.types import Array
+from frischid.estimators.autocorrelation import correlation_time
 from frischid.model.model import Model
 from frischid.regression.regressor import Block
 

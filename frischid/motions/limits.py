@@ -61,7 +61,7 @@ class Violation:
 
 
 @dataclass(frozen=True, eq=False)
-class Envelope:
+class MotionLimits:
     """Limits of the J joints, each of shape (J,).
 
     Attributes
@@ -79,7 +79,7 @@ class Envelope:
     torque: Array
 
     @classmethod
-    def of(cls, robot: Robot, scale: float = 0.9, acceleration: float | Sequence[float] | None = None) -> Envelope:
+    def of(cls, robot: Robot, scale: float = 0.9, acceleration: float | Sequence[float] | None = None) -> MotionLimits:
         """Take the limits of a robot's URDF.
 
         Where the URDF is silent: positions within ±π (±0.5 m), velocities below 2 rad/s (m/s), full speed reached in
@@ -147,7 +147,7 @@ def nominal_torque(robot: Robot, q: Array, v: Array, a: Array) -> Array:
 
 
 def violations(
-    robot: Robot, motion: ClosedForm, envelope: Envelope, clearance: Clearance | None = None
+    robot: Robot, motion: ClosedForm, envelope: MotionLimits, clearance: Clearance | None = None
 ) -> list[Violation]:
     """List every limit of every joint that a motion exceeds anywhere, each at its worst time."""
     found = list(_kinematic(robot, motion, envelope))
@@ -169,7 +169,7 @@ def violations(
     return found
 
 
-def _kinematic(robot: Robot, motion: ClosedForm, envelope: Envelope) -> Iterator[Violation]:
+def _kinematic(robot: Robot, motion: ClosedForm, envelope: MotionLimits) -> Iterator[Violation]:
     times, values = extremes(motion, len(robot.joints))
     sizes = (envelope.half, envelope.velocity, envelope.acceleration)
     for order, kind in enumerate(("position", "velocity", "acceleration")):
@@ -190,7 +190,7 @@ class Excess:
     """
 
     robot: Robot
-    envelope: Envelope
+    envelope: MotionLimits
     clearance: Clearance | None
 
     def loads(self, states: Array, slope: bool = True) -> tuple[float, Array]:

@@ -31,7 +31,7 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
 from frischid.logs.readers import write_log
 from frischid.motions.collision import Clearance
-from frischid.motions.limits import Envelope, Excess, Violation, violations
+from frischid.motions.limits import Excess, MotionLimits, Violation, violations
 from frischid.motions.optimality import Criterion, criterion_of
 from frischid.motions.optimize import ATTEMPTS, Bounds, Cost, Progress, Search
 from frischid.motions.trajectory import FAMILIES, ClosedForm, Family
@@ -99,7 +99,7 @@ def plan(
     samples: int | None = None,
     criterion: str | Criterion = "condition",
     bounds: Bounds = "everywhere",
-    envelope: Envelope | float = 0.9,
+    envelope: MotionLimits | float = 0.9,
     clearance: Clearance | None = None,
     budget: int = BUDGET,
     seed: int = 0,
@@ -127,7 +127,7 @@ def plan(
     bounds : {"everywhere", "points"}
         ``"points"`` keeps the limits at the via points only, as the paper does; `Plan.violations` tells what happens
         between. Torque and distances are then ignored.
-    envelope : Envelope or float
+    envelope : MotionLimits or float
         Limits, or the share of the URDF's limits to use.
     clearance : Clearance, optional
         Pairs of bodies to keep apart; made from the URDF's collision shapes, floor at the base, when not given.
@@ -158,7 +158,7 @@ def plan(
         raise UnknownNameError("bounds", bounds, ["everywhere", "points"])
     if bounds == "points" and family != "points":
         raise InputError(f"bounds at the points need family 'points'; '{family}' has none")
-    limits = envelope if isinstance(envelope, Envelope) else Envelope.of(robot, envelope)
+    limits = envelope if isinstance(envelope, MotionLimits) else MotionLimits.of(robot, envelope)
     space = Clearance.of(robot) if clearance is None else clearance
     shape = Family.named(family, duration, _size(family, size, duration))
     instants = _instants(family, shape, samples, duration)
@@ -187,7 +187,7 @@ class _Task:
     shape: Family
     instants: Array
     criterion: Criterion
-    limits: Envelope
+    limits: MotionLimits
     space: Clearance
     duration: float
     bounds: Bounds
@@ -257,7 +257,7 @@ def _instants(family: str, shape: Family, samples: int | None, duration: float) 
     return np.linspace(0.0, duration, count)
 
 
-def _box(limits: Envelope, shape: Family) -> tuple[Array, Array]:
+def _box(limits: MotionLimits, shape: Family) -> tuple[Array, Array]:
     """Limits at the via points, as limits of their coefficients."""
     count = int(shape.constant.sum())
     repeats = (count, count - 2, count - 2)

@@ -269,7 +269,7 @@ class Regressor:
             buffer = room[:size] if filtered else np.empty((size, width, J))
             buffer[: len(tail)] = tail
             self._fill(motion, part, remembered, buffer[len(tail) :])
-            rest = np.concatenate([resting, motion.still[part]])
+            rest = np.concatenate([resting, motion.standstill[part]])
             kept, still = buffer, rest
             if filtered:
                 F = decimating_filter(taps, len(buffer), every)

@@ -229,13 +229,13 @@ def test_quantum():
 def test_identify_prints_the_short_form_and_refuses_what_is_worthless():
     robot, log = machine("planar2"), clean("planar2")
     options = {"recursion": "none"}
-    assert identify(robot, [log], **options).warnings == identify(robot, [log], anyway=True, **options).warnings
+    assert identify(robot, [log], **options).warnings == identify(robot, [log], force=True, **options).warnings
     late = identify(robot, [replace(log, v=delayed(log, log.v, 0.05))], **options)
     assert any("lags its own position" in w and "late velocity" in w for w in late.warnings)
     for damage, words in ((FAULTS["degrees"][0], "looks like degrees"), (FAULTS["ms"][0], r'time_unit = "ms"')):
         with pytest.raises(InputError, match=rf"{words}.*--force"):
             identify(robot, [damage(log)], **options)
-    found = identify(robot, [FAULTS["degrees"][0](log)], anyway=True, **options)
+    found = identify(robot, [FAULTS["degrees"][0](log)], force=True, **options)
     assert any("degrees" in w for w in found.warnings)
 
 

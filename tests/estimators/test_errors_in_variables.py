@@ -39,7 +39,7 @@ def estimate(sigma, seed=0, given=True, torque=1.0):
     q, v, a, tau = (
         x + s * rng.normal(size=x.shape) for x, s in ((m.q, sigma), (m.v, 2 * sigma), (m.a, 2 * sigma), (m.tau, torque))
     )
-    noisy = Motion(m.t, q, v, a, tau, m.still, "noisy")
+    noisy = Motion(m.t, q, v, a, tau, m.standstill, "noisy")
     levels = {"q": sigma, "v": 2 * sigma, "a": 2 * sigma, "torque": torque} if given else None
     joints = regressor.robot.joints
     stretches = samples(regressor, [noisy], NOTHING, joints, reduction.base, sigma=levels)

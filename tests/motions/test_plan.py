@@ -11,7 +11,7 @@ from frischid.effects import BASELINE, Coulomb, RotorInertia, Viscous
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.readers import read_log
 from frischid.motions.collision import Clearance, body_boxes
-from frischid.motions.limits import Envelope, Excess, nominal_torque, violations
+from frischid.motions.limits import Excess, MotionLimits, nominal_torque, violations
 from frischid.motions.optimality import CRITERIA, Condition, DOptimal, Paper, criterion_of
 from frischid.motions.optimize import Cost, Search
 from frischid.motions.plan import plan
@@ -50,7 +50,7 @@ def paper_arm():
 
 def paper_bounds():
     ones = np.ones(2)
-    return Envelope(-3 * ones, 3 * ones, 5 * ones, 10 * ones, np.full(2, np.inf))
+    return MotionLimits(-3 * ones, 3 * ones, 5 * ones, 10 * ones, np.full(2, np.inf))
 
 
 # ---------------------------------------------------------------------- criteria
@@ -92,8 +92,8 @@ def test_objective_slope_with_limits_broken(name):
     robot = ROBOTS[name]()
     J = len(robot.joints)
     cost = Cost(robot, BASELINE, np.linspace(0, 4, 25), Condition(), 0)
-    limits = Envelope.of(robot, 0.5)
-    tight = Envelope(limits.lower, limits.upper, limits.velocity, limits.acceleration, np.full(J, 0.5))
+    limits = MotionLimits.of(robot, 0.5)
+    tight = MotionLimits(limits.lower, limits.upper, limits.velocity, limits.acceleration, np.full(J, 0.5))
     search = Search(Family.named("fourier", 4.0, 4), cost, Excess(robot, tight, None), 4.0, "everywhere", 100)
     Z, direction = np.random.default_rng(5).normal(size=(2, 9, J))
     value, slope = search.objective(Z, 6.0, 0.1)
@@ -105,7 +105,7 @@ def test_objective_slope_with_limits_broken(name):
 
 def test_slope_of_distances():
     robot = made(FOLDING)
-    excess = Excess(robot, Envelope.of(robot, 1.0), Clearance.of(robot, margin=0.1))
+    excess = Excess(robot, MotionLimits.of(robot, 1.0), Clearance.of(robot, margin=0.1))
     states = np.zeros((3, 6, 2))
     states[0] = [[0.5, 2.8], [0.4, 2.7], [2.0, 0.3], [2.4, -0.5], [0.0, 0.0], [1.0, 2.75]]
     value, slope = excess.loads(states)
@@ -136,7 +136,7 @@ def test_cost_19_on_the_authors_points():
 @pytest.mark.parametrize("name", ROBOTS)
 def test_limits_hold_at_every_instant(name, family):
     robot = ROBOTS[name]()
-    limits = Envelope.of(robot, 0.8)
+    limits = MotionLimits.of(robot, 0.8)
     size, samples = (25, None) if family == "points" else (None, 40)
     found = plan(robot, duration=6.0, family=family, size=size, samples=samples, envelope=limits,
                  clearance=Clearance.of(robot, floor=None), budget=700, seed=1)  # fmt: skip
@@ -167,7 +167,7 @@ def test_planning_beats_the_best_random_motion():
     found = plan(robot, duration=8.0, budget=1500, progress=lambda share, cost: seen.append((share, cost)))
     cost = Cost(robot, BASELINE, np.linspace(0, 8, 100), Condition(), 0)
     search = Search(
-        Family.named("fourier", 8.0, 6), cost, Excess(robot, Envelope.of(robot), None), 8.0, "everywhere", 0
+        Family.named("fourier", 8.0, 6), cost, Excess(robot, MotionLimits.of(robot), None), 8.0, "everywhere", 0
     )
     rng = np.random.default_rng(0)
     best = min(cost(search.at_samples @ search.random(rng.normal(size=(13, 2)))) for _ in range(200))
@@ -217,7 +217,7 @@ def test_too_weak_a_motor_is_named_with_the_time():
 
 def test_every_kind_of_violation_is_found():
     robot = made(FOLDING)
-    e = Envelope(-np.array([3.0, 1.0]), np.array([3.0, 1.0]), np.ones(2), np.ones(2), np.full(2, 0.1))
+    e = MotionLimits(-np.array([3.0, 1.0]), np.array([3.0, 1.0]), np.ones(2), np.ones(2), np.full(2, 0.1))
     motion = Fourier(np.array([2.8, 2.0]), np.array([[0.0, 3.0]]), np.array([[0.0, 2.0]]), 2.0)
     found = violations(robot, motion, e, Clearance.of(robot))
     assert {v.kind for v in found} == {"position", "velocity", "acceleration", "torque", "distance"}

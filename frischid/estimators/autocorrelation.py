@@ -23,7 +23,7 @@ LOST = 0.05  # correlation below which the rest is noise
 FEWEST = 10
 
 
-class Correlated:
+class Autocorrelation:
     """Spread and correlation of a sequence that comes in parts.
 
     Parameters
@@ -39,7 +39,7 @@ class Correlated:
         self._shift: float | None = None
 
     @classmethod
-    def of(cls, parts: Iterable[Array]) -> Correlated:
+    def of(cls, parts: Iterable[Array]) -> Autocorrelation:
         """Of all parts, in order."""
         found = cls()
         for x in parts:
@@ -91,4 +91,4 @@ class Correlated:
 
 def correlation_time(x: Array) -> float:
     """Integrated autocorrelation time of a residual, in samples."""
-    return Correlated.of([x]).time
+    return Autocorrelation.of([x]).time

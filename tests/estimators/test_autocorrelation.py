@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from frischid.core.autocorrelation import FEWEST, LOST, Correlated, correlation_time
+from frischid.estimators.autocorrelation import FEWEST, LOST, Autocorrelation, correlation_time
 
 
 def directly(x, lags=400):
@@ -19,7 +19,7 @@ def directly(x, lags=400):
 def test_parts_change_nothing(n, mean):
     rng = np.random.default_rng(n)
     x = mean + np.convolve(rng.normal(size=n + 30), np.ones(31) / 31, "valid")
-    found = Correlated.of(np.split(x, np.sort(rng.integers(0, n, 5))))
+    found = Autocorrelation.of(np.split(x, np.sort(rng.integers(0, n, 5))))
     assert found.std == pytest.approx(x.std(), rel=1e-10)
     assert found.time == pytest.approx(directly(x), rel=1e-10)
     assert correlation_time(x) == pytest.approx(directly(x), rel=1e-10)
