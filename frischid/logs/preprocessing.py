@@ -80,8 +80,8 @@ class Motion:
         rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints).
     tau : ndarray, shape (N, J)
         Torque, N·m (N); NaN columns for joints without a torque channel.
-    still : ndarray of bool, shape (N, J)
-        Joints at standstill (see `standstill`).
+    standstill : ndarray of bool, shape (N, J)
+        Joints at standstill (see `find_standstill`).
     source : str
         The log it comes from.
     start : float
@@ -98,7 +98,7 @@ class Motion:
     v: Array
     a: Array
     tau: Array
-    still: NDArray[np.bool_]
+    standstill: NDArray[np.bool_]
     source: str
     start: float = 0.0
     extra: Mapping[str, Array] = field(default_factory=dict)
@@ -148,12 +148,12 @@ def noise_level(x: Array) -> Array:
     return np.asarray(np.where(spread > 0, spread, np.std(fourth, axis=0)))
 
 
-def standstill(q: Array, v: Array, a: Array, step: float, pause: float = PAUSE) -> NDArray[np.bool_]:
+def find_standstill(q: Array, v: Array, a: Array, step: float, pause: float = PAUSE) -> NDArray[np.bool_]:
     """Joints that hold their position, or stop and go on without reversing.
 
     Dry friction at rest takes any value up to break-away, whatever the speed's noise says; a model with Coulomb
-    friction makes no prediction there. A joint holds its position when it travels less than `STANDSTILL_SPAN` within half a
-    second around the sample. It stops where it creeps (slower than `CREEPING`, or than a fiftieth of its usual speed
+    friction makes no prediction there. A joint holds its position when it travels less than `STANDSTILL_SPAN` within half
+    a second around the sample. It stops where it creeps (slower than `CREEPING`, or than a fiftieth of its usual speed
     if that is less) and slows to a fifth of that, unless the stretch is short and the joint turns round in it: a
     reversal is motion, and says most about friction. It has rested before it turned when it was hardly accelerated for
     as long as `pause`, s: less than a period of the filter's cut-off is blurred into the motion before and after.
@@ -370,7 +370,7 @@ def _motion(log: Log, lowpass: LowPass, velocity: str, begin: float) -> tuple[Mo
         use_a = log.has("a") if velocity == "measured" else source.better(a[inside])
         keep_a = np.where(use_a, a[inside], keep_a)
     pause = PAUSE if lowpass.cutoff is None else max(PAUSE, 1.0 / lowpass.cutoff)
-    still = standstill(q[inside], keep_v, source.a, step, pause)
+    still = find_standstill(q[inside], keep_v, source.a, step, pause)
     extra = {name: np.interp(t[inside], log.t, values) for name, values in log.extra.items()}
     return Motion(
         t[inside], q[inside], keep_v, keep_a, tau[inside], still, log.source, begin, extra, (use_v, use_a)

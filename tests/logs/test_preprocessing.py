@@ -15,9 +15,9 @@ from frischid.logs.preprocessing import (
     choose_lowpass,
     decimating_filter,
     derivative_taps,
+    find_standstill,
     noise_level,
     prepare,
-    standstill,
 )
 from frischid.logs.readers import read_log
 from frischid.model.identification import identify
@@ -291,7 +291,7 @@ def test_standstill():
     q = np.where(T < 5, 0.0, np.where(T < 10, np.sin(2 * (T - 5)), np.sin(10.0)))[:, None]
     q += 1e-5 * np.random.default_rng(0).normal(size=q.shape)
     v = np.gradient(q, 1 / RATE, axis=0)
-    still = standstill(q, v, np.gradient(v, 1 / RATE, axis=0), 1 / RATE)[:, 0]
+    still = find_standstill(q, v, np.gradient(v, 1 / RATE, axis=0), 1 / RATE)[:, 0]
     assert still[T < 4.7].all()
     assert still[T > 10.3].all()
     assert not still[(T > 5.2) & (T < 9.8)].any(), "a reversal is no rest"
@@ -301,7 +301,7 @@ def test_a_short_rest_before_a_joint_turns_is_rest():
     move = np.clip(T - 2.0, 0, 1) - np.clip(T - 3.3, 0, 1)  # there, 0.3 s of rest, and back
     q = (move**3 * (10 - 15 * move + 6 * move**2))[:, None]
     v = np.gradient(q, 1 / RATE, axis=0)
-    still = standstill(q, v, np.gradient(v, 1 / RATE, axis=0), 1 / RATE)[:, 0]
+    still = find_standstill(q, v, np.gradient(v, 1 / RATE, axis=0), 1 / RATE)[:, 0]
     assert still[(T > 3.05) & (T < 3.25)].all()
     assert not still[(T > 2.1) & (T < 2.9)].any()
 
