@@ -152,8 +152,8 @@ def find_standstill(q: Array, v: Array, a: Array, step: float, pause: float = PA
     """Joints that hold their position, or stop and go on without reversing.
 
     Dry friction at rest takes any value up to break-away, whatever the speed's noise says; a model with Coulomb
-    friction makes no prediction there. A joint holds its position when it travels less than `STANDSTILL_SPAN` within half
-    a second around the sample. It stops where it creeps (slower than `CREEPING`, or than a fiftieth of its usual speed
+    friction makes no prediction there. A joint holds its position when it travels less than `STANDSTILL_SPAN` within
+    half a second around the sample. It stops where it creeps (slower than `CREEPING`, or than a fiftieth of its usual speed
     if that is less) and slows to a fifth of that, unless the stretch is short and the joint turns round in it: a
     reversal is motion, and says most about friction. It has rested before it turned when it was hardly accelerated for
     as long as `pause`, s: less than a period of the filter's cut-off is blurred into the motion before and after.
