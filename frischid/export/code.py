@@ -7,6 +7,8 @@ chapter 5, with three-vectors), then the effects' torques, joint by joint:
     f_i = m a_i + α_i × h + ω_i × (ω_i × h),   n_i = I α_i + ω_i × I ω_i + h × a_i,
 
 and back to the base, with a_0 = −g. Tables hold the inertias about the joints' frames, so nothing is divided.
+
+Names and numbers are written by `frischid.export.names` alone.
 """
 
 from __future__ import annotations
@@ -19,29 +21,35 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.errors import InputError
+from frischid.export.names import comment, identifier, identifiers, number
 from frischid.model.model import Model
 from frischid.robot.kinematic_tree import Body, bodies_of
 
-FUNCTIONS = "tanh|exp|sin|cos|abs|pow"
+# Functions of one joint's state that `Effect.code` may call: the common part of <math.h> and NumPy.
+_FUNCTIONS = "tanh|exp|sin|cos|abs|pow"
 
 
 def c_source(model: Model) -> str:
-    """C99 source of ``inverse_dynamics`` and ``friction``, checked against `Model.inverse_dynamics` in the tests.
+    """Write C99 source of the functions ``<robot>_inverse_dynamics`` and ``<robot>_friction``.
 
     Raises
     ------
     InputError
-        The model has no physical links, or an effect that its joint's own state does not determine.
+        The model has no physical links, an effect that its joint's own state does not determine, or an infinite number.
     """
-    bodies, links = bodies_of(model.robot), _joint_frame_links(model)
-    J, L = len(model.robot.joints), len(bodies)
+    robot, bodies, links = model.robot, bodies_of(model.robot), _joint_frame_links(model)
     every, friction = (_effects(model, "{}[{}]", _c, only) for only in (False, True))
+    prefix = identifier(robot.name)
+    places = identifiers([name.upper() for name in robot.joints])
     return _filled(
         "control.c",
         head=_head(model, " * "),
-        J=J,
-        L=L,
-        gravity=_row(model.robot.gravity),
+        robot=prefix.lower(),
+        ROBOT=prefix.upper(),
+        J=len(robot.joints),
+        L=len(bodies),
+        joints=",\n".join(f"    {prefix.upper()}_JOINT_{name} = {j}" for j, name in enumerate(places)),
+        gravity=_row(robot.gravity),
         tables=_c_tables(bodies, links),
         effects="\n".join(f"    tau[{j}] += {term};" for j, term in every),
         friction="\n".join(f"    tau[{j}] += {term};" for j, term in friction),
@@ -49,13 +57,20 @@ def c_source(model: Model) -> str:
 
 
 def numpy_source(model: Model) -> str:
-    """Python source of the same two functions over samples (N, J), importing NumPy only; see `c_source`."""
+    """Write Python source of ``inverse_dynamics`` and ``friction`` over samples (N, J), importing NumPy only.
+
+    Raises
+    ------
+    InputError
+        As for `c_source`.
+    """
     bodies, links = bodies_of(model.robot), _joint_frame_links(model)
     every, friction = (_effects(model, "{}[:, {}]", _numpy, only) for only in (False, True))
     return _filled(
         "control_py.txt",
         head=_head(model, ""),
-        gravity=list(model.robot.gravity),
+        joints=ascii(model.robot.joints),
+        gravity=_list(np.array(model.robot.gravity)),
         bodies="\n".join(_python_body(b, P) for b, P in zip(bodies, links, strict=True)),
         effects="\n".join(f"    tau[:, {j}] += {term}" for j, term in every) or "    pass",
         friction="\n".join(f"    tau[:, {j}] += {term}" for j, term in friction) or "    pass",
@@ -81,7 +96,7 @@ def _head(model: Model, lead: str) -> str:
         f"Effects: {', '.join(str(e) for e in model.effects) or 'none'}.",
         *(f"Held still: {n} at {x!r} rad (m)." for n, x in robot.locked.items()),
     ]
-    return "\n".join(lead + line.replace("*/", "* /").replace('"""', "'''") for line in lines)
+    return "\n".join(lead + comment(line) for line in lines)
 
 
 def _effects(model: Model, place: str, spelled: Callable[[str], str], friction_only: bool) -> list[tuple[int, str]]:
@@ -98,12 +113,12 @@ def _effects(model: Model, place: str, spelled: Callable[[str], str], friction_o
                     "(q, v, a) can be written for it; identify a model without it for the control loop"
                 )
             j = model.robot.joints.index(column.joint)
-            values = {k: f"{float(x)!r}" for k, x in effect.parameters.items() if not isinstance(x, str)}
+            values = {k: number(x) for k, x in effect.parameters.items() if not isinstance(x, str)}
             state = {k: place.format(k, j) for k in "qva"}
             if friction_only:  # a function of q and v: friction at constant speed
                 state["a"] = "0.0"
             term = effect.code[symbol].format(**state, **values)
-            found.append((j, f"{model.parameter(column.name)!r} * ({spelled(term)})"))
+            found.append((j, f"{number(model.parameter(column.name))} * ({spelled(term)})"))
     return found
 
 
@@ -112,11 +127,11 @@ def _c(term: str) -> str:
 
 
 def _numpy(term: str) -> str:
-    return re.sub(rf"\b({FUNCTIONS})\(", r"np.\1(", term).replace("np.pow(", "np.power(")
+    return re.sub(rf"\b({_FUNCTIONS})\(", r"np.\1(", term).replace("np.pow(", "np.power(")
 
 
 def _row(values: Sequence[float] | Array) -> str:
-    return "{" + ", ".join(repr(float(x)) for x in np.ravel(values)) + "}"
+    return "{" + ", ".join(number(x) for x in np.ravel(values)) + "}"
 
 
 def _inertia(theta: Array) -> Array:
@@ -124,22 +139,25 @@ def _inertia(theta: Array) -> Array:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
+def _list(values: Array) -> str:
+    """Nested lists of Python, of any depth."""
+    return "[" + ", ".join(map(_list, values)) + "]" if np.ndim(values) else number(float(values))
+
+
 def _c_tables(bodies: Sequence[Body], links: Array) -> str:
     rows = [
-        f"    {{{b.parent}, {b.leader}, {int(b.slides)}, {b.factor!r}, {b.shift!r}, {_row(b.rotation)}, "
-        f"{_row(b.translation)}, {_row(b.axis)},\n     {float(x[0])!r}, {_row(x[1:4])}, {_row(_inertia(x))}}}, "
-        f"/* {b.joint} */"
+        f"    {{{b.parent}, {b.leader}, {int(b.slides)}, {number(b.factor)}, {number(b.shift)}, {_row(b.rotation)}, "
+        f"{_row(b.translation)}, {_row(b.axis)},\n     {number(x[0])}, {_row(x[1:4])}, {_row(_inertia(x))}}}, "
+        f"/* {comment(b.joint)} */"
         for b, x in zip(bodies, links, strict=True)
     ]
     return "\n".join(rows)
 
 
 def _python_body(b: Body, x: Array) -> str:
-    def array(values: Array) -> str:
-        return f"np.array({values.tolist()!r})"
-
+    arrays = (b.rotation, b.translation, b.axis)
     return (
-        f"    ({b.parent}, {b.leader}, {b.slides}, {b.factor!r}, {b.shift!r}, {array(b.rotation)}, "
-        f"{array(b.translation)}, {array(b.axis)}, {float(x[0])!r}, {array(x[1:4])}, {array(_inertia(x))}),"
-        f"  # {b.joint}"
+        f"    ({b.parent}, {b.leader}, {bool(b.slides)}, {number(b.factor)}, {number(b.shift)}, "
+        f"{', '.join(f'np.array({_list(values)})' for values in arrays)}, {number(x[0])}, "
+        f"np.array({_list(x[1:4])}), np.array({_list(_inertia(x))})),  # {comment(b.joint)}"
     )

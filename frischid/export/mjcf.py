@@ -7,30 +7,30 @@ shapes. It loads as it is, and its joint and inertial lines can be pasted into a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from frischid.core.types import Array
+from frischid.export.names import attribute, number
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 from frischid.robot.kinematic_tree import Body, bodies_of
 
 
 def mjcf_source(model: Model) -> str:
-    """MJCF text of a model with physical links.
+    """Write a model with physical links as MJCF.
 
     Raises
     ------
     InputError
-        The model has base parameters only.
+        The model has base parameters only, or an infinite number.
     """
     robot = model.robot
     bodies = bodies_of(robot)
     links = model.links if robot.transforms is None else (robot.transforms @ model.links[:, :, None])[:, :, 0]
     lines = [
-        f"<mujoco model={quoteattr(robot.name)}>",
+        f"<mujoco model={attribute(robot.name)}>",
         '  <compiler angle="radian" autolimits="true"/>',
         f'  <option gravity="{_numbers(robot.gravity)}"/>',
         "  <worldbody>",
@@ -48,7 +48,7 @@ def _children(model: Model, bodies: Sequence[Body], links: Array, parent: int, i
         if body.parent != parent:
             continue
         x, y, z, w = Rotation.from_matrix(body.rotation).as_quat()
-        name = quoteattr(f"body of {body.joint}")
+        name = attribute(f"body of {body.joint}")
         lines += [
             f'{indent}<body name={name} pos="{_numbers(body.translation)}" quat="{_numbers([w, x, y, z])}">',
             f"{indent}  {_inertial(links[i])}",
@@ -65,21 +65,21 @@ def _inertial(theta: Array) -> str:
     P[:3, :3] -= P[3, 3] * np.outer(centre, centre)
     xx, xy, yy, xz, yz, zz = dynamic_parameters(P)[4:]
     full = _numbers([xx, yy, zz, xy, xz, yz])
-    return f'<inertial pos="{_numbers(centre)}" mass="{float(P[3, 3])!r}" fullinertia="{full}"/>'
+    return f'<inertial pos="{_numbers(centre)}" mass="{number(P[3, 3])}" fullinertia="{full}"/>'
 
 
 def _joint(model: Model, body: Body) -> str:
     kind = "slide" if body.slides else "hinge"
-    parts = [f"name={quoteattr(body.joint)}", f'type="{kind}"', f'axis="{_numbers(body.axis)}"']
+    parts = [f"name={attribute(body.joint)}", f'type="{kind}"', f'axis="{_numbers(body.axis)}"']
     if body.joint in model.robot.joints:
         j, limits = model.robot.joints.index(body.joint), model.robot.limits
         if np.isfinite([limits.lower[j], limits.upper[j]]).all():
             parts.append(f'range="{_numbers([limits.lower[j], limits.upper[j]])}"')
     wanted = {"armature": ("rotor_inertia", "Ia"), "damping": ("viscous", "fv"), "frictionloss": ("coulomb", "fc")}
-    for attribute, (effect, symbol) in wanted.items():
+    for key, (effect, symbol) in wanted.items():
         x = model.of_effect(effect, symbol).get(body.joint, 0.0)
         if x > 0:  # MuJoCo refuses others; which ones were left out, the export says
-            parts.append(f'{attribute}="{x!r}"')
+            parts.append(f'{key}="{number(x)}"')
     return f"<joint {' '.join(parts)}/>"
 
 
@@ -87,7 +87,7 @@ def _followers(model: Model, bodies: Sequence[Body]) -> list[str]:
     """Mimic joints, as equality constraints."""
     joints = model.robot.joints
     rules = [
-        f"    <joint joint1={quoteattr(b.joint)} joint2={quoteattr(joints[b.leader])} "
+        f"    <joint joint1={attribute(b.joint)} joint2={attribute(joints[b.leader])} "
         f'polycoef="{_numbers([b.shift, b.factor, 0.0, 0.0, 0.0])}"/>'
         for b in bodies
         if b.joint not in joints
@@ -96,4 +96,4 @@ def _followers(model: Model, bodies: Sequence[Body]) -> list[str]:
 
 
 def _numbers(values: Sequence[float] | Array) -> str:
-    return " ".join(repr(float(x)) for x in values)
+    return " ".join(map(number, values))

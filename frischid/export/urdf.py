@@ -18,6 +18,7 @@ from frischid.errors import FrischidError, InputError, UnknownNameError
 from frischid.export.code import c_source, numpy_source
 from frischid.export.consistency import Box, Consistency, as_identified, make_consistent
 from frischid.export.mjcf import mjcf_source
+from frischid.export.proofread import proofread
 from frischid.model.model import Model
 from frischid.robot.inertia import is_physical, pseudo_inertia, redistributed
 from frischid.robot.robot import Robot
@@ -101,6 +102,7 @@ def export(
             )
     else:
         text = {"MJCF": mjcf_source, "C": c_source, "NumPy": numpy_source}[kind](physical)
+    proofread(text, kind, str(target))
     write_text(target, text)
     return Export(target, kind, physical, consistency, difference, tuple(_notes(physical, kind)))
 

@@ -1,11 +1,7 @@
 """Exports say what the model says, and change nothing else."""
 
-import ctypes
-import importlib.util
 import json
 import re
-import subprocess
-import sys
 from functools import cache
 
 import mujoco
@@ -15,7 +11,7 @@ from cases import exact_log, quick, random_values, robot, states
 from click.testing import CliRunner
 
 from frischid.cli import main
-from frischid.effects import BASELINE, EFFECTS, parse_effects
+from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError, UnknownNameError
 from frischid.export.consistency import as_identified, make_consistent
 from frischid.export.urdf import NotPhysicalError, export, urdf_source
@@ -189,94 +185,6 @@ def test_mjcf_has_rotors_and_friction(name, tmp_path):
         torque = _mujoco_inverse(compiled, machine.gravity, q[k], v[k], a[k])
         rest = torque - compiled.dof_damping * v[k] - compiled.dof_armature * a[k]
         np.testing.assert_allclose(rest, expected[k], atol=1e-6 * np.abs(expected).max())
-
-
-# ---- code
-
-
-def library(path):
-    out = path.with_suffix(".so")
-    command = [
-        "gcc",
-        "-O2",
-        "-std=c99",
-        "-Wall",
-        "-Wextra",
-        "-Werror",
-        "-shared",
-        "-fPIC",
-        str(path),
-        "-o",
-        str(out),
-        "-lm",
-    ]
-    subprocess.run(command, check=True)
-    return ctypes.CDLL(str(out))
-
-
-def call(function, *columns):
-    pointers = [np.ascontiguousarray(c, dtype=float) for c in columns]
-    out = np.empty_like(pointers[0])
-    for k in range(len(out)):
-        row = [x[k].ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for x in (*pointers, out)]
-        function(*row)
-    return out
-
-
-def module(path):
-    spec = importlib.util.spec_from_file_location("control", path)
-    loaded = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(loaded)
-    return loaded
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_generated_code_is_the_model(name, tmp_path):
-    model = physical(name)
-    q, v, a = states(model.robot, 20)
-    expected, friction = model.inverse_dynamics(q, v, a), model.friction(q, v)
-    size = np.abs(expected).max()
-    for suffix in (".c", ".py"):
-        export(model, tmp_path / f"control{suffix}")
-    built = library(tmp_path / "control.c")
-    np.testing.assert_allclose(call(built.inverse_dynamics, q, v, a), expected, rtol=0, atol=1e-9 * size)
-    np.testing.assert_allclose(call(built.friction, q, v), friction, rtol=0, atol=1e-9 * size)
-    python = module(tmp_path / "control.py")
-    np.testing.assert_allclose(python.inverse_dynamics(q, v, a), expected, rtol=0, atol=1e-9 * size)
-    np.testing.assert_allclose(python.friction(q, v), friction, rtol=0, atol=1e-9 * size)
-
-
-WRITABLE = [name for name, kind in EFFECTS.items() if kind.code] + [
-    "joint_spring(form=cubic)",
-    "joint_spring(form=periodic)@turn",
-]
-
-
-@pytest.mark.parametrize("name", WRITABLE)
-def test_code_of_every_effect_is_its_column(name, tmp_path):
-    machine = robot("mixed mimic")
-    effects = parse_effects(name)
-    standard = dict(zip(machine.all_names, map(float, machine.nominal), strict=True)) | random_values(machine, effects)
-    base = identified(machine, ())
-    model = Model.from_dict({**base.to_dict(), "effects": [e.to_dict() for e in effects], "standard": standard})
-    path = tmp_path / "control.py"
-    export(model, path, force=True)
-    q, v, a = states(machine, 20)
-    v[0] = 0.0
-    np.testing.assert_allclose(
-        module(path).inverse_dynamics(q, v, a), model.inverse_dynamics(q, v, a), rtol=1e-9, atol=1e-9
-    )
-
-
-def test_generated_python_needs_only_numpy(tmp_path):
-    export(physical("planar2"), tmp_path / "control.py")
-    code = (
-        "import sys; sys.path.insert(0, sys.argv[1])\n"
-        "import control; control.inverse_dynamics([0] * 2, [1] * 2, [1] * 2)\n"
-        "print(sorted({m.split('.')[0] for m in sys.modules} & {'frischid', 'pinocchio', 'scipy', 'cvxpy'}))"
-    )
-    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 def test_effects_with_memory_have_no_code(tmp_path):

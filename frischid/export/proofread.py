@@ -1,0 +1,84 @@
+"""Generated code is read again before it appears in a file: Python compiles, C's comments and braces are in balance.
+
+Both are checked for form only. That the code computes the model's torque is what the tests compare.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+from frischid.errors import InputError
+
+_PAIRS = {")": "(", "]": "[", "}": "{"}
+
+
+def proofread(text: str, kind: str, target: str) -> None:
+    """Check the form of generated text.
+
+    Parameters
+    ----------
+    text : str
+    kind : {"C", "NumPy", "MJCF", "URDF"}
+    target : str
+        File that the text is meant for, for the message.
+
+    Raises
+    ------
+    InputError
+        The text is malformed; the message names the file and the place.
+    """
+    try:
+        if kind == "NumPy":
+            compile(text, target, "exec", dont_inherit=True)
+        elif kind == "C":
+            balanced(text)
+        else:
+            ET.fromstring(text)
+    except (SyntaxError, ValueError) as error:  # ParseError of XML is a SyntaxError
+        raise InputError(
+            f"{target}: not written, because the generated {kind} text is malformed ({error}); please report this "
+            "with the model file"
+        ) from error
+
+
+def balanced(text: str) -> None:
+    """Check that comments of C end where they should and brackets pair up.
+
+    Generated C holds neither string literals nor ``//`` comments, so neither is looked for; a quote in code is refused.
+
+    Raises
+    ------
+    ValueError
+        With the line of the fault.
+    """
+    opened: list[str] = []
+    place = 0
+    while place < len(text):
+        if text.startswith("/*", place):
+            place = _after_comment(text, place)
+            continue
+        one = text[place]
+        if text.startswith("*/", place):
+            raise ValueError(f"line {_line(text, place)} ends a comment that has not begun")
+        if one in "\"'\\" or not (one.isascii() and (one.isprintable() or one == "\n")):
+            raise ValueError(f"line {_line(text, place)} holds {one!r} outside of a comment")
+        if one in _PAIRS.values():
+            opened.append(one)
+        elif one in _PAIRS and (not opened or opened.pop() != _PAIRS[one]):
+            raise ValueError(f"line {_line(text, place)} closes a bracket that is not open")
+        place += 1
+    if opened:
+        raise ValueError(f"{len(opened)} brackets do not close")
+
+
+def _after_comment(text: str, start: int) -> int:
+    end = text.find("*/", start + 2)
+    if end < 0:
+        raise ValueError(f"the comment of line {_line(text, start)} does not end")
+    if "/*" in text[start + 2 : end]:
+        raise ValueError(f"the comment of line {_line(text, start)} holds the start of another")
+    return end + 2
+
+
+def _line(text: str, place: int) -> int:
+    return text.count("\n", 0, place) + 1
