@@ -23,7 +23,8 @@ from common import Worker, parser, publish
 
 import frischid as fr
 from frischid.estimators.least_squares import ols
-from frischid.logs.preprocessing import LowPass, Motion
+from frischid.logs.filters import LowPass
+from frischid.logs.preprocessing import Motion
 from frischid.regression.regressor import Regressor, accumulate
 from frischid.regression.structure import structure
 

@@ -46,7 +46,8 @@ from frischid.estimators.instrumental_variables import iv
 from frischid.estimators.least_squares import Estimate, ols, wls
 from frischid.estimators.sensor_noise import noise_limits, samples, sensor_moments
 from frischid.estimators.sensorwise import sensorwise
-from frischid.logs.preprocessing import LowPass, Motion
+from frischid.logs.filters import LowPass
+from frischid.logs.preprocessing import Motion
 from frischid.motions.simulation import parameters_of, torque
 from frischid.motions.trajectory import Trajectory
 from frischid.regression.moments import total

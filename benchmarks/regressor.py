@@ -15,7 +15,8 @@ import pinocchio as pin
 from common import parser, publish
 
 import frischid as fr
-from frischid.logs.preprocessing import LowPass, Motion
+from frischid.logs.filters import LowPass
+from frischid.logs.preprocessing import Motion
 from frischid.regression.regressor import Regressor, accumulate
 
 TARGETS = {"full regressor": 1.6, "streamed into moments": 2.2}

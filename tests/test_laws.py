@@ -26,7 +26,8 @@ from cases import (
 )
 
 from frischid.effects import BASELINE, EFFECTS
-from frischid.logs.preprocessing import LowPass, prepare
+from frischid.logs.filters import LowPass
+from frischid.logs.preprocessing import prepare
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise, torque
 from frischid.regression.moments import total

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
+from frischid.logs.filters import noise_level
 from frischid.logs.log import STANDSTILL_SPAN, Log
-from frischid.logs.preprocessing import noise_level
 from frischid.robot.robot import Robot
 
 LEVELS = 20  # fewer steps than this across the usual range of a channel is coarse

@@ -17,9 +17,9 @@ from scipy import ndimage, signal
 
 from frischid.checks.log_issue import Notebook
 from frischid.core.types import Array
+from frischid.logs.filters import noise_level
 from frischid.logs.log import CHANNELS, Log
 from frischid.logs.mapping import SECONDS
-from frischid.logs.preprocessing import noise_level
 
 SLOWEST, FASTEST = 2.0, 2e4
 """Rates [Hz] outside which no recording of a robot's dynamics is made: the unit of time is then another."""

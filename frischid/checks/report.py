@@ -19,8 +19,10 @@ from frischid.checks.sketch import HIGHEST, Sketch
 from frischid.checks.velocity import check_velocity
 from frischid.core.types import Array
 from frischid.errors import InputError
+from frischid.logs.cutoff_choice import choose_lowpass
+from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
-from frischid.logs.preprocessing import LowPass, Motion, choose_lowpass, prepare
+from frischid.logs.preprocessing import Motion, prepare
 from frischid.regression.base_parameters import Reduction
 from frischid.robot.robot import Robot
 

@@ -24,7 +24,8 @@ from scipy.optimize import nnls
 from frischid.core.types import Array
 from frischid.effects.base import WIDTH
 from frischid.errors import InputError
-from frischid.logs.preprocessing import LowPass, Motion, decimating_filter, derivative_taps, noise_level
+from frischid.logs.filters import LowPass, decimating_filter, derivative_taps, noise_level
+from frischid.logs.preprocessing import Motion
 from frischid.robot.robot import Robot
 
 HIGHEST = 10.0  # Hz, enough for gross errors; above it noise of bad stamps would drown them

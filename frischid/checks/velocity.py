@@ -15,9 +15,11 @@ from scipy import signal
 
 from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
+from frischid.logs.derivatives import LATE_VELOCITY
+from frischid.logs.filters import LowPass, derivative_taps, noise_level
 from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.mapping import SECONDS
-from frischid.logs.preprocessing import LATE_VELOCITY, LowPass, derivative_taps, noise_level, uniform
+from frischid.logs.time_grid import uniform
 
 LONGEST = 1.0  # s, largest lag looked for
 TELLING = 0.9  # share of a channel's variance that must not be noise

@@ -24,8 +24,9 @@ from frischid.diagnosis.candidate_columns import Gathered, Projection, Work, col
 from frischid.diagnosis.change_prior import reference_of
 from frischid.diagnosis.motion_cache import Part, Piece, Stretch, kept
 from frischid.effects import Effect, State
+from frischid.logs.filters import decimating_filter
 from frischid.logs.log import Log
-from frischid.logs.preprocessing import Motion, decimating_filter
+from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor

@@ -19,7 +19,8 @@ import numpy as np
 from frischid.effects import BASELINE, Coulomb, Effect, State, Term
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.least_squares import cross_validated, wls
-from frischid.logs.preprocessing import LowPass, Motion
+from frischid.logs.filters import LowPass
+from frischid.logs.preprocessing import Motion
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import total
 from frischid.regression.regressor import Regressor, accumulate

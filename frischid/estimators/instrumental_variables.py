@@ -36,7 +36,8 @@ from frischid.errors import InputError
 from frischid.estimators.errors_in_variables import covariance_of, information_of, solve_scaled
 from frischid.estimators.least_squares import LEAST_BLOCKS, Estimate
 from frischid.estimators.sensor_noise import noise_levels, sensors_of
-from frischid.logs.preprocessing import LowPass, Motion
+from frischid.logs.filters import LowPass
+from frischid.logs.preprocessing import Motion
 from frischid.motions.trajectory import Trajectory
 from frischid.regression.regressor import CHUNK, MAX_BLOCKS, Regressor
 from frischid.robot.robot import Robot

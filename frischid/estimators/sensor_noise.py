@@ -35,7 +35,8 @@ from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.estimators.errors_in_variables import Samples
 from frischid.estimators.sensorwise import TORQUE, SensorMoments
-from frischid.logs.preprocessing import LowPass, Motion, derivative_taps, noise_level
+from frischid.logs.filters import LowPass, derivative_taps, noise_level
+from frischid.logs.preprocessing import Motion
 from frischid.regression.moments import Gram
 from frischid.regression.regressor import Block, Regressor, accumulate
 from frischid.robot.robot import Robot

@@ -31,8 +31,10 @@ from frischid.estimators.drive_gain_ls import in_amperes, total_least_squares
 from frischid.estimators.least_squares import wls
 from frischid.estimators.physical_links import Extras, Links, consistent
 from frischid.export.consistency import link_mapping
+from frischid.logs.cutoff_choice import choose_lowpass
+from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
-from frischid.logs.preprocessing import LowPass, choose_lowpass, prepare
+from frischid.logs.preprocessing import prepare
 from frischid.logs.summary import held_by
 from frischid.regression.base_parameters import Reduction, reduce
 from frischid.regression.moments import Gram, total

@@ -42,8 +42,9 @@ from frischid.fleet.jobs import (
     tools,
 )
 from frischid.fleet.log_paths import Entry
+from frischid.logs.cutoff_choice import Bandwidths
+from frischid.logs.filters import LowPass
 from frischid.logs.mapping import LogMap
-from frischid.logs.preprocessing import Bandwidths, LowPass
 from frischid.model.model import Model
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Gram

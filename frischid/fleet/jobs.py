@@ -21,9 +21,11 @@ from frischid.effects import BASELINE, Effect
 from frischid.errors import FrischidError, InputError
 from frischid.fleet.deviation import Change, Deviation, changes, deviation
 from frischid.fleet.log_paths import Entry, local
+from frischid.logs.cutoff_choice import Bandwidths
+from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.mapping import LogMap
-from frischid.logs.preprocessing import Bandwidths, LowPass, prepare
+from frischid.logs.preprocessing import prepare
 from frischid.logs.readers import read_log
 from frischid.logs.recording import Motions, Recording, chunks_of, preview_of
 from frischid.logs.summary import summarise

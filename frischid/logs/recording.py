@@ -22,9 +22,11 @@ from typing import Any
 import numpy as np
 
 from frischid.errors import InputError
+from frischid.logs.filters import LowPass, derivative_taps
 from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Log
 from frischid.logs.mapping import LogMap
-from frischid.logs.preprocessing import LowPass, Motion, breaks_of, derivative_taps, prepare
+from frischid.logs.preprocessing import Motion, prepare
+from frischid.logs.time_grid import breaks_of
 
 RECORDING_CHUNK = 30_000
 """Samples in memory at once: half a minute at 1 kHz, 1.4 MB a channel of a six-joint arm."""

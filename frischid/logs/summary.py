@@ -12,8 +12,9 @@ from typing import Literal
 import numpy as np
 
 from frischid.errors import InputError, UnknownNameError
+from frischid.logs.cutoff_choice import Bandwidths
+from frischid.logs.filters import LowPass
 from frischid.logs.log import Log, check_motion, check_torque
-from frischid.logs.preprocessing import Bandwidths, LowPass
 from frischid.logs.recording import Recording, chunks_of, preview_of
 from frischid.robot.robot import Robot
 

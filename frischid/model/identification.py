@@ -29,8 +29,10 @@ from frischid.estimators.least_squares import Estimate, cross_validated, ols, wl
 from frischid.estimators.sensor_noise import noise_limits, samples, sensor_moments
 from frischid.estimators.sensorwise import sensorwise
 from frischid.estimators.urdf_prior import Choice, chosen, urdf_priors
+from frischid.logs.cutoff_choice import choose_lowpass
+from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
-from frischid.logs.preprocessing import LowPass, Motion, choose_lowpass, prepare
+from frischid.logs.preprocessing import Motion, prepare
 from frischid.logs.recording import Motions, Recording, check_logs, chunks_of, preview_of
 from frischid.logs.summary import Data, LogSummary, check_usable, held_by, moving_but_locked, summarise
 from frischid.logs.summary import torque_joints as torque_joints_of

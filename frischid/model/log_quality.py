@@ -15,8 +15,9 @@ import numpy as np
 from frischid.checks import inspect
 from frischid.core.types import Array
 from frischid.effects import BASELINE
+from frischid.logs.filters import noise_level
 from frischid.logs.log import Log
-from frischid.logs.preprocessing import noise_level, prepare
+from frischid.logs.preprocessing import prepare
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure

@@ -23,8 +23,9 @@ from frischid.effects import Effect, columns_of, effect_from_dict
 from frischid.errors import InputError
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import Estimate
+from frischid.logs.filters import LowPass
 from frischid.logs.log import Log, check_torque
-from frischid.logs.preprocessing import LowPass, Motion
+from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording, preview_of
 from frischid.regression.regressor import Block, Regressor
 from frischid.robot.robot import Robot

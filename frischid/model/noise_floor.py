@@ -27,7 +27,8 @@ from scipy import optimize
 
 from frischid.core.types import Array
 from frischid.effects import State, columns_of
-from frischid.logs.preprocessing import LowPass, Motion, correlate, decimating_filter, derivative_taps, noise_level
+from frischid.logs.filters import LowPass, correlate, decimating_filter, derivative_taps, noise_level
+from frischid.logs.preprocessing import Motion
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor
 

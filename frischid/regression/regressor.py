@@ -21,7 +21,8 @@ from threadpoolctl import ThreadpoolController
 from frischid.core.types import Array, Column
 from frischid.effects import Coulomb, Effect, State, columns_of
 from frischid.errors import InputError
-from frischid.logs.preprocessing import LowPass, Motion, decimating_filter
+from frischid.logs.filters import LowPass, decimating_filter
+from frischid.logs.preprocessing import Motion
 from frischid.regression.moments import Blocks, Gram, total
 from frischid.regression.streaming_qr import StreamingQR
 from frischid.robot.robot import Robot

@@ -8,7 +8,8 @@ from frischid.core.types import Column
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.errors_in_variables import Samples, eiv
 from frischid.estimators.sensor_noise import samples
-from frischid.logs.preprocessing import LowPass, Motion
+from frischid.logs.filters import LowPass
+from frischid.logs.preprocessing import Motion
 from frischid.motions.simulation import parameters_of
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor

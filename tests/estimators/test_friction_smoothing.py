@@ -5,7 +5,8 @@ import pytest
 
 from frischid.effects import Coulomb, parse_effects
 from frischid.estimators.friction_smoothing import baseline, dry_friction
-from frischid.logs.preprocessing import choose_lowpass, prepare
+from frischid.logs.cutoff_choice import choose_lowpass
+from frischid.logs.preprocessing import prepare
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier

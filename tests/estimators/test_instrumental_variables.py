@@ -8,7 +8,8 @@ import frischid as fr
 from frischid.errors import InputError
 from frischid.estimators.instrumental_variables import _neighbour_taps, _simulated, _Torque, iv
 from frischid.estimators.least_squares import ols
-from frischid.logs.preprocessing import LowPass, Motion
+from frischid.logs.filters import LowPass
+from frischid.logs.preprocessing import Motion
 from frischid.motions.simulation import parameters_of
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor, accumulate

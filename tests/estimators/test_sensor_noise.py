@@ -7,8 +7,9 @@ import pytest
 import frischid as fr
 from frischid.errors import InputError
 from frischid.estimators.sensor_noise import moved, noise_levels, samples, sensor_moments, sensors_of
+from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
-from frischid.logs.preprocessing import LowPass, Motion, prepare
+from frischid.logs.preprocessing import Motion, prepare
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor, accumulate
 from frischid.regression.structure import structure

@@ -16,7 +16,8 @@ from frischid.effects import BASELINE
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.least_squares import Prior, wls
 from frischid.estimators.urdf_prior import STRENGTHS, urdf_priors
-from frischid.logs.preprocessing import LowPass, prepare
+from frischid.logs.filters import LowPass
+from frischid.logs.preprocessing import prepare
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise
 from frischid.regression.moments import total

@@ -9,17 +9,12 @@ from hypothesis import strategies as st
 
 from frischid.effects import BASELINE
 from frischid.errors import InputError
+from frischid.logs.cutoff_choice import choose_lowpass
+from frischid.logs.filters import LowPass, decimating_filter, derivative_taps, noise_level
 from frischid.logs.log import Log
-from frischid.logs.preprocessing import (
-    LowPass,
-    choose_lowpass,
-    decimating_filter,
-    derivative_taps,
-    find_standstill,
-    noise_level,
-    prepare,
-)
+from frischid.logs.preprocessing import prepare
 from frischid.logs.readers import read_log
+from frischid.logs.standstill import find_standstill
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise
 from frischid.motions.trajectory import random_fourier

@@ -9,8 +9,9 @@ import pytest
 
 import frischid as fr
 from frischid.errors import InputError
+from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
-from frischid.logs.preprocessing import LowPass, prepare
+from frischid.logs.preprocessing import prepare
 from frischid.logs.recording import Motions, Recording
 from frischid.regression.moments import Blocks, total
 from frischid.regression.regressor import MAX_BLOCKS, Regressor, accumulate, gram_of

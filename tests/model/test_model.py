@@ -16,7 +16,7 @@ from frischid.core.types import Column
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.estimators.frisch import Box
-from frischid.logs.preprocessing import LowPass
+from frischid.logs.filters import LowPass
 from frischid.logs.recording import Recording
 from frischid.model.identification import identify
 from frischid.model.model import SCHEMA, Model

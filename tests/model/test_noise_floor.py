@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from frischid.effects import parse_effects
-from frischid.logs.preprocessing import LowPass, noise_level
+from frischid.logs.filters import LowPass, noise_level
 from frischid.model.comparison import compare
 from frischid.model.identification import identify
 from frischid.model.noise_floor import NoiseFloor, level_within

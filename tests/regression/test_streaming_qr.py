@@ -6,8 +6,9 @@ import pytest
 import frischid as fr
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.least_squares import NormalEquations
+from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
-from frischid.logs.preprocessing import LowPass, prepare
+from frischid.logs.preprocessing import prepare
 from frischid.regression.regressor import Regressor, accumulate, stack, streaming_qr
 from frischid.regression.streaming_qr import SAFE_CONDITION, StreamingQR, solve
 from frischid.regression.structure import structure

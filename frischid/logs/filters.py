@@ -1,0 +1,137 @@
+"""Zero-phase filters: the parallel low-pass, differentiators, and the noise that they leave.
+
+    F τ = (F Y) θ + F e
+
+The *parallel filter* F goes over the torque and over every regressor column alike, so it removes noise without biasing
+θ (Gautier 1997). F is a windowed-sinc low-pass. A missing q̇ or q̈ is a local quartic fit, ``q̇ = Σ_k d_k q_{i+k}``, wide
+enough to pass five times the cut-off of F, so that F alone shapes the spectrum.
+
+All filters are finite and symmetric in time: nothing is delayed, and the samples that a filter cannot fully see are
+known exactly.
+
+References: M. Gautier, "Dynamic identification of robots with power model", ICRA 1997; A. Savitzky and M. Golay,
+Analytical Chemistry 36(8), 1964; R. Schafer, "What is a Savitzky-Golay filter?", IEEE Signal Processing Magazine 28(4),
+2011.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal, sparse
+
+from frischid.core.types import Array
+from frischid.errors import InputError
+
+DERIVATIVE_BAND = 5.0
+"""A differentiator passes this many times the cut-off frequency; above that only noise is left."""
+QUARTIC = 4
+"""Degree of the local polynomial of a differentiator, and order of the differences that measure noise."""
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """The zero-phase filter applied to torque and regressor columns alike.
+
+    Attributes
+    ----------
+    cutoff : float or None
+        Frequency of half amplitude, Hz; None: nothing is filtered.
+    reason : str
+        Why this cut-off.
+
+    Raises
+    ------
+    InputError
+        The cut-off is no positive frequency.
+
+    Examples
+    --------
+    >>> from frischid.logs.filters import LowPass
+    >>> lowpass = LowPass(5.0)
+    >>> taps = lowpass.taps(step=0.001)
+    >>> len(taps) % 2, round(float(taps.sum()), 12), lowpass.decimation(step=0.001)
+    (1, 1.0, 66)
+    """
+
+    cutoff: float | None
+    reason: str = "given by the user"
+
+    def __post_init__(self) -> None:
+        if self.cutoff is not None and not (np.isfinite(self.cutoff) and self.cutoff > 0):
+            raise InputError(f"the cut-off must be a positive frequency in Hz, got {self.cutoff}")
+
+    def taps(self, step: float) -> Array:
+        """Symmetric impulse response for samples `step` seconds apart, of odd length and sum 1."""
+        if self.cutoff is None or self.cutoff >= 0.4 / step:
+            return np.ones(1)
+        length, beta = signal.kaiserord(60.0, min(self.cutoff, 0.5 / step - self.cutoff) * 2 * step)
+        return np.asarray(signal.firwin(length | 1, self.cutoff, window=("kaiser", beta), fs=1 / step))
+
+    def decimation(self, step: float) -> int:
+        """Samples per kept sample: the filter stops at 1.5 times the cut-off, so three samples a period suffice."""
+        return 1 if len(self.taps(step)) == 1 else max(1, int(1 / (3 * step * float(self.cutoff or 1))))
+
+
+def derivative_taps(order: int, step: float, cutoff: float | None) -> Array:
+    """Savitzky-Golay weights of a zero-phase derivative that passes `DERIVATIVE_BAND` times the cut-off.
+
+    The half length follows Schafer 2011, eq. 12.
+
+    Parameters
+    ----------
+    order : {1, 2}
+        Which derivative.
+    step : float
+        Time between samples, s.
+    cutoff : float or None
+        Cut-off of the low-pass, Hz; None: the shortest differentiator.
+
+    Returns
+    -------
+    ndarray, shape (2 half + 1,)
+        Weights for `correlate`.
+    """
+    half = 3
+    if cutoff is not None:
+        share_of_nyquist = min(1.0, DERIVATIVE_BAND * cutoff * 2 * step)
+        half = max(half, round(((QUARTIC + 1) / share_of_nyquist + 4.6) / 3.2))
+    return np.asarray(signal.savgol_coeffs(2 * half + 1, QUARTIC, deriv=order, delta=step, use="dot"))
+
+
+def correlate(taps: Array, x: Array) -> Array:
+    """``Σ_k taps_k x_{i+k}`` along the first axis, for every i whose samples all exist: (N, ...) -> (N − len + 1, ...)."""
+    return np.asarray(signal.oaconvolve(x, taps[::-1, None], mode="valid", axes=0))
+
+
+def decimating_filter(taps: Array, samples: int, decimation: int) -> sparse.csr_array:
+    """Filter and keep every `decimation`-th output, as a sparse matrix (outputs, samples) to apply to many columns."""
+    outputs = (samples - len(taps)) // decimation + 1
+    if outputs <= 0:
+        return sparse.csr_array((0, samples))
+    first = decimation * np.arange(outputs)
+    columns = (first[:, None] + np.arange(len(taps))).ravel()
+    return sparse.csr_array(
+        (np.tile(taps, outputs), columns, len(taps) * np.arange(outputs + 1)), shape=(outputs, samples)
+    )
+
+
+def noise_level(x: Array) -> Array:
+    """Standard deviation of the white noise on uniformly sampled channels.
+
+    Fourth differences cancel a motion that is smooth over five samples and keep ``Σ c² = 70`` times the noise variance.
+    Jerks and reversals hardly change the median of their absolute values.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N, ...)
+
+    Returns
+    -------
+    ndarray, shape (...)
+    """
+    fourth = np.diff(x, n=QUARTIC, axis=0) / np.sqrt(70.0)
+    spread = np.median(np.abs(fourth), axis=0) / 0.6745
+    # Most differences of a quantised channel at standstill are zero: its noise is in the few that are not.
+    return np.asarray(np.where(spread > 0, spread, np.std(fourth, axis=0)))
