@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
-from importlib import metadata, resources
+from importlib import metadata
 from pathlib import Path
-from string import Template
 from typing import Literal
 
+from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from frischid.core.files import check_writable, write_text
@@ -21,11 +21,9 @@ from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.logs.log import Log
 from frischid.model.model import Model
-from frischid.reports.html import esc
-from frischid.reports.sections import sections
+from frischid.reports.chapters import CHAPTERS
 from frischid.reports.study import Study, study
-
-__all__ = ["Study", "page", "report", "study"]
+from frischid.reports.templates import render
 
 
 def report(
@@ -77,33 +75,31 @@ def report(
 
 
 def page(found: Study, model_path: str = "model.json") -> str:
-    """One self-contained HTML page."""
-    chapters = sections(found, model_path)
+    """One self-contained HTML page.
+
+    Parameters
+    ----------
+    found : Study
+    model_path : str
+        Name of the model's file in the commands the page proposes.
+
+    Returns
+    -------
+    str
+        HTML that refers to nothing outside itself.
+    """
     warnings = len(found.warnings())
-    said = f"{warnings} warning{'s' * (warnings != 1)}" if warnings else "no warnings"
-    body = "".join(
-        f'<section id="{anchor}"><h2>{number}. {esc(heading)}</h2>{content}</section>'
-        for number, (anchor, heading, content) in enumerate(chapters, start=1)
-    )
-    # Template fills in one pass, so that a "$" in plotly.js or in a log's name is never taken for a name.
-    return Template(_part("page.html")).substitute(
-        title=esc(f"{found.model.robot.name}: {said}"),
-        heading=esc(found.model.robot.name),
-        said=esc(said),
-        made=esc(_made(found)),
-        nav="".join(f'<a href="#{anchor}">{esc(heading)}</a>' for anchor, heading, _ in chapters),
-        body=body,
-        style=_part("page.css"),
-        plotly=get_plotlyjs(),
-        script=_part("page.js"),
-    )
+    values = {
+        "robot": found.model.robot.name,
+        "warnings": f"{warnings} warning{'s' * (warnings != 1)}" if warnings else "no warnings",
+        "made": _made(found),
+        "chapters": [{"anchor": c.anchor, "heading": c.heading, "html": c.html(found, model_path)} for c in CHAPTERS],
+        "plotly": Markup(get_plotlyjs()),
+    }
+    return render("page.html", values)
 
 
 def _made(found: Study) -> str:
     names = ", ".join(Path(log.source).name for log in found.logs)
     day = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     return f"{names} · frischid {metadata.version('frischid')} · {day}"
-
-
-def _part(name: str) -> str:
-    return resources.files("frischid.reports").joinpath(name).read_text(encoding="utf-8")

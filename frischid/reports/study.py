@@ -66,6 +66,15 @@ class Study:
     truth: Array | None
     physical: Consistency | str
 
+    def sliding(self, joint: str) -> bool:
+        """Whether a joint is prismatic."""
+        robot = self.model.robot
+        return bool(robot.prismatic[robot.joints.index(joint)])
+
+    def unit_of(self, joint: str) -> str:
+        """Unit of a joint's torque or force."""
+        return "N" if self.sliding(joint) else "N·m"
+
     @property
     def impossible(self) -> list[str]:
         """Parameters whose sign is known and not the estimate's, by more than two standard errors."""

@@ -22,11 +22,12 @@ from frischid.model.prediction import predict
 from frischid.model.residual_conditions import Condition
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
-from frischid.reports.html import command
+from frischid.reports.chapters import CHAPTERS
+from frischid.reports.chapters.history import rounded
 from frischid.reports.page import page, report
-from frischid.reports.sections import data, parameters, rounded, verdict
 from frischid.reports.study import missing, study
 from frischid.reports.study import opened as capital
+from frischid.reports.templates import environment
 from frischid.robot.robot import Robot
 
 DATA = os.environ.get("FRISCHID_DATA")
@@ -58,6 +59,12 @@ def spring(tmp_path_factory):
     model = identify(Robot.load("planar2"), logs[:1]).model
     path = tmp_path_factory.mktemp("report") / "page.html"
     return path, report(model, logs, path, situation="always")
+
+
+def chapter(anchor, shown, model_path="model.json"):
+    """One chapter as HTML."""
+    (found,) = [c for c in CHAPTERS if c.anchor == anchor]
+    return str(found.html(shown, model_path))
 
 
 def joint_reports(folder):
@@ -181,7 +188,9 @@ def test_verdict_names_the_spring_and_counts_the_warnings(spring):
     assert "Missing: joint_spring on joint2" in text
     proposed = "frischid add model.json joint_spring --joints joint2 LOG... -o better.json"
     assert proposed in re.sub("</?span>|<wbr>", "", text)
-    assert "-o still-better.json" in re.sub("</?span>", "", verdict(spring[1], "better.json"))  # not over what it reads
+    assert "-o still-better.json" in re.sub(
+        "</?span>", "", chapter("verdict", spring[1], "better.json")
+    )  # not over what it reads
     assert "On a log it has never seen" in text
     start = text.index('id="missing"')
     for words in ("Evidence", "Could also be", "To be sure", "what joint_spring adds"):
@@ -189,6 +198,7 @@ def test_verdict_names_the_spring_and_counts_the_warnings(spring):
 
 
 def test_long_commands_break_after_commas():
+    command = environment().get_template("macros.html").module.command
     assert command("add --joints shoulder_pan,elbow") == (
         "<code><span>add</span> <span>--joints</span> <span>shoulder_pan,<wbr>elbow</span></code>"
     )
@@ -198,7 +208,7 @@ def test_the_verdict_has_no_legend_of_a_figure(spring):
     shown = spring[1]
     few = replace(shown.verdict, residuals=FewConditions())
     assert figures.matrix(few).reading.endswith("Blank: too few samples to say.")
-    assert "Blank" not in verdict(replace(shown, verdict=few), "model.json")
+    assert "Blank" not in chapter("verdict", replace(shown, verdict=few))
 
 
 class FewConditions:
@@ -223,7 +233,7 @@ def test_an_unknown_verdict_names_what_explains_a_part(spring):
 
 
 def test_every_noise_has_the_unit_of_its_joint(spring):
-    text = data(spring[1])
+    text = chapter("data", spring[1])
     assert "noise of q, rad (m)" not in text
     assert re.search(r"<td>[^<]+ rad</td><td>[^<]+ N·m</td></tr>", text)
 
@@ -232,8 +242,8 @@ def test_a_recursion_of_an_earlier_model_is_said_to_be_one(spring):
     shown = spring[1]
     assert shown.model.recursion is not None
     later = replace(shown, model=replace(shown.model, recursion=None, previous=shown.model))
-    assert "before anything was added" not in parameters(shown)
-    assert "before anything was added" in parameters(later)
+    assert "before anything was added" not in chapter("parameters", shown)
+    assert "before anything was added" in chapter("parameters", later)
 
 
 def test_what_was_found_has_its_units(spring):
@@ -245,7 +255,7 @@ def test_what_was_found_has_its_units(spring):
     assert list(hose.to_dict()["parameters"]) == ["kh2", "fz2", "distance"]
     text = spring[0].read_text(encoding="utf-8")
     assert re.search(r"ks2\u00a0=\u00a0[\d.]+\u00a0N·m/rad", text)
-    assert "In parentheses an effect&#x27;s shape: width in rad/s" in text
+    assert "In parentheses an effect&#39;s shape: width in rad/s" in text
 
 
 def test_a_shape_of_several_joints_says_whose_it_is(spring):

@@ -1,0 +1,30 @@
+"""Where it fails: joints by conditions, then each joint's residual against every variable it might depend on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from frischid import figures
+from frischid.core.text import listed
+from frischid.reports.study import Study
+
+VARIABLES = ("q", "v", "a", "load", "t")
+DEPENDENT = 0.01  # p-value below which a residual is said to depend on a variable
+
+
+def content(study: Study, model_path: str) -> dict[str, Any]:
+    """What the template shows; the worst joint is unfolded."""
+    shown = study.comparison
+    structure = shown.residuals.structure()
+    worst = max(shown.joints, key=lambda name: shown.joints[name].nrmse)
+    joints = []
+    for name, fit in shown.joints.items():
+        on = [figures.style.WORDS[v] for v, p in structure[name].depends_on.items() if p < DEPENDENT]
+        slides = study.sliding(name)
+        drawings = [figures.against(study.prediction, name, v, slides) for v in VARIABLES]
+        drawings.append(figures.plane(study.prediction, name, slides))
+        joints.append(
+            {"name": name, "nrmse": fit.nrmse, "depends_on": listed(on), "drawings": drawings, "open": name == worst}
+        )
+    mixed = 0 < len(study.held_out) < len(study.logs)
+    return {"mixed": mixed, "matrix": figures.matrix(shown), "joints": joints}

@@ -1,0 +1,44 @@
+"""The error falls: the staircase of a model's steps, and the steps as a table."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from frischid import figures
+from frischid.figures.style import number
+from frischid.reports.chapters.table import Table
+from frischid.reports.study import Study
+
+HEADINGS = ("step", "action", "effects", "before", "after", "NRMSE measured on")
+
+
+def content(study: Study, model_path: str) -> dict[str, Any]:
+    """What the template shows."""
+    floor = study.diagnosis.noise_floor if study.diagnosis is not None else study.verdict.noise_floor
+    rows = []
+    for i, event in enumerate(study.model.history):
+        after = event.get("error_after", event.get("held_out_nrmse"))
+        on = event.get("measured_on", "held out" if after is not None else "cross-validated on the fitted logs")
+        after = event.get("cross_validated_nrmse") if after is None else after
+        errors = ["–" if x is None else f"{x:.4f}" for x in (event.get("error_before"), after)]
+        rows.append([str(i), event["action"], rounded(", ".join(event.get("effects", ()))), *errors, on])
+    caption = f"Steps of the model. {_shapes(study)}"
+    return {
+        "staircase": figures.staircase(study.model, floor),
+        "steps": Table(HEADINGS, rows, words=3, caption=caption),
+    }
+
+
+def rounded(effects: str) -> str:
+    """Effects with the numbers of their shapes as a person writes them."""
+    return re.sub(r"\d+\.\d{5,}", lambda found: number(float(found[0])), effects)
+
+
+def _shapes(study: Study) -> str:
+    """Units of the numbers in an effect's parentheses."""
+    robot = study.model.robot
+    units: dict[str, str] = {}
+    for effect in study.model.effects:
+        units |= {name: unit for name in effect.parameters if (unit := effect.unit(name, robot))}
+    return f"In parentheses an effect's shape: {', '.join(f'{k} in {u}' for k, u in units.items())}" if units else ""

@@ -1,0 +1,103 @@
+"""Parameters: values with every method's bounds, correlation, physical links, regrouping, and the recursion."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from frischid import figures
+from frischid.core.text import listed
+from frischid.export.consistency import Consistency
+from frischid.figures.style import number
+from frischid.reports.chapters.table import Table
+from frischid.reports.study import Study
+
+ESTIMATORS = {
+    "wls": "weighted least squares", "ols": "least squares", "map": "least squares with the URDF as a prior",
+    "frisch": "best point of the Frisch box", "sensorwise": "sensor-wise Frisch scheme", "eiv": "errors in variables",
+    "iv": "instrumental variables",
+}  # fmt: skip
+RECURSIONS = {
+    "strict": "the paper's Algorithm 1", "undo": "windows that would empty the box are left out",
+    "calibrated": "every window's box is widened by its sampling error",
+}  # fmt: skip
+CAPTION = "Base parameters; R marks one that others are regrouped into; s.e. is the standard error"
+
+
+def content(study: Study, model_path: str) -> dict[str, Any]:
+    """What the template shows."""
+    model, e = study.model, study.model.estimate
+    record = figures.parameters.recursion_of(model)
+    return {
+        "count": len(e.theta),
+        "estimator": ESTIMATORS.get(e.estimator, e.estimator),
+        "condition": number(e.condition, 3),
+        "weak": len(study.weak),
+        "impossible": listed(study.impossible),
+        "physical": study.physical if isinstance(study.physical, Consistency) else None,
+        "no_links": study.physical if isinstance(study.physical, str) else "",
+        "held": _held(study.physical),
+        "intervals": figures.intervals(model, study.nominal, study.truth),
+        "values": _values(study),
+        "correlation": figures.correlation(model),
+        "regrouping": _regrouping(study),
+        "recursion": record,
+        "recursion_means": "" if record is None else RECURSIONS.get(record["variant"], record["variant"]),
+        "refitted": model.recursion is None,
+        "closing": figures.closing(model),
+    }
+
+
+def _values(study: Study) -> Table:
+    """One row per base parameter."""
+    model, e = study.model, study.model.estimate
+    given = {name: x for name, x in (("true", study.truth), ("URDF", study.nominal)) if x is not None}
+    rows = []
+    for i, column in enumerate(e.columns):
+        flags = ["impossible sign"] * (column.name in study.impossible) + ["hardly known"] * (column.name in study.weak)
+        boxes = [_range(float(b.lower[i]), float(b.upper[i])) for b in model.bounds.values()]
+        known = [number(float(x[i])) for x in given.values()]
+        unit = "–" if column.unit == "1" else column.unit
+        row = [column.name, unit, number(e.theta[i]), number(e.stderr[i], 2)]
+        rows.append([*row, *known, *boxes, ", ".join(flags), _sum(model.expressions[i])])
+    boxed = [f"{figures.parameters.title(method)} box" for method in model.bounds]
+    headings = ["parameter", "unit", "value", "± s.e.", *given, *boxed, "flags", "stands for"]
+    return Table(headings, rows, words=2, caption=CAPTION)
+
+
+def _sum(expression: str) -> str:
+    """A regrouped parameter, with minus signs, and factors that stay with what they multiply."""
+    return re.sub(r"(?<=\d) (?=[a-zA-Z])", "\u00a0", expression.replace(" - ", " − "))
+
+
+def _range(low: float, high: float) -> str:
+    """A box's side; an open end is infinite."""
+    if np.isinf(low) and np.isinf(high):
+        return "open"
+    return f"{'−∞' if np.isinf(low) else number(low, 3)} … {'∞' if np.isinf(high) else number(high, 3)}"
+
+
+def _held(found: Consistency | str) -> str:
+    """The limits that physical links run into."""
+    if isinstance(found, str):
+        return ""
+    limits: dict[str, list[str]] = {}
+    for active in found.active:
+        limits.setdefault(active.constraint, []).append(active.where)
+    return "; ".join(f"{listed(where)}: {constraint}" for constraint, where in limits.items())
+
+
+def _regrouping(study: Study) -> Table | None:
+    reduction = study.reduction
+    if reduction is None:
+        return None
+    names = [c.name for c in reduction.columns]
+    groups = (
+        ("identifiable alone", reduction.absolute),
+        ("only in combination", reduction.linear),
+        ("not at all", reduction.none),
+    )
+    rows = [[kind, str(len(group)), ", ".join(names[i] for i in group)] for kind, group in groups]
+    return Table(["", "count", "parameters"], rows, words=3, caption=f"{len(names)} parameters, rank {reduction.rank}")

@@ -1,0 +1,41 @@
+"""Measured against model: the errors as a table, and one figure per joint."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from frischid import figures
+from frischid.figures.style import number
+from frischid.reports.chapters.table import Table
+from frischid.reports.study import Study
+
+CAPTION = (
+    "Errors joint by joint, over all logs. NRMSE is the rms error over the torque's standard deviation; so are the "
+    "three columns after it: the error that the sensors' noise alone causes, and the errors of two simpler models. "
+    "fit = 100 (1 − NRMSE)"
+)
+HEADINGS = ("joint", "unit", "rms error", "bias", "NRMSE", "noise floor", "URDF alone", "constant torque", "fit, %")
+ROUNDING = 1e-9  # share of the rms error below which a bias is a zero that was rounded
+
+
+def content(study: Study, model_path: str) -> dict[str, Any]:
+    """What the template shows."""
+    contacts = study.diagnosis.contacts if study.diagnosis is not None else ()
+    rows = []
+    for name, j in study.comparison.joints.items():
+        bias = j.bias if abs(j.bias) > ROUNDING * j.rmse else 0.0
+        errors = [number(j.rmse), number(bias), f"{j.nrmse:.4f}", f"{j.noise_floor:.4f}"]
+        rows.append([name, study.unit_of(name), *errors, f"{j.nominal:.3f}", f"{j.constant:.3f}", f"{j.fit:.1f}"])
+    drawings = [
+        figures.measured(study.prediction, study.comparison, name, contacts, study.unit_of(name))
+        for name in study.model.joints
+    ]
+    return {
+        "errors": Table(HEADINGS, rows, words=2, caption=CAPTION),
+        "standstill": study.comparison.resting,
+        "nrmse_with_standstill": study.comparison.nrmse_with_rest,
+        "band": study.prediction.band,
+        "contacts": bool(contacts),
+        "several": len(study.logs) > 1,
+        "drawings": drawings,
+    }

@@ -1,0 +1,48 @@
+"""The verdict: how good the model is, what is wrong with it, what to do next; then every warning."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+from frischid import figures
+from frischid.reports.study import Study, missing
+
+LISTED = 4  # parameters named in a sentence; the table of parameters has the others
+
+
+def content(study: Study, model_path: str) -> dict[str, Any]:
+    """What the template shows."""
+    shown = study.verdict
+    count = len(study.held_out) or len(study.logs)
+    worst = max(shown.joints, key=lambda name: shown.joints[name].nrmse)
+    return {
+        "logs": f"{count} logs" if count > 1 else "a log",
+        "held_out": bool(study.held_out),
+        "shown": shown,
+        "worst": worst,
+        "worst_condition": figures.failure.worst(shown),
+        "missing": "" if study.diagnosis is None else missing(study.diagnosis),
+        "next": _next(study, model_path),
+        "warnings": study.warnings(),
+    }
+
+
+def _next(study: Study, model_path: str) -> dict[str, Any]:
+    """The next step: its kind, and what its sentence needs."""
+    diagnosis = study.diagnosis
+    if diagnosis is not None and diagnosis.verdict == "unknown":
+        return {"kind": "formula"}
+    passing = [] if diagnosis is None else [f for f in diagnosis.findings if f.significant and f.members]
+    if passing:
+        best = passing[0]
+        where = f" --joints {','.join(best.joints)}" if best.joints else ""
+        given = Path(model_path).name
+        better = "better.json" if given != "better.json" else "still-better.json"
+        add = f"frischid add {shlex.quote(given)} {best.effect}{where} LOG... -o {better}"
+        return {"kind": "add", "before": best.error_before, "after": best.error_after, "command": add}
+    if study.weak:
+        more = " …" * (len(study.weak) > LISTED)
+        return {"kind": "excite", "count": len(study.weak), "names": ", ".join(study.weak[:LISTED]) + more}
+    return {"kind": "nothing"}

@@ -1,0 +1,42 @@
+"""HTML from templates: Jinja2 with autoescape on, so that nothing read from a file becomes markup.
+
+Templates lie in `templates/`, one per chapter; `macros.html` holds what chapters share: tables, figures, commands. A
+name that a template does not know raises an error instead of leaving a gap. Only two things are inserted unescaped:
+plotly.js and the figures' JSON, both as `Markup` made here or in `page`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from frischid.figures import Drawing
+from frischid.figures.style import typeset
+
+
+@cache
+def environment() -> Environment:
+    """The one environment of all templates."""
+    found = Environment(
+        loader=PackageLoader("frischid.reports", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.filters |= {"typeset": typeset, "spec": spec}
+    return found
+
+
+def render(template: str, values: Mapping[str, Any]) -> Markup:
+    """A template filled in, as HTML that other templates insert as it is."""
+    return Markup(environment().get_template(template).render(values))
+
+
+def spec(drawing: Drawing) -> Markup:
+    """A figure as JSON inside a script element, which "<" is the one character to end early."""
+    return Markup(str(drawing.figure.to_json()).replace("<", "\\u003c"))
