@@ -12,7 +12,8 @@ from frischid.model.identification import ESTIMATORS, identify
 from frischid.motions.simulation import parameters_of, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor
-from frischid.robot.robot import Robot, robot_names
+from frischid.robot.robot import Robot
+from frischid.robot.urdf_reading import robot_names
 
 INERTIAL = (
     '<inertial><origin xyz="{c}"/><mass value="{m}"/><inertia ixx="{i[0]}" iyy="{i[1]}" izz="{i[2]}" '

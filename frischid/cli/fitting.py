@@ -38,7 +38,7 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
     from frischid.cli.pages import fitting as show
     from frischid.regression.regressor import Regressor
     from frischid.regression.structure import structure
-    from frischid.robot.robot import robot_names
+    from frischid.robot.urdf_reading import robot_names
 
     if robot is None:
         show_page(show.robots(list(robot_names())), as_json)

@@ -2,7 +2,7 @@
 
 A rotor of inertia I_m behind a gear of ratio k turns k times as fast as its joint. Seen from the joint it weighs
 ``Ia = k² I_m``, often more than the link itself. The full form also counts what the spinning rotor does to the
-link that carries it (see `Robot.rotor_coupling`).
+link that carries it (see `frischid.robot.rotors`).
 
 A motor pulls a little more in some positions of its magnets and teeth than in others, ``A sin(N q) + B cos(N q)``;
 and in a wrist one motor may turn with the sum of two joints, ``s = q_i + r q_j``, so that its friction and inertia
@@ -26,6 +26,7 @@ import numpy as np
 from frischid.effects.base import SPEED, WIDTH, Effect, State, Term, is_number, torque_unit
 from frischid.errors import InputError
 from frischid.robot.robot import Robot
+from frischid.robot.rotors import rotor_coupling
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class RotorInertia(Effect):
         unit = torque_unit(state.robot, i, "acceleration")
         if not self.coupled:
             return Term(self.column("Ia", unit, name, number, sign=1), {i: state.a[:, i]})
-        torque = state.robot.rotor_coupling(state.q, state.v, state.a, name, self.ratio)
+        torque = rotor_coupling(state.robot, state.q, state.v, state.a, name, self.ratio)
         rows = {j: torque[:, j] for j in range(torque.shape[1])}
         return Term(self.column("Im", unit, name, number, sign=1), rows)
 

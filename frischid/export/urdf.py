@@ -21,6 +21,7 @@ from frischid.export.mjcf import mjcf_source
 from frischid.export.proofread import proofread
 from frischid.model.model import Model
 from frischid.robot.inertia import is_physical, pseudo_inertia, redistributed
+from frischid.robot.kinematic_tree import links_of
 from frischid.robot.robot import Robot
 from frischid.robot.urdf_edit import UrdfText
 
@@ -158,7 +159,7 @@ def urdf_source(model: Model) -> str:
 
 def _parts(robot: Robot, text: UrdfText, joint: str, theta: Array) -> dict[str, Array]:
     """Pseudo-inertias of a body's links, each in its own frame."""
-    poses = robot.links_of(joint)
+    poses = links_of(robot, joint)
     main = text.child_link(joint)
     names = [n for n in poses if n == main or text.pseudo_inertia(n).any()]
     H = np.array([poses[n] for n in names])
@@ -216,4 +217,4 @@ def _notes(model: Model, kind: str) -> list[str]:
 def _of_several_links(robot: Robot) -> list[str]:
     """Bodies whose inertia is spread over several links of the URDF."""
     text = UrdfText(robot.urdf)
-    return [j for j in robot.bodies if sum(text.pseudo_inertia(n).any() for n in robot.links_of(j)) > 1]
+    return [j for j in robot.bodies if sum(text.pseudo_inertia(n).any() for n in links_of(robot, j)) > 1]

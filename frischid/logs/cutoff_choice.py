@@ -45,7 +45,7 @@ def choose_lowpass(logs: Sequence[Log], joints: Sequence[str]) -> LowPass:
 
 
 class Bandwidths:
-    """Bandwidths of the motion, and where the torque sinks into its noise, gathered log by log; see `choose_lowpass`."""
+    """Bandwidths of the motion and of the torque above its noise, gathered log by log; see `choose_lowpass`."""
 
     def __init__(self) -> None:
         self.bands: list[float] = []

@@ -101,7 +101,7 @@ def derivative_taps(order: int, step: float, cutoff: float | None) -> Array:
 
 
 def correlate(taps: Array, x: Array) -> Array:
-    """``Σ_k taps_k x_{i+k}`` along the first axis, for every i whose samples all exist: (N, ...) -> (N − len + 1, ...)."""
+    """``Σ_k taps_k x_{i+k}`` along the first axis, for every i whose samples all exist: (N, J) -> (N − K + 1, J)."""
     return np.asarray(signal.oaconvolve(x, taps[::-1, None], mode="valid", axes=0))
 
 

@@ -29,9 +29,10 @@ def find_standstill(q: Array, v: Array, a: Array, step: float, pause: float = PA
     """Find the samples at which a joint holds its position, or stops and goes on without reversing.
 
     A joint holds its position where it travels less than `STANDSTILL_SPAN` within half a second around the sample. A
-    joint stops where it creeps (slower than `CREEPING`, or than a fiftieth of its usual speed if that is less) and slows
-    down to a fifth of that. A short stretch in which the joint turns round is no standstill: a reversal is motion, and
-    tells most about friction. If the joint was hardly accelerated for as long as `pause` before it turned, it paused.
+    joint stops where it creeps (slower than `CREEPING`, or than a fiftieth of its usual speed if that is less) and
+    slows down to a fifth of that. A short stretch in which the joint turns round is no standstill: a reversal is
+    motion, and tells most about friction. If the joint was hardly accelerated for as long as `pause` before it turned,
+    it paused.
 
     Parameters
     ----------

@@ -22,7 +22,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from frischid.core.types import Array
-from frischid.robot.robot import Robot, robot_names
+from frischid.robot.robot import Robot
+from frischid.robot.urdf_reading import robot_names
 
 FLOOR = "floor"
 _POSES = 64

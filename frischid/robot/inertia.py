@@ -32,6 +32,11 @@ def dynamic_parameters(P: Array) -> Array:
     return np.stack([m, h[..., 0], h[..., 1], h[..., 2], *inertia], axis=-1)
 
 
+def parameter_transform(H: Array) -> Array:
+    """T with θ_joint = T θ_frame, shape (10, 10), for a frame at the pose H (4, 4) in the joint frame."""
+    return dynamic_parameters(H @ pseudo_inertia(np.eye(10)) @ H.T).T
+
+
 def is_physical(theta: Array) -> NDArray[np.bool_]:
     """Which of several bodies (..., 10) could exist: P positive semidefinite up to rounding."""
     P = pseudo_inertia(theta)

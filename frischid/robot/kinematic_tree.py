@@ -72,3 +72,10 @@ def bodies_of(robot: Robot) -> list[Body]:
             )
         )
     return found
+
+
+def links_of(robot: Robot, joint: str) -> dict[str, Array]:
+    """Links of the body behind a joint, with their poses (4, 4) in the joint's frame; nearest the joint first."""
+    index = robot.numbers[joint]
+    frames = [f for f in robot.model.frames if f.parentJoint == index and f.type == pin.FrameType.BODY]
+    return {f.name: f.placement.homogeneous for f in frames}

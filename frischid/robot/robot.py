@@ -16,11 +16,9 @@ user sees without changing the physics:
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -29,29 +27,23 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from frischid.core.types import Array, Column
-from frischid.errors import InputError, UnknownNameError
-from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
+from frischid.errors import UnknownNameError
+from frischid.robot.inertia import parameter_transform
+from frischid.robot.joint_limits import JointLimits, read_limits
+from frischid.robot.mimics import MimicRule, mimic_rules
+from frischid.robot.pinocchio_model import build_model, configurations, frame_placement, gravity_in_base, with_inertias
+from frischid.robot.urdf_reading import joint_dynamics, parse_urdf, read_urdf
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 LINK_UNITS = ("kg",) + ("kg·m",) * 3 + ("kg·m²",) * 6
 GRAVITY = (0.0, 0.0, -9.81)
 
 
-@dataclass(frozen=True)
-class Limits:
-    """URDF limits of the joints, each of shape (J,): rad (m), rad/s (m/s), N·m (N)."""
-
-    lower: Array
-    upper: Array
-    velocity: Array
-    effort: Array
-
-
 @dataclass(frozen=True, eq=False)
 class Robot:
     """A robot with J independent one-degree-of-freedom joints and L moving bodies.
 
-    Build one with `Robot.load`.
+    Build one with `Robot.load`. Torques are linear in the rigid parameters, ``τ = Γ(q, q̇, q̈) θ``; `regressor` gives Γ.
 
     Attributes
     ----------
@@ -64,11 +56,18 @@ class Robot:
     gravity : tuple of float
         Gravity in the base frame, m/s².
     locked : dict of str to float
-        Joints held still, with the angle (m for prismatic joints) they are held at.
+        Joints that are fixed, with their angle, rad (m).
     frames : str or dict
         ``"joint"``, ``"far_end"``, or joint name -> URDF frame the link's parameters are expressed about.
     known : dict of str to float
         Rigid parameters taken as given; they have no column.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2", known={"my1": 0.0})
+    >>> robot.joints, len(robot.columns)
+    (('joint1', 'joint2'), 19)
     """
 
     name: str
@@ -117,10 +116,6 @@ class Robot:
         known : mapping of str to float, optional
             Rigid parameters known outright, for example ``{"my1": 0.0}``.
 
-        Returns
-        -------
-        Robot
-
         Raises
         ------
         InputError
@@ -128,8 +123,8 @@ class Robot:
         UnknownNameError
             No such robot, joint, frame or parameter.
         """
-        source, text = _read_urdf(robot)
-        tree = _parse(text, source)
+        source, text = read_urdf(robot)
+        tree = parse_urdf(text, source)
         whole = cls(name=tree.get("name", Path(source).stem), source=source, urdf=text)
         moving = set(whole.joints)
         for name in [*(joints or ()), *lock]:
@@ -138,19 +133,12 @@ class Robot:
         angles = dict(lock) if isinstance(lock, Mapping) else dict.fromkeys(lock, math.nan)
         if joints is not None:
             angles |= {j: angles.get(j, math.nan) for j in whole.joints if j not in joints}
-        gravity_base = np.asarray(gravity, dtype=float)
-        if gravity_base.shape != (3,) or not np.isfinite(gravity_base).all():
-            raise InputError(f"gravity must be three finite numbers in m/s², got {list(gravity)}")
-        if base_rpy is not None:
-            if np.shape(base_rpy) != (3,) or not np.isfinite(base_rpy).all():
-                raise InputError(f"base_rpy must be three finite numbers in rad, got {list(base_rpy)}")
-            gravity_base = pin.rpy.rpyToMatrix(np.asarray(base_rpy, dtype=float)).T @ gravity_base
         return cls(
             name=whole.name,
             source=source,
             urdf=text,
-            gravity=(float(gravity_base[0]), float(gravity_base[1]), float(gravity_base[2])),
-            locked={j: _rest_angle(whole, j) if math.isnan(x) else float(x) for j, x in angles.items()},
+            gravity=gravity_in_base(gravity, base_rpy),
+            locked={j: whole.angle_at_lock(j) if math.isnan(x) else float(x) for j, x in angles.items()},
             frames=frames if isinstance(frames, str) else dict(frames),
             known=dict(known or {}),
         )
@@ -175,40 +163,13 @@ class Robot:
 
     def keep(self, joints: Sequence[str]) -> Robot:
         """Lock every joint that is not in `joints`, at zero moved into its limits."""
-        extra = {j: _rest_angle(self, j) for j in self.joints if j not in set(joints)}
-        return Robot.from_dict({**self.to_dict(), "locked": {**self.locked, **extra}}) if extra else self
-
-    # ------------------------------------------------------------------ the tree
+        extra = {j: self.angle_at_lock(j) for j in self.joints if j not in set(joints)}
+        return replace(self, locked={**self.locked, **extra}) if extra else self
 
     @cached_property
     def model(self) -> Any:
         """Pinocchio model with the locked joints removed and the gravity set."""
-        try:
-            model = pin.buildModelFromXML(self.urdf)
-        except Exception as error:  # Pinocchio raises several unrelated types for a bad URDF
-            raise InputError(f"{self.source}: Pinocchio cannot build a model from this URDF: {error}") from error
-        _check_joints(model, self.source)
-        angles = dict(self.locked)
-        for name, (leader, factor, shift) in _mimics(self.urdf).items():
-            if leader in angles:
-                angles[name] = factor * angles[leader] + shift
-        if angles:
-            reference = pin.neutral(model)
-            for name, angle in angles.items():
-                joint = model.joints[model.getJointId(name)]
-                value = [math.cos(angle), math.sin(angle)] if joint.nq == 2 else [angle]
-                reference[joint.idx_q : joint.idx_q + joint.nq] = value
-            try:
-                model = pin.buildReducedModel(model, [model.getJointId(n) for n in angles], reference)
-            except ValueError as error:
-                raise InputError(
-                    f"{self.source}: Pinocchio cannot lock {', '.join(angles)}: {error}; does a link of the URDF have "
-                    "the name of the joint? Rename one of them"
-                ) from error
-        if model.nv == 0:
-            raise InputError(f"{self.source}: no joint is left to move; the URDF has none, or all are locked")
-        model.gravity.linear = np.array(self.gravity)
-        return model
+        return build_model(self.urdf, self.source, self.locked, self.gravity)
 
     @cached_property
     def data(self) -> Any:
@@ -221,9 +182,9 @@ class Robot:
         return tuple(self.model.names[1:])
 
     @cached_property
-    def mimics(self) -> dict[str, tuple[str, float, float]]:
-        """Mimic joints as name -> (leader, multiplier, offset); a leader is an independent joint."""
-        return {n: rule for n, rule in _mimics(self.urdf).items() if n in self.bodies}
+    def mimics(self) -> dict[str, MimicRule]:
+        """Rules of the mimic joints by name; every leader is an independent joint."""
+        return {n: rule for n, rule in mimic_rules(self.urdf).items() if n in self.bodies}
 
     @cached_property
     def joints(self) -> tuple[str, ...]:
@@ -241,44 +202,23 @@ class Robot:
         return np.array([self.model.joints[self.numbers[n]].shortname().startswith("JointModelP") for n in self.joints])
 
     @cached_property
-    def limits(self) -> Limits:
+    def limits(self) -> JointLimits:
         """URDF limits of the independent joints; infinite where the URDF gives none."""
-        model = self.model
-        rows = [model.joints[self.numbers[n]] for n in self.joints]
-        bounded = np.array([r.nq == 1 for r in rows])
-        lower = np.array(
-            [model.lowerPositionLimit[r.idx_q] if b else -np.inf for r, b in zip(rows, bounded, strict=True)]
-        )
-        upper = np.array(
-            [model.upperPositionLimit[r.idx_q] if b else np.inf for r, b in zip(rows, bounded, strict=True)]
-        )
-        velocity = np.array([model.velocityLimit[r.idx_v] for r in rows])
-        effort = np.array([model.effortLimit[r.idx_v] for r in rows])
-        unset = lower >= upper
-        lower[unset], upper[unset] = -np.inf, np.inf
-        velocity[(velocity <= 0) | (velocity > 1e6)] = np.inf
-        effort[(effort <= 0) | (effort > 1e6)] = np.inf
-        return Limits(lower, upper, velocity, effort)
+        return read_limits(self.model, [self.numbers[n] for n in self.joints])
 
     @cached_property
     def dynamics(self) -> dict[str, tuple[float, float]]:
-        """URDF ``<dynamics damping friction>`` of each independent joint (N·m·s/rad, N·m)."""
-        found = {}
-        for joint in ET.fromstring(self.urdf).findall("joint"):
-            tag = joint.find("dynamics")
-            if tag is not None and joint.get("name") in self.joints:
-                found[str(joint.get("name"))] = (float(tag.get("damping", 0)), float(tag.get("friction", 0)))
+        """URDF ``<dynamics damping friction>`` of each independent joint (N·m·s/rad, N·m); zero where there is none."""
+        found = joint_dynamics(self.urdf)
         return {j: found.get(j, (0.0, 0.0)) for j in self.joints}
 
     @cached_property
     def _leaders(self) -> tuple[NDArray[np.intp], Array, Array]:
         """For each body: column of its independent joint, multiplier, offset."""
         where = {n: i for i, n in enumerate(self.joints)}
-        rules = [self.mimics.get(n, (n, 1.0, 0.0)) for n in self.bodies]
+        rules = [self.mimics.get(n, MimicRule(n, 1.0, 0.0)) for n in self.bodies]
         leader, factor, shift = zip(*rules, strict=True)
         return np.array([where[n] for n in leader]), np.array(factor), np.array(shift)
-
-    # ------------------------------------------------------------------ the parameters
 
     @cached_property
     def all_names(self) -> tuple[str, ...]:
@@ -300,7 +240,7 @@ class Robot:
         """Blocks T with θ_joint = T θ_frame, shape (L, 10, 10); None when all frames are joint frames."""
         if self.frames == "joint":
             return None
-        return np.stack([_parameter_transform(self.frame_placement(n)) for n in self.bodies])
+        return np.stack([parameter_transform(self.frame_placement(n).homogeneous) for n in self.bodies])
 
     @cached_property
     def nominal(self) -> Array:
@@ -312,53 +252,26 @@ class Robot:
 
     def frame_placement(self, joint: str) -> Any:
         """Pose (pinocchio.SE3) of the parameter frame of a body in its joint frame."""
-        if self.frames == "joint":
-            return pin.SE3.Identity()
-        model, index = self.model, self.numbers[joint]
-        if isinstance(self.frames, Mapping):
-            unknown = [j for j in self.frames if j not in self.bodies]
-            if unknown:
-                raise UnknownNameError("joint", unknown[0], self.bodies, self.source)
-            if joint not in self.frames:
-                return pin.SE3.Identity()
-            on_body = {f.name: f.placement for f in model.frames if f.parentJoint == index}
-            if self.frames[joint] not in on_body:
-                raise UnknownNameError(f"frame on the body of {joint}", self.frames[joint], on_body, self.source)
-            return on_body[self.frames[joint]]
-        if self.frames != "far_end":
-            raise UnknownNameError("frame choice", str(self.frames), ["joint", "far_end"])
-        children = [model.jointPlacements[k] for k in range(1, model.njoints) if model.parents[k] == index]
-        fixed = [f.placement for f in model.frames if f.parentJoint == index]
-        far = (
-            children[0] if children else max(fixed, key=lambda placement: float(np.linalg.norm(placement.translation)))
-        )
-        return pin.SE3(np.eye(3), far.translation)
+        return frame_placement(self.model, joint, self.frames, self.source)
 
-    # ------------------------------------------------------------------ the dynamics
+    def angle_at_lock(self, joint: str) -> float:
+        """Zero moved into the joint's limits, rad (m): where a joint is locked when nobody says where."""
+        i = self.joints.index(joint)
+        return float(np.clip(0.0, self.limits.lower[i], self.limits.upper[i]))
 
     def configuration(self, q: Array) -> Array:
         """Pinocchio configurations of joint positions: (N, J) -> (N, nq), (cos, sin) for continuous joints."""
         leader, factor, shift = self._leaders
         full = np.asarray(q)[:, leader] * factor + shift
-        model = self.model
-        if model.nq == model.nv:
-            return np.ascontiguousarray(full)
-        out = np.empty((len(full), model.nq))
-        for i in range(len(self.bodies)):
-            joint = model.joints[i + 1]
-            if joint.nq == 2:
-                out[:, joint.idx_q] = np.cos(full[:, i])
-                out[:, joint.idx_q + 1] = np.sin(full[:, i])
-            else:
-                out[:, joint.idx_q] = full[:, i]
-        return out
+        return configurations(self.model, full)
 
-    def _full_rates(self, x: Array) -> Array:
+    def full_rates(self, x: Array) -> Array:
+        """Velocities or accelerations of all bodies' joints: (N, J) -> (N, L)."""
         leader, factor, _ = self._leaders
         return np.ascontiguousarray(np.asarray(x)[:, leader] * factor)
 
-    def _project(self, torque: Array, axis: int) -> Array:
-        """Virtual work of the mimic joints: sum ``torque`` (.., L, ..) onto the J independent joints along `axis`."""
+    def project(self, torque: Array, axis: int) -> Array:
+        """Virtual work of the mimic joints: ``τ = Gᵀ τ_full`` along `axis`, (.., L, ..) -> (.., J, ..)."""
         if not self.mimics:
             return torque
         leader, factor, _ = self._leaders
@@ -381,35 +294,17 @@ class Robot:
         pinocchio.Model
             Locked joints removed; mimic joints are joints of their own, as in `configuration`.
         """
-        model = self.model.copy()
-        if theta is not None:
-            blocks = np.asarray(theta, dtype=float).reshape(-1, 10)
-            if self.transforms is not None:
-                blocks = (self.transforms @ blocks[:, :, None])[:, :, 0]
-            for index, block in enumerate(blocks, start=1):
-                model.inertias[index] = pin.Inertia.FromDynamicParameters(block)
-        values = np.zeros(model.nv)
-        for name, x in (armature or {}).items():
-            values[model.joints[self.numbers[name]].idx_v] = x
-        model.armature = values
-        return model
-
-    def links_of(self, joint: str) -> dict[str, Array]:
-        """Links of the body behind a joint, with their poses (4, 4) in the joint's frame; nearest the joint first."""
-        index = self.numbers[joint]
-        frames = [f for f in self.model.frames if f.parentJoint == index and f.type == pin.FrameType.BODY]
-        return {f.name: f.placement.homogeneous for f in frames}
-
-    def project_mass(self, mass: Array) -> Array:
-        """Mass matrix of all bodies' joints (L, L) onto the independent joints (J, J)."""
-        return self._project(self._project(mass, axis=0), axis=1)
+        blocks = None if theta is None else np.asarray(theta, dtype=float).reshape(-1, 10)
+        if blocks is not None and self.transforms is not None:
+            blocks = (self.transforms @ blocks[:, :, None])[:, :, 0]
+        return with_inertias(self.model, blocks, {self.numbers[n]: x for n, x in (armature or {}).items()})
 
     def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
         """Rigid-body torque with the URDF's own parameters (recursive Newton-Euler): (N, J) each -> (N, J)."""
         model, data = self.model, self.data
-        rows = zip(self.configuration(q), self._full_rates(v), self._full_rates(a), strict=True)
+        rows = zip(self.configuration(q), self.full_rates(v), self.full_rates(a), strict=True)
         torque = np.array([pin.rnea(model, data, x, y, z) for x, y, z in rows]).reshape(-1, model.nv)
-        return self._project(torque, axis=1)
+        return self.project(torque, axis=1)
 
     def regressor(self, q: Array, v: Array, a: Array, out: Array) -> None:
         """Write the rigid regressor of N samples into `out`.
@@ -425,164 +320,23 @@ class Robot:
         full = out if plain else np.empty((len(q), len(self.all_names), len(self.bodies)))
         model, data, compute = self.model, self.data, pin.computeJointTorqueRegressor
         # Pinocchio's array is column-major: seen as (joint, parameter), source and target run through memory alike.
-        rows = zip(
-            full.transpose(0, 2, 1), self.configuration(q), self._full_rates(v), self._full_rates(a), strict=True
-        )
+        rows = zip(full.transpose(0, 2, 1), self.configuration(q), self.full_rates(v), self.full_rates(a), strict=True)
         for target, x, y, z in rows:
             target[...] = compute(model, data, x, y, z)
         if plain:
             return
-        out[:] = self._present(full)[:, self._unknown]
+        if self.transforms is not None:
+            blocks = full.reshape(len(full), len(self.bodies), 10, -1)
+            full = (self.transforms.transpose(0, 2, 1) @ blocks).reshape(full.shape)
+        unknown = [i for i, n in enumerate(self.all_names) if n not in self.known]
+        out[:] = self.project(full, axis=2)[:, unknown]
 
     def known_torque(self, q: Array, v: Array, a: Array) -> Array | None:
         """Torque of the parameters known outright, (N, J); None when all of them are zero."""
         values = np.array([self.known.get(n, 0.0) for n in self.all_names])
         if not values.any():
             return None
-        bare = Robot.from_dict({**self.to_dict(), "known": {}})
+        bare = replace(self, known={})
         out = np.empty((len(q), len(self.all_names), len(self.joints)))
         bare.regressor(q, v, a, out)
         return np.asarray(np.einsum("ncj,c->nj", out, values))
-
-    @cached_property
-    def _unknown(self) -> NDArray[np.intp]:
-        return np.array([i for i, n in enumerate(self.all_names) if n not in self.known], dtype=int)
-
-    def _present(self, full: Array) -> Array:
-        """Rigid regressor in the user's frames and on the independent joints."""
-        if self.transforms is not None:
-            blocks = full.reshape(len(full), len(self.bodies), 10, -1)
-            full = (self.transforms.transpose(0, 2, 1) @ blocks).reshape(full.shape)
-        return self._project(full, axis=2)
-
-    def rotor_coupling(self, q: Array, v: Array, a: Array, joint: str, ratio: float) -> Array:
-        """Torque of a unit rotor inertia carried by the previous link, on every joint.
-
-        A symmetric rotor spins at ``ratio·q̇_i`` about joint i's axis z_i, mounted on link i−1. Its spin momentum
-        ``h = ratio·q̇_i z_i`` loads the rows before i with z_j·ḣ, and row i with the motor's own balance:
-
-            row j < i:  ratio (q̈_i z_j·z_i + q̇_i z_j·(ω_{i−1} × z_i))
-            row i:      ratio² q̈_i + ratio z_i·ω̇_{i−1}
-
-        The rotor's inertia about its own axis as a part of link i−1 belongs to that link's parameters.
-
-        Returns
-        -------
-        ndarray, shape (N, J), in units of torque per kg·m² of motor-side rotor inertia
-        """
-        model, index = self.model, self.numbers[joint]
-        axes = np.empty((len(q), 3, model.nv))
-        for row, x in zip(axes, self.configuration(q), strict=True):
-            row[...] = pin.computeJointJacobians(model, self.data, x)[3:]
-        full_v, full_a = self._full_rates(v)[:, :, None], self._full_rates(a)[:, :, None]
-        chain = [model.joints[k].idx_v for k in model.supports[index] if 0 < k < index]
-        omega, alpha = np.zeros((2, len(q), 3))
-        for k in chain:  # angular velocity and acceleration of the link that carries the motor
-            alpha += axes[:, :, k] * full_a[:, k] + np.cross(omega, axes[:, :, k]) * full_v[:, k]
-            omega += axes[:, :, k] * full_v[:, k]
-        i = model.joints[index].idx_v
-        axis = axes[:, :, i]
-        rate = full_a[:, i] * axis + full_v[:, i] * np.cross(omega, axis)
-        out = np.zeros((len(q), model.nv))
-        out[:, chain] = ratio * np.einsum("nck,nc->nk", axes[:, :, chain], rate)
-        out[:, i] = ratio**2 * full_a[:, i, 0] + ratio * np.einsum("nc,nc->n", axis, alpha)
-        return self._project(out, axis=1)
-
-
-# ---------------------------------------------------------------------- reading
-
-
-def robot_names() -> dict[str, Path]:
-    """URDFs that can be loaded by name: those of this package, then those of example-robot-data."""
-    own = [p for p in (Path(__file__).parents[1] / "urdf", Path(__file__).parents[2] / "urdf") if p.is_dir()]
-    files = [p for folder in own[:1] for p in sorted(folder.glob("*.urdf"))]
-    try:
-        share = metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")
-        files += sorted(Path(str(share)).rglob("*.urdf"))
-    except metadata.PackageNotFoundError:
-        pass  # the shipped robots still load by name, and every path does
-    stems = [p.stem for p in files]
-    names: dict[str, Path] = {}
-    for path in files:
-        folder = next((part for part in path.parts if part.endswith(("_description", "_data"))), "")
-        short = path.stem if stems.count(path.stem) == 1 else f"{folder.rsplit('_', 1)[0]}/{path.stem}"
-        names.setdefault(short, path)
-    for short in list(names):
-        names.setdefault(short.removesuffix("_robot"), names[short])
-    return names
-
-
-def _read_urdf(robot: str | Path) -> tuple[str, str]:
-    text = str(robot)
-    path = Path(robot).expanduser()
-    if not path.exists() and not text.endswith((".urdf", ".xml", ".xacro")):
-        names = robot_names()
-        if text not in names:
-            raise UnknownNameError("robot", text, names)
-        path = names[text]
-    elif path.is_dir():
-        raise InputError(f"{path} is a folder; give the .urdf file inside it")
-    elif not path.exists():
-        raise InputError(f"{path}: no such URDF file; give a path, or a name that `frischid info` lists")
-    try:
-        return text, path.read_bytes().decode("utf-8")  # line ends as they are: an export changes nothing else
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path}: not a UTF-8 text file, so not a URDF ({error.reason} at byte {error.start})"
-        ) from None
-
-
-def _parse(text: str, source: str) -> ET.Element:
-    try:
-        root = ET.fromstring(text)
-    except ET.ParseError as error:
-        raise InputError(f"{source}: not an XML file, so not a URDF: {error}") from None
-    if root.tag != "robot":
-        raise InputError(f"{source}: the root element is <{root.tag}>, a URDF has <robot>")
-    if any("xacro" in element.tag for element in root.iter()):
-        raise InputError(f"{source}: this is a xacro file; expand it first (xacro FILE > robot.urdf)")
-    return root
-
-
-def _check_joints(model: Any, source: str) -> None:
-    for joint, name in zip(list(model.joints)[1:], list(model.names)[1:], strict=True):
-        if joint.nv != 1:
-            raise InputError(
-                f"{source}: joint '{name}' has {joint.nv} degrees of freedom ({joint.shortname()}); frischid "
-                "identifies revolute, continuous and prismatic joints; make it fixed in the URDF"
-            )
-
-
-def _mimics(urdf: str) -> dict[str, tuple[str, float, float]]:
-    """Mimic joints of a URDF, chains of mimics resolved to their independent leader."""
-    direct = {}
-    joints = ET.fromstring(urdf).findall("joint")
-    for joint in joints:
-        tag = joint.find("mimic")
-        if tag is not None and joint.get("type") != "fixed":
-            rule = (str(tag.get("joint")), float(tag.get("multiplier", 1)), float(tag.get("offset", 0)))
-            direct[str(joint.get("name"))] = rule
-    resolved = {}
-    for name, (leader, factor, shift) in direct.items():
-        seen = {name}
-        while leader in direct:
-            if leader in seen:
-                raise InputError(f"mimic joints {sorted(seen)} follow one another in a circle")
-            seen.add(leader)
-            leader, inner, more = direct[leader]
-            factor, shift = factor * inner, factor * more + shift
-        if not any(j.get("name") == leader and j.get("type") != "fixed" for j in joints):
-            raise InputError(f"mimic joint '{name}' follows '{leader}', which is no moving joint of the URDF")
-        resolved[name] = (leader, factor, shift)
-    return resolved
-
-
-def _rest_angle(robot: Robot, joint: str) -> float:
-    i = robot.joints.index(joint)
-    return float(np.clip(0.0, robot.limits.lower[i], robot.limits.upper[i]))
-
-
-def _parameter_transform(placement: Any) -> Array:
-    """T with θ_joint = T θ_frame for a frame at `placement` in the joint frame, shape (10, 10)."""
-    H = placement.homogeneous
-    return dynamic_parameters(H @ pseudo_inertia(np.eye(10)) @ H.T).T

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.robot.robot import LINK_PARAMETERS, Robot, robot_names
+from frischid.robot.robot import LINK_PARAMETERS, Robot
+from frischid.robot.urdf_reading import robot_names
 
 
 def refused(words, *args, kind=InputError, **options):

@@ -1,0 +1,51 @@
+"""Limits of position, velocity and effort that a URDF gives its joints.
+
+    lower ≤ q ≤ upper,   |q̇| ≤ velocity,   |τ| ≤ effort
+
+A URDF may give none, and Pinocchio then invents zeros or huge numbers: such a limit is infinite here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from frischid.core.types import Array
+
+LARGEST_LIMIT = 1e6
+"""A velocity (rad/s, m/s) or an effort (N·m, N) above this is a placeholder: no robot is as fast or as strong."""
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """URDF limits of the joints, each of shape (J,): rad (m), rad/s (m/s), N·m (N)."""
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    effort: Array
+
+
+def read_limits(model: Any, joints: Sequence[int]) -> JointLimits:
+    """Take the limits of some joints from a Pinocchio model; infinite where the URDF gives none.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+    joints : sequence of int
+        Pinocchio's index of each joint.
+    """
+    rows = [model.joints[k] for k in joints]
+    bounded = [r.nq == 1 for r in rows]  # a continuous joint is a pair (cos, sin) without limits
+    lower = np.array([model.lowerPositionLimit[r.idx_q] if b else -np.inf for r, b in zip(rows, bounded, strict=True)])
+    upper = np.array([model.upperPositionLimit[r.idx_q] if b else np.inf for r, b in zip(rows, bounded, strict=True)])
+    velocity = np.array([model.velocityLimit[r.idx_v] for r in rows])
+    effort = np.array([model.effortLimit[r.idx_v] for r in rows])
+    unset = lower >= upper
+    lower[unset], upper[unset] = -np.inf, np.inf
+    velocity[(velocity <= 0) | (velocity > LARGEST_LIMIT)] = np.inf
+    effort[(effort <= 0) | (effort > LARGEST_LIMIT)] = np.inf
+    return JointLimits(lower, upper, velocity, effort)

@@ -1,0 +1,78 @@
+"""Mimic joints: joints that follow another one.
+
+    q_mimic = factor · q_leader + shift
+
+A leader may be a mimic joint itself. The rules are resolved until every leader is an independent joint, so that
+``q_full = G q + g`` with one non-zero entry per row of G; virtual work then gives the torque ``τ = Gᵀ τ_full``.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from typing import NamedTuple
+
+from frischid.errors import InputError
+
+
+class MimicRule(NamedTuple):
+    """Position of a mimic joint: ``factor · q_leader + shift``.
+
+    Attributes
+    ----------
+    leader : str
+        The independent joint that the mimic joint follows.
+    factor : float
+    shift : float
+        rad (m).
+    """
+
+    leader: str
+    factor: float
+    shift: float
+
+
+def mimic_rules(urdf: str) -> dict[str, MimicRule]:
+    """Read the mimic joints of a URDF, chains of mimics resolved to their independent leader.
+
+    Parameters
+    ----------
+    urdf : str
+        Text of a URDF.
+
+    Returns
+    -------
+    dict of str to MimicRule
+        By name of the mimic joint.
+
+    Raises
+    ------
+    InputError
+        Mimic joints follow one another in a circle, or follow no moving joint.
+
+    Examples
+    --------
+    >>> from frischid.robot.mimics import mimic_rules
+    >>> mimic_rules('''<robot name="gripper"><joint name="left" type="prismatic"/>
+    ... <joint name="right" type="prismatic"><mimic joint="left" multiplier="-1" offset="0.02"/></joint></robot>''')
+    {'right': MimicRule(leader='left', factor=-1.0, shift=0.02)}
+    """
+    direct = {}
+    joints = ET.fromstring(urdf).findall("joint")
+    for joint in joints:
+        tag = joint.find("mimic")
+        if tag is not None and joint.get("type") != "fixed":
+            rule = MimicRule(str(tag.get("joint")), float(tag.get("multiplier", 1)), float(tag.get("offset", 0)))
+            direct[str(joint.get("name"))] = rule
+    resolved = {}
+    for name, (leader, factor, shift) in direct.items():
+        seen = {name}
+        while leader in direct:
+            if leader in seen:
+                raise InputError(f"mimic joints {sorted(seen)} follow one another in a circle")
+            seen.add(leader)
+            leader, inner, more = direct[leader]
+            factor, shift = factor * inner, factor * more + shift
+        if not any(j.get("name") == leader and j.get("type") != "fixed" for j in joints):
+            raise InputError(f"mimic joint '{name}' follows '{leader}', which is no moving joint of the URDF")
+        resolved[name] = MimicRule(leader, factor, shift)
+    return resolved

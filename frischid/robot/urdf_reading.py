@@ -1,0 +1,105 @@
+"""A URDF file, found by path or by name, and read as text that is known to be a URDF.
+
+The text stays as it is, byte for byte, so that an export changes nothing but the numbers it must change. The checks
+here are those that an XML parser can make; `frischid.robot.pinocchio_model` makes those of the kinematic tree.
+
+Format: URDF, https://wiki.ros.org/urdf/XML.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from importlib import metadata
+from pathlib import Path
+
+from frischid.errors import InputError, UnknownNameError
+
+
+def robot_names() -> dict[str, Path]:
+    """URDFs that can be loaded by name: those of this package, then those of example-robot-data.
+
+    Examples
+    --------
+    >>> from frischid.robot.urdf_reading import robot_names
+    >>> robot_names()["planar2"].name
+    'planar2.urdf'
+    """
+    own = [p for p in (Path(__file__).parents[1] / "urdf", Path(__file__).parents[2] / "urdf") if p.is_dir()]
+    files = [p for folder in own[:1] for p in sorted(folder.glob("*.urdf"))]
+    try:
+        share = metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")
+        files += sorted(Path(str(share)).rglob("*.urdf"))
+    except metadata.PackageNotFoundError:
+        pass  # the shipped robots still load by name, and every path does
+    stems = [p.stem for p in files]
+    names: dict[str, Path] = {}
+    for path in files:
+        folder = next((part for part in path.parts if part.endswith(("_description", "_data"))), "")
+        short = path.stem if stems.count(path.stem) == 1 else f"{folder.rsplit('_', 1)[0]}/{path.stem}"
+        names.setdefault(short, path)
+    for short in list(names):
+        names.setdefault(short.removesuffix("_robot"), names[short])
+    return names
+
+
+def read_urdf(robot: str | Path) -> tuple[str, str]:
+    """Read a URDF by path, or by a name that `robot_names` lists.
+
+    Returns
+    -------
+    source, text : str
+        Path or name as given, and the file's text.
+
+    Raises
+    ------
+    InputError
+        The path is a folder, does not exist, or is no text file.
+    UnknownNameError
+        There is no robot of that name.
+    """
+    text = str(robot)
+    path = Path(robot).expanduser()
+    if not path.exists() and not text.endswith((".urdf", ".xml", ".xacro")):
+        names = robot_names()
+        if text not in names:
+            raise UnknownNameError("robot", text, names)
+        path = names[text]
+    elif path.is_dir():
+        raise InputError(f"{path} is a folder; give the .urdf file inside it")
+    elif not path.exists():
+        raise InputError(f"{path}: no such URDF file; give a path, or a name that `frischid info` lists")
+    try:
+        return text, path.read_bytes().decode("utf-8")  # line ends as they are: an export changes nothing else
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: not a UTF-8 text file, so not a URDF ({error.reason} at byte {error.start})"
+        ) from None
+
+
+def parse_urdf(text: str, source: str) -> ET.Element:
+    """Parse the text of a URDF; `source` names the file in messages.
+
+    Raises
+    ------
+    InputError
+        The text is no XML, has another root than ``<robot>``, or is a xacro file.
+    """
+    try:
+        root = ET.fromstring(text)
+    except ET.ParseError as error:
+        raise InputError(f"{source}: not an XML file, so not a URDF: {error}") from None
+    if root.tag != "robot":
+        raise InputError(f"{source}: the root element is <{root.tag}>, a URDF has <robot>")
+    if any("xacro" in element.tag for element in root.iter()):
+        raise InputError(f"{source}: this is a xacro file; expand it first (xacro FILE > robot.urdf)")
+    return root
+
+
+def joint_dynamics(urdf: str) -> dict[str, tuple[float, float]]:
+    """``<dynamics damping friction>`` of every joint that has one: joint -> (N·m·s/rad, N·m) or (N·s/m, N)."""
+    found = {}
+    for joint in ET.fromstring(urdf).findall("joint"):
+        tag = joint.find("dynamics")
+        if tag is not None:
+            found[str(joint.get("name"))] = (float(tag.get("damping", 0)), float(tag.get("friction", 0)))
+    return found
