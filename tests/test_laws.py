@@ -1,5 +1,6 @@
-"""The laws of the design, as matrices over robots, effects and estimators."""
+"""The laws of the design, as matrices over robots, effects and estimators; that of generated code: export/test_code.py."""
 
+import json
 from dataclasses import replace
 from functools import cache
 
@@ -244,6 +245,21 @@ def test_gram_of_chunks_equals_gram_of_the_whole(name, cutoff):
     assert (np.abs(total(streamed).moments - expected) <= size).all()
 
 
+@every_effect
+def test_blocks_of_chunks_equal_blocks_of_the_whole(effect):
+    machine, lowpass = robot("mixed mimic"), LowPass(6.0)
+    log = exact_log(machine, (effect,), random_values(machine, (effect,)), seconds=3.0)
+    (motion,) = prepare(log, lowpass).motions
+    regressor = Regressor(machine, (effect,))
+    (whole,) = regressor.blocks(motion, lowpass, 100_000)
+    blocks = list(regressor.blocks(motion, lowpass, 40))
+    assert len(blocks) > 3
+    size = 1e-12 * np.abs(whole.Z).max(axis=(0, 2), keepdims=True)
+    assert (np.abs(np.concatenate([b.Z for b in blocks]) - whole.Z) <= size).all()
+    for part in ("t", "used"):
+        np.testing.assert_array_equal(np.concatenate([getattr(b, part) for b in blocks]), getattr(whole, part))
+
+
 # ---- estimates
 
 
@@ -294,6 +310,40 @@ def test_saved_and_loaded_is_the_same_model(name, tmp_path):
         np.testing.assert_array_equal(x, y)
     q, v, a = states(model.robot)
     np.testing.assert_array_equal(again.inverse_dynamics(q, v, a), model.inverse_dynamics(q, v, a))
+
+
+def with_effect(effect):
+    """A model of known links with one effect."""
+    machine = robot("mixed mimic")
+    links = dict(zip(machine.all_names, map(float, machine.nominal), strict=True))
+    return replace(rigid(), effects=(effect,), standard=links | random_values(machine, (effect,)))
+
+
+@cache
+def rigid():
+    machine = robot("mixed mimic")
+    return quick(machine, [exact_log(machine, (), noise=Noise(tau=0.01))], effects=()).model
+
+
+@every_effect
+def test_saved_and_loaded_is_the_same_model_with_every_effect(effect, tmp_path):
+    model = with_effect(effect)
+    model.save(tmp_path / "model.json")
+    again = Model.load(tmp_path / "model.json")
+    assert again.to_dict() == model.to_dict()
+    assert again.effects == model.effects
+    np.testing.assert_array_equal(again.full_theta, model.full_theta)
+
+
+@pytest.mark.parametrize("estimator", ESTIMATOR_CASES)
+def test_saved_and_loaded_is_the_same_model_of_every_estimator(estimator):
+    machine = robot("planar2")
+    log = exact_log(machine, BASELINE, random_values(machine, BASELINE), rate=200.0, noise=Noise(q=1e-5, tau=0.01))
+    data = quick(machine, [log], estimator=estimator).model.to_dict()
+    assert Model.from_dict(json.loads(json.dumps(data, allow_nan=False))).to_dict() == data
+
+
+# ---- effects
 
 
 @pytest.mark.parametrize("name", ["planar2", "ur10", "mixed mimic"])
