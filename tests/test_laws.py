@@ -1,4 +1,4 @@
-"""The laws of the design, as matrices over robots, effects and estimators; that of generated code: export/test_code.py."""
+"""The laws of the design, as matrices over robots, effects, estimators; that of generated code: export/test_code.py."""
 
 import json
 from dataclasses import replace
