@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from frischid.effects import EFFECTS, RotorInertia
-from frischid.model.identification import ESTIMATORS, identify
+from frischid.model.identification import identify
+from frischid.model.identify_options import ESTIMATORS
 from frischid.motions.simulation import parameters_of, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor

@@ -27,7 +27,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
     from frischid.checks import defects
     from frischid.cli.pages import checking as show
     from frischid.logs.mapping import LogMap
-    from frischid.model.identification import examine
+    from frischid.model.log_examination import examine
 
     with working(as_json) as progress:
         progress("reading logs")

@@ -22,7 +22,7 @@ from frischid.core.types import Array
 from frischid.effects import columns_of
 from frischid.effects.dynamics import RigidDynamics, random_states
 from frischid.estimators.least_squares import Prior
-from frischid.estimators.urdf_prior import doubt_of_links, gaussian
+from frischid.estimators.urdf_prior import gaussian, link_spread
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
@@ -81,7 +81,7 @@ def _spread(model: Model, regressor: Regressor) -> Array:
     effort = model.robot.limits.effort[np.isfinite(model.robot.limits.effort)]
     others = np.full(len(regressor.columns), ANYTHING * max(float(effort.max(initial=0.0)), 10.0))
     others[[c.effect == "rotor_inertia" for c in regressor.columns]] = _inertia(model)
-    links = doubt_of_links(regressor)
+    links = link_spread(regressor)
     return np.where(np.isnan(links), others, links)
 
 

@@ -23,6 +23,7 @@ from frischid.effects import Effect, columns_of, effect_from_dict
 from frischid.errors import InputError
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import Estimate
+from frischid.estimators.urdf_prior import UrdfPrior
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log, check_torque
 from frischid.logs.preprocessing import Motion
@@ -67,6 +68,8 @@ class Model:
     recursion : dict, optional
         How BBRF's bounds closed in: ``names``, ``units``, ``variant``, ``windows``, ``steps``, ``lower``, ``upper``
         (steps × p, null where open), ``emptied``; plain JSON values.
+    prior : UrdfPrior, optional
+        The prior the parameters were fitted with; None: the logs alone.
     """
 
     robot: Robot
@@ -83,6 +86,7 @@ class Model:
     history: tuple[Mapping[str, Any], ...] = ()
     previous: Model | None = None
     recursion: Mapping[str, Any] | None = None
+    prior: UrdfPrior | None = None
 
     def __repr__(self) -> str:
         kinds = ", ".join(dict.fromkeys(e.id for e in self.effects))

@@ -16,7 +16,7 @@ from frischid.errors import FrischidError, InputError
 from frischid.export.consistency import Consistency, make_consistent
 from frischid.logs.log import Log
 from frischid.model.comparison import Comparison, compare
-from frischid.model.identification import HOPELESS
+from frischid.model.identification_criteria import IdentificationCriteria
 from frischid.model.log_quality import Quality, quality
 from frischid.model.model import Model
 from frischid.model.prediction import Prediction, predict
@@ -92,7 +92,8 @@ class Study:
         found = []
         if not self.held_out:
             found.append("Every log here was used to fit the model: its error on new motion is larger than shown.")
-        hopeless = [n for n, j in self.verdict.joints.items() if j.nrmse > HOPELESS]
+        limit = IdentificationCriteria().unexplained_nrmse
+        hopeless = [n for n, j in self.verdict.joints.items() if j.nrmse > limit]
         if hopeless:
             found.append(
                 f"The torque of {listed(hopeless)} is hardly predicted at all: are columns swapped, a sign "

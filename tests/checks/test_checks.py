@@ -12,7 +12,8 @@ from frischid.checks.channels import quantum
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log
-from frischid.model.identification import examine, identify
+from frischid.model.identification import identify
+from frischid.model.log_examination import examine
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot

@@ -15,7 +15,7 @@ from frischid.cli import main
 from frischid.effects import BASELINE
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.least_squares import Prior, wls
-from frischid.estimators.urdf_prior import STRENGTHS, urdf_priors
+from frischid.estimators.urdf_prior import PriorCriteria, urdf_priors
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import prepare
 from frischid.model.identification import identify
@@ -62,7 +62,7 @@ def test_five_seconds_of_seven_joints_need_the_urdf():
     plain, auto = found(5.0, "none"), found(5.0, "auto")
     assert len(plain.model.base) >= 69
     assert auto.prior.prior is not None
-    assert auto.prior.strength in STRENGTHS
+    assert auto.prior.strength in PriorCriteria().strengths
     assert auto.comparison.nrmse < 0.95 * plain.comparison.nrmse
     (said,) = [w for w in auto.warnings if "used as a prior" in w]
     assert f"{auto.prior.errors[0.0]:.4f} by the logs alone" in said
@@ -143,7 +143,7 @@ def test_a_prior_is_more_rows_of_data():
 def test_a_weak_prior_changes_nothing_and_a_strong_one_everything():
     regressor, reduction, parts = blocks()
     expressions = reduction.expressions()
-    priors = urdf_priors(regressor, reduction, total(parts))
+    priors = {s: p.of_base(reduction.mapping) for s, p in urdf_priors(regressor, reduction, total(parts)).items()}
     plain, weak, strong = wls(parts), wls(parts, prior=priors[0.01]), wls(parts, prior=priors[10000.0])
     links = [i for i, c in enumerate(reduction.base_columns()) if c.effect == "rigid" and "Ia" not in expressions[i]]
     np.testing.assert_allclose(weak.theta, plain.theta, rtol=1e-2, atol=1e-2)

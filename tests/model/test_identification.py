@@ -11,7 +11,9 @@ from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import cross_validated
 from frischid.logs.log import Log
 from frischid.logs.summary import moving_but_locked
-from frischid.model.identification import ESTIMATORS, box_of, examine, identify
+from frischid.model.identification import identify
+from frischid.model.identify_options import ESTIMATORS
+from frischid.model.log_examination import examine
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.moments import Gram
@@ -217,8 +219,8 @@ def test_frisch_picks_the_best_point_of_its_box():
     noise = Noise(q=1e-4, v=1e-3, a=1e-2, tau=0.01)
     found = quick(PLANAR, [planar_log(noise=noise)], estimator="frisch")
     assert found.selection is not None
-    assert box_of(found) is found.model.bounds["frisch"]
-    assert box_of(found).contains(found.model.estimate.theta)
+    assert found.narrowest_box is found.model.bounds["frisch"]
+    assert found.narrowest_box.contains(found.model.estimate.theta)
 
 
 # ---- bounds
@@ -233,7 +235,7 @@ def test_empty_box_names_parameter_and_window():
     emptied = found.recursion.emptied
     assert emptied is not None
     assert "bbrf" not in found.model.bounds
-    assert isinstance(box_of(found), Box)
+    assert isinstance(found.narrowest_box, Box)
     words = f"at window {emptied.window}: parameter {emptied.parameter} has lower bound"
     assert any(words in w for w in found.warnings)
     with pytest.raises(EmptyBoxError, match=words) as error:
@@ -242,7 +244,7 @@ def test_empty_box_names_parameter_and_window():
     assert error.value.window == emptied.window
     for variant in ("undo", "calibrated"):
         other = identify(PLANAR, [log], cutoff=None, window=40, estimator="frisch", recursion=variant)
-        assert box_of(other).contains(other.model.estimate.theta)
+        assert other.narrowest_box.contains(other.model.estimate.theta)
 
 
 def test_theorem_one_is_tested_and_reported():

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from frischid.cli.pages.page import Page, depends, figure, plain, table_of, warning_lines
-from frischid.estimators.urdf_prior import Choice
+from frischid.estimators.urdf_prior import PriorChoice
 from frischid.model.comparison import Comparison
 from frischid.model.identification import Identification
 from frischid.model.model import Model
@@ -132,7 +132,7 @@ def identified(found: Identification) -> dict[str, Any]:
     }
 
 
-def _prior(choice: Choice) -> dict[str, Any]:
+def _prior(choice: PriorChoice) -> dict[str, Any]:
     """Whether a prior was used, and what cross-validation said of each strength."""
     errors = {f"{strength:g}": plain(error) for strength, error in choice.errors.items()}
     return {"used": choice.prior is not None, "strength": choice.strength, "cross_validated_nrmse": errors}

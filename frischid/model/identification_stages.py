@@ -1,0 +1,297 @@
+"""The first four of identification's six stages, from logs to an estimate.
+
+    read_logs → form_moments → set_prior → fit_parameters → bound_parameters → assess
+
+Each stage takes the object of the stage before it and returns its own, which holds the other. Notes, warnings and the
+progress line go to one `Journal`. The last two stages are in `frischid.model.identification_bounds` and
+`frischid.model.identification`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
+
+import numpy as np
+
+from frischid.effects import BASELINE, Effect
+from frischid.errors import InputError
+from frischid.estimators.friction_smoothing import baseline, dry_friction
+from frischid.estimators.least_squares import Estimate, Prior, ols, wls
+from frischid.estimators.urdf_prior import PriorChoice, choose_prior, urdf_priors
+from frischid.logs.filters import LowPass
+from frischid.logs.preprocessing import Motion
+from frischid.logs.recording import Motions, Recording, check_logs
+from frischid.logs.summary import Data, LogSummary, held_by, summarise, torque_joints
+from frischid.model.identify_options import IdentifyOptions
+from frischid.model.log_examination import check_cutoff, refuse_worthless, report_issues
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.moments import Blocks, Gram, total
+from frischid.regression.regressor import Regressor, accumulate, streaming_qr
+from frischid.regression.streaming_qr import SAFE_CONDITION
+from frischid.regression.structure import structure
+from frischid.robot.robot import Robot
+
+
+@dataclass
+class Journal:
+    """Where the stages write what the user is to read.
+
+    Attributes
+    ----------
+    progress : callable
+        Told what is being done.
+    notes : list of str
+        What was done to the data.
+    warnings : list of str
+        What should make the reader doubt.
+    """
+
+    progress: Callable[[str], None]
+    notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class LogData:
+    """Stage 1: the logs, checked and filtered.
+
+    Attributes
+    ----------
+    robot : Robot
+        With the joints locked that some log does not hold.
+    logs, valid : tuple of Log or Recording
+        Logs to fit, and logs to measure the error on.
+    joints : tuple of str
+        Joints whose torque is fitted.
+    summary : LogSummary
+        Filter, samples and seconds of the logs.
+    motions : iterable of Motion
+        In memory; of recordings they are read again each time they are gone through.
+    preparation : Motions
+        Its notes say what was done to the logs, once the motions have been gone through.
+    options : IdentifyOptions
+    journal : Journal
+    """
+
+    robot: Robot
+    logs: tuple[Data, ...]
+    valid: tuple[Data, ...]
+    joints: tuple[str, ...]
+    summary: LogSummary
+    motions: Iterable[Motion]
+    preparation: Motions
+    options: IdentifyOptions
+    journal: Journal
+
+    @property
+    def lowpass(self) -> LowPass:
+        """Filter of torque and regressor."""
+        return self.summary.lowpass
+
+    @property
+    def streamed(self) -> bool:
+        """Whether some log is a recording, read anew each time."""
+        return any(isinstance(log, Recording) for log in self.logs)
+
+    @property
+    def independent_rows(self) -> float:
+        """Torque rows that are not copies of their neighbours: two per second, hertz of bandwidth and joint."""
+        rate = sum(self.summary.samples) / max(self.summary.seconds, 1e-9)
+        return 2.0 * min(self.lowpass.cutoff or np.inf, 0.5 * rate) * self.summary.seconds * len(self.joints)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Stage 2: the regression problem, as moments of [Y τ].
+
+    Attributes
+    ----------
+    data : LogData
+    effects : tuple of Effect
+    regressor : Regressor
+    reduction : Reduction
+        Base parameters of the regressor's columns.
+    blocks : Blocks
+        Moments of the base columns in consecutive stretches of time.
+    whole : Gram
+        Their sum.
+    """
+
+    data: LogData
+    effects: tuple[Effect, ...]
+    regressor: Regressor
+    reduction: Reduction
+    blocks: Blocks
+    whole: Gram
+
+
+@dataclass(frozen=True, eq=False)
+class PriorSet:
+    """Stage 3: the problem and its prior.
+
+    Attributes
+    ----------
+    problem : Problem
+    choice : PriorChoice or None
+        None: no prior was considered.
+    """
+
+    problem: Problem
+    choice: PriorChoice | None
+
+    @property
+    def prior(self) -> Prior | None:
+        """Prior of the base parameters, if one is used."""
+        used = None if self.choice is None else self.choice.prior
+        return None if used is None else used.of_base(self.problem.reduction.mapping)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Stage 4: the least-squares estimate.
+
+    Attributes
+    ----------
+    problem : Problem
+    choice : PriorChoice or None
+    prior : Prior or None
+        Of the base parameters.
+    estimate : Estimate
+    """
+
+    problem: Problem
+    choice: PriorChoice | None
+    prior: Prior | None
+    estimate: Estimate
+
+
+def read_logs(
+    robot: Robot, logs: Sequence[Data], valid: Sequence[Data], options: IdentifyOptions, journal: Journal
+) -> LogData:
+    """Stage 1: choose joints and filter, prepare the motions, check the logs.
+
+    Raises
+    ------
+    InputError
+        A log is not usable.
+    """
+    check_logs(logs, valid)
+    robot, locked = held_by(robot, logs)
+    journal.notes += locked
+    joints = tuple(torque_joints(robot, logs, options.torque_joints, journal.notes))
+    try:
+        check_cutoff(options.cutoff, [*logs, *valid])
+        seen = summarise(robot, logs, joints, options.cutoff)
+        preparation = Motions(logs, robot.joints, seen.lowpass, options.velocity)
+        streamed = any(isinstance(log, Recording) for log in logs)
+        motions: Iterable[Motion] = preparation if streamed else list(preparation)
+    except InputError:
+        if not options.force:  # a wrong unit is a better reason than the errors that follow from it
+            refuse_worthless(report_issues(robot, logs))
+        raise
+    journal.notes.append(_filtering(seen.lowpass))
+    data = LogData(robot, tuple(logs), tuple(valid), joints, seen, motions, preparation, options, journal)
+    _check_issues(data)
+    return data
+
+
+def _check_issues(data: LogData) -> None:
+    """Warn of what is suspicious in the logs; stop at what leaves nothing to identify."""
+    data.journal.progress("checking the logs")
+    prepared = None if data.streamed else (data.lowpass, list(data.motions))
+    reports = report_issues(data.robot, data.logs, prepared)
+    data.journal.warnings += [f"{report.source}: {issue.short}" for report in reports for issue in report.issues]
+    if not data.options.force:
+        refuse_worthless(reports)
+
+
+def _filtering(lowpass: LowPass) -> str:
+    if lowpass.cutoff is None:
+        return f"nothing is low-passed ({lowpass.reason})"
+    return f"torque and every regressor column low-passed at {lowpass.cutoff:g} Hz ({lowpass.reason})"
+
+
+def form_moments(data: LogData, effects: Sequence[Effect] | None) -> Problem:
+    """Stage 2: columns of the robot and its effects, and their moments along the logs.
+
+    Parameters
+    ----------
+    data : LogData
+    effects : sequence of Effect, optional
+        By default the baseline, its dry friction as smooth as the logs say.
+    """
+    chosen = _default_effects(data) if effects is None else tuple(effects)
+    journal = data.journal
+    journal.progress("regressor and moments")
+    regressor = Regressor(data.robot, chosen, data.options.reference)
+    reduction = structure(regressor, data.joints)
+    seconds = data.summary.seconds if data.streamed else None
+    blocks = accumulate(
+        regressor, data.motions, data.lowpass, data.joints, seconds=seconds, base=reduction.base
+    ).described(reduction.base_columns())
+    journal.notes += data.preparation.notes
+    if reduction.gap < data.options.criteria.clear_rank_gap:
+        journal.warnings.append(
+            f"the rank is not clear (gap {reduction.gap:.1f}): some base parameter hardly acts on the torque"
+        )
+    return Problem(data, chosen, regressor, reduction, blocks, total(blocks))
+
+
+def _default_effects(data: LogData) -> tuple[Effect, ...]:
+    """The baseline, its dry friction as smooth as cross-validation says."""
+    pieces = data.options.criteria.friction_pieces
+    some = data.motions if isinstance(data.motions, list) else list(islice(data.motions, pieces))
+    reduction = structure(Regressor(data.robot, BASELINE), data.joints)
+    dry = dry_friction(data.robot, some, data.lowpass, data.joints, reduction)
+    if dry is None:
+        return BASELINE
+    ahead = f", {1e3 * dry.lead:g} ms ahead of the motion" if dry.lead else ""
+    data.journal.notes.append(
+        f"dry friction changes its direction over ±{dry.width:g} rad/s (m/s){ahead}, chosen by cross-validation"
+    )
+    return baseline(dry)
+
+
+def set_prior(problem: Problem) -> PriorSet:
+    """Stage 3: decide by cross-validation whether the URDF is a prior, and how strong.
+
+    Raises
+    ------
+    IdentifiabilityError
+        The logs determine the parameters neither alone nor with the prior.
+    """
+    options = problem.data.options
+    problem.data.journal.progress("estimate")
+    if options.estimator != "wls" or options.prior == "none":
+        return PriorSet(problem, None)
+    choice = choose_prior(
+        problem.blocks,
+        urdf_priors(problem.regressor, problem.reduction, problem.whole, options.prior_criteria),
+        problem.reduction.mapping,
+        always=options.prior == "urdf",
+        independent=problem.data.independent_rows,
+        criteria=options.prior_criteria,
+    )
+    return PriorSet(problem, choice)
+
+
+def fit_parameters(given: PriorSet) -> Fit:
+    """Stage 4: least squares with standard errors; by a streaming QR where moments would lose digits.
+
+    Raises
+    ------
+    IdentifiabilityError
+        The logs do not determine the parameters.
+    """
+    problem, prior, data = given.problem, given.prior, given.problem.data
+    estimate = ols(problem.blocks) if data.options.estimator == "ols" else wls(problem.blocks, prior=prior)
+    if estimate.condition > SAFE_CONDITION and prior is None:
+        data.journal.progress("streaming QR")
+        rows = streaming_qr(problem.regressor, data.motions, data.lowpass, data.joints, problem.reduction.base)
+        estimate = replace(estimate, theta=rows.solve(estimate.weights))
+        data.journal.notes.append(
+            f"condition number {estimate.condition:.1e}: solved by a streaming QR, moments would lose digits"
+        )
+    return Fit(problem, given.choice, prior, estimate)

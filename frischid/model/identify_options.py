@@ -1,0 +1,100 @@
+"""What a user may decide about an identification, checked when the options are made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, TypedDict
+
+from frischid.errors import InputError, UnknownNameError
+from frischid.estimators.urdf_prior import PriorCriteria
+from frischid.model.identification_criteria import IdentificationCriteria
+
+ESTIMATORS = ("wls", "ols", "frisch", "sensorwise", "eiv", "iv")
+PRIORS = ("auto", "none", "urdf")
+RECURSIONS = ("strict", "undo", "calibrated", "none")
+VELOCITIES = ("auto", "measured", "derived")
+Cutoff = float | Literal["auto"] | None
+
+
+class IdentifyChoices(TypedDict, total=False):
+    """Fields of `IdentifyOptions` as keyword arguments of `identify`."""
+
+    torque_joints: Sequence[str] | None
+    cutoff: Cutoff
+    velocity: str
+    estimator: str
+    prior: str
+    recursion: str
+    window: int | None
+    reference: Mapping[str, float] | None
+    force: bool
+    criteria: IdentificationCriteria
+    prior_criteria: PriorCriteria
+
+
+@dataclass(frozen=True)
+class IdentifyOptions:
+    """How logs become a model.
+
+    Attributes
+    ----------
+    torque_joints : sequence of str, optional
+        Joints whose torque is fitted; all with a torque channel by default.
+    cutoff : float, "auto" or None
+        Cut-off of the parallel filter, Hz; None filters nothing.
+    velocity : {"auto", "measured", "derived"}
+        Where velocities come from: the log's own channel, the derivative of the positions, or whichever is less noisy.
+    estimator : {"wls", "ols", "frisch", "sensorwise", "eiv", "iv"}
+        Whose values become the model's. ``"frisch"`` takes the best point of the Frisch box, ``"sensorwise"`` adds the
+        box of `frischid.estimators.sensorwise`, with the sensors' noise limited to the noise seen in the log;
+        ``"eiv"`` and ``"iv"`` are errors-in-variables likelihood and instrumental variables.
+    prior : {"auto", "none", "urdf"}
+        ``"urdf"``: the URDF's parameters are a prior with a stated uncertainty, as strong as predicts best in
+        cross-validation. ``"auto"``: the same, if the logs are too short to determine the parameters alone and
+        cross-validation says that the prior helps. Only with the estimator ``"wls"``.
+    recursion : {"strict", "undo", "calibrated", "none"}
+        Variant of the bounding-box recursion (BBRF).
+    window : int, optional
+        BBRF window in rows; by default the larger of 1000 and 20 per parameter, at most half the rows.
+    reference : mapping of str to float, optional
+        Parameter values from which effects that depend on the load take the load; the URDF's own by default.
+    force : bool
+        Go on in spite of an issue of `frischid.checks` that is certain and makes the logs worthless.
+    criteria : IdentificationCriteria
+    prior_criteria : PriorCriteria
+
+    Raises
+    ------
+    InputError
+        An option has no such value, or two options exclude each other.
+    """
+
+    torque_joints: Sequence[str] | None = None
+    cutoff: Cutoff = "auto"
+    velocity: str = "auto"
+    estimator: str = "wls"
+    prior: str = "auto"
+    recursion: str = "strict"
+    window: int | None = None
+    reference: Mapping[str, float] | None = None
+    force: bool = False
+    criteria: IdentificationCriteria = field(default_factory=IdentificationCriteria)
+    prior_criteria: PriorCriteria = field(default_factory=PriorCriteria)
+
+    def __post_init__(self) -> None:
+        for kind, name, known in (
+            ("estimator", self.estimator, ESTIMATORS),
+            ("recursion", self.recursion, RECURSIONS),
+            ("prior", self.prior, PRIORS),
+            ("velocity", self.velocity, VELOCITIES),
+        ):
+            if name not in known:
+                raise UnknownNameError(kind, name, known)
+        if self.prior == "urdf" and self.estimator != "wls":
+            raise InputError(f"a prior needs the estimator wls, not {self.estimator}; leave one of the two out")
+
+    @property
+    def criteria_used(self) -> dict[str, object]:
+        """The numbers that decide as plain JSON values, for the history of a model."""
+        return {"identification": self.criteria.to_dict(), "prior": self.prior_criteria.to_dict()}

@@ -1,0 +1,115 @@
+"""Logs against a robot before anything is fitted: whether they can be used, and what is suspicious in them.
+
+The checks themselves are in `frischid.checks`; here they meet the logs an identification is given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache
+
+from frischid.checks import LogReport, inspect
+from frischid.effects import BASELINE
+from frischid.errors import InputError
+from frischid.logs.cutoff_choice import choose_lowpass
+from frischid.logs.filters import LowPass
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import Motion, prepare
+from frischid.logs.recording import chunks_of, preview_of
+from frischid.logs.summary import Data, check_usable, held_by
+from frischid.model.identify_options import Cutoff
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.regressor import Regressor
+from frischid.regression.structure import structure
+from frischid.robot.robot import Robot
+
+
+def examine(robot: Robot, logs: Sequence[Log]) -> list[LogReport]:
+    """Check that logs can be used with a robot, and say what is suspicious in them.
+
+    Parameters
+    ----------
+    robot : Robot
+    logs : sequence of Log
+
+    Returns
+    -------
+    list of LogReport
+        One per log.
+
+    Raises
+    ------
+    InputError
+        A log cannot be used at all.
+    """
+    robot, locked = held_by(robot, logs)
+    for log in logs:
+        chosen = log.select(robot.joints)
+        with_torque = [n for n in robot.joints if chosen.select([n]).has("tau")[0]]
+        check_usable(robot, log, with_torque or list(robot.joints), strict=False)
+    reports = []
+    for log, report in zip(logs, report_issues(robot, logs), strict=True):
+        prepared: tuple[str, ...] = ()
+        if not report.blocked:
+            with suppress(InputError):  # a log too short for the filters is for `identify` to refuse
+                lowpass = choose_lowpass([log], robot.joints)
+                prepared = prepare(log.select(robot.joints), lowpass, velocity="derived").notes
+        facts = {**report.facts, "joints": list(robot.joints), "notes": [*locked, *log.notes, *prepared]}
+        reports.append(replace(report, facts=facts))
+    return reports
+
+
+def report_issues(
+    robot: Robot, logs: Sequence[Data], prepared: tuple[LowPass, Sequence[Motion]] | None = None
+) -> list[LogReport]:
+    """Issues of every log; of a recording those of its first piece.
+
+    Parameters
+    ----------
+    robot : Robot
+    logs : sequence of Log or Recording
+    prepared : LowPass and sequence of Motion, optional
+        Filter and motions of all logs, where the caller has them: the checks are then brief.
+    """
+
+    @cache
+    def reduction() -> Reduction:
+        return structure(Regressor(robot, BASELINE), robot.joints)
+
+    reports = []
+    for log in (next(chunks_of(log)) for log in logs):
+        own = prepared and (prepared[0], [m for m in prepared[1] if m.source == log.source])
+        reports.append(inspect(robot, log.select(robot.joints), reduction, alone=len(logs) == 1, prepared=own))
+    return reports
+
+
+def refuse_worthless(reports: Sequence[LogReport]) -> None:
+    """Stop at an issue that is certain and leaves nothing to identify.
+
+    Raises
+    ------
+    InputError
+    """
+    for report in reports:
+        for issue in report.issues:
+            if issue.blocks and issue.sure == "certain":
+                raise InputError(f"{report.source}: {issue}. To go on all the same: --force (force=True)")
+
+
+def check_cutoff(cutoff: Cutoff, logs: Sequence[Data]) -> None:
+    """Refuse a cut-off that a log's rate does not allow.
+
+    Raises
+    ------
+    InputError
+    """
+    if not isinstance(cutoff, int | float):
+        return
+    for log in map(preview_of, logs):
+        if cutoff >= log.rate / 2 * (1 - 1e-6):
+            raise InputError(
+                f"{log.source}: a cut-off of {cutoff:g} Hz is not below half its rate of {log.rate:.4g} Hz; take "
+                f"at most {0.2 * log.rate:.3g} Hz, or --cutoff none (None) to filter nothing"
+            )
