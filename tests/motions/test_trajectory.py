@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import joint, link, made, urdf
 
 from frischid.errors import InputError, UnknownNameError
 from frischid.motions.trajectory import FAMILIES, BSpline, Family, Fourier, Quintic, random_fourier
@@ -64,6 +65,14 @@ def test_random_fourier_keeps_the_limits():
     assert (q <= robot.limits.upper).all()
     assert (q >= robot.limits.lower).all()
     assert (np.abs(v) <= robot.limits.velocity).all()
+
+
+@pytest.mark.parametrize(("limit", "fastest"), [(0.3, 0.21), (0.0, 1.4)])  # zero: the URDF gives none, 2 rad/s hold
+def test_random_fourier_takes_its_share_of_the_speed(limit, fastest):
+    inside = f'<limit lower="-3" upper="3" velocity="{limit}" effort="50"/>'
+    machine = made(urdf(link("base"), link("a", 3.0), joint("turn", "base", "a", inside=inside)))
+    _, v, _ = random_fourier(machine, 10.0, seed=3)(np.linspace(0, 10, 4000))
+    assert np.abs(v).max() == pytest.approx(fastest, rel=0.01)
 
 
 def test_bad_requests():

@@ -1,0 +1,106 @@
+"""The regressor of a motion: what a block says is true of the samples it stands for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cases import exact_log, random_values, robot, whole_regressor
+
+from frischid.effects import BASELINE
+from frischid.logs.filters import LowPass
+from frischid.logs.preprocessing import prepare
+from frischid.regression.moments import total
+from frischid.regression.regressor import Regressor, accumulate, gram_of, stack, streaming_qr
+from frischid.regression.structure import structure
+
+LOWPASS = LowPass(6.0)
+
+
+def motion_of(machine, seconds=6.0, effects=BASELINE):
+    log = exact_log(machine, effects, random_values(machine, effects), seconds=seconds)
+    return prepare(log, LOWPASS).motions[0]
+
+
+def test_a_block_stands_at_its_times():
+    machine = robot("planar2")
+    motion = motion_of(machine)
+    ramp = np.outer(motion.t, [0.3, -0.2])  # a zero-phase filter leaves straight lines alone
+    for block in Regressor(machine, ()).blocks(replace(motion, q=ramp), LOWPASS, 100):
+        np.testing.assert_allclose(block.q, np.outer(block.t, [0.3, -0.2]), atol=1e-12)
+
+
+def test_standstill_near_the_end_of_a_chunk_counts_in_the_next_one():
+    machine = robot("planar2")
+    motion = motion_of(machine)
+    still = np.zeros_like(motion.standstill)
+    still[150:160, 0] = still[400:405, 1] = True
+    motion, regressor = replace(motion, standstill=still), Regressor(machine, BASELINE)
+    (whole,) = regressor.blocks(motion, LOWPASS, 100_000)
+    assert not whole.used.all(axis=0).any()
+    for chunk in range(20, 200, 15):
+        used = np.concatenate([block.used for block in regressor.blocks(motion, LOWPASS, chunk)])
+        np.testing.assert_array_equal(used, whole.used)
+
+
+def test_what_is_known_is_taken_off_the_torque_and_told():
+    machine = robot("planar2 far_end known")
+    motion = motion_of(machine)
+    regressor = Regressor(machine, BASELINE)
+    (block,) = regressor.blocks(motion, LowPass(None), 100_000)
+    known = machine.known_torque(motion.q, motion.v, motion.a)
+    assert np.abs(known).max() > 1.0
+    np.testing.assert_allclose(block.known, known)
+    np.testing.assert_allclose(block.tau + block.known, motion.tau)
+
+
+def test_stacked_rows_say_whose_they_are():
+    machine = robot("planar2")
+    motion = motion_of(machine)
+    still = np.zeros_like(motion.standstill)
+    still[100:300, 1] = True
+    regressor = Regressor(machine, BASELINE)
+    blocks = list(regressor.blocks(replace(motion, standstill=still), LOWPASS))
+    joints = machine.joints[::-1]
+    Y, tau, which = stack(blocks, machine, joints)
+    moments = total(gram_of(regressor, block, joints) for block in blocks)
+    for j in range(2):
+        Z = np.column_stack([Y, tau])[which == j]
+        assert len(Z) == moments.counts[j]
+        np.testing.assert_allclose(Z.T @ Z, moments.moments[j], atol=1e-9 * np.abs(moments.moments[j]).max())
+
+
+def test_many_motions_make_blocks_of_equal_length():
+    machine = robot("planar2")
+    motion = motion_of(machine)
+    pieces = [motion.part(slice(k, k + 20)) for k in range(0, 400)]
+    regressor = Regressor(machine, ())
+    blocks = accumulate(regressor, pieces, LowPass(None), machine.joints)
+    assert 32 <= len(blocks) <= 128
+    counts = [block.counts[0] for block in blocks]
+    assert set(counts[:-1]) == {counts[0]}
+    assert counts[0] >= counts[-1] > 0
+    assert sum(counts) == sum(len(piece.t) for piece in pieces)
+
+
+@pytest.mark.parametrize("weights", [(1.0, 1.0), (9.0, 0.04)])
+def test_streaming_qr_weighs_squared_residuals(weights):
+    machine = robot("planar2")
+    motion = motion_of(machine)
+    motion = replace(motion, tau=motion.tau + 0.5 * np.sin(40 * motion.t)[:, None] * [1.0, 3.0])
+    regressor = Regressor(machine, ())
+    base = structure(regressor, machine.joints).base
+    found = streaming_qr(regressor, [motion], LOWPASS, machine.joints, base).solve(np.array(weights))
+    Y, tau, which = stack(list(regressor.blocks(motion, LOWPASS)), machine, machine.joints)
+    root = np.sqrt(np.array(weights))[which]
+    expected = np.linalg.lstsq(root[:, None] * Y[:, base], root * tau, rcond=None)[0]
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_columns_that_cannot_act_on_a_joint_are_zero_there():
+    machine = robot("mixed mimic")
+    motion = motion_of(machine)
+    regressor = Regressor(machine, BASELINE)
+    Y = whole_regressor(regressor, motion.q, motion.v, motion.a)
+    for j, active in enumerate(regressor.active):
+        rest = np.delete(Y[:, :, j], active, axis=1)
+        assert np.abs(rest).max(initial=0.0) < 1e-9
