@@ -25,7 +25,8 @@ import frischid as fr
 from frischid.estimators.least_squares import ols
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
-from frischid.regression.regressor import Regressor, accumulate
+from frischid.regression.accumulation import accumulate
+from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 
 WORKER = Path(__file__).with_name("figaroh_worker.py")

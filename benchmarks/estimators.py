@@ -50,8 +50,10 @@ from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.motions.simulation import parameters_of, torque
 from frischid.motions.trajectory import Trajectory
+from frischid.regression.accumulation import accumulate
+from frischid.regression.block import stack
 from frischid.regression.moments import total
-from frischid.regression.regressor import Regressor, accumulate, stack
+from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 
 LEVELS = (1e-3, 1e-2, 5e-2)

@@ -17,7 +17,8 @@ from common import parser, publish
 import frischid as fr
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
-from frischid.regression.regressor import Regressor, accumulate
+from frischid.regression.accumulation import accumulate
+from frischid.regression.regressor import Regressor
 
 TARGETS = {"full regressor": 1.6, "streamed into moments": 2.2}
 

@@ -31,8 +31,9 @@ from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import prepare
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise, torque
+from frischid.regression.accumulation import accumulate, gram_of
 from frischid.regression.moments import total
-from frischid.regression.regressor import Regressor, accumulate, gram_of, nominal_parameters
+from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
 
 every_robot = pytest.mark.parametrize("name", ROBOTS)

@@ -26,12 +26,12 @@ from frischid.effects.base import WIDTH
 from frischid.errors import InputError
 from frischid.logs.filters import LowPass, decimating_filter, derivative_taps, noise_level
 from frischid.logs.preprocessing import Motion
+from frischid.regression.regressor import STANDSTILL_WEIGHT
 from frischid.robot.robot import Robot
 
 HIGHEST = 10.0  # Hz, enough for gross errors; above it noise of bad stamps would drown them
 OVERSAMPLING = 6  # samples a period of the cut-off, so that channels can be shifted in time
 MOST = 1500  # samples
-RESTING = 0.01
 CLEAR = 0.3  # noise of the velocity above which its sign, and so dry friction, is anybody's guess
 FEW = 500  # samples that suffice for a handful of parameters
 FEWEST = 30  # samples under way
@@ -95,7 +95,7 @@ class Sketch:
             t = motion.t[half : len(motion.t) - half][::every]
             channels = (motion.q, motion.v, motion.a, motion.tau, np.tanh(motion.v / WIDTH))
             filtered = [F @ x for x in channels]
-            parts.append((t[: F.shape[0]], *filtered, (abs(F) @ motion.standstill.astype(float)) < RESTING))
+            parts.append((t[: F.shape[0]], *filtered, (abs(F) @ motion.standstill.astype(float)) < STANDSTILL_WEIGHT))
         if not parts:
             raise InputError(f"the log is shorter than its filters ({len(taps)} samples); record longer")
         ends = tuple(np.cumsum([len(part[0]) for part in parts]).tolist())

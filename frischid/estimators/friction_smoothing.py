@@ -21,9 +21,10 @@ from frischid.errors import IdentifiabilityError
 from frischid.estimators.least_squares import cross_validated, wls
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
+from frischid.regression.accumulation import accumulate
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import total
-from frischid.regression.regressor import Regressor, accumulate
+from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 
 WIDTHS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s (m/s)

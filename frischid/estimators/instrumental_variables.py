@@ -39,7 +39,8 @@ from frischid.estimators.sensor_noise import noise_levels, sensors_of
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.motions.trajectory import Trajectory
-from frischid.regression.regressor import CHUNK, MAX_BLOCKS, Regressor
+from frischid.regression.accumulation import MAX_BLOCKS
+from frischid.regression.regressor import CHUNK_SAMPLES, Regressor
 from frischid.robot.robot import Robot
 
 SPAN = 0.15  # seconds to either side that make the reference of a sample
@@ -259,8 +260,8 @@ class _Torque:
 
     def __call__(self, q: Array, v: Array, a: Array) -> Array:
         out = np.empty_like(q)
-        for first in range(0, len(q), CHUNK):  # the columns of a whole motion need not be there at once
-            s = slice(first, first + CHUNK)
+        for first in range(0, len(q), CHUNK_SAMPLES):  # the columns of a whole motion need not be there at once
+            s = slice(first, first + CHUNK_SAMPLES)
             Y = self.regressor(np.zeros(len(q[s])), q[s], v[s], a[s])
             known = self.regressor.robot.known_torque(q[s], v[s], a[s])
             out[s] = np.einsum("ncj,c->nj", Y, self.theta) + (0.0 if known is None else known)

@@ -37,8 +37,10 @@ from frischid.estimators.errors_in_variables import Samples
 from frischid.estimators.sensorwise import TORQUE, SensorMoments
 from frischid.logs.filters import LowPass, derivative_taps, noise_level
 from frischid.logs.preprocessing import Motion
+from frischid.regression.accumulation import accumulate
+from frischid.regression.block import Block
 from frischid.regression.moments import Gram
-from frischid.regression.regressor import Block, Regressor, accumulate
+from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 
 CHANNELS = ("q", "v", "a")

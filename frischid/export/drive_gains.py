@@ -36,9 +36,10 @@ from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import prepare
 from frischid.logs.summary import held_by
+from frischid.regression.accumulation import accumulate
 from frischid.regression.base_parameters import Reduction, reduce
 from frischid.regression.moments import Gram, total
-from frischid.regression.regressor import Regressor, accumulate
+from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import LINK_PARAMETERS, Robot
 

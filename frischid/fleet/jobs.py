@@ -30,8 +30,9 @@ from frischid.logs.readers import read_log
 from frischid.logs.recording import Motions, Recording, chunks_of, preview_of
 from frischid.logs.summary import summarise
 from frischid.model.model import Model
+from frischid.regression.accumulation import accumulate
 from frischid.regression.moments import Gram, total
-from frischid.regression.regressor import Regressor, accumulate
+from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 

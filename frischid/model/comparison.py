@@ -22,7 +22,8 @@ from frischid.logs.recording import Recording
 from frischid.model.model import Model
 from frischid.model.noise_floor import NoiseFloor
 from frischid.model.residual_conditions import Residuals
-from frischid.regression.regressor import EXTRA, Block, nominal_parameters
+from frischid.regression.block import COLUMNS_BESIDE_Y, Block
+from frischid.regression.regressor import nominal_parameters
 
 STRETCH = 1000  # filtered samples kept or left out together, so that residuals stay consecutive
 MOST_KEPT = 60_000  # filtered samples in memory: an hour of motion at usual cut-offs, 20 MB for a six-joint arm
@@ -249,7 +250,7 @@ class Kept:
         if self.number % self.every:
             return
         # Only what residuals need, and no views: columns are most of a block, and its times hold a whole motion's.
-        self.stretches[-1].append((replace(block, t=block.t.copy(), Z=block.Z[:, -EXTRA:].copy()), fitted))
+        self.stretches[-1].append((replace(block, t=block.t.copy(), Z=block.Z[:, -COLUMNS_BESIDE_Y:].copy()), fitted))
         self.samples += len(block.t)
         if self.samples > MOST_KEPT:
             self.stretches, self.every = self.stretches[::2], 2 * self.every

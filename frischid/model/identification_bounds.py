@@ -26,7 +26,7 @@ from frischid.estimators.sensorwise import sensorwise
 from frischid.logs.summary import moving_but_locked
 from frischid.model.identification_criteria import IdentificationCriteria
 from frischid.model.identification_stages import Fit
-from frischid.regression.regressor import Block, stack
+from frischid.regression.block import Block, stack
 
 
 @dataclass(frozen=True, eq=False)

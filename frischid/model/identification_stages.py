@@ -28,7 +28,8 @@ from frischid.model.identify_options import IdentifyOptions
 from frischid.model.log_examination import check_cutoff, refuse_worthless, report_issues
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Blocks, Gram, total
-from frischid.regression.regressor import Regressor, accumulate, streaming_qr
+from frischid.regression.accumulation import accumulate, streaming_qr
+from frischid.regression.regressor import Regressor
 from frischid.regression.streaming_qr import SAFE_CONDITION
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot

@@ -28,7 +28,8 @@ from frischid.logs.filters import LowPass
 from frischid.logs.log import Log, check_torque
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording, preview_of
-from frischid.regression.regressor import Block, Regressor
+from frischid.regression.block import Block
+from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 
 SCHEMA = "frischid.model/1"

@@ -21,7 +21,7 @@ from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.model.model import Model
-from frischid.regression.regressor import Block
+from frischid.regression.block import Block
 
 NORMAL = 1.96  # standard errors that hold 95 %
 

@@ -20,7 +20,7 @@ from scipy import stats
 from frischid.core.types import Array
 from frischid.estimators.autocorrelation import correlation_time
 from frischid.model.model import Model
-from frischid.regression.regressor import Block
+from frischid.regression.block import Block
 
 Flags = NDArray[np.bool_]
 LEAST = 20  # samples below which a condition says nothing

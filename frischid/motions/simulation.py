@@ -18,6 +18,7 @@ from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
 from frischid.motions.trajectory import Trajectory
+from frischid.regression.block import Samples
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.robot.robot import Robot
 
@@ -138,7 +139,7 @@ def torque(robot: Robot, effects: Sequence[Effect], theta: Array, t: Array, q: A
     chunk = len(t) if any(effect.memory for effect in effects) else piece
     for start in range(0, len(t), chunk):
         s = slice(start, start + chunk)
-        Y = regressor._evaluate(t[s], q[s], v[s], a[s], float(t[0]), {}, {})
+        Y = regressor.evaluate(Samples(t[s], q[s], v[s], a[s], float(t[0])))
         part = np.einsum("ncj,c->nj", Y, theta)
         known = robot.known_torque(q[s], v[s], a[s])
         parts.append(part if known is None else part + known)

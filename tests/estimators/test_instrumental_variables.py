@@ -12,7 +12,8 @@ from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.motions.simulation import parameters_of
 from frischid.motions.trajectory import random_fourier
-from frischid.regression.regressor import Regressor, accumulate
+from frischid.regression.accumulation import accumulate
+from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 
 NOTHING = LowPass(None)

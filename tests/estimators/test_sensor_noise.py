@@ -11,7 +11,8 @@ from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion, prepare
 from frischid.motions.trajectory import random_fourier
-from frischid.regression.regressor import Regressor, accumulate
+from frischid.regression.accumulation import accumulate
+from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 
 NOTHING = LowPass(None)

@@ -20,8 +20,9 @@ from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import prepare
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise
+from frischid.regression.accumulation import accumulate
 from frischid.regression.moments import total
-from frischid.regression.regressor import Regressor, accumulate
+from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 
 DATA = os.environ.get("FRISCHID_DATA")

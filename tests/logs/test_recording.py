@@ -13,8 +13,9 @@ from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import prepare
 from frischid.logs.recording import Motions, Recording
+from frischid.regression.accumulation import MAX_BLOCKS, accumulate, gram_of
 from frischid.regression.moments import Blocks, total
-from frischid.regression.regressor import MAX_BLOCKS, Regressor, accumulate, gram_of
+from frischid.regression.regressor import Regressor
 
 ROBOT = fr.Robot.load("planar2")
 

@@ -9,7 +9,9 @@ from frischid.estimators.least_squares import NormalEquations
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import prepare
-from frischid.regression.regressor import Regressor, accumulate, stack, streaming_qr
+from frischid.regression.accumulation import accumulate, streaming_qr
+from frischid.regression.block import stack
+from frischid.regression.regressor import Regressor
 from frischid.regression.streaming_qr import SAFE_CONDITION, StreamingQR, solve
 from frischid.regression.structure import structure
 

@@ -1,0 +1,151 @@
+"""Moments of motions, summed over blocks of consecutive time.
+
+    G_b = Σ_{k in block b} z_k z_kᵀ,   G = Σ_b G_b,   z = [y; τ]
+
+Moments add, so a log of any length is one pass over its chunks. The sums of each block are kept beside each other:
+leaving out some blocks is a subtraction. So cross-validation and standard errors that respect correlation (the block
+jackknife; Künsch 1989, Annals of Statistics 17(3)) need no second pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
+from itertools import chain, islice
+
+import numpy as np
+from threadpoolctl import ThreadpoolController
+
+from frischid.errors import InputError
+from frischid.logs.filters import LowPass
+from frischid.logs.preprocessing import Motion
+from frischid.regression.block import Block
+from frischid.regression.moments import Blocks, Gram, total
+from frischid.regression.regressor import CHUNK_SAMPLES, Regressor
+from frischid.regression.streaming_qr import StreamingQR
+from frischid.robot.robot import Robot
+
+BLOCKS_OF_A_SHORT_LOG = 16
+"""A log shorter than this many seconds has this many blocks; those of a longer log last a second or more."""
+MAX_BLOCKS = 64
+"""Blocks aimed at: more of them make standard errors hardly better, and take memory."""
+BLOCK_BYTES = 128 * 2**20
+"""Memory of all blocks together: with hundreds of parameters on dozens of joints there are fewer blocks."""
+BLOCKS_KEPT = 24
+"""However large blocks are, this many are kept, so that half of them still make standard errors."""
+
+
+def gram_of(regressor: Regressor, block: Block, joints: Sequence[str]) -> Gram:
+    """Moments of one block over the torque rows of `joints`: the sums Σ_k z_k z_kᵀ of each, and Σ_k z_k."""
+    result = Gram.zeros(regressor.columns, joints)
+    for row, name in enumerate(joints):
+        j = regressor.robot.joints.index(name)
+        Z = block.Z[:, :, j].T[regressor.gathered[j]]  # columns first: gathered whole, and the product likes it
+        if not block.used[:, j].all():
+            Z = Z[:, block.used[:, j]]
+        sums, where = Z @ Z.T, regressor.gathered[j][:-1]
+        result.moments[row, where[:, None], where] = sums[:-1, :-1]
+        result.sums[row, where] = sums[-1, :-1]
+        result.counts[row] = Z.shape[1]
+    return result
+
+
+def accumulate(
+    regressor: Regressor,
+    motions: Iterable[Motion],
+    lowpass: LowPass,
+    joints: Sequence[str],
+    *,
+    seconds: float | None = None,
+    base: Sequence[int] | None = None,
+) -> Blocks:
+    """Moments of motions in blocks of consecutive time.
+
+    Blocks serve cross-validation and standard errors that respect correlation: about `MAX_BLOCKS` of equal length,
+    at least one second each where the logs are long enough for sixteen. No block spans two motions, unless there are
+    more than twice `MAX_BLOCKS`, or than `BLOCK_BYTES` hold: neighbours are then added, so that memory does not grow
+    with the logs.
+
+    Parameters
+    ----------
+    regressor : Regressor
+    motions : iterable of Motion
+        Gone through once when `seconds` is given.
+    lowpass : LowPass
+    joints : sequence of str
+        Joints whose torque rows are used.
+    seconds : float, optional
+        Length of all motions together; summed up by default.
+    base : sequence of int, optional
+        Columns to keep, all by default.
+
+    Returns
+    -------
+    Blocks
+    """
+    if seconds is None:
+        motions = list(motions)
+        seconds = float(sum(m.t[-1] - m.t[0] for m in motions))
+    kept = Blocks()
+    each, level = 1, 0  # blocks added into one, and how many of them the last one has
+    # Small products are slower on several threads, and sums then depend on their number.
+    with _threads().limit(limits=1, user_api="blas"):
+        for gram in _sums(regressor, motions, lowpass, joints, seconds):
+            part = gram if base is None else gram.select(base)
+            if 0 < level < each:
+                kept.merge(part)
+                level += 1
+                continue
+            full = len(kept) >= 2 * MAX_BLOCKS or (len(kept) >= BLOCKS_KEPT and kept.nbytes > BLOCK_BYTES)
+            if full and len(kept) % 2 == 0:
+                kept.halve()
+                each *= 2
+            kept.append(part)
+            level = 1
+    return kept
+
+
+def streaming_qr(
+    regressor: Regressor, motions: Iterable[Motion], lowpass: LowPass, joints: Sequence[str], base: Sequence[int]
+) -> StreamingQR:
+    """Streaming QR of the same rows and columns; see `frischid.regression.streaming_qr`."""
+    found = StreamingQR(len(joints), len(base))
+    keep = np.append(np.asarray(base, dtype=int), len(regressor.columns))
+    index = [regressor.robot.joints.index(name) for name in joints]
+    with _threads().limit(limits=1, user_api="blas"):
+        for block in (b for motion in motions for b in regressor.blocks(motion, lowpass)):
+            for row, j in enumerate(index):
+                found.add(row, block.Z[block.used[:, j]][:, keep, j])
+    return found
+
+
+@lru_cache(maxsize=1)
+def _threads() -> ThreadpoolController:
+    """Looking for the threaded libraries takes longer than many a sum."""
+    return ThreadpoolController()
+
+
+def _sums(
+    regressor: Regressor, motions: Iterable[Motion], lowpass: LowPass, joints: Sequence[str], whole: float
+) -> Iterator[Gram]:
+    seconds = max(min(1.0, whole / BLOCKS_OF_A_SHORT_LOG), whole / MAX_BLOCKS)
+    for motion in motions:
+        _check_torque_present(motion, regressor.robot, joints)
+        every = lowpass.decimation(motion.step)
+        samples = seconds / motion.step
+        parts = max(1, round(samples / max(CHUNK_SAMPLES, 2 * len(lowpass.taps(motion.step)))))
+        chunk = max(1, round(samples / parts / every)) * every
+        grams = (gram_of(regressor, block, joints) for block in regressor.blocks(motion, lowpass, chunk))
+        for first in grams:
+            # one by one: in long blocks there are many, and they need not all be there at once
+            yield total(chain([first], islice(grams, parts - 1)))
+
+
+def _check_torque_present(motion: Motion, robot: Robot, joints: Sequence[str]) -> None:
+    missing = [n for n in joints if np.isnan(motion.tau[:, robot.joints.index(n)]).any()]
+    if missing:
+        raise InputError(
+            f"{motion.source}: no torque for {', '.join(missing)}; give tau_<joint> columns, a mapping with current "
+            "gains, "
+            "or leave these joints' torque rows out"
+        )
