@@ -26,9 +26,11 @@ from frischid.core.types import Array
 from frischid.effects import BASELINE, Coulomb, Effect, RotorInertia, Viscous
 from frischid.motions.collision import Clearance
 from frischid.motions.limits import Excess, MotionLimits
+from frischid.motions.motion_cost import Cost
 from frischid.motions.optimality import Condition, Criterion, Paper
-from frischid.motions.optimize import Cost, Search
-from frischid.motions.plan import Plan, default_size, plan
+from frischid.motions.optimize import Search
+from frischid.motions.plan import Plan, plan
+from frischid.motions.plan_options import PlanOptions, default_size
 from frischid.motions.trajectory import Family
 from frischid.robot.robot import Robot
 
@@ -79,10 +81,11 @@ def planar_rows(seed: int, budget: int) -> list[dict[str, Any]]:
         ("fourier", "everywhere", 19.0),
     ):
         start = time.process_time()
-        found = plan(
-            robot, effects, duration=99.0, family=family, samples=None if family == "points" else 100,
-            criterion="paper", bounds=where, envelope=bounds, budget=budget, seed=seed,
+        options = PlanOptions(
+            duration=99.0, family=family, samples=None if family == "points" else 100,
+            criterion="paper", bounds=where, limits=bounds, budget=budget, seed=seed,
         )  # fmt: skip
+        found = plan(robot, effects, options)
         rows.append(
             {
                 "motion": f"{family}, bounds {where}",
@@ -123,7 +126,7 @@ def arm_row(name: str, robot: Robot, seed: int, budget: int | None, count: int) 
     t = np.linspace(0.0, DURATION, 1000)
     options = {} if budget is None else {"budget": budget}
     start = time.process_time()
-    found: Plan = plan(robot, duration=DURATION, seed=seed, **options)
+    found: Plan = plan(robot, options=PlanOptions(duration=DURATION, seed=seed, **options))
     planning = time.process_time() - start
     size = default_size("fourier", DURATION)
     best = random_best(robot, size, count, seed, Clearance.of(robot))

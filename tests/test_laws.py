@@ -228,7 +228,7 @@ def test_gram_of_chunks_equals_gram_of_the_whole(name, cutoff):
     log = exact_log(machine, BASELINE, random_values(machine, BASELINE), seconds=3.0)
     (motion,) = prepare(log, lowpass).motions
     regressor, joints = Regressor(machine, BASELINE), machine.joints[::-1]
-    motion = replace(motion, standstandstill=np.zeros_like(motion.standstill))  # resting rows have a test of their own
+    motion = replace(motion, standstill=np.zeros_like(motion.standstill))  # these samples have their own test
     expected, count = moments_by_hand(regressor, motion, lowpass, joints)
     scale = np.sqrt(np.einsum("jcc->jc", expected))
     size = 1e-11 * scale[:, :, None] * scale[:, None, :] + 1e-15 * scale.max() ** 2  # some columns are rounding

@@ -139,6 +139,7 @@ def excite(
     from frischid.effects import parse_effects
     from frischid.motions.discrimination import separate as tell_apart
     from frischid.motions.plan import plan
+    from frischid.motions.plan_options import PlanOptions
 
     for path in filter(None, (output, picture)):
         check_writable(path)
@@ -152,23 +153,26 @@ def excite(
         raise InputError(
             f"--separate '{separate}' must name two effects, for example stribeck@joint2,hysteresis@joint2"
         )
+    wanted = PlanOptions(
+        duration=duration,
+        family=family,
+        criterion=criterion,
+        limits=limits,
+        budget=budget,
+        seed=seed,
+        starts=starts,
+    )
     apart = None
     with working(as_json) as progress, elsewhere(scheduler, workers) as pool:
-        search: dict[str, Any] = {
-            "duration": duration,
-            "family": family,
-            "envelope": limits,
-            "budget": budget,
-            "seed": seed,
-            "starts": starts,
+        told: dict[str, Any] = {
             "workers": pool,
             "progress": lambda share, best: progress(f"planning: {share:.0%} of the budget, cost {best:.4g}"),
         }
         if pair:
-            apart = tell_apart(machine, pair[0], pair[1], effects_of(effects), **search)
+            apart = tell_apart(machine, pair[0], pair[1], effects_of(effects), wanted, **told)
             planned = apart.plan
         else:
-            planned = plan(machine, effects_of(effects), criterion=criterion, **search)
+            planned = plan(machine, effects_of(effects), wanted, **told)
     planned.save(output, rate)
     if picture:
         from frischid import figures

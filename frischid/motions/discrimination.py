@@ -5,8 +5,9 @@ well. Their largest canonical correlation given everything else,
 
     ρ = σ_max(S_AA^(−1/2) S_AB S_BB^(−1/2)),   S = M_ee − M_er M_rr⁻¹ M_re   (e: columns of A and B, r: all others),
 
-is 1 where nothing can tell them apart and 0 where each is judged as if the other did not exist. A motion that makes
-what is left of all their columns as large as possible (`criteria.Separation`) is searched for as any exciting motion.
+is 1 where nothing can tell them apart and 0 where each is judged as if the other did not exist. The rest of
+their columns that no other column explains is made as large as possible (`frischid.motions.optimality.Separation`), and
+the motion is searched for as any exciting motion.
 Where one effect has the other's columns and more (a hose is a spring with friction), they differ by the further columns
 alone: the correlation is then theirs with everything else.
 """
@@ -14,24 +15,28 @@ alone: the correlation is then theirs with everything else.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
 
+from frischid.core.parallel import Workers
 from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
 from frischid.errors import IdentifiabilityError, InputError
 from frischid.motions.optimality import Separation
+from frischid.motions.optimize import Progress
 from frischid.motions.plan import Plan, plan
+from frischid.motions.plan_options import PlanOptions
 from frischid.motions.trajectory import Trajectory, random_fourier
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
-TYPICAL = 10  # random motions the planned one is compared with
-RATE = 50.0  # Hz, at which the correlation is computed
+TYPICAL = 10
+"""Random motions that the planned one is compared with."""
+CORRELATION_RATE = 50.0
+"""Samples per second at which the correlation is computed, Hz."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +68,14 @@ class Apart:
 
 
 def separate(
-    robot: Robot, first: Effect, second: Effect, effects: Sequence[Effect] = BASELINE, *, seed: int = 0, **search: Any
+    robot: Robot,
+    first: Effect,
+    second: Effect,
+    effects: Sequence[Effect] = BASELINE,
+    options: PlanOptions | None = None,
+    *,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
 ) -> Apart:
     """Plan a motion on which two effects differ.
 
@@ -72,10 +84,11 @@ def separate(
     robot : Robot
     first, second : Effect
     effects : sequence of Effect
-        What else is identified.
-    seed : int
-    **search
-        Passed on to `plan`: duration, family, budget, ...
+        Effects that are identified beside them.
+    options : PlanOptions, optional
+        As for `plan`; the criterion is `Separation` whatever they say.
+    workers, progress
+        As for `plan`.
 
     Returns
     -------
@@ -109,9 +122,10 @@ def separate(
     regressor = Regressor(robot, together)
     base = np.array(structure(regressor, robot.joints).base)
     own = (0 if shared else len(first.columns(robot)), further)
-    planned = plan(robot, together, criterion=Separation(sum(own)), seed=seed, **search)
+    options = replace(options or PlanOptions(), criterion=Separation(sum(own)))
+    planned = plan(robot, together, options, workers=workers, progress=progress)
     duration = planned.trajectory.duration
-    others = [random_fourier(robot, duration, seed=seed + 1 + k) for k in range(TYPICAL)]
+    others = [random_fourier(robot, duration, seed=options.seed + 1 + k) for k in range(TYPICAL)]
     told = [_told_apart(regressor, base, own, m) for m in (*others, planned.trajectory)]
     correlations, volumes = zip(*told, strict=True)
     sharper = float(np.exp(volumes[-1] - np.median(volumes[:-1])))
@@ -132,7 +146,7 @@ def _told_apart(regressor: Regressor, base: Array, counts: tuple[int, int], moti
 
     Of one group, the first being empty: with all others.
     """
-    t = np.arange(0.0, motion.duration, 1 / RATE)
+    t = np.arange(0.0, motion.duration, 1 / CORRELATION_RATE)
     Y = regressor(t, *motion(t))[:, base].transpose(0, 2, 1).reshape(-1, len(base))
     norms = np.maximum(np.linalg.norm(Y, axis=0), 1e-300)
     rest, own = (Y / norms)[:, : -sum(counts)], (Y / norms)[:, -sum(counts) :]

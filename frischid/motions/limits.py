@@ -1,11 +1,12 @@
-"""What a motion may do, and where it does not keep to it.
+"""The limits of a motion, and where a motion does not keep them.
 
-An envelope holds for every t, not for some samples:
+Limits hold for every t, not for some samples:
 
     lower ≤ q(t) ≤ upper,   |q̇(t)| ≤ velocity,   |q̈(t)| ≤ acceleration,   |τ(t)| ≤ torque,   distance(t) ≥ margin.
 
-The first three are checked where they are extreme, at the roots of the derivative one order up (`trajectory`), so they
-hold exactly. The torque of the URDF's own parameters and friction, and the distances, are checked at 100 Hz.
+Position, velocity and acceleration are checked where they are extreme, at the roots of the derivative one order up
+(`frischid.motions.trajectory`), so their limits hold exactly. The torque of the URDF's own parameters and friction, and
+the distances, are checked at 100 Hz.
 """
 
 from __future__ import annotations
@@ -23,15 +24,17 @@ from frischid.motions.trajectory import ClosedForm
 from frischid.robot.robot import Robot
 
 SECONDS_TO_FULL_SPEED = 0.25
-"""A URDF gives no acceleration limit: this long from rest to the velocity limit is gentle for an industrial arm."""
-RATE = 100.0
+"""A URDF gives no acceleration limit: this long from standstill to full speed, s, is gentle for an industrial arm."""
+CHECK_RATE = 100.0
 """Torque and distance are checked this often, Hz."""
-ROUNDING = 1e-9
+LIMIT_ROUNDING = 1e-9
 """Relative excess that is no violation."""
-STEP = 1e-6
+STATE_STEP = 1e-6
 """Displacement of a state for the slope of its torque or distance."""
 TIGHT = 0.999
-"""What a search may use of the limits, so that little is left to scale away."""
+"""Share of the limits that a search may use, so that little has to be scaled away afterwards."""
+DISTANCE_SCALE = 0.1
+"""A distance this much below its margin, m, counts as much as a torque of twice its limit."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,19 @@ class MotionLimits:
             Share of every limit that is used, in (0, 1]; of the position range about its middle.
         acceleration : float or sequence of J float, optional
             Acceleration limits, rad/s² (m/s²), of which `scale` is used as well.
+
+        Raises
+        ------
+        InputError
+            `scale` lies outside (0, 1], or an acceleration is no positive number.
+
+        Examples
+        --------
+        >>> import frischid as fr
+        >>> from frischid.motions.limits import MotionLimits
+        >>> limits = MotionLimits.of(fr.Robot.load("planar2"), scale=0.5)
+        >>> limits.lower.tolist(), limits.upper.tolist()
+        ([-1.5, -1.5], [1.5, 1.5])
         """
         if not 0.0 < scale <= 1.0:
             raise InputError(f"the share of the limits that is used must lie in (0, 1], got {scale}")
@@ -147,17 +163,17 @@ def nominal_torque(robot: Robot, q: Array, v: Array, a: Array) -> Array:
 
 
 def violations(
-    robot: Robot, motion: ClosedForm, envelope: MotionLimits, clearance: Clearance | None = None
+    robot: Robot, motion: ClosedForm, limits: MotionLimits, clearance: Clearance | None = None
 ) -> list[Violation]:
     """List every limit of every joint that a motion exceeds anywhere, each at its worst time."""
-    found = list(_kinematic(robot, motion, envelope))
-    t = np.linspace(0.0, motion.duration, int(np.ceil(RATE * motion.duration)) + 1)
+    found = list(_kinematic(robot, motion, limits))
+    t = np.linspace(0.0, motion.duration, int(np.ceil(CHECK_RATE * motion.duration)) + 1)
     q, v, a = motion(t)
-    if np.isfinite(envelope.torque).any():
+    if np.isfinite(limits.torque).any():
         torque = nominal_torque(robot, q, v, a)
         for j, k in enumerate(np.abs(torque).argmax(axis=0)):
-            if abs(torque[k, j]) > envelope.torque[j] * (1 + ROUNDING):
-                limit = np.copysign(envelope.torque[j], torque[k, j])
+            if abs(torque[k, j]) > limits.torque[j] * (1 + LIMIT_ROUNDING):
+                limit = np.copysign(limits.torque[j], torque[k, j])
                 found.append(Violation("torque", robot.joints[j], float(t[k]), float(torque[k, j]), float(limit)))
     if clearance is not None:
         distance, pair = clearance.nearest(q)
@@ -169,28 +185,28 @@ def violations(
     return found
 
 
-def _kinematic(robot: Robot, motion: ClosedForm, envelope: MotionLimits) -> Iterator[Violation]:
+def _kinematic(robot: Robot, motion: ClosedForm, limits: MotionLimits) -> Iterator[Violation]:
     times, values = extremes(motion, len(robot.joints))
-    sizes = (envelope.half, envelope.velocity, envelope.acceleration)
+    sizes = (limits.half, limits.velocity, limits.acceleration)
     for order, kind in enumerate(("position", "velocity", "acceleration")):
-        shift = envelope.middle if order == 0 else np.zeros(len(robot.joints))
+        shift = limits.middle if order == 0 else np.zeros(len(robot.joints))
         for j, name in enumerate(robot.joints):
             side = int(np.abs(values[order, :, j] - shift[j]).argmax())
             value, time = float(values[order, side, j]), float(times[order, side, j])
-            if abs(value - shift[j]) > sizes[order][j] * (1 + ROUNDING):
+            if abs(value - shift[j]) > sizes[order][j] * (1 + LIMIT_ROUNDING):
                 limit = shift[j] + np.copysign(sizes[order][j], value - shift[j])
                 yield Violation(kind, name, time, value, float(limit))
 
 
 @dataclass(frozen=True, eq=False)
 class Excess:
-    """How far a motion goes beyond its envelope on a grid of times, as one smooth number and its slope.
+    """How far a motion exceeds its limits on a grid of times, as one smooth number and its slope.
 
     Every limit contributes ``Σ max(0, |x|/limit − 1)²``, distances ``Σ max(0, (margin − d)/0.1 m)²``.
     """
 
     robot: Robot
-    envelope: MotionLimits
+    limits: MotionLimits
     clearance: Clearance | None
 
     def loads(self, states: Array, slope: bool = True) -> tuple[float, Array]:
@@ -218,7 +234,7 @@ class Excess:
 
     def kinematic(self, states: Array) -> tuple[float, Array]:
         """Excess of positions, velocities and accelerations, and its derivative by q, q̇, q̈ at M times, (3, M, J)."""
-        e = self.envelope
+        e = self.limits
         size = np.stack([e.half, e.velocity, e.acceleration])[:, None]
         relative = states / size
         relative[0] -= e.middle / e.half
@@ -226,7 +242,7 @@ class Excess:
         return float((excess**2).sum()), 2.0 * excess * np.sign(relative) / size
 
     def _torque(self, states: Array, slope: bool) -> tuple[float, NDArray[np.intp], Array]:
-        limit = TIGHT * self.envelope.torque
+        limit = TIGHT * self.limits.torque
         none = np.empty(0, dtype=np.intp)
         if not np.isfinite(limit).any():
             return 0.0, none, states[:, none]
@@ -238,9 +254,9 @@ class Excess:
             by_torque = (2.0 * excess * np.sign(torque) / limit)[rows]
             for order, j in np.ndindex(3, states.shape[2]):
                 moved = states[:, rows].copy()
-                moved[order, :, j] += STEP
+                moved[order, :, j] += STATE_STEP
                 change = nominal_torque(self.robot, *moved) - torque[rows]
-                gradient[order, :, j] = (by_torque * change).sum(axis=1) / STEP
+                gradient[order, :, j] = (by_torque * change).sum(axis=1) / STATE_STEP
         return float((excess**2).sum()), rows, gradient
 
     def _distance(self, states: Array, slope: bool) -> tuple[float, NDArray[np.intp], Array]:
@@ -249,13 +265,13 @@ class Excess:
             return 0.0, none, states[:, none]
         q = states[0]
         distance, pair = self.clearance.nearest(q)
-        excess = np.maximum(self.clearance.margins[pair] - distance, 0.0) / 0.1
+        excess = np.maximum(self.clearance.margins[pair] - distance, 0.0) / DISTANCE_SCALE
         rows = np.flatnonzero(excess)
         gradient = np.zeros((3, len(rows), q.shape[1]))
         if slope and len(rows):
             for j in range(q.shape[1]):
                 moved = q[rows].copy()
-                moved[:, j] += STEP
+                moved[:, j] += STATE_STEP
                 change = self.clearance.distance(moved, pair[rows]) - distance[rows]
-                gradient[0, :, j] = -2.0 * excess[rows] * change / (0.1 * STEP)
+                gradient[0, :, j] = -2.0 * excess[rows] * change / (DISTANCE_SCALE * STATE_STEP)
         return float((excess**2).sum()), rows, gradient

@@ -1,25 +1,28 @@
-"""Coefficients of a motion that make a criterion small within an envelope: cost, gradient, and the two phases.
+"""Coefficients of a motion that make a criterion small within limits: two phases of one search.
 
 All families are linear in their coefficients X, (P, J): ``q(t) = β(t) X``, q̇ and q̈ with the derivatives of the row β.
-Three things follow, and they are the whole method.
+Three facts follow, and they are the whole method.
 
 - The limits of position, velocity and acceleration are linear in X, and shrinking a motion about a pose is scaling X:
   any motion is made feasible joint by joint, exactly.
-- A cost f of the base regressor Π at N samples has a cheap gradient. A sample's rows depend on that sample's 3J numbers
-  alone, so 3J displaced regressors give ``∂f/∂(q, q̇, q̈) = ⟨∂f/∂Π, ∂Π⟩`` of all N at once, and βᵀ carries it to X.
-- What is not linear (torque, distances) needs a slope only at the samples where it is broken.
+- βᵀ carries the gradient of a cost at N samples (`frischid.motions.motion_cost`) to X.
+- A nonlinear limit (torque, distance) needs a slope only at the samples where it is exceeded.
 
 SciPy's differential evolution (Storn and Price 1997) first looks for a basin among Fourier motions that fit the limits
 by construction. Then L-BFGS-B (Byrd et al. 1995) descends on
 
     log f_k(X) + w Σ max(0, excess)²
 
-with soft extremes of sharpness k (`criteria`) and weight w, both rising. What is left of an excess is scaled away.
+with soft extremes of sharpness k (`frischid.motions.optimality`) and weight w, both rising. The remaining excess is
+scaled away.
+
+References: R. Storn and K. Price, J. Global Optimization 11, 1997; R. Byrd et al., SIAM J. Scientific Computing 16(5),
+1995.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -32,74 +35,30 @@ from scipy.optimize import differential_evolution, minimize
 from scipy.stats import qmc
 
 from frischid.core.types import Array
-from frischid.effects import Effect
-from frischid.errors import InputError
-from frischid.motions.limits import RATE, Excess, extremes
-from frischid.motions.optimality import EXACT, Criterion
+from frischid.motions.limits import CHECK_RATE, Excess, extremes
+from frischid.motions.motion_cost import Cost
 from frischid.motions.trajectory import Family, Fourier
-from frischid.regression.regressor import Regressor
-from frischid.regression.structure import structure
-from frischid.robot.robot import Robot
 
 Progress = Callable[[float, float], None]
 """Called with the share of the budget that is used, and the best cost so far."""
 Bounds = Literal["everywhere", "points"]
 
-STEP = 1e-6  # displacement of a sample for the slope of its rows
-STAGES = ((4.0, 1e1), (12.0, 1e2), (40.0, 1e3), (150.0, 1e4))  # sharpness and weight of each descent
-SHARE = 0.05  # of the budget, for the first phase
+STAGES = ((4.0, 1e1), (12.0, 1e2), (40.0, 1e3), (150.0, 1e4))
+"""Sharpness k and weight w of each descent: from a smooth problem with soft limits to the true one."""
+EXPLORE_SHARE = 0.05
+"""Of the budget, for the first phase."""
 POPULATION = 64
-NEARLY = 1e-6  # excess over the wider margins that is none over the true ones
-ATTEMPTS = 4  # starts, until a motion fits
-REPAIRS = 3  # most times that what is broken between the grid's times is repaired
-RESERVE = 0.1  # of the budget, for that
-WATCH = 4  # rounds of a descent from one look at the true cost to the next
-
-
-class Cost:
-    """A criterion at the samples of a motion, with its gradient; it counts the regressors it computes."""
-
-    def __init__(self, robot: Robot, effects: Sequence[Effect], t: Array, criterion: Criterion, seed: int) -> None:
-        self.regressor, self.criterion, self.t = Regressor(robot, effects), criterion, t
-        self.base = np.array(structure(self.regressor, robot.joints).base)
-        rows = len(t) * len(robot.joints)
-        if rows <= len(self.base):
-            raise InputError(
-                f"{len(t)} samples of {len(robot.joints)} joints give {rows} equations for {len(self.base)} base "
-                f"parameters; use {-(-3 * len(self.base) // len(robot.joints))} samples or more"
-            )
-        shifts = criterion.displacements(len(t), len(robot.joints), seed)
-        self.shifts = np.concatenate([np.zeros((1, *shifts.shape[1:])), shifts])
-        self.evaluations = 0
-
-    def __call__(self, states: Array, sharpness: float = EXACT) -> float:
-        """Cost of q, q̇, q̈ at the samples, (3, N, J)."""
-        return self.criterion(self._full(states)[:, :, self.base], sharpness)[0]
-
-    def gradient(self, states: Array, sharpness: float) -> tuple[float, Array]:
-        """Cost, and its derivative by the states, (3, N, J)."""
-        here = self._full(states)
-        cost, slope = self.criterion(here[:, :, self.base], sharpness)
-        direction = np.zeros_like(here)
-        direction[:, :, self.base] = slope
-        gradient = np.empty_like(states)
-        there = np.empty_like(here)
-        for order, j in np.ndindex(3, states.shape[2]):
-            moved = states.copy()
-            moved[order, :, j] += STEP
-            change = np.subtract(self._full(moved, there), here, out=there)
-            gradient[order, :, j] = np.einsum("dncj,dncj->n", change, direction) / STEP
-        return cost, gradient
-
-    def _full(self, states: Array, out: Array | None = None) -> Array:
-        """Regressor at the motion and at its displaced copies, (1 + D, N, C, J)."""
-        if out is None:
-            out = np.empty((len(self.shifts), len(self.t), len(self.regressor.columns), states.shape[2]))
-        for Y, shift in zip(out, self.shifts, strict=True):
-            q, v, a = states + shift
-            self.regressor(self.t, q, v, a, out=Y)
-        self.evaluations += len(self.shifts)
-        return out
+"""Motions that differential evolution keeps."""
+WIDER_MARGIN_EXCESS = 1e-6
+"""An excess over the wider margins below this is none over the true margins."""
+ATTEMPTS = 4
+"""Beginnings that are tried until a motion fits."""
+REPAIRS = 3
+"""A limit that is exceeded between the times of the grid is repaired at most this often."""
+RESERVE = 0.1
+"""Of the budget, for the repairs."""
+WATCH = 4
+"""Rounds of a descent from one look at the true cost to the next."""
 
 
 class _SpentError(Exception):
@@ -108,7 +67,27 @@ class _SpentError(Exception):
 
 @dataclass(eq=False)
 class Search:
-    """Coefficients that lower the cost within the envelope."""
+    """Search for the coefficients that lower the cost within the limits.
+
+    Attributes
+    ----------
+    family : Family
+    cost : Cost
+    excess : Excess
+    duration : float
+        Of the motion, s.
+    bounds : {"everywhere", "points"}
+        Where the limits hold.
+    budget : int
+        Evaluations of the cost.
+    box : (ndarray, ndarray), optional
+        Lower and upper bounds of the coefficients, where `bounds` is ``"points"``.
+    progress : callable, optional
+    best, found : float, ndarray
+        Least cost of a motion that fits, and its coefficients.
+    history : list of (int, float)
+        Evaluations and the best cost by then.
+    """
 
     family: Family
     cost: Cost
@@ -125,7 +104,7 @@ class Search:
     def __post_init__(self) -> None:
         # Bodies come a little closer between the times that are watched.
         self.wary = self.excess.wider(1.5)
-        e = self.excess.envelope
+        e = self.excess.limits
         coefficients = len(self.family.constant)
         self.grid = np.linspace(0.0, self.duration, int(np.clip(8 * coefficients, 200, 2000)))
         self.at_samples, self.at_grid = self.family.basis(self.cost.t), self.family.basis(self.grid)
@@ -146,14 +125,14 @@ class Search:
         best = X if self.found is None else self.found
         if self.bounds == "points":
             return best
-        fine = np.linspace(0.0, self.duration, int(np.ceil(RATE * self.duration)) + 1)
+        fine = np.linspace(0.0, self.duration, int(np.ceil(CHECK_RATE * self.duration)) + 1)
         at_fine = self.family.basis(fine)
         for left in range(REPAIRS, 0, -1):
             X = self.exactly_within(best)
             broken = self.excess.broken(at_fine @ X)
             if self.found is None or len(broken) == 0:
                 break
-            # What happens there is watched from now on; what was best before no longer counts.
+            # Those times are watched from now on; the best motion so far no longer counts.
             self.at_watch = np.concatenate([self.at_watch, at_fine[:, broken]], axis=1)
             self.best, self.found = np.inf, None
             last = self.descend(X, STAGES[-1], (self.budget - self.cost.evaluations) / left)
@@ -161,14 +140,12 @@ class Search:
         return self.lighter(self.exactly_within(best), at_fine)
 
     def _attempt(self, seed: int) -> Array:
-        """Both phases once, with what is left of the budget."""
+        """Both phases once, with the rest of the budget."""
         X = self.explore(seed)
         share = (1.0 - RESERVE) * (self.budget - self.cost.evaluations) / len(STAGES)
         for stage in STAGES:
             X = self.descend(X, stage, share)
         return X
-
-    # ------------------------------------------------------------------ feasibility
 
     def within(self, X: Array, grow: bool = False) -> Array:
         """Scale each joint about its middle pose until its limits hold on the grid; `grow` up to them."""
@@ -181,7 +158,7 @@ class Search:
         return self._scaled(X, values[:, 0], values[:, 1], False)
 
     def _scaled(self, X: Array, low: Array, high: Array, grow: bool) -> Array:
-        e = self.excess.envelope
+        e = self.excess.limits
         middle, half = (high[0] + low[0]) / 2, (high[0] - low[0]) / 2
         sizes = np.stack([half, *np.maximum(np.abs(low[1:]), np.abs(high[1:]))])
         factor = (self.size / np.maximum(sizes, 1e-12)).min(axis=0)
@@ -204,7 +181,7 @@ class Search:
             return X
         q = basis[0] @ X
         middle = (q.max(axis=0) + q.min(axis=0)) / 2
-        for pose in (middle, self.excess.envelope.middle):
+        for pose in (middle, self.excess.limits.middle):
             shrunk = [
                 self._about(X, middle, f, middle + (1 - f) * (pose - middle)) for f in np.linspace(0.95, 0.05, 19)
             ]
@@ -214,19 +191,17 @@ class Search:
         # Better the motion with its violations named than none.
         return X
 
-    # ------------------------------------------------------------------ first phase
-
     def explore(self, seed: int) -> Array:
         """Differential evolution over Fourier motions grown up to the limits; returns the best one's coefficients."""
         J, H = len(self.excess.robot.joints), self.waves
         sobol = qmc.Sobol((2 * H + 1) * J, seed=seed).random(POPULATION)
-        generations = max(0, int(SHARE * self.budget / (POPULATION * len(self.cost.shifts))) - 1)
+        generations = max(0, int(EXPLORE_SHARE * self.budget / (POPULATION * len(self.cost.shifts))) - 1)
 
         def level(y: Array) -> float:
             X = self.random(y.reshape(-1, J))
             cost = self.cost(self.at_samples @ X)
             excess, _ = self.wary.loads(self.at_watch @ X, slope=False)
-            self._record(X, cost, excess <= NEARLY)
+            self._record(X, cost, excess <= WIDER_MARGIN_EXCESS)
             return self._level(cost) + STAGES[1][1] * excess
 
         result = differential_evolution(
@@ -251,7 +226,7 @@ class Search:
 
     def _fourier(self, y: Array) -> Fourier:
         """Motion with the shape of y, (2H + 1, J), as large as the limits allow; the first row chooses its pose."""
-        e, H = self.excess.envelope, len(y) // 2
+        e, H = self.excess.limits, len(y) // 2
         shape = Fourier.rested(np.zeros(y.shape[1]), y[1 : H + 1], y[H + 1 :], self.duration)
         states = np.stack(shape(self.grid))
         low, high = states.min(axis=1), states.max(axis=1)
@@ -268,8 +243,6 @@ class Search:
         scaled = self.at_grid * weight[:, None, None]
         inverse = np.linalg.pinv(np.concatenate(scaled))
         return np.asarray(inverse * np.repeat(weight, len(self.grid)))
-
-    # ------------------------------------------------------------------ second phase
 
     def descend(self, X: Array, stage: tuple[float, float], share: float) -> Array:
         """L-BFGS-B on the soft cost plus the weighted excess, for `share` evaluations."""
@@ -324,7 +297,7 @@ class Search:
         fits = True
         if self.bounds == "everywhere":
             X = self.within(X)
-            fits = self.wary.fits(self.at_watch @ X, NEARLY)
+            fits = self.wary.fits(self.at_watch @ X, WIDER_MARGIN_EXCESS)
         self._record(X, self.cost(self.at_samples @ X), fits)
 
     def _box(self) -> Box | None:

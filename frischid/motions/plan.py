@@ -1,12 +1,12 @@
 """The motion that tells a robot's parameters apart best, within what the robot may do.
 
-    plan(robot, duration=20).save("exciting.csv")
+    plan(robot, options=PlanOptions(duration=20)).save("exciting.csv")
 
-A criterion of the base regressor Π of the motion is made small (`criteria`): its condition number, the volume of the
+A criterion of the base regressor Π of the motion is made small (`optimality`): its condition number, the volume of the
 confidence ellipsoid, or the paper's cost (19). The decision variables are the coefficients of a family of motions
-(`trajectory`): Fourier series, B-splines, or m points (q, q̇, q̈) joined by quintics, all at rest at both ends. The
-limits hold at every instant, not only at samples (`envelope`), and bodies keep clear of one another and of the floor
-(`clearance`). How the search works is told in `search`.
+(`trajectory`): Fourier series, B-splines, or m points (q, q̇, q̈) joined by quintics, all at standstill at both ends. The
+limits hold at every instant, not only at samples (`limits`), and bodies keep clear of one another and of the floor
+(`collision`). `frischid.motions.optimize` tells how the search works.
 
 References: J. Swevers et al., "Optimal robot excitation and identification", IEEE Trans. Robotics and Automation 13(5),
 1997; M. Gautier and W. Khalil, "Exciting trajectories for the identification of base inertial parameters of robots",
@@ -27,17 +27,17 @@ from threadpoolctl import threadpool_limits
 from frischid.core.parallel import Workers
 from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
-from frischid.errors import InputError, UnknownNameError
+from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.readers import write_log
 from frischid.motions.collision import Clearance
 from frischid.motions.limits import Excess, MotionLimits, Violation, violations
-from frischid.motions.optimality import Criterion, criterion_of
-from frischid.motions.optimize import ATTEMPTS, Bounds, Cost, Progress, Search
-from frischid.motions.trajectory import FAMILIES, ClosedForm, Family
+from frischid.motions.motion_cost import Cost
+from frischid.motions.optimality import criterion_of
+from frischid.motions.optimize import ATTEMPTS, Progress, Search
+from frischid.motions.plan_options import PlanOptions
+from frischid.motions.trajectory import ClosedForm, Family
 from frischid.robot.robot import Robot
-
-BUDGET = 30_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +53,8 @@ class Plan:
     cost : float
         Its value at the samples of the final motion.
     history : ndarray, shape (n, 2)
-        Evaluations used, and the best cost by then of a motion that seemed to fit; a step up marks a repair of one that
-        did not between the times that were watched.
+        Evaluations used, and the best cost by then of a motion that seemed to fit. A step up marks a repair: that
+        motion exceeded a limit between the times that were watched.
     evaluations : int
         Regressors of all N samples that were computed; a gradient counts as all the displaced ones it takes.
     seconds : float
@@ -62,7 +62,7 @@ class Plan:
     violations : tuple of Violation
         Limits that are not met somewhere on the motion, with joint and time.
     notes : tuple of str
-        What was not checked.
+        Limits and distances that were not checked.
     """
 
     joints: tuple[str, ...]
@@ -92,18 +92,8 @@ class Plan:
 def plan(
     robot: Robot,
     effects: Sequence[Effect] = BASELINE,
+    options: PlanOptions | None = None,
     *,
-    duration: float = 20.0,
-    family: str = "fourier",
-    size: int | None = None,
-    samples: int | None = None,
-    criterion: str | Criterion = "condition",
-    bounds: Bounds = "everywhere",
-    envelope: MotionLimits | float = 0.9,
-    clearance: Clearance | None = None,
-    budget: int = BUDGET,
-    seed: int = 0,
-    starts: int = 1,
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> Plan:
@@ -113,30 +103,9 @@ def plan(
     ----------
     robot : Robot
     effects : sequence of Effect
-        What is to be identified besides the rigid bodies.
-    duration : float
-        Seconds.
-    family : {"fourier", "bspline", "points"}
-    size : int, optional
-        Harmonics, control points, or via points; by default as many as the limits let the robot make use of, and one
-        via point a second.
-    samples : int, optional
-        Equally spaced instants the criterion is computed at; the via points themselves in the family ``"points"``.
-    criterion : str or Criterion
-        Name in `CRITERIA`, or an instance.
-    bounds : {"everywhere", "points"}
-        ``"points"`` keeps the limits at the via points only, as the paper does; `Plan.violations` tells what happens
-        between. Torque and distances are then ignored.
-    envelope : MotionLimits or float
-        Limits, or the share of the URDF's limits to use.
-    clearance : Clearance, optional
-        Pairs of bodies to keep apart; made from the URDF's collision shapes, floor at the base, when not given.
-    budget : int
-        Evaluations of the criterion of each start, the cost of its gradients included.
-    seed : int
-        The same seed gives the same motion.
-    starts : int
-        Searches from different beginnings; the best motion that fits is taken.
+        Effects to identify besides the rigid bodies.
+    options : PlanOptions, optional
+        ``PlanOptions()`` by default.
     workers : Workers, optional
         Where the searches are done, this process by default; the motion is the same.
     progress : callable, optional
@@ -146,30 +115,32 @@ def plan(
     Returns
     -------
     Plan
+
+    Raises
+    ------
+    InputError
+        The limits are not usable, or the samples are too few for the base parameters.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> from frischid.motions.plan import plan
+    >>> from frischid.motions.plan_options import PlanOptions
+    >>> found = plan(fr.Robot.load("planar2"), options=PlanOptions(duration=3.0, samples=20, budget=100))
+    >>> found.violations, len(found.to_log(rate=50.0))
+    ((), 151)
     """
     began = time.perf_counter()
-    if starts < 1:
-        raise InputError(f"a search needs at least one start, got {starts}")
-    if not (np.isfinite(duration) and duration > 0):
-        raise InputError(f"the duration must be a positive number of seconds, got {duration}")
-    if family not in FAMILIES:
-        raise UnknownNameError("family", family, FAMILIES)
-    if bounds not in {"everywhere", "points"}:
-        raise UnknownNameError("bounds", bounds, ["everywhere", "points"])
-    if bounds == "points" and family != "points":
-        raise InputError(f"bounds at the points need family 'points'; '{family}' has none")
-    limits = envelope if isinstance(envelope, MotionLimits) else MotionLimits.of(robot, envelope)
-    space = Clearance.of(robot) if clearance is None else clearance
-    shape = Family.named(family, duration, _size(family, size, duration))
-    instants = _instants(family, shape, samples, duration)
-    box = _box(limits, shape) if family == "points" else None
-    looked_at = criterion_of(criterion)
-    task = _Task(robot, tuple(effects), shape, instants, looked_at, limits, space, duration, bounds, budget, box)
-    seeds = [seed + ATTEMPTS * k for k in range(starts)]
+    options = options or PlanOptions()
+    given = options.limits
+    limits = given if isinstance(given, MotionLimits) else MotionLimits.of(robot, given)
+    clearance = Clearance.of(robot) if options.clearance is None else options.clearance
+    task = _Task(robot, tuple(effects), options, limits, clearance)
+    seeds = [options.seed + ATTEMPTS * k for k in range(options.starts)]
     if workers is None:
         done = []
         for k, own in enumerate(seeds):
-            done.append(_searched(own, task, None if progress is None else _share(progress, k, starts)))
+            done.append(_searched(own, task, None if progress is None else _share(progress, k, options.starts)))
     else:
         told = progress or (lambda share, best: None)
         done = workers.gather(workers.map(_searched, seeds, task), lambda count, of: told(count / of, np.nan))
@@ -184,33 +155,28 @@ class _Task:
 
     robot: Robot
     effects: tuple[Effect, ...]
-    shape: Family
-    instants: Array
-    criterion: Criterion
+    options: PlanOptions
     limits: MotionLimits
-    space: Clearance
-    duration: float
-    bounds: Bounds
-    budget: int
-    box: tuple[Array, Array] | None
+    clearance: Clearance
 
 
 def _searched(seed: int, task: _Task, progress: Progress | None = None) -> Plan:
     """One start, in any process."""
+    options, shape = task.options, task.options.shape()
     search = Search(
-        family=task.shape,
-        cost=Cost(task.robot, task.effects, task.instants, task.criterion, seed),
-        excess=Excess(task.robot, task.limits, task.space),
-        duration=task.duration,
-        bounds=task.bounds,
-        budget=task.budget,
-        box=task.box,
+        family=shape,
+        cost=Cost(task.robot, task.effects, options.instants(), criterion_of(options.criterion), seed),
+        excess=Excess(task.robot, task.limits, task.clearance),
+        duration=options.duration,
+        bounds=options.bounds,
+        budget=options.budget,
+        box=_box(task.limits, shape) if options.family == "points" else None,
         progress=progress,
     )
     # Small products are slower on several threads.
     with threadpool_limits(limits=1, user_api="blas"):
         X = search.run(seed)
-    motion = task.shape.build(X)
+    motion = shape.build(X)
     return Plan(
         joints=task.robot.joints,
         trajectory=motion,
@@ -219,42 +185,14 @@ def _searched(seed: int, task: _Task, progress: Progress | None = None) -> Plan:
         history=np.array(search.history).reshape(-1, 2),
         evaluations=search.cost.evaluations,
         seconds=0.0,
-        violations=tuple(violations(task.robot, motion, task.limits, task.space)),
-        notes=task.space.notes,
+        violations=tuple(violations(task.robot, motion, task.limits, task.clearance)),
+        notes=task.clearance.notes,
     )
 
 
 def _share(progress: Progress, number: int, starts: int) -> Progress:
     """Progress of one start as progress of all."""
     return lambda share, best: progress((number + share) / starts, best)
-
-
-def default_size(family: str, duration: float) -> int:
-    """Harmonics up to 1.2 Hz, two control points a second, or one via point a second; a few at least."""
-    wanted = {"fourier": round(1.2 * duration), "bspline": round(2 * duration), "points": round(duration) + 1}
-    return max(wanted[family], 6)
-
-
-def _size(family: str, size: int | None, duration: float) -> int:
-    """Check the size of a family, or choose it."""
-    least = 2 if family == "fourier" else 3
-    chosen = default_size(family, duration) if size is None else size
-    if chosen < least:
-        raise InputError(f"family '{family}' needs a size of at least {least}, got {size}")
-    return chosen
-
-
-def _instants(family: str, shape: Family, samples: int | None, duration: float) -> Array:
-    """When the criterion looks at the motion."""
-    if family == "points":
-        count = int(shape.constant.sum())
-        if samples not in {None, count}:
-            raise InputError(f"family 'points' is judged at its {count} points; leave the samples out")
-        return np.linspace(0.0, duration, count)
-    count = max(100, round(7.5 * duration)) if samples is None else samples
-    if count < 2:
-        raise InputError(f"a criterion needs at least 2 samples, got {samples}")
-    return np.linspace(0.0, duration, count)
 
 
 def _box(limits: MotionLimits, shape: Family) -> tuple[Array, Array]:

@@ -1,5 +1,6 @@
 """Diagnosis, excitation and Monte Carlo do their work where `cluster` says, with the same result."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from frischid.diagnosis.diagnosis import diagnose
 from frischid.effects import BASELINE, parse_effects
 from frischid.model.identification import identify
 from frischid.motions.plan import plan
+from frischid.motions.plan_options import PlanOptions
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
@@ -42,12 +44,12 @@ def test_a_diagnosis_is_the_same_in_another_process(process):
 
 
 def test_starts_of_a_search_are_the_same_in_another_process(process):
-    options = {"duration": 4.0, "samples": 30, "budget": 150, "seed": 3, "starts": 2}
-    plain, here, there = (plan(ARM, **options, workers=pool) for pool in (None, Here(), process))
+    options = PlanOptions(duration=4.0, samples=30, budget=150, seed=3, starts=2)
+    plain, here, there = (plan(ARM, options=options, workers=pool) for pool in (None, Here(), process))
     t = np.linspace(0.0, 4.0, 50)
     for other in (here, there):
         assert other.cost == pytest.approx(plain.cost, rel=1e-10)
         np.testing.assert_allclose(other.trajectory(t)[0], plain.trajectory(t)[0], rtol=1e-10, atol=1e-12)
-    single = plan(ARM, **options | {"starts": 1})
+    single = plan(ARM, options=replace(options, starts=1))
     assert plain.cost <= single.cost
     assert plain.evaluations > single.evaluations

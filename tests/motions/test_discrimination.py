@@ -6,6 +6,7 @@ from frischid.cli import main
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import IdentifiabilityError, InputError
 from frischid.motions.discrimination import separate
+from frischid.motions.plan_options import PlanOptions
 from frischid.robot.robot import Robot
 
 PLANAR = Robot.load("planar2")
@@ -13,7 +14,7 @@ PLANAR = Robot.load("planar2")
 
 def test_the_planned_motion_tells_two_effects_apart_better_than_random_ones():
     spring, gain = parse_effects("joint_spring@joint2, drive_gain@joint2")
-    apart = separate(PLANAR, spring, gain, duration=10.0, budget=2000, seed=0)
+    apart = separate(PLANAR, spring, gain, options=PlanOptions(duration=10.0, budget=2000))
     assert apart.sharper > 1.2
     assert 0 <= apart.correlation < 0.999
     assert not apart.plan.violations
@@ -22,17 +23,17 @@ def test_the_planned_motion_tells_two_effects_apart_better_than_random_ones():
 def test_what_no_motion_tells_apart_is_said():
     payload, spring = parse_effects("payload@joint2, joint_spring@joint2")
     with pytest.raises(IdentifiabilityError, match="no motion tells payload"):
-        separate(PLANAR, payload, spring, budget=100)
+        separate(PLANAR, payload, spring, options=PlanOptions(budget=100))
     with pytest.raises(InputError, match="same effect"):
-        separate(PLANAR, spring, spring, budget=100)
+        separate(PLANAR, spring, spring, options=PlanOptions(budget=100))
     with pytest.raises(InputError, match="in the model already"):
-        separate(PLANAR, BASELINE[0], spring, budget=100)
+        separate(PLANAR, BASELINE[0], spring, options=PlanOptions(budget=100))
 
 
 def test_an_effect_that_contains_the_other_is_told_by_what_it_has_beside():
     spring, hose = parse_effects("joint_spring@joint2, cable_hose@joint2")
     for pair, budget in (((spring, hose), 3000), ((hose, spring), 10)):
-        apart = separate(PLANAR, *pair, budget=budget, seed=0)
+        apart = separate(PLANAR, *pair, options=PlanOptions(budget=budget))
         assert (apart.first, apart.second) == (str(spring), str(hose))
         assert apart.shared == ("kh2",)
         if budget > 1000:

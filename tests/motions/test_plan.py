@@ -1,6 +1,7 @@
 """Exciting motions: gradients, limits at every instant, rest, reproducibility, the paper's cost on its own points."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,11 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.logs.readers import read_log
 from frischid.motions.collision import Clearance, body_boxes
 from frischid.motions.limits import Excess, MotionLimits, nominal_torque, violations
+from frischid.motions.motion_cost import Cost
 from frischid.motions.optimality import CRITERIA, Condition, DOptimal, Paper, criterion_of
-from frischid.motions.optimize import Cost, Search
+from frischid.motions.optimize import Search
 from frischid.motions.plan import plan
+from frischid.motions.plan_options import PlanOptions
 from frischid.motions.trajectory import FAMILIES, Family, Fourier
 from frischid.robot.robot import Robot
 
@@ -138,8 +141,9 @@ def test_limits_hold_at_every_instant(name, family):
     robot = ROBOTS[name]()
     limits = MotionLimits.of(robot, 0.8)
     size, samples = (25, None) if family == "points" else (None, 40)
-    found = plan(robot, duration=6.0, family=family, size=size, samples=samples, envelope=limits,
-                 clearance=Clearance.of(robot, floor=None), budget=700, seed=1)  # fmt: skip
+    options = PlanOptions(duration=6.0, family=family, size=size, samples=samples, limits=limits,
+                          clearance=Clearance.of(robot, floor=None), budget=700, seed=1)  # fmt: skip
+    found = plan(robot, options=options)
     q, v, a = found.trajectory(np.linspace(0.0, found.trajectory.duration, 5003))
     slack = 1 + 1e-7
     assert (np.abs(q - limits.middle) <= limits.half * slack).all()
@@ -156,7 +160,10 @@ def test_limits_hold_at_every_instant(name, family):
 def test_same_seed_same_motion():
     robot = Robot.load("planar2")
     t = np.linspace(0, 5, 50)
-    motions = [plan(robot, duration=5.0, samples=30, budget=300, seed=s).trajectory(t)[0] for s in (4, 4, 5)]
+    motions = [
+        plan(robot, options=PlanOptions(duration=5.0, samples=30, budget=300, seed=s)).trajectory(t)[0]
+        for s in (4, 4, 5)
+    ]
     np.testing.assert_array_equal(motions[0], motions[1])
     assert not np.allclose(motions[0], motions[2])
 
@@ -164,7 +171,8 @@ def test_same_seed_same_motion():
 def test_planning_beats_the_best_random_motion():
     seen = []
     robot = Robot.load("planar2")
-    found = plan(robot, duration=8.0, budget=1500, progress=lambda share, cost: seen.append((share, cost)))
+    options = PlanOptions(duration=8.0, budget=1500)
+    found = plan(robot, options=options, progress=lambda share, cost: seen.append((share, cost)))
     cost = Cost(robot, BASELINE, np.linspace(0, 8, 100), Condition(), 0)
     search = Search(
         Family.named("fourier", 8.0, 6), cost, Excess(robot, MotionLimits.of(robot), None), 8.0, "everywhere", 0
@@ -180,8 +188,9 @@ def test_planning_beats_the_best_random_motion():
 
 def test_points_as_the_paper_has_them():
     robot, effects = paper_arm()
-    found = plan(robot, effects, duration=19.0, family="points", criterion="paper", bounds="points",
-                 envelope=paper_bounds(), budget=1500)  # fmt: skip
+    options = PlanOptions(duration=19.0, family="points", criterion="paper", bounds="points",
+                          limits=paper_bounds(), budget=1500)  # fmt: skip
+    found = plan(robot, effects, options)
     q, v, a = found.trajectory(np.arange(20.0))
     assert (np.abs(q) <= 3 + 1e-9).all()
     assert (np.abs(v) <= 5 + 1e-9).all()
@@ -193,10 +202,9 @@ def test_points_as_the_paper_has_them():
 
 def test_a_fold_is_avoided():
     robot = made(FOLDING)
-    free = plan(
-        robot, duration=5.0, samples=30, envelope=1.0, budget=600, clearance=Clearance.of(robot, floor=None, margin=0)
-    )
-    careful = plan(robot, duration=5.0, samples=30, envelope=1.0, budget=600)
+    options = PlanOptions(duration=5.0, samples=30, limits=1.0, budget=600)
+    free = plan(robot, options=replace(options, clearance=Clearance.of(robot, floor=None, margin=0)))
+    careful = plan(robot, options=options)
     assert careful.violations == ()
     q = careful.trajectory(np.linspace(0, 5, 1000))[0]
     assert np.isinf(Clearance.of(robot).nearest(q)[0]).all()
@@ -207,7 +215,7 @@ def test_a_fold_is_avoided():
 
 
 def test_too_weak_a_motor_is_named_with_the_time():
-    found = plan(made(DEAD_WEIGHT), (Viscous(),), duration=3.0, samples=20, budget=200)
+    found = plan(made(DEAD_WEIGHT), (Viscous(),), PlanOptions(duration=3.0, samples=20, budget=200))
     kinds = {each.kind: each for each in found.violations}
     assert set(kinds) == {"torque"}
     assert kinds["torque"].joint == "lift"
@@ -251,7 +259,7 @@ def test_a_mesh_without_a_hull_is_taken_as_it_is():
         ({"bounds": "nowhere"}, "everywhere"),
         ({"bounds": "points"}, "family 'points'"),
         ({"duration": 0.0}, "positive number of seconds"),
-        ({"envelope": 1.5}, "share of the limits"),
+        ({"limits": 1.5}, "share of the limits"),
         ({"size": 1}, "at least 2"),
         ({"samples": 1}, "at least 2 samples"),
         ({"samples": 5}, "10 equations for 13 base parameters; use 20"),
@@ -260,12 +268,12 @@ def test_a_mesh_without_a_hull_is_taken_as_it_is():
 )
 def test_bad_requests(options, message):
     with pytest.raises(InputError, match=message):
-        plan(Robot.load("planar2"), **options)
+        plan(Robot.load("planar2"), options=PlanOptions(**options))
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_written_motion_can_be_read(tmp_path, ending):
-    found = plan(Robot.load("planar2"), duration=3.0, samples=20, budget=100)
+    found = plan(Robot.load("planar2"), options=PlanOptions(duration=3.0, samples=20, budget=100))
     found.save(tmp_path / f"motion.{ending}", rate=50.0)
     log = read_log(tmp_path / f"motion.{ending}")
     assert len(log) == 151

@@ -1,0 +1,123 @@
+"""Options of a planned motion: how long, of which family, how good, within which limits.
+
+A family of motions is linear in its coefficients, and `PlanOptions.size` says how many there are: harmonics up to about
+1.2 Hz, two control points per second, or one via point per second (Swevers et al. 1997, IEEE Trans. Robotics and
+Automation 13(5), use five harmonics of 0.1 Hz).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.errors import InputError, UnknownNameError
+from frischid.motions.collision import Clearance
+from frischid.motions.limits import MotionLimits
+from frischid.motions.optimality import Criterion, criterion_of
+from frischid.motions.optimize import Bounds
+from frischid.motions.trajectory import FAMILIES, Family
+
+
+@dataclass(frozen=True, eq=False)
+class PlanOptions:
+    """Which motion to look for, and how long to look.
+
+    Attributes
+    ----------
+    duration : float
+        Seconds.
+    family : {"fourier", "bspline", "points"}
+    size : int, optional
+        Harmonics, control points or via points; `default_size` when not given.
+    samples : int, optional
+        Equally spaced instants at which the criterion is computed; the via points themselves in the family
+        ``"points"``.
+    criterion : str or Criterion
+        Name in `frischid.motions.optimality.CRITERIA`, or an instance.
+    bounds : {"everywhere", "points"}
+        ``"points"`` keeps the limits at the via points only, as Massaroli et al. do; `Plan.violations` lists the limits
+        that are exceeded between them. Torque and distances are then ignored.
+    limits : MotionLimits or float
+        Limits, or the share of the URDF's limits to use.
+    clearance : Clearance, optional
+        Pairs of bodies to keep apart; made from the URDF's collision shapes, floor at the base, when not given.
+    budget : int
+        Evaluations of the criterion per start, the cost of its gradients included.
+    seed : int
+        The same seed gives the same motion.
+    starts : int
+        Searches from different beginnings; the best motion that fits is taken.
+
+    Raises
+    ------
+    InputError
+        Options contradict each other, or a number is out of its range.
+    UnknownNameError
+        There is no such family, criterion or choice of bounds.
+
+    Examples
+    --------
+    >>> from frischid.motions.plan_options import PlanOptions
+    >>> PlanOptions(duration=10.0, family="bspline").family_size
+    20
+    >>> PlanOptions(bounds="points")
+    Traceback (most recent call last):
+    ...
+    frischid.errors.InputError: bounds at the points need family 'points'; 'fourier' has none
+    """
+
+    duration: float = 20.0
+    family: str = "fourier"
+    size: int | None = None
+    samples: int | None = None
+    criterion: str | Criterion = "condition"
+    bounds: Bounds = "everywhere"
+    limits: MotionLimits | float = 0.9
+    clearance: Clearance | None = None
+    budget: int = 30_000
+    seed: int = 0
+    starts: int = 1
+
+    def __post_init__(self) -> None:
+        if self.starts < 1:
+            raise InputError(f"a search needs at least one start, got {self.starts}")
+        if not (np.isfinite(self.duration) and self.duration > 0):
+            raise InputError(f"the duration must be a positive number of seconds, got {self.duration}")
+        if self.family not in FAMILIES:
+            raise UnknownNameError("family", self.family, FAMILIES)
+        if self.bounds not in {"everywhere", "points"}:
+            raise UnknownNameError("bounds", self.bounds, ["everywhere", "points"])
+        if self.bounds == "points" and self.family != "points":
+            raise InputError(f"bounds at the points need family 'points'; '{self.family}' has none")
+        criterion_of(self.criterion)
+        least = 2 if self.family == "fourier" else 3
+        if self.family_size < least:
+            raise InputError(f"family '{self.family}' needs a size of at least {least}, got {self.size}")
+        if self.family == "points" and self.samples not in {None, self.family_size}:
+            raise InputError(f"family 'points' is judged at its {self.family_size} points; leave the samples out")
+        if self.samples is not None and self.samples < 2:
+            raise InputError(f"a criterion needs at least 2 samples, got {self.samples}")
+
+    @property
+    def family_size(self) -> int:
+        """The size given, or the default one."""
+        return default_size(self.family, self.duration) if self.size is None else self.size
+
+    def shape(self) -> Family:
+        """The family of motions."""
+        return Family.named(self.family, self.duration, self.family_size)
+
+    def instants(self) -> Array:
+        """Times at which the criterion is computed, s."""
+        if self.family == "points":
+            return np.linspace(0.0, self.duration, self.family_size)
+        count = max(100, round(7.5 * self.duration)) if self.samples is None else self.samples
+        return np.linspace(0.0, self.duration, count)
+
+
+def default_size(family: str, duration: float) -> int:
+    """Harmonics up to 1.2 Hz, two control points per second, or one via point per second; at least six."""
+    wanted = {"fourier": round(1.2 * duration), "bspline": round(2 * duration), "points": round(duration) + 1}
+    return max(wanted[family], 6)
