@@ -26,9 +26,9 @@ from frischid.logs.recording import Motions, Recording, check_logs
 from frischid.logs.summary import Data, LogSummary, held_by, summarise, torque_joints
 from frischid.model.identify_options import IdentifyOptions
 from frischid.model.log_examination import check_cutoff, refuse_worthless, report_issues
+from frischid.regression.accumulation import accumulate, streaming_qr
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Blocks, Gram, total
-from frischid.regression.accumulation import accumulate, streaming_qr
 from frischid.regression.regressor import Regressor
 from frischid.regression.streaming_qr import SAFE_CONDITION
 from frischid.regression.structure import structure
