@@ -31,12 +31,12 @@ def test_derivatives(motion):
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_no_sample_beats_the_extremes(motion, order):
     dense = motion(np.linspace(0.0, motion.duration, 20001))[order]
-    for joint in range(2):
-        t = np.concatenate([[0.0, motion.duration], motion.turning(order, joint)])
+    for j in range(2):
+        t = np.concatenate([[0.0, motion.duration], motion.turning(order, j)])
         assert ((t >= 0) & (t <= motion.duration)).all()
-        values = motion(t)[order][:, joint]
-        assert values.max() >= dense[:, joint].max() - 1e-9
-        assert values.min() <= dense[:, joint].min() + 1e-9
+        values = motion(t)[order][:, j]
+        assert values.max() >= dense[:, j].max() - 1e-9
+        assert values.min() <= dense[:, j].min() + 1e-9
 
 
 @pytest.mark.parametrize("name", FAMILIES)

@@ -13,7 +13,7 @@ def test_pseudo_inertia_is_the_integral_over_the_mass():
     rng = np.random.default_rng(1)
     points, masses = rng.normal(size=(20, 3)), rng.uniform(0.1, 1.0, 20)
     turned = [(p @ p) * np.eye(3) - np.outer(p, p) for p in points]
-    inertia = sum(m * I for m, I in zip(masses, turned, strict=True))
+    inertia = sum(m * part for m, part in zip(masses, turned, strict=True))
     upper = inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
     theta = np.concatenate([[masses.sum()], masses @ points, upper])
     rows = np.column_stack([points, np.ones(20)])
