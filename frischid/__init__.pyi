@@ -26,6 +26,7 @@ from .model.comparison import Comparison as Comparison
 from .model.comparison import compare as compare
 from .model.identification import Identification as Identification
 from .model.identification import identify as identify
+from .model.log_examination import check as check
 from .model.model import Model as Model
 from .motions.simulation import Noise as Noise
 from .motions.simulation import simulate as simulate

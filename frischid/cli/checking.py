@@ -27,7 +27,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
     from frischid.checks import defects
     from frischid.cli.pages import checking as show
     from frischid.logs.mapping import LogMap
-    from frischid.model.log_examination import examine
+    from frischid.model.log_examination import check as check_logs
 
     with working(as_json) as progress:
         progress("reading logs")
@@ -41,7 +41,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
                 show_page(show.check(broken), as_json)
             raise
         progress("checking")
-        reports = examine(machine, data)
+        reports = check_logs(machine, data)
     show_page(show.check(reports), as_json)
     sys.exit(1 if any(report.issues for report in reports) else 0)
 

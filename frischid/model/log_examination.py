@@ -26,7 +26,7 @@ from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
 
-def examine(robot: Robot, logs: Sequence[Log]) -> list[LogReport]:
+def check(robot: Robot, logs: Sequence[Log]) -> list[LogReport]:
     """Check that logs can be used with a robot, and say what is suspicious in them.
 
     Parameters
@@ -43,6 +43,15 @@ def examine(robot: Robot, logs: Sequence[Log]) -> list[LogReport]:
     ------
     InputError
         A log cannot be used at all.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 20, seed=1), rate=100, noise=fr.Noise(q=1e-5, tau=0.01))
+    >>> (report,) = fr.check(robot, [log])
+    >>> report.issues
+    ()
     """
     robot, locked = held_by(robot, logs)
     for log in logs:

@@ -13,7 +13,7 @@ from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log
 from frischid.model.identification import identify
-from frischid.model.log_examination import examine
+from frischid.model.log_examination import check
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
@@ -63,7 +63,7 @@ def clean(name, sensors="quiet", seed=1):
 
 
 def kinds(robot, log):
-    (report,) = examine(robot, [log])
+    (report,) = check(robot, [log])
     return {issue.kind: issue for issue in report.issues}
 
 
@@ -71,7 +71,7 @@ def kinds(robot, log):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_nothing_is_found_in_clean_logs(name, sensors):
     for seed in (1, 2):
-        (report,) = examine(machine(name), [clean(name, sensors, seed)])
+        (report,) = check(machine(name), [clean(name, sensors, seed)])
         assert report.warnings == ()
 
 
@@ -172,7 +172,7 @@ def test_each_fault_is_named(name, fault):
 
 def test_lags_are_measured():
     log = clean("ur10")
-    (report,) = examine(machine("ur10"), [replace(log, v=delayed(log, log.v, 0.05), tau=delayed(log, log.tau, 0.02))])
+    (report,) = check(machine("ur10"), [replace(log, v=delayed(log, log.v, 0.05), tau=delayed(log, log.tau, 0.02))])
     assert [figures["velocity_lag"] for figures in report.joints.values()] == pytest.approx([0.05] * 6, abs=2e-3)
     assert report.facts["torque_lag"] == pytest.approx(0.02, abs=2e-3)
 
@@ -187,7 +187,7 @@ def test_gaps_and_true_jitter():
     t = np.sort(log.t + rng.uniform(-0.3, 0.3, len(log)) / log.rate)
     true = simulate(robot, random_fourier(robot, 20, seed=1), rate=2000)
     q, v, tau = (np.column_stack([np.interp(t, true.t, c) for c in x.T]) for x in (true.q, true.v, true.tau))
-    (report,) = examine(robot, [Log(t, log.joints, q, v=v, tau=tau)])
+    (report,) = check(robot, [Log(t, log.joints, q, v=v, tau=tau)])
     assert report.issues == ()
     assert report.facts["stamps_follow"] == pytest.approx(1.0, abs=0.05)
 
@@ -244,7 +244,7 @@ def test_a_motion_faster_than_the_urdf_allows_is_not_in_degrees():
     log = clean("kinova")
     fast = replace(log, t=log.t[0] + (log.t - log.t[0]) / 6, v=None if log.v is None else 6 * log.v)
     assert (np.ptp(fast.q, axis=0) < 2 * np.pi).all()
-    (report,) = examine(machine("kinova"), [fast])
+    (report,) = check(machine("kinova"), [fast])
     assert "degrees" not in {issue.kind for issue in report.issues}
 
 
@@ -287,7 +287,7 @@ def test_tiago(data):
 
 def test_panda(data):
     robot = Robot.load(data / "panda/panda.urdf")
-    (report,) = examine(robot, [read_log(data / "panda/logs/ident_0_14s.parquet", robot.joints)])
+    (report,) = check(robot, [read_log(data / "panda/logs/ident_0_14s.parquet", robot.joints)])
     assert {f.kind for f in report.issues} == {"gap"}  # lost cycles; their stamps are true
     assert report.facts["stamps_follow"] == pytest.approx(1.0, abs=1e-3)
     host = measured(data, "panda/panda.urdf", "panda/logs/traj1_raw_host_time.parquet")
@@ -302,6 +302,6 @@ def test_ur10e(data):
     mapping = {"current_gain": dict(zip(robot.joints, GAINS, strict=True))}
     names = ["ident_20s_5harm", "unloaded_50s_14harm", "valid_ptp_10_points", "loaded_2805g_50s_14harm"]
     logs = [read_log(data / f"ur10e/logs/{n}.parquet", robot.joints, mapping) for n in names]
-    *plain, loaded = [{f.kind for f in report.issues} for report in examine(robot, logs)]
+    *plain, loaded = [{f.kind for f in report.issues} for report in check(robot, logs)]
     assert all(found <= {"late torque"} for found in plain)
     assert loaded == {"payload"}

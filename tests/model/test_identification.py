@@ -13,7 +13,7 @@ from frischid.logs.log import Log
 from frischid.logs.summary import moving_but_locked
 from frischid.model.identification import identify
 from frischid.model.identify_options import ESTIMATORS
-from frischid.model.log_examination import examine
+from frischid.model.log_examination import check
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.moments import Gram
@@ -138,7 +138,7 @@ def test_dead_torque_names_the_option():
     with pytest.raises(InputError, match=r"torque of joint2 is zero throughout.*--torque-joints"):
         quick(PLANAR, [dead])
     assert quick(PLANAR, [dead], torque_joints=["joint1"]).model.joints == ("joint1",)
-    (found,) = examine(PLANAR, [dead])
+    (found,) = check(PLANAR, [dead])
     assert any("joint2" in w and "never changes" in w for w in found.warnings)
 
 
@@ -189,7 +189,7 @@ def test_no_motion():
     with pytest.raises(InputError, match="no joint moves"):
         identify(PLANAR, [still])
     with pytest.raises(InputError, match="no joint moves"):
-        examine(PLANAR, [still])
+        check(PLANAR, [still])
 
 
 # ---- choices
@@ -350,13 +350,13 @@ def test_there_are_serial_arms_to_test():
 
 def test_examination_says_facts():
     log = planar_log()
-    (found,) = examine(PLANAR, [log])
+    (found,) = check(PLANAR, [log])
     assert found.warnings == ()
     assert found.facts["samples"] == len(log)
     assert found.facts["joints"] == ["joint1", "joint2"]
     assert found.facts["channels"] == ["v", "a", "tau"]
     degrees = Log(log.t, log.joints, np.rad2deg(log.q), tau=log.tau)
-    assert any("degrees" in w for w in examine(PLANAR, [degrees])[0].warnings)
+    assert any("degrees" in w for w in check(PLANAR, [degrees])[0].warnings)
 
 
 def test_roughly_written_angles_do_not_tie_friction_to_a_rotor():
