@@ -15,29 +15,46 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from frischid.core.files import write_text
-from frischid.core.types import Array, Column
+from frischid.core.named_sequence import NamedSequence
+from frischid.core.types import Array
 from frischid.effects import Effect, columns_of, effect_from_dict
 from frischid.errors import InputError
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import Estimate
 from frischid.estimators.urdf_prior import UrdfPrior
 from frischid.logs.filters import LowPass
-from frischid.logs.log import Log, check_torque
+from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
-from frischid.logs.recording import Motions, Recording, preview_of
+from frischid.logs.recording import Motions, Recording
+from frischid.model.log_requirements import check_logs_fit
+from frischid.model.model_file import (
+    SCHEMA,
+    boxes_of,
+    check_columns,
+    damaged,
+    estimate_of,
+    parameter_dict,
+    plain_numbers,
+    prior_of,
+    read_json,
+    read_records,
+    robot_dict,
+    without_robot,
+)
+from frischid.model.model_records import ModelRecord
+from frischid.model.parameters import Parameter, parameters_by_name
 from frischid.regression.block import Block
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 
-SCHEMA = "frischid.model/1"
-
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What identification gives.
+    """A robot's dynamics with identified parameters.
 
     Attributes
     ----------
@@ -71,6 +88,17 @@ class Model:
         (steps × p, null where open), ``emptied``; plain JSON values.
     prior : UrdfPrior, optional
         The prior the parameters were fitted with; None: the logs alone.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
+    >>> model = fr.identify(robot, [log], recursion="none").model
+    >>> model.inverse_dynamics(log.q[:3], log.v[:3], log.a[:3]).shape
+    (3, 2)
+    >>> model.parameters["fv1"].unit
+    'N·m·s/rad'
     """
 
     robot: Robot
@@ -190,23 +218,7 @@ class Model:
         ------
         InputError
         """
-        for log in logs:
-            head = preview_of(log)
-            absent = [n for n in self.robot.joints if n not in head.joints]
-            if absent:
-                raise InputError(
-                    f"{log.source}: no position (q_<joint>) of {', '.join(absent)}, and the model needs every joint's; "
-                    f"the log has {', '.join(head.joints)}"
-                )
-            if isinstance(log, Log):
-                check_torque(head, self.joints)
-            there = head.select(self.joints).has("tau")
-            missing = [n for n, known in zip(self.joints, there, strict=True) if not known]
-            if missing:
-                raise InputError(
-                    f"{log.source}: no torque (tau_<joint>) of {', '.join(missing)}, which the model was fitted to; "
-                    "leave the log out, or identify again with --torque-joints that it has"
-                )
+        check_logs_fit(self.robot, self.joints, logs)
 
     def motions(self, logs: Sequence[Log | Recording]) -> Motions:
         """Logs prepared as the model's own were."""
@@ -227,6 +239,11 @@ class Model:
         """Whether the parameters were fitted to this log, known by its hash, or by its name if it has none."""
         fitted = {x["sha256"] or x["source"] for event in self.history for x in event.get("logs", ())}
         return (log.identity or log.source) in fitted
+
+    @property
+    def parameters(self) -> NamedSequence[Parameter]:
+        """Base parameters by position and by name: ``model.parameters[0]``, ``model.parameters["fv1"]``."""
+        return parameters_by_name(self.estimate, self.expressions)
 
     @property
     def fitted_to(self) -> int:
@@ -251,40 +268,28 @@ class Model:
         return {
             "schema": SCHEMA,
             "frischid": metadata.version("frischid"),
-            "robot": self.robot.to_dict(),
+            "robot": robot_dict(self.robot),
             "effects": [effect.to_dict() for effect in self.effects],
             "filter": {"cutoff_hz": self.lowpass.cutoff, "reason": self.lowpass.reason, "velocity": self.velocity},
             "estimator": e.estimator,
-            "parameters": [self._parameter(i) for i in range(len(self.base))],
+            "parameters": [
+                {**parameter_dict(e, i, self.bounds), "expression": self.expressions[i], "column": int(self.base[i])}
+                for i in range(len(self.base))
+            ],
             "joints": [
                 {"name": n, "sigma": float(s), "weight": float(w), "mean_torque": float(m)}
                 for n, s, w, m in zip(e.joints, e.sigma, e.weights, self.mean_torque, strict=True)
             ],
-            "condition": e.condition,
+            "condition": float(e.condition),
             "notes": list(e.notes),
-            "reference": None if self.reference is None else dict(self.reference),
-            "standard": None if self.standard is None else dict(self.standard),
+            "reference": plain_numbers(self.reference),
+            "standard": plain_numbers(self.standard),
             "history": [dict(h) for h in self.history],
             "covariance": e.covariance.tolist(),
             "information": e.information.tolist(),
-            "previous": None if self.previous is None else _without_robot(self.previous.to_dict()),
+            "previous": None if self.previous is None else without_robot(self.previous.to_dict()),
             "recursion": None if self.recursion is None else dict(self.recursion),
-        }
-
-    def _parameter(self, i: int) -> dict[str, Any]:
-        column = self.estimate.columns[i]
-        return {
-            "name": column.name,
-            "expression": self.expressions[i],
-            "unit": column.unit,
-            "joint": column.joint,
-            "effect": column.effect,
-            "sign": column.sign,
-            "column": self.base[i],
-            "value": float(self.estimate.theta[i]),
-            "stderr": float(self.estimate.stderr[i]),
-            "from_data": None if self.estimate.from_data is None else float(self.estimate.from_data[i]),
-            "bounds": {k: [_finite(box.lower[i]), _finite(box.upper[i])] for k, box in self.bounds.items()},
+            "prior": None if self.prior is None else self.prior.to_dict(),
         }
 
     @classmethod
@@ -294,62 +299,46 @@ class Model:
         Raises
         ------
         InputError
-            Not a frischid model, or of a schema this version does not read.
+            Not a frischid model, of a schema this version does not read, or a field is wrong.
         """
-        schema = data.get("schema") if isinstance(data, Mapping) else None
-        if schema != SCHEMA:
-            raise InputError(
-                f"{source}: expected a frischid model of schema {SCHEMA}, found {schema!r}; write one with "
-                "`frischid identify "
-                "ROBOT LOG -o model.json`, or read it with the version of frischid that wrote it"
-            )
+        records = read_records(data, source)
+        robot = cls._robot(records[0], source)
+        model = cls._from_record(records[-1], robot, None, source)
+        for record in reversed(records[:-1]):  # every step is of the same robot
+            model = cls._from_record(record, robot, model, source)
+        return model
+
+    @staticmethod
+    def _robot(record: ModelRecord, source: str) -> Robot:
         try:
-            return cls._read(data)
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{source}: the model file is damaged: {type(error).__name__} {error}") from error
+            return Robot.from_dict(msgspec.to_builtins(record.robot))
+        except InputError as error:
+            raise damaged(source, f"{error} - at `robot`") from error
 
     @classmethod
-    def _read(cls, data: Mapping[str, Any]) -> Model:
-        parameters, joints, filtering = data["parameters"], data["joints"], data["filter"]
-        columns = tuple(Column(p["name"], p["unit"], p["joint"], p["effect"], p["sign"]) for p in parameters)
-        names = tuple(c.name for c in columns)
-        estimate = Estimate(
-            columns,
-            np.array([p["value"] for p in parameters]),
-            np.array(data["covariance"], dtype=float).reshape(len(columns), len(columns)),
-            tuple(j["name"] for j in joints),
-            np.array([j["sigma"] for j in joints]),
-            np.array([j["weight"] for j in joints]),
-            data["condition"],
-            data["estimator"],
-            np.array(data["information"]),
-            tuple(data["notes"]),
-            np.array(shares) if None not in (shares := [p.get("from_data") for p in parameters]) else None,
-        )
-        methods = parameters[0]["bounds"] if parameters else {}
-        bounds = {
-            k: Box(
-                names,
-                np.array([_number(p["bounds"][k][0], -np.inf) for p in parameters]),
-                np.array([_number(p["bounds"][k][1], np.inf) for p in parameters]),
-            )
-            for k in methods
-        }
+    def _from_record(cls, record: ModelRecord, robot: Robot, previous: Model | None, source: str) -> Model:
+        try:
+            effects = tuple(effect_from_dict(e) for e in record.effects)
+            columns = columns_of(robot, effects)
+        except (InputError, KeyError, TypeError, ValueError) as error:
+            raise damaged(source, f"{type(error).__name__} {error} - at `effects`") from error
+        check_columns(record, columns, robot.joints, source)
         return cls(
-            Robot.from_dict(data["robot"]),
-            tuple(effect_from_dict(e) for e in data["effects"]),
-            LowPass(filtering["cutoff_hz"], filtering["reason"]),
-            filtering["velocity"],
-            tuple(p["column"] for p in parameters),
-            tuple(p["expression"] for p in parameters),
-            estimate,
-            np.array([j["mean_torque"] for j in joints]),
-            bounds,
-            data["reference"],
-            data.get("standard"),  # older files have none
-            tuple(data["history"]),
-            None if data["previous"] is None else cls.from_dict({**data["previous"], "robot": data["robot"]}),
-            data.get("recursion"),
+            robot=robot,
+            effects=effects,
+            lowpass=LowPass(record.filter.cutoff_hz, record.filter.reason),
+            velocity=record.filter.velocity,
+            base=tuple(x.column for x in record.parameters),
+            expressions=tuple(x.expression for x in record.parameters),
+            estimate=estimate_of(record),
+            mean_torque=np.array([j.mean_torque for j in record.joints]),
+            bounds=boxes_of(record, source),
+            reference=record.reference,
+            standard=record.standard,
+            history=tuple(record.history),
+            previous=previous,
+            recursion=None if record.recursion is None else msgspec.to_builtins(record.recursion),
+            prior=prior_of(record),
         )
 
     def save(self, path: str | Path) -> None:
@@ -365,24 +354,4 @@ class Model:
         InputError
             The file is missing, not JSON, or not a model.
         """
-        try:
-            return cls.from_dict(json.loads(Path(path).read_text(encoding="utf-8")), str(path))
-        except OSError as error:
-            raise InputError(f"{path}: the model file cannot be read ({error.strerror})") from None
-        except (json.JSONDecodeError, UnicodeDecodeError) as error:
-            raise InputError(
-                f"{path}: not a JSON model file ({error}); the command `frischid identify` writes one"
-            ) from None
-
-
-def _without_robot(data: dict[str, Any]) -> dict[str, Any]:
-    """Every step is of the same robot: its URDF is kept once."""
-    return {k: v for k, v in data.items() if k != "robot"}
-
-
-def _finite(x: float) -> float | None:
-    return float(x) if np.isfinite(x) else None
-
-
-def _number(x: float | None, absent: float) -> float:
-    return absent if x is None else x
+        return cls.from_dict(read_json(path), str(path))

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from frischid.core.files import check_writable
-from frischid.core.types import Column
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.estimators.frisch import Box
 from frischid.logs.filters import LowPass
 from frischid.logs.recording import Recording
 from frischid.model.identification import identify
-from frischid.model.model import SCHEMA, Model
+from frischid.model.model import Model
+from frischid.model.model_file import FIRST_SCHEMA, SCHEMA
 from frischid.motions.simulation import Noise
 from frischid.regression.regressor import nominal_parameters
 from frischid.robot.robot import Robot
@@ -79,7 +79,7 @@ def test_file_is_readable_json(tmp_path):
     path = tmp_path / "model.json"
     model().save(path)
     data = json.loads(path.read_text(encoding="utf-8"))
-    assert data["schema"] == SCHEMA == "frischid.model/1"
+    assert data["schema"] == SCHEMA == "frischid.model/2"
     assert data["parameters"][0]["expression"]
     assert data["parameters"][0]["unit"] == model().estimate.columns[0].unit
     assert {"source", "sha256", "samples"} <= set(data["history"][0]["logs"][0])
@@ -108,12 +108,12 @@ def models(draw):
     """Any numbers and texts a model may hold."""
     usual, text = model(), st.text(max_size=12)
     p, J = len(usual.base), len(usual.joints)
-    names = draw(st.lists(st.text(min_size=1, max_size=6), min_size=p, max_size=p, unique=True))
-    column = st.builds(Column, st.just(""), text, text, text, st.sampled_from([-1, 0, 1]))
+    signs = draw(st.lists(st.sampled_from([-1, 0, 1]), min_size=p, max_size=p))
+    names = [c.name for c in usual.estimate.columns]
     size = arrays(float, J, elements=st.floats(0, 1e9))
     estimate = replace(
         usual.estimate,
-        columns=tuple(replace(draw(column), name=n) for n in names),
+        columns=tuple(replace(c, unit=draw(text), sign=s) for c, s in zip(usual.estimate.columns, signs, strict=True)),
         theta=draw(arrays(float, p, elements=number)),
         covariance=np.diag(draw(arrays(float, p, elements=st.floats(0, 1e9)))),
         sigma=draw(size),
@@ -127,7 +127,6 @@ def models(draw):
     methods = draw(st.sets(st.sampled_from(["frisch", "bbrf"])))
     return replace(
         usual,
-        effects=draw(st.sampled_from([BASELINE, (), parse_effects("coulomb(width=0.02)@joint2,offset")])),
         lowpass=LowPass(draw(st.none() | st.floats(0.1, 100)), draw(text)),
         velocity=draw(st.sampled_from(["auto", "measured"])),
         expressions=tuple(draw(st.lists(text, min_size=p, max_size=p))),
@@ -163,8 +162,8 @@ def refused(path, *words):
 def test_other_schemas_are_refused(tmp_path):
     path = tmp_path / "model.json"
     data = model().to_dict()
-    path.write_text(json.dumps({**data, "schema": "frischid.model/2"}))
-    refused(path, SCHEMA, "'frischid.model/2'")
+    path.write_text(json.dumps({**data, "schema": "frischid.model/3"}))
+    refused(path, SCHEMA, "'frischid.model/3'")
     for other in ({}, [], 3, None, {"schema": None}):
         path.write_text(json.dumps(other))
         refused(path, "expected a frischid model")
@@ -186,6 +185,122 @@ def test_damaged_files(tmp_path):
     for key, value in {"robot": 3, "parameters": [{}], "joints": [3], "effects": [{}], "covariance": "none"}.items():
         path.write_text(json.dumps({**model().to_dict(), key: value}))
         refused(path)
+
+
+def changed(data, *path, to):
+    """A copy of a model's content with one field changed."""
+    copy = json.loads(json.dumps(data))
+    place = copy
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = to
+    return copy
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "words"),
+    [
+        (("parameters", 3, "value"), "1.0", ("Expected `float`, got `str`", "parameters[3].value")),
+        (("parameters", 3, "value"), float("nan"), ("finite", "parameters[3].value")),
+        (("parameters", 3, "stderr"), -1.0, (">= 0.0", "parameters[3].stderr")),
+        (("parameters", 3, "extra"), 1.0, ("unknown field `extra`", "parameters[3]")),
+        (("parameters", 0, "bounds", "frisch"), [2.0, 1.0], ("above upper bound", "bounds.frisch")),
+        (("parameters", 1, "bounds"), {}, ("expected bounds of", "parameters[1].bounds")),
+        (("parameters", 1, "column"), 10_000, ("expected a column below", "parameters[1].column")),
+        (("parameters", 1, "name"), "fv9", ("claims it for fv9", "parameters[1]")),
+        (("covariance", 1, 1), -1e-3, ("variance", "covariance[1][1]")),
+        (("covariance", 0, 1), float("inf"), ("finite", "covariance[0][1]")),
+        (("information",), [[1.0]], ("one per parameter", "information")),
+        (("filter", "cutoff_hz"), 0.0, (">= 0.001", "filter.cutoff_hz")),
+        (("filter", "cutoff_hz"), 1e9, ("<= 1000000", "filter.cutoff_hz")),
+        (("filter", "velocity"), "guess", ("Invalid enum value 'guess'", "filter.velocity")),
+        (("joints", 0, "name"), "elbow", ("joint1, joint2", "joints[0]")),
+        (("robot", "gravity"), [0.0, 0.0], ("length 3", "robot.gravity")),
+        (("robot", "urdf"), "<robot", ("robot",)),
+        (("standard",), {"m1": 1.0}, ("expected a value of", "standard")),
+        (("previous",), {"schema": SCHEMA}, ("missing required field", "previous")),
+        (("history", 0, "held_out_nrmse"), float("inf"), ("finite", "history[0].held_out_nrmse")),
+    ],
+)
+def test_an_error_names_the_field_and_what_was_expected(tmp_path, path, value, words):
+    file = tmp_path / "model.json"
+    file.write_text(json.dumps(changed(model().to_dict(), *path, to=value)))
+    refused(file, *words)
+
+
+def test_effects_in_another_order_are_an_error_and_no_wrong_answer(tmp_path):
+    path, data = tmp_path / "model.json", model().to_dict()
+    path.write_text(json.dumps({**data, "effects": data["effects"][::-1]}))
+    refused(path, "the effects or the robot of the file were changed")
+    names = [p["name"] for p in data["parameters"]]
+    path.write_text(json.dumps(changed(data, "parameters", 1, "column", to=data["parameters"][0]["column"])))
+    refused(path, "expected each column once", "parameters[1].column")
+    swapped = changed(data, "parameters", 0, "column", to=data["parameters"][1]["column"])
+    swapped["parameters"][1]["column"] = data["parameters"][0]["column"]
+    path.write_text(json.dumps(swapped))
+    refused(path, "claims it for", names[0])
+
+
+@pytest.mark.parametrize("key", ["history", "previous", "other"])
+def test_deep_nesting_is_an_error_of_the_file(tmp_path, key):
+    path, text = tmp_path / "model.json", json.dumps(model().to_dict())
+    deep = '{"a":' * 100_000 + "1" + "}" * 100_000
+    path.write_text(f'{text[:-1]}, "{key}": {deep}}}')
+    refused(path, "nested too deep")
+
+
+def first_version(data):
+    """The content of a file as version 1 of the schema had it."""
+    old = {k: v for k, v in data.items() if k not in ("prior", "standard", "recursion")}
+    parameters = [{k: v for k, v in p.items() if k != "from_data"} for p in data["parameters"]]
+    history = [{k: v for k, v in event.items() if k != "criteria"} for event in data["history"]]
+    previous = None if data["previous"] is None else first_version(data["previous"])
+    return {**old, "schema": FIRST_SCHEMA, "parameters": parameters, "history": history, "previous": previous}
+
+
+def test_a_file_of_version_1_is_read(tmp_path):
+    path = tmp_path / "model.json"
+    now = replace(model(), previous=model(), recursion=None)
+    path.write_text(json.dumps(first_version(now.to_dict())))
+    old = Model.load(path)
+    q, v, a = states(robot("planar2"))
+    np.testing.assert_array_equal(old.inverse_dynamics(q, v, a), now.inverse_dynamics(q, v, a))
+    np.testing.assert_array_equal(old.estimate.covariance, now.estimate.covariance)
+    assert old.prior is None
+    assert old.to_dict()["schema"] == SCHEMA
+    assert old.previous.estimate.columns == now.estimate.columns
+
+
+def test_steps_before_a_model_load_with_it(tmp_path):
+    path, chain = tmp_path / "model.json", model()
+    for k in range(30):
+        chain = replace(chain, previous=chain, history=(*chain.history, {"action": f"step {k}"}))
+    chain.save(path)
+    loaded = Model.load(path)
+    assert loaded.to_dict() == chain.to_dict()
+    assert loaded.previous.robot is loaded.robot
+
+
+def test_the_prior_is_saved_with_the_model(tmp_path):
+    log = exact_log(robot("planar2"), BASELINE, noise=Noise(tau=0.02))
+    before = quick(robot("planar2"), [log], prior="urdf").model
+    before.save(tmp_path / "model.json")
+    after = Model.load(tmp_path / "model.json")
+    assert before.prior.names == after.prior.names
+    assert before.prior.strength == after.prior.strength
+    np.testing.assert_array_equal(after.prior.mean, before.prior.mean)
+    np.testing.assert_array_equal(after.prior.spread, before.prior.spread)
+    criteria = after.history[0]["criteria"]
+    assert criteria["prior"]["enough_rows"] == 10.0
+    assert criteria["identification"]["unexplained_nrmse"] == 0.8
+
+
+def test_parameters_by_position_and_by_name():
+    one = model()
+    assert one.parameters["fv1"] == one.parameters[one.parameters.names.index("fv1")]
+    assert [p.value for p in one.parameters] == one.estimate.theta.tolist()
+    with pytest.raises(InputError, match=r"unknown parameter 'fv7'; did you mean: fv2, fv1"):
+        one.parameters["fv7"]
 
 
 def test_unwritable_paths_leave_nothing_behind(tmp_path):

@@ -1,0 +1,262 @@
+"""The model file: a JSON object of schema ``frischid.model/2``, checked field by field before a model is built from it.
+
+The records of `frischid.model.model_records` say which fields there are, and of which type. Beyond the types,
+`read_records` and `check_columns` make sure that every number is finite, every matrix fits the number of parameters,
+and every parameter belongs to the column of the regressor that it claims. An error names the field and what was
+expected.
+
+A file of schema ``frischid.model/1`` is read too: it has no prior, and may lack what later versions added.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from frischid.core.types import Array, Column
+from frischid.errors import EmptyBoxError, InputError
+from frischid.estimators.frisch import Box
+from frischid.estimators.least_squares import Estimate
+from frischid.estimators.urdf_prior import UrdfPrior
+from frischid.model.model_records import ModelRecord
+from frischid.robot.robot import Robot
+
+SCHEMA = "frischid.model/2"
+FIRST_SCHEMA = "frischid.model/1"
+
+
+def read_json(path: str | Path) -> Any:
+    """Content of a JSON file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is not JSON.
+    """
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: the model file cannot be read ({error.strerror})") from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path}: not a JSON model file ({error}); the command `frischid identify` writes one"
+        ) from None
+    except RecursionError:
+        raise _too_deep(path) from None
+
+
+def _too_deep(source: str | Path) -> InputError:
+    return InputError(f"{source}: the model file is damaged: its objects are nested too deep; take a copy of the file")
+
+
+def read_records(data: Any, source: str) -> list[ModelRecord]:
+    """Check a model and the steps before it, newest first.
+
+    Parameters
+    ----------
+    data : object
+        Content of a model file, as plain JSON values.
+    source : str
+        Its name in messages.
+
+    Raises
+    ------
+    InputError
+        Not a frischid model, of a schema this version does not read, or a field is wrong.
+    """
+    records: list[ModelRecord] = []
+    content, place = data, ""
+    while content is not None or not records:
+        schema = content.get("schema") if isinstance(content, Mapping) else None
+        if schema not in (SCHEMA, FIRST_SCHEMA):
+            raise InputError(
+                f"{source}: expected a frischid model of schema {SCHEMA}, found {schema!r}; write one with `frischid "
+                "identify ROBOT LOG -o model.json`, or read it with the version of frischid that wrote it"
+            )
+        try:
+            record = msgspec.convert(content, ModelRecord)
+        except msgspec.ValidationError as error:
+            text = str(error) if " - at " in str(error) else f"{error} - at `$`"
+            step = place.rstrip(".") or "the whole file"
+            raise damaged(source, text.replace("`$.", f"`{place}").replace("`$`", f"`{step}`")) from error
+        except RecursionError:
+            raise _too_deep(source) from None
+        if not records and record.robot is None:
+            raise damaged(source, "Object missing required field `robot`")
+        _check_numbers({k: v for k, v in content.items() if k != "previous"}, place, source)
+        _check_shapes(record, place, source)
+        records.append(record)
+        content, place = record.previous, f"{place}previous."
+    return records
+
+
+def damaged(source: str, what: str) -> InputError:
+    """The error of a model file that cannot be used, with the field and what was expected there."""
+    return InputError(f"{source}: the model file is damaged: {what}")
+
+
+def _check_numbers(data: Mapping[str, Any], place: str, source: str) -> None:
+    """Refuse a number that is not finite, wherever it stands."""
+    waiting: list[tuple[str, Any]] = [(place + k, v) for k, v in data.items()]
+    while waiting:
+        where, value = waiting.pop()
+        if isinstance(value, float):
+            if not np.isfinite(value):
+                raise damaged(source, f"expected a finite number, got {value} - at `{where}`")
+        elif isinstance(value, Mapping):
+            waiting += [(f"{where}.{k}", v) for k, v in value.items()]
+        elif isinstance(value, list | tuple):
+            waiting += [(f"{where}[{k}]", v) for k, v in enumerate(value) if not isinstance(v, str)]
+
+
+def _check_shapes(record: ModelRecord, place: str, source: str) -> None:
+    """Refuse matrices that do not fit the parameters, and joints or columns that come twice."""
+    p = len(record.parameters)
+    for name, matrix in (("covariance", record.covariance), ("information", record.information)):
+        if len(matrix) != p or any(len(row) != p for row in matrix):
+            raise damaged(source, f"expected {p} rows of {p} numbers, one per parameter - at `{place}{name}`")
+        for i, row in enumerate(matrix):
+            if row[i] < 0:
+                raise damaged(source, f"expected a variance, at least 0, got {row[i]} - at `{place}{name}[{i}][{i}]`")
+    for kind, values in (
+        ("joints", [j.name for j in record.joints]),
+        ("column", [x.column for x in record.parameters]),
+    ):
+        for k, value in enumerate(values):
+            if value in values[:k]:
+                where = f"joints[{k}].name" if kind == "joints" else f"parameters[{k}].column"
+                raise damaged(source, f"expected each {kind} once, got {value} again - at `{place}{where}`")
+    methods = set(record.parameters[0].bounds) if record.parameters else set()
+    for k, parameter in enumerate(record.parameters):
+        if set(parameter.bounds) != methods:
+            expected = ", ".join(sorted(methods)) or "none"
+            raise damaged(source, f"expected bounds of {expected} - at `{place}parameters[{k}].bounds`")
+
+
+def check_columns(record: ModelRecord, columns: Sequence[Column], joints: Sequence[str], source: str) -> None:
+    """Compare every parameter and joint with the robot and the effects of the file.
+
+    A base parameter has the name of its leading column, with an ``R`` behind it if other parameters are added to it.
+
+    Raises
+    ------
+    InputError
+        A parameter stands at another parameter's column, or a joint is not the robot's.
+    """
+    for k, x in enumerate(record.parameters):
+        if x.column >= len(columns):
+            raise damaged(
+                source,
+                f"expected a column below {len(columns)}, got {x.column} - at `parameters[{k}].column` ({x.name})",
+            )
+        own = columns[x.column]
+        if x.name not in (own.name, f"{own.name}R") or (x.joint, x.effect) != (own.joint, own.effect):
+            raise damaged(
+                source,
+                f"column {x.column} of this robot with these effects is {own.name} ({own.effect}, {own.joint}), but "
+                f"`parameters[{k}]` claims it for {x.name} ({x.effect}, {x.joint}): the effects or the robot of the "
+                "file were changed; take a copy of the file as frischid wrote it",
+            )
+    for k, joint in enumerate(record.joints):
+        if joint.name not in joints:
+            raise damaged(
+                source, f"expected a joint of the robot ({', '.join(joints)}), got {joint.name} - at `joints[{k}]`"
+            )
+    if record.standard is not None:
+        absent = [c.name for c in columns if c.name not in record.standard]
+        if absent:
+            raise damaged(source, f"expected a value of {', '.join(absent)} - at `standard`")
+
+
+def estimate_of(record: ModelRecord) -> Estimate:
+    """The estimate of a record."""
+    p = len(record.parameters)
+    shares = [x.from_data for x in record.parameters]
+    known = [share for share in shares if share is not None]
+    return Estimate(
+        tuple(Column(x.name, x.unit, x.joint, x.effect, x.sign) for x in record.parameters),
+        _array([x.value for x in record.parameters]),
+        _array(record.covariance).reshape(p, p),
+        tuple(j.name for j in record.joints),
+        _array([j.sigma for j in record.joints]),
+        _array([j.weight for j in record.joints]),
+        record.condition,
+        record.estimator,
+        _array(record.information).reshape(p, p),
+        tuple(record.notes),
+        _array(known) if len(known) == len(shares) else None,
+    )
+
+
+def boxes_of(record: ModelRecord, source: str) -> dict[str, Box]:
+    """The bounds of a record, by method.
+
+    Raises
+    ------
+    InputError
+        A lower bound lies above its upper bound.
+    """
+    names = tuple(x.name for x in record.parameters)
+    boxes = {}
+    for method in record.parameters[0].bounds if record.parameters else ():
+        lower = _array([-np.inf if (b := x.bounds[method][0]) is None else b for x in record.parameters])
+        upper = _array([np.inf if (b := x.bounds[method][1]) is None else b for x in record.parameters])
+        try:
+            boxes[method] = Box(names, lower, upper)
+        except EmptyBoxError as error:
+            raise damaged(source, f"{error} - at `parameters[].bounds.{method}`") from error
+    return boxes
+
+
+def prior_of(record: ModelRecord) -> UrdfPrior | None:
+    """The prior of a record."""
+    if record.prior is None:
+        return None
+    names, values = tuple(record.prior.parameters), record.prior.parameters.values()
+    return UrdfPrior(names, _array([m for m, _ in values]), _array([s for _, s in values]), record.prior.strength)
+
+
+def parameter_dict(estimate: Estimate, i: int, bounds: Mapping[str, Box]) -> dict[str, Any]:
+    """Parameter `i` of an estimate as a `ParameterRecord` has it, without ``expression`` and ``column``."""
+    column = estimate.columns[i]
+    return {
+        "name": column.name,
+        "unit": column.unit,
+        "joint": column.joint,
+        "effect": column.effect,
+        "sign": column.sign,
+        "value": float(estimate.theta[i]),
+        "stderr": float(estimate.stderr[i]),
+        "from_data": None if estimate.from_data is None else float(estimate.from_data[i]),
+        "bounds": {k: [_or_none(box.lower[i]), _or_none(box.upper[i])] for k, box in bounds.items()},
+    }
+
+
+def robot_dict(robot: Robot) -> dict[str, Any]:
+    """The robot, its numbers as Python's own."""
+    data = robot.to_dict()
+    numbers = {"gravity": list(map(float, data["gravity"]))}
+    return data | numbers | {"locked": plain_numbers(data["locked"]), "known": plain_numbers(data["known"])}
+
+
+def plain_numbers(values: Mapping[str, float] | None) -> dict[str, float] | None:
+    """A mapping of numbers as Python's own floats."""
+    return None if values is None else {name: float(x) for name, x in values.items()}
+
+
+def without_robot(data: dict[str, Any]) -> dict[str, Any]:
+    """Every step is of the same robot: its URDF is kept once."""
+    return {k: v for k, v in data.items() if k != "robot"}
+
+
+def _or_none(x: float) -> float | None:
+    return float(x) if np.isfinite(x) else None
+
+
+def _array(values: Any) -> Array:
+    return np.array(values, dtype=float)

@@ -1,0 +1,110 @@
+"""Fields of a model file of schema ``frischid.model/2``, and their types.
+
+`frischid.model.model_file` reads and checks them.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta, Struct
+
+NotNegative = Annotated[float, Meta(ge=0)]
+CutoffHz = Annotated[float, Meta(ge=1e-3, le=1e6)]
+"""Hz. A lower cut-off needs a filter of millions of taps at usual rates; no sensor of a robot is faster."""
+
+
+class RobotRecord(Struct, forbid_unknown_fields=True, frozen=True):
+    """The robot, with the text of its URDF."""
+
+    name: str
+    source: str
+    urdf: str
+    gravity: tuple[float, float, float]
+    locked: dict[str, float]
+    frames: str | dict[str, str]
+    known: dict[str, float]
+
+
+class FilterRecord(Struct, forbid_unknown_fields=True, frozen=True):
+    """How logs are filtered."""
+
+    cutoff_hz: CutoffHz | None
+    reason: str
+    velocity: Literal["auto", "measured", "derived"]
+
+
+class ParameterRecord(Struct, forbid_unknown_fields=True, frozen=True):
+    """One base parameter: its column of the regressor, its value and its bounds (null where open)."""
+
+    name: str
+    expression: str
+    unit: str
+    joint: str
+    effect: str
+    sign: Literal[-1, 0, 1]
+    column: Annotated[int, Meta(ge=0)]
+    value: float
+    stderr: NotNegative
+    bounds: dict[str, tuple[float | None, float | None]]
+    from_data: Annotated[float, Meta(ge=0, le=1)] | None = None
+
+
+class JointRecord(Struct, forbid_unknown_fields=True, frozen=True):
+    """One joint whose torque was fitted."""
+
+    name: str
+    sigma: NotNegative
+    weight: NotNegative
+    mean_torque: float
+
+
+class EmptiedRecord(Struct, forbid_unknown_fields=True, frozen=True):
+    """Where the bounding-box recursion contradicted itself."""
+
+    parameter: str
+    window: int | None
+
+
+class RecursionRecord(Struct, forbid_unknown_fields=True, frozen=True):
+    """How the bounds of the bounding-box recursion closed in."""
+
+    names: list[str]
+    units: list[str]
+    variant: str
+    windows: int
+    emptied: EmptiedRecord | None
+    steps: list[int]
+    lower: list[list[float | None]]
+    upper: list[list[float | None]]
+
+
+class PriorRecord(Struct, forbid_unknown_fields=True, frozen=True):
+    """The prior: mean and standard deviation of each parameter."""
+
+    kind: Literal["urdf"]
+    strength: Annotated[float, Meta(gt=0)]
+    parameters: dict[str, tuple[float, NotNegative]]
+
+
+class ModelRecord(Struct, forbid_unknown_fields=True, frozen=True):
+    """A model file, or one of the steps before it (`previous`, which has no robot of its own)."""
+
+    schema: str
+    frischid: str
+    effects: list[dict[str, Any]]
+    filter: FilterRecord
+    estimator: str
+    parameters: list[ParameterRecord]
+    joints: Annotated[list[JointRecord], Meta(min_length=1)]
+    condition: NotNegative
+    notes: list[str]
+    reference: dict[str, float] | None
+    history: list[dict[str, Any]]
+    covariance: list[list[float]]
+    information: list[list[float]]
+    previous: dict[str, Any] | None
+    robot: RobotRecord | None = None
+    standard: dict[str, float] | None = None
+    recursion: RecursionRecord | None = None
+    prior: PriorRecord | None = None
