@@ -40,7 +40,7 @@ QUANTILES = (5, 25, 50, 75, 95)
 
 def matrix(comparison: Comparison) -> Drawing:
     """Joint by condition: error under it as a multiple of the joint's average, a star where it is more than chance."""
-    joints = list(comparison.joints)
+    joints = list(comparison.joints.names)
     found = {(c.joint, c.condition): c for c in comparison.residuals.conditions()}
     order = [name for name in ORDER if any((j, name) in found for j in joints)]
     cells = [found.get((j, n)) for n in order for j in joints]

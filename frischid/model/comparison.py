@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.named_sequence import NamedSequence
 from frischid.core.text import each_of
 from frischid.core.types import Array
 from frischid.errors import InputError
@@ -26,7 +27,7 @@ from frischid.regression.block import COLUMNS_BESIDE_Y, Block
 from frischid.regression.regressor import nominal_parameters
 
 STRETCH = 1000  # filtered samples kept or left out together, so that residuals stay consecutive
-MOST_KEPT = 60_000  # filtered samples in memory: an hour of motion at usual cut-offs, 20 MB for a six-joint arm
+SAMPLES_KEPT = 60_000  # filtered samples in memory: an hour of motion at usual cut-offs, 20 MB for a six-joint arm
 
 
 @dataclass(frozen=True)
@@ -43,10 +44,11 @@ class Worst:
 class JointFit:
     """Errors of one joint; torques in N·m (N).
 
-    ``nominal`` and ``constant`` are the NRMSE of the two references, ``noise_floor`` what the sensors alone would
-    leave.
+    ``nominal`` and ``constant`` are the NRMSE of the two references. ``noise_floor`` is the NRMSE that the noise of the
+    sensors alone would make.
     """
 
+    name: str
     rmse: float
     nrmse: float
     fit: float
@@ -64,24 +66,37 @@ class Comparison:
 
     Attributes
     ----------
-    joints : dict of str to JointFit
+    joints : NamedSequence of JointFit
+        By position and by name: ``comparison.joints[0]``, ``comparison.joints["elbow"]``.
     samples : int
         Filtered samples compared.
-    resting : float
+    standstill : float
         Share of the torque samples left out because the joint stood still (its dry friction is then undetermined).
-    nrmse_with_rest : float
-        Mean NRMSE when they are counted.
+    nrmse_with_standstill : float
+        Mean NRMSE when the samples at standstill are counted.
     sources : tuple of str
         The logs.
     residuals : Residuals
-        Residuals and motion behind the figures: where the model fails, and what is left in them. Of very long logs,
-        `MOST_KEPT` samples in stretches spread evenly.
+        Residuals and motion behind the figures: where the model fails, and the structure of the residual error. Of very
+        long logs, `SAMPLES_KEPT` samples in stretches spread evenly.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> motions = [fr.random_fourier(robot, 5.0, seed=seed) for seed in (1, 2)]
+    >>> logs = [fr.simulate(robot, motion, rate=100.0, noise=fr.Noise(tau=0.05)) for motion in motions]
+    >>> comparison = fr.compare(fr.identify(robot, logs[:1], recursion="none").model, logs[1:])
+    >>> comparison.joints.names
+    ('joint1', 'joint2')
+    >>> comparison.joints[0] is comparison.joints["joint1"]
+    True
     """
 
-    joints: dict[str, JointFit]
+    joints: NamedSequence[JointFit]
     samples: int
-    resting: float
-    nrmse_with_rest: float
+    standstill: float
+    nrmse_with_standstill: float
     sources: tuple[str, ...]
     residuals: Residuals = field(repr=False)
 
@@ -91,34 +106,34 @@ class Comparison:
     @property
     def noise_floor(self) -> float:
         """Mean NRMSE that the sensors alone would leave."""
-        return float(np.mean([j.noise_floor for j in self.joints.values()]))
+        return float(np.mean([j.noise_floor for j in self.joints]))
 
     @property
     def nrmse(self) -> float:
         """Mean NRMSE over the joints."""
-        return float(np.mean([j.nrmse for j in self.joints.values()]))
+        return float(np.mean([j.nrmse for j in self.joints]))
 
     @property
     def nominal(self) -> float:
         """Mean NRMSE of the URDF's nominal parameters."""
-        return float(np.mean([j.nominal for j in self.joints.values()]))
+        return float(np.mean([j.nominal for j in self.joints]))
 
     @property
     def constant(self) -> float:
         """Mean NRMSE of a constant torque."""
-        return float(np.mean([j.constant for j in self.joints.values()]))
+        return float(np.mean([j.constant for j in self.joints]))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        left = self.residuals.structure()
+        structure = self.residuals.structure()
         return {
             "nrmse": self.nrmse,
             "noise_floor": self.noise_floor,
             "nominal_nrmse": self.nominal,
             "constant_nrmse": self.constant,
             "samples": self.samples,
-            "resting_share": self.resting,
-            "nrmse_with_rest": self.nrmse_with_rest,
+            "standstill_share": self.standstill,
+            "nrmse_with_standstill": self.nrmse_with_standstill,
             "logs": list(self.sources),
             "conditions": self.residuals.to_dict(),
             "joints": {
@@ -131,9 +146,9 @@ class Comparison:
                     "nominal_nrmse": j.nominal,
                     "constant_nrmse": j.constant,
                     "noise_floor": j.noise_floor,
-                    "correlation_time": left[name].correlation_time,
-                    "white": left[name].white,
-                    "depends_on": dict(left[name].depends_on),
+                    "correlation_time": structure[name].correlation_time,
+                    "white": structure[name].white,
+                    "depends_on": dict(structure[name].depends_on),
                     "worst": vars(j.worst),
                 }
                 for name, j in self.joints.items()
@@ -201,6 +216,17 @@ def compare(
     ------
     InputError
         A log lacks a joint or its torque.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> motions = [fr.random_fourier(robot, 5.0, seed=seed) for seed in (1, 2)]
+    >>> logs = [fr.simulate(robot, motion, rate=100.0, noise=fr.Noise(tau=0.05)) for motion in motions]
+    >>> model = fr.identify(robot, logs[:1], recursion="none").model
+    >>> comparison = fr.compare(model, logs[1:])
+    >>> comparison.nrmse < 0.05 < comparison.constant
+    True
     """
     if not logs:
         raise InputError("there is no log to compare the model with")
@@ -228,7 +254,7 @@ def compare(
 class Kept:
     """Blocks in memory, in stretches spread evenly over the logs: all of them, or every second, fourth, ... stretch.
 
-    Where a model fails is judged on at most `MOST_KEPT` samples; the errors themselves are sums over all.
+    Where a model fails is judged on at most `SAMPLES_KEPT` samples; the errors themselves are sums over all.
     """
 
     def __init__(self) -> None:
@@ -237,7 +263,7 @@ class Kept:
 
     @property
     def blocks(self) -> list[tuple[Block, Array]]:
-        """What is kept, in order."""
+        """The blocks in memory, in order."""
         return [pair for stretch in self.stretches for pair in stretch]
 
     def add(self, block: Block, fitted: Array) -> None:
@@ -252,7 +278,7 @@ class Kept:
         # Only what residuals need, and no views: columns are most of a block, and its times hold a whole motion's.
         self.stretches[-1].append((replace(block, t=block.t.copy(), Z=block.Z[:, -COLUMNS_BESIDE_Y:].copy()), fitted))
         self.samples += len(block.t)
-        if self.samples > MOST_KEPT:
+        if self.samples > SAMPLES_KEPT:
             self.stretches, self.every = self.stretches[::2], 2 * self.every
             self.samples = sum(len(b.t) for b, _ in self.blocks)
 
@@ -275,6 +301,7 @@ def _summary(
         worst = sums.worst[j]
         assert worst is not None  # there is at least one sample, or prepare() raised
         joints[name] = JointFit(
+            name=name,
             rmse=float(rmse[j]),
             nrmse=float(rmse[j] / std[j]),
             fit=float(100 * (1 - rmse[j] / std[j])),
@@ -285,6 +312,6 @@ def _summary(
             noise_floor=float(floor[j] / std[j]),
             worst=worst,
         )
-    resting = 1.0 - float(n.sum() / everything.count.sum())
-    with_rest = float(np.mean(np.sqrt(everything.error2 / everything.count) / everything.std))
-    return Comparison(joints, sums.samples, resting, with_rest, sources, residuals)
+    standstill = 1.0 - float(n.sum() / everything.count.sum())
+    with_standstill = float(np.mean(np.sqrt(everything.error2 / everything.count) / everything.std))
+    return Comparison(NamedSequence("joint", joints), sums.samples, standstill, with_standstill, sources, residuals)

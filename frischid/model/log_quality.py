@@ -1,7 +1,7 @@
 """What a log is worth: its clock, the noise of each channel, what was done to it, and how much of the robot it moves.
 
 Noise is read off the log itself by fourth differences (`noise_level`); excitation is the range, the
-speed and the acceleration each joint reaches, beside the limits of the URDF, and the share of time it rests.
+speed and the acceleration each joint reaches, beside the limits of the URDF, and the share of time it stands still.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ class Quality:
         Positions reached.
     speed, acceleration : ndarray, shape (J,)
         Largest absolute values reached.
-    resting : ndarray, shape (J,)
-        Share of the samples at rest.
+    standstill : ndarray, shape (J,)
+        Share of the samples at standstill.
     notes, warnings : tuple of str
-        What was done to the log, and what is suspicious in it.
+        How the log was prepared, and what is suspicious in it.
     """
 
     source: str
@@ -63,7 +63,7 @@ class Quality:
     upper: Array
     speed: Array
     acceleration: Array
-    resting: Array
+    standstill: Array
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -85,7 +85,7 @@ def quality(model: Model, logs: Sequence[Log]) -> list[Quality]:
     Returns
     -------
     list of Quality
-        One a log.
+        One per log.
     """
     return [_judge(model, log) for log in logs]
 

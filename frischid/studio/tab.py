@@ -62,7 +62,7 @@ class Tab:
         self._drawn = bench.state
         self.stage: Stage | None = None  # drawn last
         joints = list(bench.state.model.joints)
-        worst = max(bench.state.comparison.joints.items(), key=lambda item: item[1].nrmse)[0]
+        worst = max(bench.state.comparison.joints, key=lambda joint: joint.nrmse).name
         gui = self.client.gui
         gui.set_panel_label(f"frischid: {bench.state.model.robot.name}")
         with self._lock:  # a control that is moved as soon as it is there waits for the others

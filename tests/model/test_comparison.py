@@ -38,7 +38,7 @@ def test_figures_are_those_of_the_residual():
     measured = log.tau[kept]
     residual = measured - predicted
     assert result.samples == len(measured)
-    assert list(result.joints) == list(UR10.joints)
+    assert list(result.joints.names) == list(UR10.joints)
     for j, fit in enumerate(result.joints.values()):
         assert fit.rmse == pytest.approx(np.sqrt(np.mean(residual[:, j] ** 2)))
         assert fit.std == pytest.approx(measured[:, j].std())
@@ -114,12 +114,12 @@ def test_resting_samples_are_left_out_and_counted():
     t = np.concatenate([log.t, log.t[-1] + 0.01 * np.arange(1, rest + 1)])
     still = replace(log, t=t, q=q, v=v, a=a, tau=tau)
     moving, result = compare(model(), [log]), compare(model(), [still])
-    assert moving.resting < 0.1
+    assert moving.standstill < 0.1
     assert result.nrmse == pytest.approx(moving.nrmse, rel=0.1)
-    assert result.resting == pytest.approx(rest / len(t), abs=0.05)
-    assert result.nrmse_with_rest > 2 * result.nrmse
+    assert result.standstill == pytest.approx(rest / len(t), abs=0.05)
+    assert result.nrmse_with_standstill > 2 * result.nrmse
     smooth = identify(UR10, [log_of(1)], effects=parse_effects("viscous,offset"), recursion="none").model
-    assert compare(smooth, [still]).resting == 0.0
+    assert compare(smooth, [still]).standstill == 0.0
 
 
 def test_logs_that_cannot_be_compared():

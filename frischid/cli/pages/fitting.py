@@ -175,11 +175,11 @@ def error_tables(result: Comparison) -> list[Any]:
             f"{j.constant:.3f}", figure(error), f"{j.worst.t:.2f} s",
         )  # fmt: skip
     parts: list[Any] = [table]
-    if result.resting > 0:
+    if result.standstill > 0:
         parts.append(
-            f"{result.resting:.1%} of the torque samples are left out: the joint rests, dry friction is "
+            f"{result.standstill:.1%} of the torque samples are left out: the joint rests, dry friction is "
             "undetermined there "
-            f"(mean NRMSE with them {result.nrmse_with_rest:.4f})"
+            f"(mean NRMSE with them {result.nrmse_with_standstill:.4f})"
         )
     return parts
 
@@ -195,7 +195,7 @@ def _where(result: Comparison) -> list[Any]:
         "joint", *order, title="where it fails: error under a condition / the joint's average (* p < 0.01)"
     )
     found = {(c.joint, c.condition): c for c in conditions}
-    for joint in result.joints:
+    for joint in result.joints.names:
         cells = [found.get((joint, n)) for n in order]
         table.add_row(joint, *("–" if c is None else f"{c.ratio:.2f}{'*' * (c.p_value < 0.01)}" for c in cells))
     return [table]

@@ -52,7 +52,7 @@ def _excitation(study: Study) -> Table:
     """How each joint moved, and how noisy its channels are, every number with its unit."""
     robot, qualities = study.model.robot, study.qualities
     speed, acceleration = (np.max([getattr(q, k) for q in qualities], axis=0) for k in ("speed", "acceleration"))
-    standstill = np.average([q.resting for q in qualities], axis=0, weights=[q.kept for q in qualities])
+    standstill = np.average([q.standstill for q in qualities], axis=0, weights=[q.kept for q in qualities])
     rows = []
     for i, name in enumerate(robot.joints):
         unit = figures.style.units_of(study.sliding(name))

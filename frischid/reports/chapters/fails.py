@@ -16,7 +16,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     """What the template shows; the worst joint is unfolded."""
     shown = study.comparison
     structure = shown.residuals.structure()
-    worst = max(shown.joints, key=lambda name: shown.joints[name].nrmse)
+    worst = max(shown.joints, key=lambda joint: joint.nrmse).name
     joints = []
     for name, fit in shown.joints.items():
         on = [figures.style.WORDS[v] for v, p in structure[name].depends_on.items() if p < DEPENDENT]

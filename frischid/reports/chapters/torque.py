@@ -32,8 +32,8 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     ]
     return {
         "errors": Table(HEADINGS, rows, words=2, caption=CAPTION),
-        "standstill": study.comparison.resting,
-        "nrmse_with_standstill": study.comparison.nrmse_with_rest,
+        "standstill": study.comparison.standstill,
+        "nrmse_with_standstill": study.comparison.nrmse_with_standstill,
         "band": study.prediction.band,
         "contacts": bool(contacts),
         "several": len(study.logs) > 1,

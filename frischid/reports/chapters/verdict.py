@@ -16,7 +16,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     """What the template shows."""
     shown = study.verdict
     count = len(study.held_out) or len(study.logs)
-    worst = max(shown.joints, key=lambda name: shown.joints[name].nrmse)
+    worst = max(shown.joints, key=lambda joint: joint.nrmse).name
     return {
         "logs": f"{count} logs" if count > 1 else "a log",
         "held_out": bool(study.held_out),
