@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from frischid.core.types import Array
-from frischid.effects.base import WIDTH
+from frischid.effects.state import SIGN_WIDTH
 from frischid.errors import InputError
 from frischid.logs.filters import LowPass, decimating_filter, derivative_taps, noise_level
 from frischid.logs.preprocessing import Motion
@@ -93,7 +93,7 @@ class Sketch:
             samples += len(motion.t)
             half = len(taps) // 2
             t = motion.t[half : len(motion.t) - half][::every]
-            channels = (motion.q, motion.v, motion.a, motion.tau, np.tanh(motion.v / WIDTH))
+            channels = (motion.q, motion.v, motion.a, motion.tau, np.tanh(motion.v / SIGN_WIDTH))
             filtered = [F @ x for x in channels]
             parts.append((t[: F.shape[0]], *filtered, (abs(F) @ motion.standstill.astype(float)) < STANDSTILL_WEIGHT))
         if not parts:

@@ -6,7 +6,8 @@ signs. Start with `frischid.effects.base`; `frischid.effects.friction` has the s
 
 # isort: off
 # In the order of the catalogue, which is that of definition: first what every robot has.
-from frischid.effects.base import EFFECTS, Effect, State, Term, columns_of
+from frischid.effects.base import EFFECTS, Effect, columns_of
+from frischid.effects.state import State, Term
 from frischid.effects.friction import Coulomb, Offset, Viscous
 from frischid.effects.transmission import Cogging, JointCoupling, RotorInertia
 from frischid.effects.friction_curves import (

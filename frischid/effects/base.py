@@ -1,9 +1,14 @@
-"""What a physical effect is: one frozen dataclass with one method.
+"""A physical effect: one frozen dataclass with an `id` and one method.
 
-An effect adds columns to the regression, ``τ = Γ θ_rigid + Σ_effects C_e(state) θ_e``. `Effect.terms` returns them
-for a stretch of motion, each with its parameter's name, unit and known sign. Everything else that frischid knows of
-an effect (the command line's list, the simulator, the diagnosis, the report, the test matrix) is read from the class:
-defining a subclass is all there is to adding one.
+An effect adds columns to the regression,
+
+    τ = Γ θ_rigid + Σ_effects C_e(state) θ_e.
+
+`Effect.terms` returns the columns for a stretch of motion, each with its parameter's name, unit and known sign. The
+command line, the simulator, the diagnosis, the report and the tests read everything else from the class, and every
+class variable but `id` has a default. So a new subclass is all that a new effect needs; CONTRIBUTING.md has the recipe.
+
+Source of the form, linear in θ: Atkeson, An and Hollerbach 1986, Int. J. Robotics Research 5(3).
 """
 
 from __future__ import annotations
@@ -13,197 +18,115 @@ import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar, Literal, Self
 
-import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
-
 from frischid.core.types import Array, Column, Sign
-from frischid.effects.dynamics import RigidDynamics, Slopes
+from frischid.effects.catalogue import Catalogue
+from frischid.effects.definition import check_class, check_decorated, complete, is_complete
+from frischid.effects.state import State, Term
+from frischid.effects.units import UnitPair, is_number, torque_unit
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.robot import Robot
-
-EFFECTS: dict[str, type[Effect]] = {}
-"""The catalogue: identifier -> effect class, in order of definition."""
-
-ANGLE, SPEED, SECONDS, CELSIUS = ("rad", "m"), ("rad/s", "m/s"), ("s", "s"), ("°C", "°C")
-"""Units of shape parameters on a turning joint, on a sliding one."""
-
-WIDTH = 0.005
-"""Speed over which the sign of a speed is smoothed, rad/s (m/s): at standstill its sign is a coin toss."""
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """A stretch of motion as effects see it.
-
-    Attributes
-    ----------
-    robot : Robot
-    t : ndarray, shape (N,)
-        Time, s.
-    q, v, a : ndarray, shape (N, J)
-        Joint positions (rad, m), velocities and accelerations.
-    load : ndarray, shape (N, J)
-        Rigid-body torque of the reference parameters; zero unless the effect is `Effect.loaded`.
-    torque : ndarray, shape (N, J)
-        Torque of the reference parameters with all columns that come before this effect's; likewise.
-    start : float
-        Time at which the log begins, s.
-    extra : mapping of str to ndarray, shape (N,)
-        Other channels of the log, for example ``temperature_<joint>``.
-    reference : ndarray, shape (R,), optional
-        Reference values of ``robot.columns``, those `load` is made of; None: the URDF's own.
-    dry : ndarray, shape (J,), optional
-        Level of the reference's dry friction, N·m (N); None: not known, taken as none.
-    """
-
-    robot: Robot
-    t: Array
-    q: Array
-    v: Array
-    a: Array
-    load: Array
-    torque: Array
-    start: float = 0.0
-    extra: Mapping[str, Array] = dataclasses.field(default_factory=dict)
-    reference: Array | None = None
-    dry: Array | None = None
-
-    @classmethod
-    def empty(cls, robot: Robot) -> State:
-        """No samples: for asking an effect only what its columns are."""
-        none = np.empty((0, len(robot.joints)))
-        return cls(robot, np.empty(0), none, none, none, none, none)
-
-    @cached_property
-    def rigid(self) -> RigidDynamics:
-        """Rigid-body dynamics of the reference parameters, for states other than the measured ones."""
-        return RigidDynamics.of(self.robot, self.reference)
-
-    @cached_property
-    def slopes(self) -> Slopes:
-        """Derivatives of the reference's rigid torque along this motion."""
-        return self.rigid.slopes(self.q, self.v, self.a)
-
-    def rates(self, x: Array) -> tuple[Array, Array]:
-        """First and second time derivative of a channel (N,) or several (N, ...): those of the spline through it.
-
-        Raises
-        ------
-        InputError
-            The samples are not in the order of time, so nothing can be differentiated.
-        """
-        degree = min(5, len(self.t) - 1)
-        if degree < 2:
-            return np.zeros_like(x), np.zeros_like(x)
-        spline = self._spline(x, degree)
-        return np.asarray(spline.derivative(1)(self.t)), np.asarray(spline.derivative(2)(self.t))
-
-    def earlier(self, x: Array, by: float) -> Array:
-        """Channels (N, ...) as they were some seconds earlier (later, where negative): the spline through them.
-
-        Raises
-        ------
-        InputError
-            The samples are not in the order of time.
-        """
-        degree = min(3, len(self.t) - 1)
-        if degree < 1:
-            return x
-        return np.asarray(self._spline(x, degree)(np.clip(self.t - by, self.t[0], self.t[-1])))
-
-    def require_times(self) -> None:
-        """Raise InputError unless the samples are in the order of time."""
-        if (np.diff(self.t) <= 0).any():
-            raise InputError(
-                "an effect needs the torque's past and its rate: give the samples' times, in increasing order"
-            )
-
-    def _spline(self, x: Array, degree: int) -> BSpline:
-        self.require_times()
-        return make_interp_spline(self.t, x, k=degree)
-
-
-@dataclass(frozen=True, eq=False)
-class Term:
-    """One column an effect adds.
-
-    Attributes
-    ----------
-    column : Column
-        Name, unit, joint, effect and known sign of its parameter.
-    rows : dict of int to ndarray, shape (N,)
-        Joint index -> torque on that joint per unit of the parameter; absent joints feel nothing.
-    """
-
-    column: Column
-    rows: Mapping[int, Array]
 
 
 @dataclass(frozen=True)
 class Effect(ABC):
-    """Base of all effects.
+    """Base of all effects: subclass it, give it an `id` and `terms`, and frischid knows a new effect.
+
+    Dataclass fields of the subclass are its shape parameters: stated, not identified. They need defaults.
 
     Attributes
     ----------
     joints : tuple of str or None
         Joints it acts on; None means all.
+
+    Raises
+    ------
+    InputError
+        When a subclass is defined: it lacks `id` or `terms`, its `id` is taken, or a class variable is not usable.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import frischid as fr
+    >>> @dataclass(frozen=True)
+    ... class PropellerDrag(fr.Effect):
+    ...     '''Drag of a propeller that the joint turns.'''
+    ...
+    ...     id = "propeller_drag"
+    ...
+    ...     def terms(self, state):
+    ...         return self.per_joint(state, "cd", "rate^2", lambda i: abs(state.v[:, i]) * state.v[:, i], sign=1)
+    >>> robot = fr.Robot.load("planar2")
+    >>> [f"{c.name}, {c.unit}" for c in PropellerDrag(joints=("joint2",)).columns(robot)]
+    ['cd2, N·m·s²/rad²']
+    >>> fr.parse_effects("propeller_drag@joint1")
+    (PropellerDrag(joints=('joint1',)),)
+    >>> fr.EFFECTS.remove("propeller_drag")
     """
 
     id: ClassVar[str]
+    """Name in the catalogue, in commands and in files: letters, digits and underscores."""
     title: ClassVar[str]
+    """A few words; by default the first line of the class's docstring."""
     equation: ClassVar[str]
+    """Torque as a formula, with the coefficients' symbols."""
     sentence: ClassVar[str]
+    """Finding of a diagnosis, with ``{joint}`` as the subject of a verb in the singular, or ``{joints}`` as a list."""
     looks_like: ClassVar[str]
+    """How the residual of a model without the effect looks."""
     confused_with: ClassVar[tuple[str, ...]]
+    """Identifiers of effects whose columns resemble this one's on many motions."""
     confirmed_by: ClassVar[str]
+    """Experiment that shows the effect beyond doubt."""
     reference: ClassVar[str]
+    """Publication or file that the equation is from."""
+
     dry: ClassVar[bool] = False
-    """Whether the effect has no definite value at standstill, so that resting joints must be left out."""
+    """Whether the effect has no definite value at standstill, so that joints at standstill must be left out."""
     memory: ClassVar[bool] = False
     """Whether a sample's columns depend on other samples, so that whole motions must be evaluated at once."""
     loaded: ClassVar[bool] = False
     """Whether the columns depend on `State.load` or `State.torque`."""
     candidate: ClassVar[Literal["joint", "robot", "never"]] = "joint"
-    """What the diagnosis tries: one joint at a time, the whole robot, or nothing."""
+    """Places that the diagnosis tries: one joint at a time, the whole robot, or none."""
     change: ClassVar[bool] = False
-    """Whether it is something that happens to a robot (a payload, a tilt) rather than part of it from the start."""
+    """Whether the effect is an event in a robot's life (a payload, a tilt) and not part of the robot from the start."""
     several: ClassVar[bool] = False
-    """Whether it may come more than once on the same joints, with other parameters."""
+    """Whether the effect may come more than once on the same joints, with other parameters."""
     single: ClassVar[bool] = False
-    """Whether it acts in one place only: the diagnosis then does not add further joints to it."""
+    """Whether the effect acts in one place only: the diagnosis then adds no further joints to it."""
     generalises: ClassVar[tuple[str, ...]] = ()
-    """Effects this one contains: where one of them explains nearly as much, that one is named."""
+    """Effects that this one contains. Where one of them explains nearly as much, the diagnosis names that one."""
     least: ClassVar[float] = 0.0
-    """Size of its parameters below which the effect is not worth its name, however significant."""
+    """Size of the coefficients below which the diagnosis does not name the effect, however significant."""
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {}
-    """Values the diagnosis tries for each shape parameter, in order; it refines between neighbours."""
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {}
-    """Units of its parameters on a turning joint, on a sliding one; those that are pure numbers are not in it."""
-
+    """Shape parameter -> values that the diagnosis tries, ascending; it refines between neighbours."""
+    units: ClassVar[Mapping[str, UnitPair]] = {}
+    """Shape parameter -> its units on a turning joint and on a sliding joint. Pure numbers are absent."""
     friction: ClassVar[bool] = False
-    """Whether it is part of what `Model.friction` returns."""
+    """Whether the effect is part of `Model.friction`."""
     code: ClassVar[Mapping[str, str]] = {}
-    """Parameter's symbol -> its column in terms of {q}, {v}, {a} of its joint and of shape parameters, for generated
-    code; empty where a joint's own state does not say it all."""
+    """Coefficient's symbol -> its column in terms of {q}, {v}, {a} of its joint and of shape parameters, for generated
+    code; empty where a joint's own state does not determine the column."""
 
     joints: tuple[str, ...] | None = None
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        if "id" in cls.__dict__:
-            EFFECTS[cls.id] = cls
+        if is_complete(cls):
+            check_class(cls, Effect)
+            complete(cls)
+            EFFECTS.register(cls)
 
     @property
     def searched(self) -> Mapping[str, tuple[float, ...]]:
-        """Those of `shapes` that its columns depend on."""
+        """Those of `shapes` on which the columns of this very effect depend."""
         return self.shapes
 
     @abstractmethod
     def terms(self, state: State) -> list[Term]:
-        """Columns of this effect over `state`."""
+        """Columns of this effect over `state`, which may be without samples (`State.empty`)."""
 
     @classmethod
     def each(cls, effects: Sequence[Self], state: State) -> Iterator[list[Term]]:
@@ -218,7 +141,7 @@ class Effect(ABC):
 
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:
-        """What the diagnosis may find missing: alternatives that differ in where they act, each in all its shapes."""
+        """Effects that a diagnosis may find missing: alternatives in different places, each in all its shapes."""
         if cls.candidate == "never":
             return []
         places = [None] if cls.candidate == "robot" else [(name,) for name in robot.joints]
@@ -233,7 +156,7 @@ class Effect(ABC):
         return [term.column for term in self.terms(State.empty(robot))]
 
     def nominal(self, robot: Robot) -> list[float]:
-        """Values of the parameters that the URDF itself states, one a column; zero where it says nothing."""
+        """Values of the parameters that the URDF itself states, one per column; zero where it says nothing."""
         return [0.0] * len(self.columns(robot))
 
     def acts_on(self, robot: Robot) -> list[tuple[int, str, str]]:
@@ -258,9 +181,22 @@ class Effect(ABC):
         return Column(f"{symbol}{number}", unit, joint, self.id, sign)
 
     def per_joint(
-        self, state: State, symbol: str, per: str, values: Callable[[int], Array], sign: Sign = 0
+        self, state: State, symbol: str, per: str | UnitPair, values: Callable[[int], Array], sign: Sign = 0
     ) -> list[Term]:
-        """One column for each joint the effect acts on, in that joint's own row; `per` as in `torque_unit`."""
+        """One column for each joint the effect acts on, in that joint's own row.
+
+        Parameters
+        ----------
+        state : State
+        symbol : str
+            Name of the coefficient; the joint's number follows it.
+        per : str or pair of str
+            Quantity that the column holds, or the coefficient's units; see `frischid.effects.units.torque_unit`.
+        values : callable
+            Index of a joint -> its column, shape (N,).
+        sign : {-1, 0, 1}
+            Known sign of the coefficient; 0 when either sign is possible.
+        """
         return [
             Term(self.column(symbol, torque_unit(state.robot, i, per), name, number, sign), {i: values(i)})
             for i, name, number in self.acts_on(state.robot)
@@ -275,23 +211,39 @@ class Effect(ABC):
 
     @property
     def parameters(self) -> dict[str, float | bool | str]:
-        """Shape parameters of this effect (not identified, only stated)."""
+        """Shape parameters of this effect (stated, not identified)."""
         return {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "joints"}
 
     def unit(self, parameter: str, robot: Robot | None = None) -> str:
-        """Unit of a shape parameter, empty for a pure number: on a robot's joints, or on turning (and sliding) ones."""
+        """Unit of a shape parameter on a robot's joints (None: on turning and sliding ones); empty for a number."""
         sliding = [False, True] if robot is None else sorted(bool(robot.prismatic[i]) for i, *_ in self.acts_on(robot))
         turns, *slides = dict.fromkeys(self.units.get(parameter, ("", ""))[s] for s in sliding)
         return turns + "".join(f" ({unit})" for unit in slides)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values from which `effect_from_dict` builds the effect again."""
-        return {"effect": self.id, "joints": None if self.joints is None else list(self.joints), **self.parameters}
+        """Plain JSON values from which `effect_from_dict` builds the effect again; with its package if not ours."""
+        package = EFFECTS.package(type(self))
+        origin = {} if package is None else {"package": package.to_dict()}
+        joints = None if self.joints is None else list(self.joints)
+        return {"effect": self.id, "joints": joints, **self.parameters, **origin}
 
     def __str__(self) -> str:
         inner = ", ".join(f"{k}={_written(v)}" for k, v in self.parameters.items())
         where = "" if self.joints is None else "@" + "+".join(self.joints)
         return f"{self.id}{f'({inner})' if inner else ''}{where}"
+
+
+EFFECTS: Catalogue[Effect] = Catalogue()
+"""The catalogue: identifier -> effect class, in order of definition; then the effects of installed packages.
+
+Examples
+--------
+>>> import frischid as fr
+>>> fr.EFFECTS["coulomb"].equation
+'fc·tanh((v + lead·a)/width)'
+>>> sorted(name for name, kind in fr.EFFECTS.items() if kind.change)
+['encoder_zero', 'payload']
+"""
 
 
 def _written(value: float | bool | str) -> str:
@@ -303,49 +255,24 @@ def _written(value: float | bool | str) -> str:
     return f"{value:g}" if float(f"{value:g}") == value else repr(float(value))
 
 
-def is_number(value: object) -> bool:
-    """Whether a parameter is a finite number: parameters come from text and files."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
-
-
-UNITS = {
-    "": ("N·m", "N"),
-    "rate": ("N·m·s/rad", "N·s/m"),
-    "rate^2": ("N·m·s²/rad²", "N·s²/m²"),
-    "rate^3": ("N·m·s³/rad³", "N·s³/m³"),
-    "acceleration": ("kg·m²", "kg"),
-    "position": ("N·m/rad", "N/m"),
-    "position^2": ("N·m/rad²", "N/m²"),
-    "position^3": ("N·m/rad³", "N/m³"),
-    "rate kelvin": ("N·m·s/(rad·K)", "N·s/(m·K)"),
-    "kelvin": ("N·m/K", "N/K"),
-    "torque": ("1", "1"),
-    "torque rate": ("s", "s"),
-    "torque slope": ("rad", "m"),
-    "torque slope torque": ("rad/(N·m)", "m/N"),
-}
-"""What a column is made of -> unit of its parameter on a turning joint, on a sliding one."""
-
-
-def torque_unit(robot: Robot, joint: int, per: str = "") -> str:
-    """Unit of a joint's torque (force, when it slides) per what a column is made of, one of `UNITS`."""
-    return UNITS[per][bool(robot.prismatic[joint])]
-
-
 def columns_of(robot: Robot, effects: Sequence[Effect]) -> tuple[Column, ...]:
     """Columns of the whole regressor: rigid, then every effect's.
 
     Raises
     ------
     InputError
-        Two effects make a column of the same name.
+        Two effects make a column of the same name, or the class of an effect is no dataclass.
     """
-    columns = [*robot.columns, *(c for effect in effects for c in effect.columns(robot))]
-    names = [c.name for c in columns]
-    twice = next((n for n in names if names.count(n) > 1), None)
-    if twice is not None:
-        raise InputError(
-            f"parameter {twice} comes twice: the model has such an effect already, or two effects describe the same "
-            "thing on the same joint"
-        )
+    columns = list(robot.columns)
+    owners = {c.name: "the rigid body" for c in columns}
+    for effect in effects:
+        check_decorated(type(effect))
+        for column in effect.columns(robot):
+            if column.name in owners:
+                raise InputError(
+                    f"parameter {column.name} comes twice, from {owners[column.name]} and from {effect}: parameters of "
+                    "a model need different names; leave one of the two out, or give its coefficient another symbol"
+                )
+            owners[column.name] = str(effect)
+            columns.append(column)
     return tuple(columns)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from frischid.core.types import Array
 from frischid.robot.robot import Robot
 
-FELT = 1e-9  # a torque nobody feels is this small or smaller, N·m
+LEAST_FELT = 1e-9  # a torque nobody feels is this small or smaller, N·m
 
 
 class Slopes(NamedTuple):
@@ -149,4 +149,4 @@ def random_states(robot: Robot, count: int) -> tuple[Array, Array, Array]:
 def felt_slopes(robot: Robot) -> NDArray[np.bool_]:
     """Which joints' torque (rows) depends on which joints' positions (columns) at all, (J, J)."""
     slopes = RigidDynamics.generic(robot).slopes(*random_states(robot, 8))
-    return np.asarray((np.abs(slopes.position) > FELT).any(axis=0))
+    return np.asarray((np.abs(slopes.position) > LEAST_FELT).any(axis=0))

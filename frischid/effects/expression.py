@@ -23,7 +23,7 @@ import numpy as np
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 
-FUNCTIONS: dict[str, Callable[[Array], Array]] = {
+ALLOWED_FUNCTIONS: dict[str, Callable[[Array], Array]] = {
     "sin": np.sin,
     "cos": np.cos,
     "tan": np.tan,
@@ -34,7 +34,7 @@ FUNCTIONS: dict[str, Callable[[Array], Array]] = {
     "sign": np.sign,
     "tanh": np.tanh,
 }
-OPERATORS: dict[type[ast.operator], Callable[[Array, Array], Array]] = {
+ALLOWED_OPERATORS: dict[type[ast.operator], Callable[[Array, Array], Array]] = {
     ast.Add: np.add,
     ast.Sub: np.subtract,
     ast.Mult: np.multiply,
@@ -43,12 +43,12 @@ OPERATORS: dict[type[ast.operator], Callable[[Array, Array], Array]] = {
 }
 QUANTITIES = ("q", "v", "a", "load", "tau_model", "temperature")
 """Of a joint: its own (``v``) or that of the joint with a number (``v2``)."""
-VARIABLE = re.compile(rf"({'|'.join(QUANTITIES)})([0-9]*)|t")
-LONGEST = 300  # characters
+VARIABLE_NAME = re.compile(rf"({'|'.join(QUANTITIES)})([0-9]*)|t")
+LONGEST_EXPRESSION = 300  # characters
 LARGEST_POWER = 8.0
 LARGEST_NUMBER = 1e100
 OF_JOINT = "of the joint itself or with a joint's number (v2)"
-NAMES = f"{', '.join(QUANTITIES)} {OF_JOINT}, t, pi"
+ALLOWED_NAMES = f"{', '.join(QUANTITIES)} {OF_JOINT}, t, pi"
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,10 @@ class Expression:
         """
         if not isinstance(text, str) or not text.strip():
             raise InputError(f"formula: the expression must be a text such as sin(3*q2)*v1, got {text!r}")
-        if len(text) > LONGEST:
-            raise InputError(f"formula: the expression has {len(text)} characters, at most {LONGEST} are read")
+        if len(text) > LONGEST_EXPRESSION:
+            raise InputError(
+                f"formula: the expression has {len(text)} characters, at most {LONGEST_EXPRESSION} are read"
+            )
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error")
@@ -114,7 +116,7 @@ def _check(node: ast.expr, text: str, names: dict[str, None]) -> None:
         case ast.Name(id="pi"):
             pass
         case ast.Name(id=name):
-            if not VARIABLE.fullmatch(name):
+            if not VARIABLE_NAME.fullmatch(name):
                 raise UnknownNameError("variable", name, [*QUANTITIES, "t", "pi"], f"formula '{text}' ({OF_JOINT})")
             names[name] = None
         case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
@@ -122,18 +124,18 @@ def _check(node: ast.expr, text: str, names: dict[str, None]) -> None:
         case ast.BinOp(left=left, op=ast.Pow(), right=right):
             _check(left, text, names)
             _check_power(right, text)
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in ALLOWED_OPERATORS:
             _check(left, text, names)
             _check(right, text, names)
         case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]):
-            if name not in FUNCTIONS:
-                raise UnknownNameError("function", name, FUNCTIONS, f"formula '{text}'")
+            if name not in ALLOWED_FUNCTIONS:
+                raise UnknownNameError("function", name, ALLOWED_FUNCTIONS, f"formula '{text}'")
             _check(argument, text, names)
         case _:
             found = ast.get_source_segment(text.strip(), node) or type(node).__name__
             raise InputError(
                 f"formula '{text}': '{found}' is not arithmetic; a formula has numbers, + - * / **, parentheses, "
-                f"functions of one value ({', '.join(FUNCTIONS)}) and {NAMES}"
+                f"functions of one value ({', '.join(ALLOWED_FUNCTIONS)}) and {ALLOWED_NAMES}"
             )
 
 
@@ -162,7 +164,7 @@ def _value(node: ast.expr, values: Mapping[str, Array]) -> Array:
             inner = _value(operand, values)
             return -inner if isinstance(op, ast.USub) else inner
         case ast.BinOp(left=left, op=op, right=right):
-            return OPERATORS[type(op)](_value(left, values), _value(right, values))
+            return ALLOWED_OPERATORS[type(op)](_value(left, values), _value(right, values))
         case ast.Call(func=ast.Name(id=name), args=[argument]):
-            return FUNCTIONS[name](_value(argument, values))
+            return ALLOWED_FUNCTIONS[name](_value(argument, values))
     raise AssertionError(f"unchecked node {node}")  # `_check` lets nothing else through

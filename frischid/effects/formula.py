@@ -17,8 +17,10 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from frischid.core.types import Array
-from frischid.effects.base import Effect, State, Term, torque_unit
-from frischid.effects.expression import QUANTITIES, VARIABLE, Expression
+from frischid.effects.base import Effect
+from frischid.effects.expression import QUANTITIES, VARIABLE_NAME, Expression
+from frischid.effects.state import State, Term
+from frischid.effects.units import torque_unit
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.robot import Robot
 
@@ -87,7 +89,7 @@ class Formula(Effect):
 
 def _joint(robot: Robot, variable: str, own: int, expression: str) -> int:
     """Index of the joint a variable is of."""
-    found = VARIABLE.fullmatch(variable)
+    found = VARIABLE_NAME.fullmatch(variable)
     number = found.group(2) if found else ""
     if not number:
         return own

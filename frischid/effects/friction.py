@@ -23,7 +23,9 @@ from typing import ClassVar
 import numpy as np
 
 from frischid.core.types import Array
-from frischid.effects.base import SECONDS, SPEED, WIDTH, Effect, State, Term, is_number
+from frischid.effects.base import Effect
+from frischid.effects.state import SIGN_WIDTH, State, Term
+from frischid.effects.units import SPEED_UNITS, TIME_UNITS, is_number
 from frischid.errors import InputError
 from frischid.robot.robot import Robot
 
@@ -79,9 +81,9 @@ class Coulomb(Effect):
 
     dry: ClassVar[bool] = True
 
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED, "lead": SECONDS}
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS, "lead": TIME_UNITS}
 
-    width: float = WIDTH
+    width: float = SIGN_WIDTH
     lead: float = 0.0
 
     def __post_init__(self) -> None:

@@ -18,11 +18,13 @@ from typing import ClassVar, Self
 import numpy as np
 
 from frischid.core.types import Array
-from frischid.effects.base import CELSIUS, SECONDS, SPEED, WIDTH, Effect, State, Term, is_number
+from frischid.effects.base import Effect
+from frischid.effects.state import SIGN_WIDTH, State, Term
+from frischid.effects.units import SPEED_UNITS, TEMPERATURE_UNITS, TIME_UNITS, is_number
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.robot import Robot
 
-SOURCES = ("time", "temperature")
+WARMTH_SOURCES = ("time", "temperature")
 
 
 @dataclass(frozen=True)
@@ -51,9 +53,9 @@ class LoadFriction(Effect):
     dry: ClassVar[bool] = True
     loaded: ClassVar[bool] = True
 
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED}
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS}
 
-    width: float = WIDTH
+    width: float = SIGN_WIDTH
 
     def __post_init__(self) -> None:
         self.require_positive(width="speed in rad/s (m/s)")
@@ -98,16 +100,20 @@ class ThermalDrift(Effect):
     dry: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"constant": (10.0, 30.0, 100.0, 300.0, 1000.0)}
 
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"constant": SECONDS, "at": CELSIUS, "width": SPEED}
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "constant": TIME_UNITS,
+        "at": TEMPERATURE_UNITS,
+        "width": SPEED_UNITS,
+    }
 
     constant: float = 300.0
     by: str = "time"
     at: float = 25.0
-    width: float = WIDTH
+    width: float = SIGN_WIDTH
 
     def __post_init__(self) -> None:
-        if self.by not in SOURCES:
-            raise UnknownNameError("source", str(self.by), SOURCES, "thermal_drift: by")
+        if self.by not in WARMTH_SOURCES:
+            raise UnknownNameError("source", str(self.by), WARMTH_SOURCES, "thermal_drift: by")
         if not is_number(self.at):
             raise InputError(f"thermal_drift: at must be a temperature in °C, got {self.at}")
         self.require_positive(constant="time in s", width="speed in rad/s (m/s)")

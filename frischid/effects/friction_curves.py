@@ -17,7 +17,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from frischid.effects.base import SPEED, WIDTH, Effect, State, Term
+from frischid.effects.base import Effect
+from frischid.effects.state import SIGN_WIDTH, State, Term
+from frischid.effects.units import SPEED_UNITS
 
 
 @dataclass(frozen=True)
@@ -57,11 +59,11 @@ class Stribeck(Effect):
         "exponent": (1.0, 2.0),
     }
 
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"speed": SPEED, "width": SPEED}
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"speed": SPEED_UNITS, "width": SPEED_UNITS}
 
     speed: float = 0.1
     exponent: float = 2.0
-    width: float = WIDTH
+    width: float = SIGN_WIDTH
 
     def __post_init__(self) -> None:
         self.require_positive(speed="speed in rad/s (m/s)", exponent="number", width="speed in rad/s (m/s)")
@@ -175,7 +177,7 @@ class AsymmetricCoulomb(Effect):
 
     dry: ClassVar[bool] = True
 
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED}
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS}
 
     width: float = 0.05
 

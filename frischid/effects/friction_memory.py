@@ -19,7 +19,9 @@ from typing import ClassVar
 import numpy as np
 
 from frischid.core.types import Array
-from frischid.effects.base import ANGLE, SPEED, WIDTH, Effect, State, Term
+from frischid.effects.base import Effect
+from frischid.effects.state import SIGN_WIDTH, State, Term
+from frischid.effects.units import ANGLE_UNITS, SPEED_UNITS
 
 
 def presliding(t: Array, v: Array, distance: float) -> Array:
@@ -39,7 +41,7 @@ def presliding(t: Array, v: Array, distance: float) -> Array:
     -------
     ndarray, shape (N,)
     """
-    moving = np.abs(v) > WIDTH
+    moving = np.abs(v) > SIGN_WIDTH
     first = int(moving.argmax()) if moving.any() else len(v)
     path = 0.5 * (v[1:] + v[:-1]) * np.diff(t)
     path[:first] = 0.0
@@ -86,10 +88,10 @@ class Hysteresis(Effect):
     memory: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"distance": (0.0005, 0.002, 0.006, 0.02, 0.06)}
 
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"distance": ANGLE, "width": SPEED}
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"distance": ANGLE_UNITS, "width": SPEED_UNITS}
 
     distance: float = 0.006
-    width: float = WIDTH
+    width: float = SIGN_WIDTH
 
     def __post_init__(self) -> None:
         self.require_positive(distance="distance in rad (m)", width="speed in rad/s (m/s)")
@@ -132,7 +134,7 @@ class CableHose(Effect):
     memory: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"distance": (0.1, 0.3, 1.0)}
 
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"distance": ANGLE}
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"distance": ANGLE_UNITS}
 
     distance: float = 0.3
 

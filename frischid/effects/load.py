@@ -21,11 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frischid.core.types import Array
-from frischid.effects.base import Effect, State, Term
-from frischid.effects.dynamics import FELT, RigidDynamics, random_states
+from frischid.effects.base import Effect
+from frischid.effects.dynamics import LEAST_FELT, RigidDynamics, random_states
+from frischid.effects.state import State, Term
 from frischid.robot.robot import LINK_PARAMETERS, LINK_UNITS, Robot
 
-PIECE = 1024  # samples of the whole regressor in memory at once
+PAYLOAD_CHUNK = 1024  # samples of the whole regressor in memory at once
 
 
 @lru_cache(maxsize=16)
@@ -38,9 +39,9 @@ def _link_columns(robot: Robot, joint: str, q: Array, v: Array, a: Array) -> Arr
     """Torque (N, 10, J) per unit of each inertial parameter of the link behind a joint."""
     whole, first = _all_unknown(robot), 10 * (robot.numbers[joint] - 1)
     out = np.empty((len(q), 10, len(robot.joints)))
-    buffer = np.empty((min(PIECE, len(q)), len(robot.all_names), len(robot.joints)))
-    for start in range(0, len(q), PIECE):
-        s = slice(start, start + PIECE)
+    buffer = np.empty((min(PAYLOAD_CHUNK, len(q)), len(robot.all_names), len(robot.joints)))
+    for start in range(0, len(q), PAYLOAD_CHUNK):
+        s = slice(start, start + PAYLOAD_CHUNK)
         part = buffer[: len(q[s])]
         whole.regressor(q[s], v[s], a[s], part)
         out[s] = part[:, first : first + 10]
@@ -50,7 +51,7 @@ def _link_columns(robot: Robot, joint: str, q: Array, v: Array, a: Array) -> Arr
 @lru_cache(maxsize=256)
 def _felt_parameters(robot: Robot, joint: str) -> NDArray[np.bool_]:
     """Which inertial parameters of a link which joints feel, (10, J)."""
-    return np.asarray((np.abs(_link_columns(robot, joint, *random_states(robot, 8))) > FELT).any(axis=0))
+    return np.asarray((np.abs(_link_columns(robot, joint, *random_states(robot, 8))) > LEAST_FELT).any(axis=0))
 
 
 @lru_cache(maxsize=64)
@@ -59,7 +60,7 @@ def _felt_tilts(robot: Robot) -> tuple[int, ...]:
     gravity, axes = np.array(robot.gravity), np.eye(3)
     level = sorted(np.argsort(np.abs(gravity))[:2].tolist())
     q, body = random_states(robot, 8)[0], RigidDynamics.generic(robot)
-    return tuple(k for k in level if (np.abs(body.gravity_torque(q, np.cross(gravity, axes[k]))) > FELT).any())
+    return tuple(k for k in level if (np.abs(body.gravity_torque(q, np.cross(gravity, axes[k]))) > LEAST_FELT).any())
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,12 @@ def effect_from_dict(data: Mapping[str, Any]) -> Effect:
     ------
     UnknownNameError
         No such effect, or it has no such parameter.
+    InputError
+        The effect comes from a package that is not installed, or a value has the wrong type.
     """
     values = dict(data)
-    kind = _kind(str(values.pop("effect")))
+    name, package = str(values.pop("effect")), values.pop("package", None)
+    kind = _kind(name) if package is None else EFFECTS.of_package(name, package)
     known = {f.name: f.default for f in dataclasses.fields(kind)}
     joints = values.pop("joints", None)
     for key, value in values.items():
@@ -38,12 +41,19 @@ def effect_from_dict(data: Mapping[str, Any]) -> Effect:
 
 
 def parse_effects(text: str) -> tuple[Effect, ...]:
-    """Read ``"viscous, coulomb(width=0.02), offset@joint1+joint2"``.
+    """Read effects from text, for example ``"viscous, coulomb(width=0.02), offset@joint1+joint2"``.
 
     Raises
     ------
     InputError
         The text is malformed; UnknownNameError when a name does not exist.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> viscous, coulomb = fr.parse_effects("viscous, coulomb(width=0.02)@elbow")
+    >>> coulomb.width, coulomb.joints
+    (0.02, ('elbow',))
     """
     effects = [_parse_one(item) for item in _split(text, ",") if item.strip()]
     if len({(e.id, e.joints, str(e) if e.several else "") for e in effects}) < len(effects):

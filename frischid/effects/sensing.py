@@ -18,8 +18,10 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from frischid.effects.base import SECONDS, Effect, State, Term, is_number, torque_unit
+from frischid.effects.base import Effect
 from frischid.effects.dynamics import felt_slopes
+from frischid.effects.state import State, Term
+from frischid.effects.units import TIME_UNITS, is_number, torque_unit
 from frischid.errors import InputError
 from frischid.robot.robot import Robot
 
@@ -73,7 +75,7 @@ class TimeDelay(Effect):
     loaded: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"size": (-0.03, -0.003, 0.003, 0.01, 0.03, 0.1)}
 
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"size": SECONDS}
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"size": TIME_UNITS}
 
     size: float = 0.003
 

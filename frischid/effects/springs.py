@@ -23,11 +23,13 @@ from typing import ClassVar, Literal, Self
 import numpy as np
 
 from frischid.core.types import Array
-from frischid.effects.base import ANGLE, Effect, State, Term, is_number, torque_unit
+from frischid.effects.base import Effect
+from frischid.effects.state import State, Term
+from frischid.effects.units import ANGLE_UNITS, is_number, torque_unit
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.robot import Robot
 
-FORMS = ("linear", "cubic", "periodic")
+SPRING_FORMS = ("linear", "cubic", "periodic")
 
 
 @dataclass(frozen=True)
@@ -69,15 +71,15 @@ class JointSpring(Effect):
     form: str = "linear"
 
     def __post_init__(self) -> None:
-        if self.form not in FORMS:
-            raise UnknownNameError("form", str(self.form), FORMS, "joint_spring")
+        if self.form not in SPRING_FORMS:
+            raise UnknownNameError("form", str(self.form), SPRING_FORMS, "joint_spring")
 
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:
         """Every joint, in every form it can have."""
         slides = dict(zip(robot.joints, robot.prismatic, strict=True))
         return [
-            [cls(joints=(name,), form=form) for form in FORMS if not (slides[name] and form == "periodic")]
+            [cls(joints=(name,), form=form) for form in SPRING_FORMS if not (slides[name] and form == "periodic")]
             for name in robot.joints
         ]
 
@@ -131,7 +133,7 @@ class Counterbalance(Effect):
 
     candidate: ClassVar[Literal["joint", "robot", "never"]] = "never"  # joint_spring's periodic form finds it
 
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"rest": ANGLE}
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"rest": ANGLE_UNITS}
 
     ratio: float = 0.3
     rest: float = 0.0

@@ -23,7 +23,9 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from frischid.effects.base import SPEED, WIDTH, Effect, State, Term, is_number, torque_unit
+from frischid.effects.base import Effect
+from frischid.effects.state import SIGN_WIDTH, State, Term
+from frischid.effects.units import SPEED_UNITS, is_number, torque_unit
 from frischid.errors import InputError
 from frischid.robot.robot import Robot
 from frischid.robot.rotors import rotor_coupling
@@ -147,10 +149,10 @@ class JointCoupling(Effect):
 
     dry: ClassVar[bool] = True
 
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED}
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS}
 
     ratio: float = 1.0
-    width: float = WIDTH
+    width: float = SIGN_WIDTH
 
     def __post_init__(self) -> None:
         if not is_number(self.ratio) or self.ratio == 0:

@@ -30,10 +30,11 @@ from frischid.effects import (
     effect_from_dict,
     parse_effects,
 )
-from frischid.effects.base import UNITS, WIDTH
 from frischid.effects.dynamics import RigidDynamics
-from frischid.effects.flexibility import DAMPING, MANY, Gear, lags
 from frischid.effects.friction_memory import presliding
+from frischid.effects.link_lag import SWING_DAMPING, TOGETHER_FROM, Gear, lags
+from frischid.effects.state import SIGN_WIDTH
+from frischid.effects.units import TORQUE_UNITS
 from frischid.errors import InputError, UnknownNameError
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor
@@ -149,7 +150,7 @@ def test_sliding_joints_have_units_of_force():
     assert Stribeck(("slide",)).columns(machine)[0].unit == "N"
     assert Elasticity(("slide",)).columns(machine)[0].unit == "m/N"
     assert EFFECTS["joint_spring"](("slide",), form="cubic").columns(machine)[2].unit == "N/m³"
-    assert all(len(pair) == 2 for pair in UNITS.values())
+    assert all(len(pair) == 2 for pair in TORQUE_UNITS.values())
 
 
 @every_effect
@@ -358,8 +359,8 @@ def test_a_spring_winds_up_before_a_link_that_rubs_turns_back():
     np.testing.assert_allclose(np.gradient(torque, t)[held], (stiffness * v)[held], rtol=0.02)
     assert torque[-200:].mean() == pytest.approx(-dry, rel=0.1)
     # Instead of friction that has turned with the motor it feels what spring and damper carry.
-    carried = torque + 2 * DAMPING * 2 * np.pi / period * inertia * v
-    np.testing.assert_allclose((felt / stiffness + dry * np.tanh(v / WIDTH))[held], carried[held], atol=0.02 * dry)
+    carried = torque + 2 * SWING_DAMPING * 2 * np.pi / period * inertia * v
+    np.testing.assert_allclose((felt / stiffness + dry * np.tanh(v / SIGN_WIDTH))[held], carried[held], atol=0.02 * dry)
 
 
 def test_noise_at_the_beginning_starts_no_swing():
@@ -372,7 +373,7 @@ def test_noise_at_the_beginning_starts_no_swing():
 def test_many_links_move_as_each_alone():
     state = replace(motion(robot("ur10"), seconds=1.0), dry=np.full(6, 2.0))
     gears = [Gear(i, 0.4, period=0.1) for i in range(6)] + [Gear(i, 0.5, gap=1e-3 * (i + 1)) for i in range(6)]
-    assert len(gears) >= MANY
+    assert len(gears) >= TOGETHER_FROM
     for together, gear in zip(lags(state, gears), gears, strict=True):
         (alone,) = lags(state, [gear])
         np.testing.assert_allclose(together, alone, rtol=1e-9, atol=1e-12)
@@ -492,7 +493,7 @@ def test_a_link_on_a_soft_spring_swings():
     state = State(machine, t, q, v, a, load, load)
     compliance = (period / (2 * np.pi)) ** 2 / state.rigid.inertia[0]
     # The damper beside the spring takes its part: to first order the spring has the torque of a moment ago.
-    spring = load - DAMPING * period / np.pi * state.rates(load)[0]
+    spring = load - SWING_DAMPING * period / np.pi * state.rates(load)[0]
     _, seen = elastic_torque(machine, np.array([compliance, 0.0]), replace(state, load=spring))
     left = {}
     for assumed in (0.0, period):
