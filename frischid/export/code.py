@@ -109,8 +109,9 @@ def _effects(model: Model, place: str, spelled: Callable[[str], str], friction_o
             symbol = column.name.removesuffix(str(model.robot.numbers[column.joint]))
             if symbol not in effect.code:
                 raise InputError(
-                    f"the effect {effect.id} needs more than its joint's own state at one instant, so no function of "
-                    "(q, v, a) can be written for it; identify a model without it for the control loop"
+                    f"the effect {effect.id} needs more than its joint's own state at one instant, or its class does "
+                    f"not state the column of {symbol} in `code`, so no function of (q, v, a) can be written for it; "
+                    "identify a model without it for the control loop"
                 )
             j = model.robot.joints.index(column.joint)
             values = {k: number(x) for k, x in effect.parameters.items() if not isinstance(x, str)}

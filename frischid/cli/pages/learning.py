@@ -15,9 +15,10 @@ from frischid.effects import EFFECTS, Effect
 
 def catalogue() -> Page:
     """Every effect in a line."""
-    table = table_of("effect", "what", "equation")
+    foreign = any(EFFECTS.package(kind) is not None for kind in EFFECTS.values())
+    table = table_of("effect", "what", "equation", *(["from"] if foreign else []))
     for name, kind in EFFECTS.items():
-        table.add_row(name, kind.title, kind.equation)
+        table.add_row(name, kind.title, kind.equation, *([_origin(kind)] if foreign else []))
     return Page([_effect_data(kind) for kind in EFFECTS.values()], [table])
 
 
@@ -29,12 +30,20 @@ def effect(kind: type[Effect]) -> Page:
         f"  equation      {kind.equation}",
         f"  in words      {kind.sentence.format(joint='the joint', joints='two joints')}",
         f"  looks like    {kind.looks_like}",
-        f"  confused with {', '.join(kind.confused_with)}",
+        f"  confused with {', '.join(kind.confused_with) or 'not stated'}",
         f"  confirmed by  {kind.confirmed_by}",
         f"  source        {kind.reference}",
         f"  parameters    {', '.join(_default(kind(), name) for name in data['parameters']) or 'none'}",
     ]
+    if data["package"] is not None:
+        lines.append(f"  comes from    {_origin(kind)}")
     return Page(data, lines)
+
+
+def _origin(kind: type[Effect]) -> str:
+    """Package of an effect that is not ours; empty for our own."""
+    package = EFFECTS.package(kind)
+    return "" if package is None else str(package)
 
 
 def _default(effect: Effect, name: str) -> str:
@@ -53,6 +62,7 @@ def _effect_data(kind: type[Effect]) -> dict[str, Any]:
         "confirmed_by": kind.confirmed_by,
         "reference": kind.reference,
         "parameters": kind().parameters,
+        "package": None if (package := EFFECTS.package(kind)) is None else package.to_dict(),
     }
 
 

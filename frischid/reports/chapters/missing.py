@@ -53,13 +53,20 @@ def _row(f: Finding) -> list[str]:
 
 def _card(study: Study, finding: Finding) -> dict[str, Any]:
     """A finding; only its sentence where the effect is none of the catalogue."""
-    card: dict[str, Any] = {"sentence": opened(finding.sentence, finding.joints), "facts": [], "shape": None}
+    card: dict[str, Any] = {
+        "sentence": opened(finding.sentence, finding.joints),
+        "facts": [],
+        "separate": "",
+        "shape": None,
+    }
     kind = EFFECTS.get(finding.effect)
     if kind is None:
         return card
     found = ", ".join(f"{k} = {number(x)} {unit}".rstrip() for k, x, unit in finding.found(study.model.robot))
     confused = listed(finding.confused_with) or "nothing on these logs"
-    other = (*finding.confused_with, *kind.confused_with)[0]
+    general = f" (in general: {listed(kind.confused_with)})" if kind.confused_with else ""
+    other = next(iter((*finding.confused_with, *kind.confused_with)), "")
+    plan = f" To plan a motion that tells it from {other}:" if other else ""
     p = "below 10⁻¹⁵" if finding.p_value < TINY else number(finding.p_value, 2)
     evidence = (
         f"held-out NRMSE {finding.error_before:.4f} → {finding.error_after:.4f}; explains {100 * finding.share:.0f} % "
@@ -70,10 +77,11 @@ def _card(study: Study, finding: Finding) -> dict[str, Any]:
         ("Evidence", evidence),
         ("Effect", f"{finding.effect}: {kind.title}"),
         ("Found", found),
-        ("Could also be", f"{confused} (in general: {listed(kind.confused_with)})"),
-        ("To be sure", f"{kind.confirmed_by}. To plan a motion that tells it from {other}:"),
+        ("Could also be", f"{confused}{general}"),
+        ("To be sure", f"{kind.confirmed_by}.{plan}"),
     ]
-    card["separate"] = f"frischid excite ROBOT --separate {finding.effect},{other} -o motion.csv"
+    if other:
+        card["separate"] = f"frischid excite ROBOT --separate {finding.effect},{other} -o motion.csv"
     shape = shape_of(study.diagnosis, finding, study.prediction) if study.diagnosis is not None else None
     if shape is not None:
         card["shape"] = figures.shape(shape, kind.title, finding.joints, study.sliding(shape.joint))
