@@ -1,7 +1,18 @@
 """The catalogue of physical effects: one family per file, one class per effect.
 
 Comes in: a stretch of motion. Goes out: the columns that an effect adds to the regressor, with names, units and known
-signs. Start with `frischid.effects.base`; `frischid.effects.friction` has the simplest effects.
+signs. Start with `frischid.effects.base`; `frischid.effects.friction` has the simplest effects. CONTRIBUTING.md says how
+to add one.
+
+Examples
+--------
+>>> import frischid as fr
+>>> [effect.id for effect in fr.BASELINE]
+['viscous', 'coulomb', 'offset', 'rotor_inertia']
+>>> fr.EFFECTS["coulomb"].equation
+'fc·tanh((v + lead·a)/width)'
+>>> sorted(name for name, kind in fr.EFFECTS.items() if kind.change)
+['encoder_zero', 'payload']
 """
 
 # isort: off
@@ -28,7 +39,7 @@ from frischid.effects.notation import effect_from_dict, parse_effects
 # isort: on
 
 BASELINE = (Viscous(), Coulomb(), Offset(), RotorInertia())
-"""Effects every model starts from."""
+"""Effects that `identify` starts from when none are named."""
 
 __all__ = [
     "BASELINE",

@@ -234,16 +234,7 @@ class Effect(ABC):
 
 
 EFFECTS: Catalogue[Effect] = Catalogue()
-"""The catalogue: identifier -> effect class, in order of definition; then the effects of installed packages.
-
-Examples
---------
->>> import frischid as fr
->>> fr.EFFECTS["coulomb"].equation
-'fc·tanh((v + lead·a)/width)'
->>> sorted(name for name, kind in fr.EFFECTS.items() if kind.change)
-['encoder_zero', 'payload']
-"""
+"""The catalogue: identifier -> effect class, in order of definition; then the effects of installed packages."""
 
 
 def _written(value: float | bool | str) -> str:
@@ -264,7 +255,7 @@ def columns_of(robot: Robot, effects: Sequence[Effect]) -> tuple[Column, ...]:
         Two effects make a column of the same name, or the class of an effect is no dataclass.
     """
     columns = list(robot.columns)
-    owners = {c.name: "the rigid body" for c in columns}
+    owners: dict[str, Effect | str] = {c.name: "the rigid body" for c in columns}
     for effect in effects:
         check_decorated(type(effect))
         for column in effect.columns(robot):
@@ -273,6 +264,6 @@ def columns_of(robot: Robot, effects: Sequence[Effect]) -> tuple[Column, ...]:
                     f"parameter {column.name} comes twice, from {owners[column.name]} and from {effect}: parameters of "
                     "a model need different names; leave one of the two out, or give its coefficient another symbol"
                 )
-            owners[column.name] = str(effect)
+            owners[column.name] = effect
             columns.append(column)
     return tuple(columns)
