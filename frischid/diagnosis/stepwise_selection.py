@@ -184,9 +184,7 @@ def distinct(
 def as_dry(effect: Effect, known: Sequence[Effect]) -> Effect:
     """The effect with the sign of the speed smoothed as the model's dry friction has it."""
     width = next((e.width for e in known if isinstance(e, Coulomb)), None)
-    if width is None or "width" not in effect.parameters:
-        return effect
-    return type(effect)(joints=effect.joints, **effect.parameters | {"width": width})
+    return effect if width is None else effect.with_sign_width(width)
 
 
 def judged(evidence: Evidence, projections: Sequence[Projection]) -> Judged | None:

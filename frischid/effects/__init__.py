@@ -1,8 +1,8 @@
 """The catalogue of physical effects: one family per file, one class per effect.
 
 Comes in: a stretch of motion. Goes out: the columns that an effect adds to the regressor, with names, units and known
-signs. Start with `frischid.effects.base`; `frischid.effects.friction` has the simplest effects. CONTRIBUTING.md says how
-to add one.
+signs. Start with `frischid.effects.base`; `frischid.effects.friction` has the simplest effects. CONTRIBUTING.md says
+how to add one.
 
 Examples
 --------

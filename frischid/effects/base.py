@@ -84,6 +84,9 @@ class Effect(ABC):
 
     dry: ClassVar[bool] = False
     """Whether the effect has no definite value at standstill, so that joints at standstill must be left out."""
+    smooths_sign: ClassVar[bool] = False
+    """Whether its shape parameter `width` is the speed over which it smooths the sign of the speed, as dry friction. A
+    diagnosis then uses the width of the model's own dry friction."""
     memory: ClassVar[bool] = False
     """Whether a sample's columns depend on other samples, so that whole motions must be evaluated at once."""
     loaded: ClassVar[bool] = False
@@ -123,6 +126,10 @@ class Effect(ABC):
     def searched(self) -> Mapping[str, tuple[float, ...]]:
         """Those of `shapes` on which the columns of this very effect depend."""
         return self.shapes
+
+    def with_sign_width(self, width: float) -> Self:
+        """The effect with the sign of the speed smoothed over another width, rad/s (m/s), if it smooths the sign."""
+        return dataclasses.replace(self, width=width) if self.smooths_sign else self
 
     @abstractmethod
     def terms(self, state: State) -> list[Term]:

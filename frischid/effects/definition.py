@@ -62,6 +62,8 @@ def check_class(kind: type[Any], base: type[Any]) -> None:
     for field in own_fields(kind):
         _check_field(kind, base, field)
     _check_shapes(kind)
+    if kind.smooths_sign and not hasattr(kind, "width"):
+        raise _wrong(kind, "smooths_sign needs a field of the width, such as width: float = 0.005")
     if kind.candidate not in ("joint", "robot", "never"):
         raise _wrong(kind, f"candidate must be 'joint', 'robot' or 'never', got {kind.candidate!r}")
     for key in ("confused_with", "generalises"):

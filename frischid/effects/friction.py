@@ -80,6 +80,7 @@ class Coulomb(Effect):
     code: ClassVar[Mapping[str, str]] = {"fc": "tanh(({v} + {lead} * {a}) / {width})"}
 
     dry: ClassVar[bool] = True
+    smooths_sign: ClassVar[bool] = True
 
     units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS, "lead": TIME_UNITS}
 

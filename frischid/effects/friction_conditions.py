@@ -51,6 +51,7 @@ class LoadFriction(Effect):
     friction: ClassVar[bool] = True
 
     dry: ClassVar[bool] = True
+    smooths_sign: ClassVar[bool] = True
     loaded: ClassVar[bool] = True
 
     units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS}
@@ -98,6 +99,7 @@ class ThermalDrift(Effect):
     friction: ClassVar[bool] = True
 
     dry: ClassVar[bool] = True
+    smooths_sign: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"constant": (10.0, 30.0, 100.0, 300.0, 1000.0)}
 
     units: ClassVar[Mapping[str, tuple[str, str]]] = {

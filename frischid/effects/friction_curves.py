@@ -54,6 +54,7 @@ class Stribeck(Effect):
     code: ClassVar[Mapping[str, str]] = {"fs": "tanh({v} / {width}) * exp(-pow(abs({v}) / {speed}, {exponent}))"}
 
     dry: ClassVar[bool] = True
+    smooths_sign: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
         "speed": (0.02, 0.05, 0.1, 0.2, 0.5),
         "exponent": (1.0, 2.0),
@@ -176,6 +177,7 @@ class AsymmetricCoulomb(Effect):
     code: ClassVar[Mapping[str, str]] = {"fca": "tanh(abs({v}) / {width})"}
 
     dry: ClassVar[bool] = True
+    smooths_sign: ClassVar[bool] = True
 
     units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS}
 

@@ -85,6 +85,7 @@ class Hysteresis(Effect):
     friction: ClassVar[bool] = True
 
     dry: ClassVar[bool] = True
+    smooths_sign: ClassVar[bool] = True
     memory: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"distance": (0.0005, 0.002, 0.006, 0.02, 0.06)}
 

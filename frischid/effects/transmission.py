@@ -148,6 +148,7 @@ class JointCoupling(Effect):
     reference: ClassVar[str] = "Janot, Vandanjon and Gautier 2014, IEEE Trans. Control Systems Technology 22(1)"
 
     dry: ClassVar[bool] = True
+    smooths_sign: ClassVar[bool] = True
 
     units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS}
 

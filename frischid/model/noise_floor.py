@@ -173,8 +173,8 @@ def _sharpened(model: Model, motion: Motion) -> Array:
     state = State(model.robot, motion.t, motion.q, motion.v, motion.a, none, none, motion.start, motion.extra)
     change = none.copy()
     for effect in model.effects:
-        if "width" in effect.parameters and not effect.loaded:
-            sharp = type(effect)(joints=effect.joints, **effect.parameters | {"width": SHARP})
+        if effect.smooths_sign and not effect.loaded:
+            sharp = effect.with_sign_width(SHARP)
             for after, before in zip(sharp.terms(state), effect.terms(state), strict=True):
                 for joint, values in after.rows.items():
                     change[:, joint] += theta[after.column.name] * (values - before.rows[joint])
