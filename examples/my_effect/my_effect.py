@@ -19,7 +19,7 @@ class MagneticDetent(Effect):
 
     id = "magnetic_detent"
     sentence = "{joint} is pulled to one position and let go a little farther: a magnetic detent"
-    shapes: ClassVar = {"position": tuple(0.1 * n for n in range(-31, 32)), "width": (0.1, 0.2, 0.4)}
+    shapes: ClassVar = {"position": tuple(n / 10 for n in range(-31, 32)), "width": (0.1, 0.2, 0.4)}
     units: ClassVar = {"position": ("rad", "m"), "width": ("rad", "m")}
 
     position: float = 0.0

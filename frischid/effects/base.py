@@ -129,7 +129,8 @@ class Effect(ABC):
 
     def with_sign_width(self, width: float) -> Self:
         """The effect with the sign of the speed smoothed over another width, rad/s (m/s), if it smooths the sign."""
-        return dataclasses.replace(self, width=width) if self.smooths_sign else self
+        changed: dict[str, Any] = {"width": width} if self.smooths_sign else {}
+        return dataclasses.replace(self, **changed)
 
     @abstractmethod
     def terms(self, state: State) -> list[Term]:
