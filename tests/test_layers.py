@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -169,3 +170,16 @@ def test_starting_is_light(start):
     code = f"import sys\n{start}\nprint(*(m for m in {HEAVY!r} if m in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+SCRIPTS = [path for folder in ("benchmarks", "docs") for path in sorted((PACKAGE.parent / folder).glob("*.py"))]
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.name)
+def test_scripts_import_names_that_exist(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and str(node.module).split(".")[0] == "frischid":
+            home = import_module(str(node.module))
+            for alias in node.names:
+                if not hasattr(home, alias.name):
+                    import_module(f"{node.module}.{alias.name}")

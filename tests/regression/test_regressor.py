@@ -9,8 +9,10 @@ from cases import exact_log, random_values, robot, whole_regressor
 from frischid.effects import BASELINE
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import prepare
+from frischid.regression.accumulation import accumulate, gram_of, streaming_qr
+from frischid.regression.block import stack
 from frischid.regression.moments import total
-from frischid.regression.regressor import Regressor, accumulate, gram_of, stack, streaming_qr
+from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 
 LOWPASS = LowPass(6.0)
