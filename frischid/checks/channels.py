@@ -5,15 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
 from frischid.logs.filters import noise_level
 from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.robot.robot import Robot
-
-LEVELS = 20  # fewer steps than this across the usual range of a channel is coarse
-DEAD_BAND = 0.1
-"""Share of exact zeros of which a channel is suspected to have a dead band."""
 
 
 def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = True) -> None:
@@ -26,7 +23,9 @@ def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = T
             continue
         noise = np.where(present, noise_level(np.nan_to_num(values)), np.nan)
         notes.per_joint(f"noise_{channel}", noise)
-        quanta = np.array([quantum(x) if yes else np.nan for x, yes in zip(values.T, present, strict=True)])
+        quanta = np.array(
+            [quantum(x, notes.criteria) if yes else np.nan for x, yes in zip(values.T, present, strict=True)]
+        )
         notes.per_joint(f"quantum_{channel}", np.where(quanta > 0, quanta, np.nan))
     if not moving.all():
         notes.add(
@@ -42,10 +41,10 @@ def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = T
             _effort(log, channel, unit, moving, notes)
 
 
-def quantum(x: Array) -> float:
+def quantum(x: Array, criteria: CheckCriteria = DEFAULT_CRITERIA) -> float:
     """Step of a channel whose values all lie on a grid, zero where there is none."""
     levels = np.unique(x)
-    if len(levels) < 2 or len(levels) > len(x) / 2:
+    if len(levels) < 2 or len(levels) > criteria.grid_share * len(x):
         return 0.0
     step = float(np.diff(levels).min())
     # binary rounding of decimals makes neighbours of what is one level
@@ -53,7 +52,7 @@ def quantum(x: Array) -> float:
         levels = levels[np.append(True, np.diff(levels) > 1e-9 * np.ptp(levels))]
         step = float(np.diff(levels).min())
     off = np.abs((levels - levels[0]) / step - np.round((levels - levels[0]) / step))
-    return step if np.median(off) < 0.05 else 0.0
+    return step if np.median(off) < criteria.grid_deviation else 0.0
 
 
 def _velocity(log: Log, moving: NDArray[np.bool_], notes: Notebook) -> None:
@@ -73,6 +72,7 @@ def _velocity(log: Log, moving: NDArray[np.bool_], notes: Notebook) -> None:
 def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes: Notebook) -> None:
     """Dead, dead band, coarse, saturated, held."""
     values, present, name = getattr(log, channel), log.has(channel), {"tau": "torque"}.get(channel, channel)
+    criteria = notes.criteria
     if not present.all():
         notes.add(
             "no torque",
@@ -92,7 +92,7 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
         )
     live = present & ~dead
     zeros = np.where(live, (values == 0).mean(axis=0), 0.0)
-    band = live & moving & np.array([_dead_band(x, share) for x, share in zip(values.T, zeros, strict=True)])
+    band = live & moving & np.array([_dead_band(x, share, criteria) for x, share in zip(values.T, zeros, strict=True)])
     notes.per_joint(f"zero_{channel}", np.where(zeros > 0.01, zeros, np.nan))
     if band.any():
         notes.add(
@@ -102,8 +102,8 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
             "certain",
             "leave its torque row out (--torque-joints): most of what it should show is missing",
         )
-    levels = np.array([_levels(x) for x in values.T])
-    coarse = live & ~band & (levels < LEVELS)
+    levels = np.array([_levels(x, criteria) for x in values.T])
+    coarse = live & ~band & (levels < criteria.coarse_steps)
     if coarse.any():
         notes.add(
             "coarse torque",
@@ -112,7 +112,7 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
             "certain",
             "record it with more digits; as it is, errors below half a step are not noise and do not average out",
         )
-    share = np.array([_saturated(x) if ok else 0.0 for x, ok in zip(values.T, live & ~band, strict=True)])
+    share = np.array([_saturated(x, criteria) if ok else 0.0 for x, ok in zip(values.T, live & ~band, strict=True)])
     if (share > 0).any():
         extremes = np.abs(values[:, share > 0]).max(axis=0)
         notes.add(
@@ -123,7 +123,7 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
             "likely",
             "the drive or the recording is at its limit there: slow the motion down, or leave these stretches out",
         )
-    held = np.array([_held(x) if ok else 1 for x, ok in zip(values.T, live & ~band, strict=True)])
+    held = np.array([_held(x, criteria) if ok else 1 for x, ok in zip(values.T, live & ~band, strict=True)])
     if (held > 1).any():
         notes.add(
             "held torque",
@@ -135,44 +135,45 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
         )
 
 
-def _dead_band(x: Array, zeros: float) -> bool:
+def _dead_band(x: Array, zeros: float, criteria: CheckCriteria) -> bool:
     """Whether zero is taken far more often than the values beside it: more than rounding to it explains."""
-    if zeros < DEAD_BAND:
+    if zeros < criteria.dead_band_share:
         return False
-    step = quantum(x) or 1e-3 * float(np.ptp(x))
+    step = quantum(x, criteria) or 1e-3 * float(np.ptp(x))
     beside = np.mean((np.abs(x) > 0.5 * step) & (np.abs(x) < 2.5 * step)) / 4
-    return zeros > 5 * float(beside)
+    return zeros > criteria.dead_band_ratio * float(beside)
 
 
-def _levels(x: Array) -> float:
+def _levels(x: Array, criteria: CheckCriteria) -> float:
     """Steps of its grid that a channel spans most of the time; infinite without a grid."""
-    step = quantum(x)
-    return float(np.ptp(np.quantile(x, [0.05, 0.95])) / step) if step else np.inf
+    step, tail = quantum(x, criteria), criteria.tail_share
+    return float(np.ptp(np.quantile(x, [tail, 1 - tail])) / step) if step else np.inf
 
 
-def _saturated(x: Array) -> float:
+def _saturated(x: Array, criteria: CheckCriteria) -> float:
     """Share of samples at the very extreme, where they are too many for a signal that turns round there."""
     worst = 0.0
-    step = max(quantum(x), 1e-6 * float(np.ptp(x)))
+    step = max(quantum(x, criteria), 1e-6 * float(np.ptp(x)))
     for y in (x, -x):
         top = float(y.max())
         at = int(np.sum(y > top - 0.5 * step))
         below = int(np.sum((y > top - 2.5 * step) & (y <= top - 0.5 * step)))
-        if at >= 10 and at > 8 * max(below, 1):
+        if at >= criteria.saturated_samples and at > criteria.saturated_ratio * max(below, 1):
             worst = max(worst, at / len(y))
     return worst
 
 
-def _held(x: Array) -> int:
+def _held(x: Array, criteria: CheckCriteria) -> int:
     """Samples between two changes of a channel that is updated more slowly than it is logged; else one."""
     changes = np.flatnonzero(np.diff(x) != 0)
-    if len(changes) < 20 or len(changes) > 0.6 * len(x):
+    if len(changes) < criteria.held_changes or len(changes) > criteria.held_share * len(x):
         return 1
     sizes, gaps = np.abs(np.diff(x))[changes], np.diff(changes)
     usual = int(np.median(gaps))
     # a coarse grid too makes a channel stand still, but then it moves by one step, and not in a rhythm
-    steps = np.median(sizes) / max(quantum(x), 1e-12)
-    return usual if usual > 1 and steps > 3 and np.mean(gaps % usual == 0) > 0.8 else 1
+    steps = np.median(sizes) / max(quantum(x, criteria), 1e-12)
+    rhythm = np.mean(gaps % usual == 0)
+    return usual if usual > 1 and steps > criteria.held_jump and rhythm > criteria.held_rhythm else 1
 
 
 def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
@@ -181,19 +182,21 @@ def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
     Much further out than the robot's limits, or much faster and over more than a turn; a degree is 57 times too large.
     Simulated robots are often faster than their URDF allows, but then stay within a turn.
     """
-    limits = robot.limits
+    limits, criteria = robot.limits, notes.criteria
     lower, upper = limits.lower, limits.upper
     limited = np.isfinite(lower) & np.isfinite(upper)
     room = np.where(limited, upper - lower, np.inf)
-    # over ten samples, because stamps of arrival may be next to one another
-    apart = min(10, len(log) - 1)
+    # over several samples, because stamps of arrival may be next to one another
+    apart = min(criteria.degree_samples, len(log) - 1)
     typical = np.percentile(
-        np.abs(log.q[apart:] - log.q[:-apart]) / (log.t[apart:] - log.t[:-apart])[:, None], 95, axis=0
+        np.abs(log.q[apart:] - log.q[:-apart]) / (log.t[apart:] - log.t[:-apart])[:, None],
+        criteria.degree_percentile,
+        axis=0,
     )
     far = limited & ((log.q > upper + room) | (log.q < lower - room)).any(axis=0)
     # Without any limit to compare with, two full turns is where a joint of an arm becomes suspicious.
-    turns = ~limited & ~np.isfinite(limits.velocity) & (np.ptp(log.q, axis=0) > 4 * np.pi)
-    fast = (typical > 3 * limits.velocity) & (np.ptp(log.q, axis=0) > 2 * np.pi)
+    turns = ~limited & ~np.isfinite(limits.velocity) & (np.ptp(log.q, axis=0) > criteria.unlimited_range)
+    fast = (typical > criteria.degree_speed * limits.velocity) & (np.ptp(log.q, axis=0) > criteria.degree_range)
     found = (fast | far | turns) & ~robot.prismatic
     if not found.any():
         return

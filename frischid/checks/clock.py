@@ -15,17 +15,12 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage, signal
 
+from frischid.checks.check_criteria import CheckCriteria
 from frischid.checks.log_issue import Notebook
 from frischid.core.types import Array
 from frischid.logs.filters import noise_level
 from frischid.logs.log import CHANNELS, Log
 from frischid.logs.mapping import SECONDS
-
-SLOWEST, FASTEST = 2.0, 2e4
-"""Rates [Hz] outside which no recording of a robot's dynamics is made: the unit of time is then another."""
-WINDOW = 31  # samples over which the speed is averaged
-CLEAR = 0.2  # standard error of the slope above which the positions cannot tell
-GAP = 5  # steps
 
 
 def check_clock(log: Log, notes: Notebook) -> None:
@@ -40,12 +35,13 @@ def check_clock(log: Log, notes: Notebook) -> None:
         "steps_ms": [1e3 * float(x) for x in (step.min(), usual, step.max())],
     }
     mean = log.duration / (len(log) - 1)
-    if 1 / min(usual, mean) < SLOWEST or 1 / max(usual, mean) > FASTEST:
+    criteria = notes.criteria
+    if 1 / min(usual, mean) < criteria.slowest_rate or 1 / max(usual, mean) > criteria.fastest_rate:
         _wrong_unit(1 / mean, notes)
         return
-    repeated = _repeats(log)
+    repeated = _repeats(log, criteria)
     notes.facts["repeated_share"] = float(repeated.mean())
-    if repeated.mean() > 0.01:
+    if repeated.mean() > criteria.repeated_share:
         notes.add(
             "repeated samples",
             f"{int(repeated.sum())} rows ({repeated.mean():.1%}) repeat the row before under a new stamp while "
@@ -61,9 +57,10 @@ def check_clock(log: Log, notes: Notebook) -> None:
 
 def _wrong_unit(rate: float, notes: Notebook) -> None:
     """Say which unit would make the rate that of a robot."""
-    units = {name: rate * factor for name, factor in SECONDS.items() if 20 <= rate * factor <= 5e3}
+    low, high = notes.criteria.likely_rates
+    units = {name: rate * factor for name, factor in SECONDS.items() if low <= rate * factor <= high}
     guess = ", ".join(f"{name} ({hz:.4g} Hz)" for name, hz in units.items())
-    hint = f"; it looks like {guess}" if guess and rate < SLOWEST else ""
+    hint = f"; it looks like {guess}" if guess and rate < notes.criteria.slowest_rate else ""
     notes.add(
         "unit of time",
         f"the stamps are {1 / rate:.4g} s apart, {rate:.3g} samples a second{hint}",
@@ -74,16 +71,16 @@ def _wrong_unit(rate: float, notes: Notebook) -> None:
     )
 
 
-def _repeats(log: Log) -> np.ndarray:
+def _repeats(log: Log, criteria: CheckCriteria) -> np.ndarray:
     """Rows equal to the row before in every channel, although the joints are on their way, (N - 1,)."""
     same = np.ones(len(log) - 1, bool)
     for channel in CHANNELS:
         values = getattr(log, channel)
         if values is not None:
             same &= (np.diff(np.nan_to_num(values), axis=0) == 0).all(axis=1)
-    advance = np.abs(ndimage.uniform_filter1d(np.diff(log.q, axis=0), WINDOW, axis=0))
+    advance = np.abs(ndimage.uniform_filter1d(np.diff(log.q, axis=0), criteria.position_window, axis=0))
     finest = np.array([_finest(q) for q in log.q.T])
-    return np.asarray(same & (advance > 3 * finest).any(axis=1))
+    return np.asarray(same & (advance > criteria.repeat_motion * finest).any(axis=1))
 
 
 def _finest(x: Array) -> float:
@@ -93,7 +90,7 @@ def _finest(x: Array) -> float:
 
 
 def _gaps(step: Array, usual: float, notes: Notebook) -> None:
-    wide = step > GAP * usual
+    wide = step > notes.criteria.gap_steps * usual
     lost = float(np.round(step[step > 1.5 * usual] / usual - 1).sum()) / len(step)
     notes.facts |= {"gaps": int(wide.sum()), "missing_share": lost}
     if not wide.any():
@@ -112,13 +109,14 @@ def _gaps(step: Array, usual: float, notes: Notebook) -> None:
 
 def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
     """Whether the stamps are those of the measurement."""
-    inside = slice(WINDOW, -WINDOW)
-    if len(log) < 10 * WINDOW:
+    criteria, window = notes.criteria, notes.criteria.position_window
+    inside = slice(window, -window)
+    if len(log) < 10 * window:
         return
-    told, weight, steps = (x[inside] for x in (*_told_by_positions(log), step))
-    mean = ndimage.uniform_filter1d(steps, WINDOW)
+    told, weight, steps = (x[inside] for x in (*_told_by_positions(log, window), step))
+    mean = ndimage.uniform_filter1d(steps, window)
     use = (steps < 3 * usual) & (weight > np.median(weight)) & (weight > 0)
-    if use.sum() < 100:
+    if use.sum() < criteria.enough_samples:
         return
     w = np.minimum(weight[use], np.quantile(weight[use], 0.9))
     x, y = (steps - mean)[use] / usual, (told - mean)[use] / usual
@@ -130,14 +128,15 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
     if jitter > 1e-4:
         slope = float(np.sum(w * x * y) / np.sum(w * x**2))
         error = float(np.sqrt(np.sum((w * x * (y - slope * x)) ** 2)) / np.sum(w * x**2))
-    if error < CLEAR:
+    if error < criteria.clear_slope_error:
         notes.facts |= {"stamps_follow": slope, "stamps_follow_error": error}
     advice = (
         "record the controller's own cycle count or time (header.stamp, not the time of arrival); if the controller's "
         "cycle is known, rebuild the stamps from it. Until then derivatives carry the clock's noise"
     )
     words = f"steps between {1e3 * step.min():.3g} and {1e3 * step.max():.3g} ms (usual {1e3 * usual:.3g} ms)"
-    if jitter > 0.003 and error < CLEAR and slope + 4 * error < 0.6:
+    arrived = slope + criteria.significant_errors * error < criteria.host_slope
+    if jitter > criteria.host_jitter and error < criteria.clear_slope_error and arrived:
         notes.add(
             "host clock",
             f"{words}, a jitter of {jitter:.1%} of a step that the positions do not show (they follow it by "
@@ -147,7 +146,7 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
             "certain",
             advice,
         )
-    elif off > 0.15 and off > 5 * expected:
+    elif off > criteria.buffer_jitter and off > criteria.buffer_noise * expected:
         still, double = (float(np.mean(np.abs(y + mean[use] / usual - k) < 0.25)) for k in (0, 2))
         notes.add(
             "host clock",
@@ -158,7 +157,7 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
             "certain",
             advice,
         )
-    elif jitter > 0.02 and error >= CLEAR:
+    elif jitter > criteria.unclear_jitter and error >= criteria.clear_slope_error:
         notes.add(
             "jitter",
             f"{words}; whether the stamps are those of the measurement the positions cannot tell",
@@ -168,9 +167,9 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
         )
 
 
-def _told_by_positions(log: Log) -> tuple[Array, Array]:
+def _told_by_positions(log: Log, window: int) -> tuple[Array, Array]:
     """Time between samples as the positions tell it [s], and 1 / variance of it [1/s²], both (N - 1,)."""
-    taps = signal.savgol_coeffs(WINDOW, 3, deriv=1, use="dot")
+    taps = signal.savgol_coeffs(window, 3, deriv=1, use="dot")
     slope = ndimage.correlate1d(log.q, taps, axis=0, mode="nearest")
     speed = slope / ndimage.correlate1d(log.t, taps, mode="nearest")[:, None]
     noise = noise_level(log.q)

@@ -19,8 +19,6 @@ from frischid.logs.log import GARBAGE
 from frischid.logs.mapping import SECONDS, LogMap
 from frischid.logs.tables import CSV, csv_layout
 
-JUMP = 100  # a stamp so many usual steps away from both its neighbours is no stamp
-
 
 def defects(path: Path, form: LogMap) -> LogReport | None:
     """Every kind of unusable line of a CSV file; None when there is none, or the file is not a CSV."""
@@ -80,9 +78,10 @@ def _stamps(lines: Sequence[int], t: np.ndarray, notes: Notebook) -> None:
         return
     steps = np.diff(t)
     usual = float(np.median(np.abs(steps)))
-    lost = np.abs(t - np.median(t)) > JUMP * usual * len(t)
+    jump = notes.criteria.lost_stamp_steps * usual
+    lost = np.abs(t - np.median(t)) > jump * len(t)
     before, after = np.append(np.inf, np.abs(steps)), np.append(np.abs(steps), np.inf)
-    lost |= np.minimum(before, after) > JUMP * usual
+    lost |= np.minimum(before, after) > jump
     if lost.any():
         where = _ranges([line for line, yes in zip(lines, lost, strict=True) if yes])
         what = f"{int(lost.sum())} lines whose stamp is nowhere near those around it: {where}"
@@ -95,7 +94,7 @@ def _stamps(lines: Sequence[int], t: np.ndarray, notes: Notebook) -> None:
         notes.add(
             "time", what, (), "certain", "remove repeated rows; split the log where the clock was set back", blocks=True
         )
-    wide = np.flatnonzero(steps > 5 * usual)
+    wide = np.flatnonzero(steps > notes.criteria.gap_steps * usual)
     if len(wide):
         longest = int(steps.argmax())
         what = (

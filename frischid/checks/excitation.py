@@ -12,17 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from frischid.checks.log_issue import Notebook
-from frischid.checks.sketch import OVERSAMPLING, Sketch
+from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
 from frischid.effects import BASELINE
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor, nominal_parameters
 
-FOLDS = 5
-WORSE, WORTHLESS = 1.5, 0.15
-"""A log alone is too weak when its own fit predicts it so many times worse than the URDF does, and not well at all."""
-
-TORQUES = ("late torque", "torque scale", "wrong robot", "unexplained torque")
+_TORQUE_KINDS = ("late torque", "torque scale", "wrong robot", "unexplained torque")
 """Issues that are reason enough for a bad fit."""
 
 
@@ -43,21 +39,22 @@ class FreeFit:
 
 def free_fit(sketch: Sketch, reduction: Reduction) -> FreeFit | None:
     """Fit the base parameters of the baseline model; None when the sketch is too short for that."""
+    criteria = sketch.criteria
     Y = Regressor(sketch.robot, BASELINE)(sketch.t, sketch.q, sketch.v, sketch.a)[:, list(reduction.base)]
     uses = [np.flatnonzero(sketch.used[:, j]) for j in sketch.rows]
     which = np.repeat(np.arange(len(uses)), [len(use) for use in uses])
     X = np.concatenate([Y[use, :, j] for use, j in zip(uses, sketch.rows, strict=True)]) / sketch.spread[which, None]
     y = np.concatenate([sketch.tau[use, j] for use, j in zip(uses, sketch.rows, strict=True)]) / sketch.spread[which]
-    if len(y) < 2 * X.shape[1]:
+    if len(y) < criteria.samples_per_parameter * X.shape[1]:
         return None
     norms = np.sqrt((X**2).sum(axis=0))
     scale = np.where(norms > 0, norms, 1.0)
     X = X / scale
     ridge = 1e-10 * np.eye(X.shape[1])  # what no sample excites must not stop the rest from being judged
-    fold = np.concatenate(uses) * FOLDS // len(sketch)
+    fold = np.concatenate(uses) * criteria.excitation_folds // len(sketch)
     H, b = X.T @ X, X.T @ y
     left = np.empty_like(y)
-    for k in range(FOLDS):
+    for k in range(criteria.excitation_folds):
         out = fold == k
         theta = np.linalg.solve(H - X[out].T @ X[out] + ridge, b - X[out].T @ y[out])
         left[out] = y[out] - X[out] @ theta
@@ -66,7 +63,7 @@ def free_fit(sketch: Sketch, reduction: Reduction) -> FreeFit | None:
     inverse = np.linalg.inv(H + ridge)
     spread = np.einsum("ij,jk,ki->i", inverse, X.T @ (X * variance[:, None]), inverse)
     # neighbours in a sketch are correlated: half a period of the cut-off counts once
-    stderr = np.sqrt(np.maximum(spread, 0) * OVERSAMPLING / 2) / scale
+    stderr = np.sqrt(np.maximum(spread, 0) * criteria.sketch_oversampling / 2) / scale
     errors = np.sqrt(np.bincount(which, left**2) / np.bincount(which))
     return FreeFit(errors, np.where(norms > 0, stderr, np.inf))
 
@@ -86,8 +83,8 @@ def check_excitation(
     unseen = [c.name for c, yes in zip(columns, rigid & (fit.stderr > sizes), strict=True) if yes]
     notes.facts |= {"rigid_parameters": int(rigid.sum()), "unseen_parameters": unseen}
     free, nominal = (float(np.sqrt(np.mean(x**2))) for x in (fit.errors, sketch.asis))
-    healthy = alone and not any(f.blocks or f.kind in TORQUES for f in notes.issues)
-    if healthy and free > max(WORTHLESS, WORSE * nominal):
+    healthy = alone and not any(f.blocks or f.kind in _TORQUE_KINDS for f in notes.issues)
+    if healthy and free > max(notes.criteria.weak_nrmse, notes.criteria.weak_ratio * nominal):
         notes.add(
             "weak excitation",
             f"free parameters fitted to this log predict stretches left out with NRMSE {free:.2g}, the URDF's own "

@@ -15,23 +15,17 @@ from frischid.checks.log_issue import Notebook, span
 from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
 
-LONGEST = 0.3  # s
-QUARTERS = 4
-COMMON, SLIGHT, SINGLE = 0.5, 0.1, 0.85
-"""Share of the squared error that a delay of all joints must remove, or one that nearly all joints show alike, or a
-delay of one joint. A delay removes nearly all of it where it is the only fault; friction that lags at reversals looks
-like one and leaves more."""
-
 
 def check_lag(sketch: Sketch, notes: Notebook) -> None:
     """Find a delay between torque and motion, of all joints or of single ones."""
-    part = sketch.longest
+    part, criteria = sketch.longest, sketch.criteria
+    longest = criteria.longest_torque_lag
     t = sketch.t[part]
-    step = float(np.median(np.diff(t))) if len(t) > 100 else 0.0
+    step = float(np.median(np.diff(t))) if len(t) > criteria.enough_samples else 0.0
     judged = [k for k in range(len(sketch.rows)) if sketch.asis[k] < 1.0]
-    if step == 0 or 0.1 * (t[-1] - t[0]) < LONGEST or not judged or not sketch.robot.nominal.any():
+    if step == 0 or t[-1] - t[0] < criteria.lag_lengths * longest or not judged or not sketch.robot.nominal.any():
         return
-    coarse = np.arange(-np.ceil(LONGEST / step), np.ceil(LONGEST / step) + 1) * step
+    coarse = np.arange(-np.ceil(longest / step), np.ceil(longest / step) + 1) * step
     costs = _costs(sketch, part, judged, coarse)
     found = [_best(coarse, cost) for cost in costs]
     lag, error = np.array(found).T
@@ -44,12 +38,13 @@ def check_lag(sketch: Sketch, notes: Notebook) -> None:
     left = _costs(sketch, part, judged, shifted).sum(axis=2)
     gone = 1 - float(np.exp(np.mean(np.log(left[:, 1] / left[:, 0]))))
     removed = 1 - np.diag(left[:, 2:]) / left[:, 0]
-    seen = np.mean((np.abs(lag) > 3 * error) & (np.abs(lag - common) < 0.35 * abs(common) + 2 * error))
-    where = tuple(
-        sketch.names[k] for k, yes in zip(judged, (removed > SINGLE) & (np.abs(lag) > 4 * error), strict=True) if yes
-    )
-    if abs(common) > 4 * spread and (gone > COMMON or (gone > SLIGHT and seen > 0.6)):
-        by, sure = f"{abs(common):.3g} ± {spread:.2g} s", "likely" if gone > COMMON else "possible"
+    near = np.abs(lag - common) < criteria.alike_lag * abs(common) + criteria.alike_lag_errors * error
+    seen = np.mean((np.abs(lag) > criteria.seen_lag_errors * error) & near)
+    own = (removed > criteria.explained_share) & (np.abs(lag) > criteria.significant_errors * error)
+    where = tuple(sketch.names[k] for k, yes in zip(judged, own, strict=True) if yes)
+    alike = gone > criteria.slight_lag_share and seen > criteria.alike_lag_joints
+    if abs(common) > criteria.significant_errors * spread and (gone > criteria.common_lag_share or alike):
+        by, sure = f"{abs(common):.3g} ± {spread:.2g} s", "likely" if gone > criteria.common_lag_share else "possible"
         _late(notes, by, common, gone, (), sure)
     elif where:
         alone = np.isin([sketch.names[k] for k in judged], where)
@@ -82,9 +77,12 @@ def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, 
 def _costs(sketch: Sketch, part: slice, judged: list[int], delays: Array) -> Array:
     """Squared error of each joint for each delay and quarter of the stretch, (R, D, Q)."""
     t = sketch.t[part]
-    inner = (t >= t[0] + LONGEST * 1.2) & (t <= t[-1] - LONGEST * 1.2)
-    quarter = np.arange(inner.sum()) * QUARTERS // max(1, inner.sum())
-    cost = np.empty((len(judged), len(delays), QUARTERS))
+    inner = (t >= t[0] + sketch.criteria.longest_torque_lag * 1.2) & (
+        t <= t[-1] - sketch.criteria.longest_torque_lag * 1.2
+    )
+    quarters = sketch.criteria.lag_quarters
+    quarter = np.arange(inner.sum()) * quarters // max(1, inner.sum())
+    cost = np.empty((len(judged), len(delays), quarters))
     for i, j in enumerate(sketch.rows[judged]):
         tau = make_interp_spline(t, sketch.tau[part, j])
         nominal, use = sketch.nominal[part, j][inner], sketch.used[part, j][inner]
@@ -93,7 +91,7 @@ def _costs(sketch: Sketch, part: slice, judged: list[int], delays: Array) -> Arr
         Q, _ = np.linalg.qr(X[:, :4])
         Y = np.column_stack([tau(t[inner] + d) - nominal for d in delays])[use]
         left = (Y - Q @ (Q.T @ Y)) ** 2
-        cost[i] = np.stack([np.bincount(quarter[use], x, QUARTERS) for x in left.T])
+        cost[i] = np.stack([np.bincount(quarter[use], x, quarters) for x in left.T])
     return cost
 
 
@@ -101,7 +99,7 @@ def _best(delays: Array, cost: Array) -> tuple[float, float]:
     """Delay of least summed cost, (D, Q), and its standard error from the quarters'."""
     whole = _vertex(delays, cost.sum(axis=1))
     parts = [_vertex(delays, x) for x in cost.T]
-    return whole, max(float(np.std(parts)) / np.sqrt(QUARTERS - 1), 0.01 * float(delays[1] - delays[0]))
+    return whole, max(float(np.std(parts)) / np.sqrt(cost.shape[1] - 1), 0.01 * float(delays[1] - delays[0]))
 
 
 def _vertex(x: Array, y: Array) -> float:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.core.types import Array
 
 Sureness = Literal["certain", "likely", "possible"]
@@ -69,12 +70,15 @@ class LogReport:
         Figures of each joint, for example ``noise_q``; what could not be measured is missing.
     issues : tuple of LogIssue
         Blocking ones first, then the surest.
+    criteria : CheckCriteria
+        The numbers that decided.
     """
 
     source: str
     facts: Mapping[str, Any]
     joints: Mapping[str, Mapping[str, float]]
     issues: tuple[LogIssue, ...]
+    criteria: CheckCriteria = DEFAULT_CRITERIA
 
     @property
     def blocked(self) -> bool:
@@ -92,6 +96,7 @@ class Notebook:
     """Where the checks write what they see; `LogReport` is its fair copy."""
 
     names: Sequence[str]
+    criteria: CheckCriteria = DEFAULT_CRITERIA
     facts: dict[str, Any] = field(default_factory=dict)
     joints: dict[str, dict[str, float]] = field(default_factory=dict)
     issues: list[LogIssue] = field(default_factory=list)
@@ -122,7 +127,7 @@ class Notebook:
         """Everything noted, the gravest issue first."""
         order = {"certain": 0, "likely": 1, "possible": 2}
         issues = sorted(self.issues, key=lambda f: (not f.blocks, order[f.sure]))
-        return LogReport(source, self.facts, self.joints, tuple(issues))
+        return LogReport(source, self.facts, self.joints, tuple(issues), self.criteria)
 
 
 def span(values: Array, unit: str = "") -> str:

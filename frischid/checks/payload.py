@@ -2,7 +2,7 @@
 
     τ − τ_nominal ≈ Γ_last(q, q̇, q̈) φ + friction,      φ = (m, mc, I) of the body
 
-One least-squares problem over all joints. The body is believed when it removes nearly all of the nominal URDF's error
+One least-squares problem over all joints. The body is accepted when it removes nearly all of the nominal URDF's error
 and could be one: its mass positive, or negative and no larger than the last link's, its centre of mass within reach.
 """
 
@@ -13,11 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from frischid.checks.log_issue import Notebook
-from frischid.checks.sketch import FEW, Sketch, shared_fit
+from frischid.checks.sketch import Sketch, shared_fit
 from frischid.core.types import Array
-
-REACH = 1.0  # m, farther from the last joint nobody carries a payload
-SEEN = 0.03  # NRMSE that is not worth an explanation
 
 
 @dataclass(frozen=True)
@@ -44,7 +41,7 @@ class Body:
 
 def payload_errors(sketch: Sketch) -> Body:
     """Fit a body on the last link."""
-    few = sketch.thinned(FEW)
+    few = sketch.thinned(sketch.criteria.few_samples)
     robot = few.robot
     joint = robot.bodies[int(np.argmax([len(list(robot.model.supports[k])) for k in robot.numbers.values()]))]
     last = [i for i, column in enumerate(robot.columns) if column.joint == joint]
@@ -58,16 +55,17 @@ def payload_errors(sketch: Sketch) -> Body:
     before = float(np.sum(few.asis**2))
     mass, centre = float(phi[0]), phi[1:4] / (phi[0] or 1.0)
     masses = robot.nominal[0::10]
-    sensible = -1.3 * masses[robot.numbers[joint] - 1] < mass < masses.sum() and np.linalg.norm(centre) < REACH
+    criteria, own = sketch.criteria, masses[robot.numbers[joint] - 1]
+    sensible = -criteria.missing_mass * own < mass < masses.sum() and np.linalg.norm(centre) < criteria.payload_reach
     return Body(joint, mass, centre, 1 - after / max(before, 1e-12) if sensible else 0.0)
 
 
-def check_payload(sketch: Sketch, explained: float, notes: Notebook) -> bool:
+def check_payload(sketch: Sketch, notes: Notebook) -> bool:
     """Report a body more or less on the last link; whether there is one."""
-    if len(sketch.rows) == 0 or sketch.asis.max() < SEEN:
+    if len(sketch.rows) == 0 or sketch.asis.max() < notes.criteria.payload_nrmse:
         return False
     body = payload_errors(sketch)
-    if body.removed < explained:
+    if body.removed < notes.criteria.explained_share:
         return False
     what = f"removes {body.removed:.0%} of the squared error of the nominal URDF"
     at = ", ".join(f"{x:.2f}" for x in np.round(body.centre, 2) + 0.0)

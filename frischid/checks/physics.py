@@ -19,18 +19,11 @@ from scipy.optimize import nnls
 
 from frischid.checks.log_issue import Notebook, span
 from frischid.checks.payload import check_payload, payload_errors
-from frischid.checks.sketch import FEW, Sketch, shared_fit
+from frischid.checks.sketch import Sketch, shared_fit
 from frischid.core.types import Array
 from frischid.robot.robot import Robot
 
-BAD = 0.3
-"""NRMSE of the nominal URDF with friction above which a joint calls for an explanation (real arms: 0.02 to 0.25)."""
-EXPLAINED = 0.85
-"""Share of the squared error that an explanation must remove."""
-CAP = 2.0  # NRMSE above which worse is not more telling
-DEGREE = np.pi / 180
-MILD = ("torque scale", "mounting")  # mistakes in spite of which an identification is worth something
-AS_GOOD = 0.03  # difference of shares removed below which the simpler explanation is taken
+_MILD_KINDS = ("torque scale", "mounting")  # mistakes in spite of which an identification is worth something
 
 
 @dataclass(frozen=True)
@@ -60,13 +53,19 @@ class Fix:
     def removes(self, before: Array) -> float:
         """Share of the squared error that is gone, of the joints touched."""
         touched = np.ones(len(before), bool) if self.touched is None else self.touched
-        old, new = squared(before[touched]), squared(self.sketch.asis[touched])
+        cap = self.sketch.criteria.nrmse_cap
+        old, new = squared(before[touched], cap), squared(self.sketch.asis[touched], cap)
         return float(1 - new / max(old, 1e-12))
 
 
-def squared(errors: Array) -> float:
-    """Sum of squared NRMSEs, none counted above `CAP`."""
-    return float(np.sum(np.minimum(errors, CAP) ** 2))
+def squared(errors: Array, cap: float) -> float:
+    """Sum of squared NRMSEs, none counted above a cap."""
+    return float(np.sum(np.minimum(errors, cap) ** 2))
+
+
+def _error(sketch: Sketch) -> float:
+    """Squared error of the URDF with fitted friction, all judged joints."""
+    return squared(sketch.asis, sketch.criteria.nrmse_cap)
 
 
 def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) -> Sketch:
@@ -87,17 +86,18 @@ def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) ->
     if not sketch.robot.nominal.any():
         notes.facts["nominal"] = "the URDF has no inertials: torques cannot be compared with it"
         return sketch
-    few = sketch.thinned(FEW)
-    fixes = explanation(few) if (sketch.excess > BAD).any() else []
-    removed = 1 - squared(fixes[-1].sketch.asis) / squared(few.asis) if fixes else 0.0
-    odds = -AS_GOOD if any(fix.kind == "torque scale" for fix in fixes) else AS_GOOD
+    few = sketch.thinned(sketch.criteria.few_samples)
+    fixes = explanation(few) if (sketch.excess > notes.criteria.bad_nrmse).any() else []
+    removed = 1 - _error(fixes[-1].sketch) / _error(few) if fixes else 0.0
+    equal = notes.criteria.equal_share
+    odds = -equal if any(fix.kind == "torque scale" for fix in fixes) else equal
     if not fixes or payload_errors(few).removed >= removed + odds:
-        if not check_payload(sketch, EXPLAINED, notes):
+        if not check_payload(sketch, notes):
             _unexplained(sketch, free, notes)
         return sketch
     for fix in fixes:
-        notes.add(fix.kind, fix.what, fix.where, "likely", fix.advice, blocks=fix.kind not in MILD)
-    if not check_payload(fixes[-1].sketch, EXPLAINED, notes):
+        notes.add(fix.kind, fix.what, fix.where, "likely", fix.advice, blocks=fix.kind not in _MILD_KINDS)
+    if not check_payload(fixes[-1].sketch, notes):
         _unexplained(fixes[-1].sketch, free, notes)
     wrong = {name for fix in fixes for name in (sketch.names if fix.touched is None else fix.where)}
     return sketch.with_(
@@ -107,17 +107,17 @@ def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) ->
 
 def explanation(sketch: Sketch) -> list[Fix]:
     """Fewest mistakes that account for what the nominal URDF does not; each with all before it undone."""
-    before = sketch.asis
-    bad = sketch.excess > BAD
-    whole = [fix for fix in global_fixes(sketch) if fix.removes(before) > EXPLAINED]
+    before, criteria = sketch.asis, sketch.criteria
+    enough, limit = criteria.explained_share, criteria.bad_nrmse
+    whole = [fix for fix in global_fixes(sketch) if fix.removes(before) > enough]
     local: list[Fix] = []
     done = sketch
-    while len(local) < len(bad):
+    while len(local) < len(before):
         now = done.asis
         found = [
             fix
-            for fix in local_fixes(done, np.flatnonzero(done.excess > BAD))
-            if fix.removes(now) > EXPLAINED and (fix.sketch.excess[fix.touched] < BAD).all()
+            for fix in local_fixes(done, np.flatnonzero(done.excess > limit))
+            if fix.removes(now) > enough and (fix.sketch.excess[fix.touched] < limit).all()
         ]
         if not found:
             break
@@ -130,18 +130,19 @@ def explanation(sketch: Sketch) -> list[Fix]:
         return local
     best = _simplest(whole, before)
     odds = 1 if len(local) == 1 else -1  # two mistakes must explain more than one
-    return (
-        local if local and squared(done.asis) < squared(best.sketch.asis) + odds * AS_GOOD * squared(before) else [best]
-    )
+    better = _error(done) < _error(best.sketch) + odds * criteria.equal_share * _error(sketch)
+    return local if local and better else [best]
 
 
 def _simplest(fixes: Sequence[Fix], before: Array) -> Fix:
     """Of the fixes nearly as good as the best, the simplest."""
-    removed = [squared(before) - squared(fix.sketch.asis) for fix in fixes]
-    near = max(removed) - AS_GOOD * squared(before)
+    criteria = fixes[0].sketch.criteria
+    whole = squared(before, criteria.nrmse_cap)
+    removed = [whole - _error(fix.sketch) for fix in fixes]
+    near = max(removed) - criteria.equal_share * whole
     return min(
         (fix for fix, share in zip(fixes, removed, strict=True) if share >= near),
-        key=lambda fix: (fix.order, squared(fix.sketch.asis)),
+        key=lambda fix: (fix.order, _error(fix.sketch)),
     )
 
 
@@ -182,11 +183,9 @@ def _scale(sketch: Sketch, j: int) -> float:
 
 def _rescaled(sketch: Sketch, k: int, scale: float) -> Sketch:
     """The sketch with one joint's nominal torque scaled, as if its sensor were."""
-    changed = sketch.with_()
     nominal = sketch.nominal.copy()
     nominal[:, sketch.rows[k]] *= scale
-    changed.__dict__["nominal"] = nominal
-    return changed
+    return sketch.with_(given_nominal=nominal)
 
 
 def global_fixes(sketch: Sketch) -> Iterator[Fix]:
@@ -213,8 +212,8 @@ def global_fixes(sketch: Sketch) -> Iterator[Fix]:
             )
     gravity = _gravity(sketch)
     length = float(np.linalg.norm(robot.gravity))
-    # A direction is believed when its length, which nothing forces, is that of gravity.
-    if length and abs(np.linalg.norm(gravity) / length - 1) < 0.15:
+    # A direction is accepted when its length, which nothing forces, is that of gravity.
+    if length and abs(np.linalg.norm(gravity) / length - 1) < sketch.criteria.gravity_tolerance:
         turned = gravity / np.linalg.norm(gravity) * length
         other = Robot.from_dict({**robot.to_dict(), "gravity": turned.tolist()})
         at = ", ".join(f"{x:.3g}" for x in np.round(turned, 2) + 0.0)
@@ -222,13 +221,13 @@ def global_fixes(sketch: Sketch) -> Iterator[Fix]:
         what = f"gravity points along ({at}) m/s² in the base frame: so turned, the model explains the torques"
         yield Fix("mounting", what, (), advice, replace(sketch, robot=other), None, 3)
     scales = [_scale(sketch, int(j)) for j in sketch.rows]
-    heard = [x for x, k in zip(scales, sketch.without > BAD, strict=True) if k and x > 0]
+    heard = [x for x, k in zip(scales, sketch.without > sketch.criteria.bad_nrmse, strict=True) if k and x > 0]
     if len(heard) > 1:
         common = float(np.median(heard))
         what = f"all torques are about {common:.3g} times what the URDF predicts"
         advice = "check their unit and the current gains, or whether the URDF is of a smaller or larger robot"
         yield Fix("torque scale", what, sketch.names, advice, sketch.with_(tau=sketch.tau / common), None, 1)
-    degrees = _moved(sketch, np.where(robot.prismatic, 1.0, DEGREE), None, False)
+    degrees = _moved(sketch, np.where(robot.prismatic, 1.0, np.deg2rad(1.0)), None, False)
     what = "the positions are in degrees: in radians the model explains the torques"
     yield Fix("degrees", what, robot.joints, 'set angle_unit = "deg" under [file] in a mapping file', degrees, None, 0)
 
@@ -247,7 +246,7 @@ def _moved(sketch: Sketch, factor: Array | None, order: NDArray[np.intp] | None,
 
 def _gravity(sketch: Sketch) -> Array:
     """Gravity in the base frame that fits best, beside the nominal inertias and friction, m/s²."""
-    few = sketch.thinned(FEW)
+    few = sketch.thinned(sketch.criteria.few_samples)
     still = np.zeros_like(few.q)
     pull = []
     for axis in np.eye(3):
@@ -260,11 +259,12 @@ def _gravity(sketch: Sketch) -> Array:
 
 def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebook) -> None:
     """Joints that neither the URDF nor a simple mistake explains."""
-    bad = sketch.excess > BAD
+    criteria, cap = sketch.criteria, sketch.criteria.nrmse_cap
+    bad = sketch.excess > criteria.bad_nrmse
     if not bad.any():
         return
     free = free_errors()
-    before, nominal, best = squared(sketch.without), squared(sketch.asis), squared(np.fmin(free, CAP))
+    before, nominal, best = squared(sketch.without, cap), _error(sketch), squared(np.fmin(free, cap), cap)
     names = tuple(n for n, yes in zip(sketch.names, bad, strict=True) if yes)
     figures = (
         f"NRMSE {span(sketch.asis[bad])} with the URDF's inertials and fitted friction, "
@@ -272,14 +272,15 @@ def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebo
     )
     figures += f"friction alone, {span(free[bad])} with free parameters"
     rigid = before - min(best, before)
-    share = (before - nominal) / rigid if rigid > 0.05 * before else 1.0
-    if np.isfinite(free).all() and squared(free[bad]) < 0.3 * squared(sketch.asis[bad]) and share < 0.75:
+    share = (before - nominal) / rigid if rigid > criteria.rigid_share * before else 1.0
+    other = squared(free[bad], cap) < criteria.free_ratio * squared(sketch.asis[bad], cap)
+    if np.isfinite(free).all() and other and share < criteria.wrong_robot_share:
         notes.add(
             "wrong robot",
             f"the URDF's inertials explain {max(share, 0):.0%} of what free parameters on the same joints do: "
             f"{figures}",
             names,
-            "likely" if share < 0.4 else "possible",
+            "likely" if share < criteria.likely_wrong_share else "possible",
             "is it the URDF of the robot that was measured (model, hand, mounting: --base-rpy), and are the "
             "current gains right? "
             "Identification replaces the inertials, not the kinematics",

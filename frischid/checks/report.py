@@ -10,12 +10,13 @@ from functools import cache
 import numpy as np
 
 from frischid.checks.channels import check_channels, check_degrees
+from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.clock import check_clock
 from frischid.checks.excitation import FreeFit, check_excitation, free_fit
 from frischid.checks.lag import check_lag
 from frischid.checks.log_issue import LogReport, Notebook
 from frischid.checks.physics import check_physics
-from frischid.checks.sketch import HIGHEST, Sketch
+from frischid.checks.sketch import Sketch
 from frischid.checks.velocity import check_velocity
 from frischid.core.types import Array
 from frischid.errors import InputError
@@ -26,9 +27,7 @@ from frischid.logs.preprocessing import Motion, prepare
 from frischid.regression.base_parameters import Reduction
 from frischid.robot.robot import Robot
 
-FEWEST = 50  # samples of a sketch
-FEW_SECONDS = 20.0  # s of a log that suffice for its velocities
-USELESS = {"dead band", "dead torque", "no torque", "saturated torque"}
+_USELESS_TORQUE = {"dead band", "dead torque", "no torque", "saturated torque"}
 """Issues after which a joint's torque says nothing about the physics."""
 
 
@@ -39,6 +38,7 @@ def inspect(
     *,
     alone: bool = True,
     prepared: tuple[LowPass, Sequence[Motion]] | None = None,
+    criteria: CheckCriteria = DEFAULT_CRITERIA,
 ) -> LogReport:
     """Everything that is suspicious in a log, and its figures.
 
@@ -53,36 +53,39 @@ def inspect(
     alone : bool
         Whether no other log helps to identify the robot.
     prepared : LowPass and sequence of Motion, optional
-        The log prepared already, for somebody who has no time: figures that no issue needs are then left out.
+        The log prepared already: figures that no issue needs are then left out.
+    criteria : CheckCriteria
+        The numbers that decide.
 
     Returns
     -------
     LogReport
     """
     log, brief = log.select(robot.joints), prepared is not None
-    notes = Notebook(robot.joints)
+    notes = Notebook(robot.joints, criteria)
     check_clock(log, notes)
     check_channels(robot, log, notes, figures=not brief)
     if any(f.blocks for f in notes.issues):
         return notes.report(log.source)
-    if notes.facts.get("stamps_follow", 1.0) < 0.5:
+    if notes.facts.get("stamps_follow", 1.0) < criteria.untrusted_slope:
         # Stamps of arrival are worse than none: what follows is judged on the mean step.
         log, prepared = replace(log, t=np.linspace(log.t[0], log.t[-1], len(log))), None
     lowpass = choose_lowpass([log], robot.joints) if prepared is None else prepared[0]
-    coarse = LowPass(min(lowpass.cutoff or HIGHEST, HIGHEST))
-    check_velocity(log, coarse, notes, most=FEW_SECONDS if brief else None)
+    coarse = LowPass(min(lowpass.cutoff or criteria.sketch_cutoff, criteria.sketch_cutoff))
+    check_velocity(log, coarse, notes, most=criteria.brief_seconds if brief else None)
     if not any(f.kind == "degrees" for f in notes.issues):
         check_degrees(robot, log, notes)
     if not any(f.blocks for f in notes.issues):
         with suppress(InputError):  # a log too short for the filters is for `identify` to refuse
             motions = prepare(log, coarse).motions if prepared is None else prepared[1]
-            _dynamics(log, Sketch.of(robot, motions, coarse, _rows(log, notes)), reduction, notes, alone, brief)
+            sketch = Sketch.of(robot, motions, coarse, _rows(log, notes), criteria)
+            _dynamics(log, sketch, reduction, notes, alone, brief)
     return notes.report(log.source)
 
 
 def _rows(log: Log, notes: Notebook) -> list[str]:
     """Joints whose torque can say something about the physics."""
-    dead = {name for f in notes.issues if f.kind in USELESS for name in f.where}
+    dead = {name for f in notes.issues if f.kind in _USELESS_TORQUE for name in f.where}
     return [n for n, yes in zip(log.joints, log.has("tau"), strict=True) if yes and n not in dead]
 
 
@@ -90,7 +93,7 @@ def _dynamics(
     log: Log, sketch: Sketch, reduction: Callable[[], Reduction], notes: Notebook, alone: bool, brief: bool
 ) -> None:
     notes.per_joint("resting", 1 - sketch.used.mean(axis=0))
-    if len(sketch.rows) == 0 or len(sketch) < FEWEST:
+    if len(sketch.rows) == 0 or len(sketch) < notes.criteria.fewest_samples:
         return
 
     @cache

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.core.types import Array
 from frischid.effects.state import SIGN_WIDTH
 from frischid.errors import InputError
@@ -28,13 +29,6 @@ from frischid.logs.filters import LowPass, decimating_filter, derivative_taps, n
 from frischid.logs.preprocessing import Motion
 from frischid.regression.regressor import STANDSTILL_WEIGHT
 from frischid.robot.robot import Robot
-
-HIGHEST = 10.0  # Hz, enough for gross errors; above it noise of bad stamps would drown them
-OVERSAMPLING = 6  # samples a period of the cut-off, so that channels can be shifted in time
-MOST = 1500  # samples
-CLEAR = 0.3  # noise of the velocity above which its sign, and so dry friction, is anybody's guess
-FEW = 500  # samples that suffice for a handful of parameters
-FEWEST = 30  # samples under way
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +51,9 @@ class Sketch:
         Standard deviation of the white noise left on the torques and, from the positions, on the accelerations.
     ends : tuple of int
         Where each stretch without a gap ends.
+    criteria : CheckCriteria
+    given_nominal : ndarray, shape (M, J), or None
+        Rigid torque in the place of the URDF's, for a hypothesis about it.
     """
 
     robot: Robot
@@ -70,17 +67,26 @@ class Sketch:
     rows: NDArray[np.intp]
     noise: Array
     ends: tuple[int, ...]
+    criteria: CheckCriteria = DEFAULT_CRITERIA
+    given_nominal: Array | None = None
 
     @classmethod
-    def of(cls, robot: Robot, motions: Sequence[Motion], lowpass: LowPass, rows: Sequence[str]) -> Sketch:
+    def of(
+        cls,
+        robot: Robot,
+        motions: Sequence[Motion],
+        lowpass: LowPass,
+        rows: Sequence[str],
+        criteria: CheckCriteria = DEFAULT_CRITERIA,
+    ) -> Sketch:
         """Filter and thin out the motions of one log."""
-        cutoff = min(lowpass.cutoff or HIGHEST, HIGHEST)
+        cutoff = min(lowpass.cutoff or criteria.sketch_cutoff, criteria.sketch_cutoff)
         coarse = LowPass(cutoff)
         parts, noise, samples = [], np.zeros((2, len(robot.joints))), 0
         clear = np.ones(len(robot.joints), bool)
         for motion in motions:
             taps = coarse.taps(motion.step)
-            every = max(1, int(1 / (OVERSAMPLING * cutoff * motion.step)))
+            every = max(1, int(1 / (criteria.sketch_oversampling * cutoff * motion.step)))
             F = decimating_filter(taps, len(motion.t), every)
             if F.shape[0] == 0:
                 continue
@@ -89,7 +95,7 @@ class Sketch:
             sigma = noise_level(motion.q)
             level = [noise_level(motion.tau) * np.linalg.norm(taps), sigma * np.linalg.norm(second)]
             noise += len(motion.t) * np.square(level)
-            clear &= sigma * np.linalg.norm(first) < CLEAR * motion.v.std(axis=0)
+            clear &= sigma * np.linalg.norm(first) < criteria.clear_velocity * motion.v.std(axis=0)
             samples += len(motion.t)
             half = len(taps) // 2
             t = motion.t[half : len(motion.t) - half][::every]
@@ -102,10 +108,11 @@ class Sketch:
         t, q, v, a, tau, sign, used = (np.concatenate(x) for x in zip(*parts, strict=True))
         index = np.array([robot.joints.index(n) for n in rows], dtype=int)
         known = np.isfinite(tau).all(axis=0) & (np.ptp(tau, axis=0) > 0)
-        ok = (known & clear & (used.sum(axis=0) > FEWEST))[index]
-        return cls(robot, t, q, v, a, tau, sign, used, index[ok], np.sqrt(noise / samples), ends).thinned()
+        ok = (known & clear & (used.sum(axis=0) > criteria.fewest_moving))[index]
+        sketch = cls(robot, t, q, v, a, tau, sign, used, index[ok], np.sqrt(noise / samples), ends, criteria)
+        return sketch.thinned(criteria.sketch_samples)
 
-    def thinned(self, most: int = MOST) -> Sketch:
+    def thinned(self, most: int) -> Sketch:
         """At most so many samples, evenly taken."""
         every = -(-len(self.t) // most)
         if every == 1:
@@ -114,6 +121,8 @@ class Sketch:
         arrays: dict[str, Any] = {
             name: getattr(self, name)[keep] for name in ("t", "q", "v", "a", "tau", "sign", "used")
         }
+        if self.given_nominal is not None:
+            arrays["given_nominal"] = self.given_nominal[keep]
         return replace(self, **arrays, ends=tuple(-(-end // every) for end in self.ends))
 
     def __len__(self) -> int:
@@ -122,12 +131,16 @@ class Sketch:
     @cached_property
     def nominal(self) -> Array:
         """Rigid torque of the URDF's own parameters, (M, J)."""
+        if self.given_nominal is not None:
+            return self.given_nominal
         return self.robot.inverse_dynamics(self.q, self.v, self.a)
 
     @cached_property
     def spread(self) -> Array:
         """Standard deviation of each judged joint's torque while it moves, (R,)."""
-        moving = (self.used[:, j] if self.used[:, j].sum() >= FEWEST else slice(None) for j in self.rows)
+        moving = (
+            self.used[:, j] if self.used[:, j].sum() >= self.criteria.fewest_moving else slice(None) for j in self.rows
+        )
         return np.array([self.tau[use, j].std() for use, j in zip(moving, self.rows, strict=True)])
 
     @cached_property
@@ -157,8 +170,8 @@ class Sketch:
         return np.asarray(np.sqrt(np.maximum(self.asis**2 - self.white**2, 0.0)))
 
     def with_(self, **changes: Any) -> Sketch:
-        """Copy with some arrays exchanged; nothing computed is kept."""
-        return replace(self, **changes)
+        """Copy with some arrays exchanged; the rigid torque is computed anew unless it is one of them."""
+        return replace(self, **{"given_nominal": None, **changes})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -184,7 +197,7 @@ class Sketch:
     def error(self, j: int, left: Array) -> float:
         """RMS of what friction of joint j leaves of a torque, (M,), while it moves [N·m]."""
         use = self.used[:, j]
-        if use.sum() < FEWEST:  # a hypothesis gave it the motion of a joint at rest
+        if use.sum() < self.criteria.fewest_moving:  # a hypothesis gave it the motion of a joint at rest
             return float(np.sqrt(np.mean(left**2)))
         _, norm = nnls(self.friction(j)[use], left[use])
         return float(norm / np.sqrt(use.sum()))

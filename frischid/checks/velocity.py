@@ -21,28 +21,26 @@ from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.mapping import SECONDS
 from frischid.logs.time_grid import uniform
 
-LONGEST = 1.0  # s, largest lag looked for
-TELLING = 0.9  # share of a channel's variance that must not be noise
-RELATED = 0.9  # correlation from which two channels are the same quantity
-DEGREE = 180 / np.pi
+_DEGREES_PER_RADIAN = 180 / np.pi
 
 
 def check_velocity(log: Log, lowpass: LowPass, notes: Notebook, most: float | None = None) -> None:
     """Late, scaled, negated, exchanged and unrelated velocity columns, in at `most` so many seconds."""
+    criteria = notes.criteria
     moving = np.ptp(log.q, axis=0) >= STANDSTILL_SPAN
     which = np.flatnonzero(log.has("v") & moving & (np.ptp(np.nan_to_num(_measured(log)), axis=0) > 0))
     if len(which) == 0:
         return
     step, v, slope, reliability = _both(log, lowpass, most)
-    if len(v) < 50:
+    if len(v) < criteria.fewest_samples:
         return
-    lag, correlation = _lags(v, slope, step)
-    correlation = correlation / np.sqrt(np.maximum(np.outer(*reliability), TELLING**2))
+    lag, correlation = _lags(v, slope, step, criteria.longest_velocity_lag)
+    correlation = correlation / np.sqrt(np.maximum(np.outer(*reliability), criteria.velocity_signal**2))
     own = np.array([correlation[j, j] for j in range(len(log.joints))])
     factor, late = _aligned(v, slope, np.diag(lag), step)
     seen = np.zeros(len(log.joints), bool)
-    seen[which] = (reliability[:, which] > TELLING).all(axis=0)
-    good = seen & (np.abs(own) > RELATED)
+    seen[which] = (reliability[:, which] > criteria.velocity_signal).all(axis=0)
+    good = seen & (np.abs(own) > criteria.related_correlation)
     notes.per_joint("velocity_lag", np.where(good, late, np.nan))
     notes.per_joint("velocity_factor", np.where(good, factor, np.nan))
     _late(late, slope, step, good, notes)
@@ -79,10 +77,10 @@ def _both(log: Log, lowpass: LowPass, most: float | None) -> tuple[float, Array,
     return step, both[0], both[1], np.clip(reliability, 0.0, 1.0)
 
 
-def _lags(v: Array, slope: Array, step: float) -> tuple[Array, Array]:
+def _lags(v: Array, slope: Array, step: float, longest: float) -> tuple[Array, Array]:
     """Lag [s] of column i of v behind column j of the slopes, and the correlation there, both (J, J)."""
     N, J = v.shape
-    reach = min(int(LONGEST / step), N // 4)
+    reach = min(int(longest / step), N // 4)
     size = 2 ** int(np.ceil(np.log2(N + reach)))
     V, S = np.fft.rfft(v - v.mean(axis=0), size, axis=0), np.fft.rfft(slope - slope.mean(axis=0), size, axis=0)
     scale = np.sqrt(np.outer(((v - v.mean(axis=0)) ** 2).sum(axis=0), ((slope - slope.mean(axis=0)) ** 2).sum(axis=0)))
@@ -120,7 +118,7 @@ def _aligned(v: Array, slope: Array, lag: Array, step: float) -> tuple[Array, Ar
 def _late(lag: Array, slope: Array, step: float, good: NDArray[np.bool_], notes: Notebook) -> None:
     acceleration = np.gradient(slope, step, axis=0).std(axis=0)
     error = np.abs(lag) * acceleration / np.maximum(slope.std(axis=0), 1e-300)
-    late = good & (error > LATE_VELOCITY) & (np.abs(lag) > 0.5 * step)
+    late = good & (error > LATE_VELOCITY) & (np.abs(lag) > notes.criteria.late_velocity_steps * step)
     if not late.any():
         return
     way = "lags its own position" if np.median(lag[late]) > 0 else "runs ahead of its own position"
@@ -136,10 +134,11 @@ def _late(lag: Array, slope: Array, step: float, good: NDArray[np.bool_], notes:
 
 def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
     """Name the unit, the sign or the gear that a factor other than one stands for."""
-    odd = good & (np.abs(factor - 1) > 0.1)
+    near = notes.criteria.factor_tolerance
+    odd = good & (np.abs(factor - 1) > near)
     everywhere = odd[good].all() and good.any()
     for unit, scale in SECONDS.items():
-        hit = odd & ((np.abs(factor / scale - 1) < 0.1) | (np.abs(factor * scale - 1) < 0.1))
+        hit = odd & ((np.abs(factor / scale - 1) < near) | (np.abs(factor * scale - 1) < near))
         if scale > 1 and everywhere and hit[good].all():
             _say(
                 notes,
@@ -153,13 +152,19 @@ def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
             return
     cases = [
         (
-            DEGREE,
+            _DEGREES_PER_RADIAN,
             "degrees",
             "velocities are in degrees",
             "convert it, or leave the column out: it is not used as it is",
             False,
         ),
-        (1 / DEGREE, "degrees", "positions are in degrees, velocities are not", "convert the positions", True),
+        (
+            1 / _DEGREES_PER_RADIAN,
+            "degrees",
+            "positions are in degrees, velocities are not",
+            "convert the positions",
+            True,
+        ),
         (
             -1.0,
             "velocity sign",
@@ -169,7 +174,7 @@ def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
         ),
     ]
     for known, kind, words, advice, blocks in cases:
-        hit = odd & (np.abs(factor / known - 1) < 0.1)
+        hit = odd & (np.abs(factor / known - 1) < near)
         _say(notes, hit, factor, kind, words, advice, blocks)
         odd &= ~hit
     _say(notes, odd, factor, "velocity scale", "a gear ratio or a unit", "correct it; it is not used as it is", False)
@@ -187,7 +192,7 @@ def _unrelated(correlation: Array, bad: NDArray[np.bool_], seen: NDArray[np.bool
     """Velocity columns that are not their joint's: another's, or nothing's."""
     for i in map(int, np.flatnonzero(bad)):
         j = int(np.argmax(np.where(seen, np.abs(correlation[i]), 0.0)))
-        if j != i and abs(correlation[i, j]) > RELATED:
+        if j != i and abs(correlation[i, j]) > notes.criteria.related_correlation:
             what, kind = f"the measured velocity is that of {notes.names[j]}", "exchanged velocity"
         else:
             what = f"the measured velocity is not the slope of the position (correlation {correlation[i, i]:.2f})"

@@ -1,14 +1,21 @@
 """The data check: silent on clean logs of many robots, and each planted fault is named, with its joint."""
 
+import inspect as inspect_source
+import json
 import os
-from dataclasses import replace
+import re
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from frischid.checks import inspect
 from frischid.checks.channels import quantum
+from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
+from frischid.cli.pages.checking import check as check_page
+from frischid.effects import BASELINE
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log
@@ -16,6 +23,8 @@ from frischid.model.identification import identify
 from frischid.model.log_examination import check
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
+from frischid.regression.regressor import Regressor
+from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
 ARM = [f"arm_{k}_joint" for k in range(1, 8)]
@@ -214,6 +223,30 @@ def test_wrong_robot_and_wrong_mounting():
     tilted = Robot.load("panda", base_rpy=(0.3, 0.0, 0.0))
     log = simulate(tilted, random_fourier(tilted, 20, seed=1), rate=200, noise=Noise(q=1e-5, tau=0.01))
     assert "(0, -2.9, -9.37) m/s²" in kinds(machine("panda"), log)["mounting"].what
+
+
+def test_the_criteria_that_decided_are_told():
+    robot, log = machine("planar2"), clean("planar2")
+    late = replace(log, v=delayed(log, log.v, 0.05))
+    patient = CheckCriteria(longest_velocity_lag=0.02, related_correlation=0.5)
+    for criteria in (DEFAULT_CRITERIA, patient):
+        report = inspect(robot, late, lambda: structure(Regressor(robot, BASELINE), robot.joints), criteria=criteria)
+        assert report.criteria is criteria
+        lags = [figures["velocity_lag"] for figures in report.joints.values()]
+        assert (max(lags) > 0.03) is (criteria is DEFAULT_CRITERIA)
+    written = check_page([report]).data["criteria"]
+    assert written["longest_velocity_lag"] == 0.02
+    assert set(written) == {f.name for f in fields(CheckCriteria)}
+    assert json.loads(json.dumps(written)) == written
+
+
+def test_every_criterion_has_its_reason():
+    source = inspect_source.getsource(CheckCriteria)
+    names = [f.name for f in fields(CheckCriteria)]
+    assert len(names) == len(re.findall(r'^    \w+: .*\n    """', source, flags=re.MULTILINE))
+    folder = Path(inspect_source.getfile(CheckCriteria)).parent
+    used = "".join(path.read_text(encoding="utf-8") for path in folder.glob("*.py") if path.stem != "check_criteria")
+    assert [name for name in names if f".{name}" not in used] == []
 
 
 def test_quantum():

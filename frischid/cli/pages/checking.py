@@ -45,7 +45,8 @@ def check(reports: Sequence[LogReport]) -> Page:
         }
         for report in reports
     ]
-    return Page({"logs": data, "ok": not any(report.issues for report in reports)}, parts)
+    criteria = reports[0].criteria.to_dict() if reports else {}
+    return Page({"logs": data, "ok": not any(report.issues for report in reports), "criteria": criteria}, parts)
 
 
 def lines(issue: LogIssue) -> list[str]:
