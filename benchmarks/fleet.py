@@ -21,8 +21,9 @@ from common import parser, publish
 
 import frischid as fr
 from frischid.core.parallel import Dask, Here, Workers
-from frischid.fleet.fleet import Fleet, identify_fleet
-from frischid.fleet.log_paths import entries
+from frischid.fleet.fleet import identify_fleet
+from frischid.fleet.log_paths import find_logs
+from frischid.fleet.results import Fleet
 
 FRICTION = {"fv1": 4.0, "fv2": 5.0, "fv3": 3.0, "fc1": 6.0, "fc2": 7.0, "fc3": 5.0}
 ALTERED = [
@@ -110,7 +111,7 @@ def record(robot: fr.Robot, options: Any, altered: dict[str, Any], folder: Path)
 def identified(robot: fr.Robot, pattern: list[str], pool: Workers, progress: Any = None) -> tuple[Fleet, float]:
     """The fleet, and the seconds it took."""
     start = time.perf_counter()
-    found = identify_fleet(robot, entries(pattern), workers=pool, progress=progress or (lambda _: None))
+    found = identify_fleet(robot, find_logs(pattern), workers=pool, progress=progress or (lambda _: None))
     return found, time.perf_counter() - start
 
 

@@ -85,30 +85,28 @@ def run_fleet(
     from frischid.cli.pages import fleets as show
     from frischid.core.files import check_writable
     from frischid.core.parallel import workers
-    from frischid.fleet.fleet import identify_fleet
-    from frischid.fleet.log_paths import entries
+    from frischid.fleet.fleet import FleetOptions, identify_fleet
+    from frischid.fleet.log_paths import find_logs
     from frischid.logs.mapping import LogMap
 
     output = arguments["output"]
     if output:
         check_writable(output)
-    found = entries(logs)
+    found = find_logs(logs)
     machine, _ = load(robot, options)
     mapping = arguments["mapping"]
     with working(as_json) as progress, workers(scheduler, count) as pool:
-        result = identify_fleet(
-            machine,
-            found,
-            effects=effects_of(arguments["effects"]),
-            torque_joints=matching(arguments["torque_joints"], machine.joints),
+        joints = matching(arguments["torque_joints"], machine.joints)
+        wanted = FleetOptions(
+            effects=tuple(effects_of(arguments["effects"])),
+            torque_joints=None if joints is None else tuple(joints),
             cutoff=cutoff_of(arguments["cutoff"]),
             velocity=arguments["velocity"],
             mapping=None if mapping is None else LogMap.of(mapping),
             strict=arguments["strict"],
             diagnosed=arguments["diagnosed"],
-            workers=pool,
-            progress=progress,
         )
+        result = identify_fleet(machine, found, wanted, workers=pool, progress=progress)
     if output:
         result.model.save(output)
     show_page(show.fleet(result, output), as_json)

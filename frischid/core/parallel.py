@@ -22,6 +22,7 @@ from typing import Any
 from frischid.errors import InputError
 
 LOCAL, HERE = "local", "none"
+_LOOPBACK = "127.0.0.1"  # Dask's ports carry pickled code: nobody but this machine may reach them
 Progress = Callable[[int, int], None]
 
 
@@ -139,7 +140,9 @@ def workers(scheduler: str | None = None, count: int | None = None) -> Iterator[
             LocalCluster(
                 n_workers=count or os.cpu_count() or 1,
                 threads_per_worker=1,
-                dashboard_address=":0",
+                host=_LOOPBACK,
+                dashboard_address=f"{_LOOPBACK}:0",
+                worker_dashboard_address=f"{_LOOPBACK}:0",
                 silence_logs=logging.CRITICAL,
             ) as cluster,
             Client(cluster) as client,

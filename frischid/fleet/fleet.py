@@ -1,11 +1,11 @@
-"""A fleet of equal robots: each one's parameters, what they have in common, and who is different.
+"""A fleet of equal robots: the parameters of each, those they share, and which robots differ.
 
     every log → moments        (where the log is read; a log that cannot be read is named, skipped and counted)
     logs of a robot → one sum  → its own parameters
     robots → one sum           → the fleet's parameters, standard errors from leaving out one robot at a time
-    robot against the others   → a p value (`frischid.fleet.deviation`); who differs is taken out of the sum, and again
-    who differs                → which effect: parameters of the model that changed, or `diagnose` in the situation
-                                 "changed" with the fleet as what is known
+    robot against the others   → a p value (`frischid.fleet.deviation`); robots that differ leave the sum, and again
+    robots that differ         → which effect: parameters of the model that changed, or `diagnose` in the situation
+                                 "changed" with the fleet as the model to compare with
 
 Only moments travel. Every step is a `Workers.map` or `tree`: the result is the same in one process.
 """
@@ -21,27 +21,29 @@ from typing import Any, Literal
 import numpy as np
 
 from frischid.core.parallel import Here, Workers
-from frischid.diagnosis.findings import Finding
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError
 from frischid.estimators.least_squares import Estimate, wls
-from frischid.fleet.deviation import Change, Deviation, Null
+from frischid.fleet.deviation import Deviation, Null
 from frischid.fleet.jobs import (
+    Explaining,
     Job,
     Look,
+    RobotMoments,
     Skipped,
     add,
     against,
-    beside,
     combine,
     explain,
     look,
     measure,
     moments,
+    paired,
     summary,
     tools,
 )
-from frischid.fleet.log_paths import Entry
+from frischid.fleet.log_paths import LogPath
+from frischid.fleet.results import SIGNIFICANCE, Fleet, Member
 from frischid.logs.cutoff_choice import Bandwidths
 from frischid.logs.filters import LowPass
 from frischid.logs.mapping import LogMap
@@ -52,112 +54,41 @@ from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
-SIGNIFICANCE = 0.01
-LOOKED_AT = 32  # logs from which the filter and the joints are taken
-ROUNDS = 5  # of taking out robots that differ
-EXPLAINED = 20  # of those, how many are diagnosed
-TIE = 1.1  # parameters that the model has already explain a change if they leave at most this times the error
+_FIRST_LOOKS = 32  # logs, spread over the fleet, from which the filter and the joints are taken
+_ROUNDS = 5  # of taking out robots that differ; each round is one pass over the moments
+_NEARLY_EVERY = 0.5  # share of those logs that must hold a joint or its torque; a log without it is skipped by name
 
 
-@dataclass(frozen=True, eq=False)
-class Member:
-    """What was found of one robot.
+@dataclass(frozen=True)
+class FleetOptions:
+    """How to identify a fleet.
 
     Attributes
     ----------
-    name : str
-    logs, samples, seconds
-        What was counted.
-    deviation : Deviation
-        Its own parameters, and how they differ from the others'.
-    excess : float
-        How far it is from the others, as a multiple of what is usual in this fleet: mean one (see `deviation.Null`).
-    p_value : float
-        Corrected for the number of robots.
-    changes : tuple of Change
-        Parameters of the model that are no longer the fleet's; of robots that differ.
-    finding : Finding or None
-        Effect that explains most of its error by `diagnose`; of robots that differ.
+    effects, torque_joints, cutoff, velocity
+        As for `frischid.model.identification.identify`.
+    mapping : LogMap or None
+        What the logs' columns mean.
+    strict : bool
+        Stop at a log that cannot be used instead of skipping it.
+    diagnosed : int
+        Of the robots that differ, how many are diagnosed for effects that the model does not have.
     """
 
-    name: str
-    logs: int
-    samples: int
-    seconds: float
-    deviation: Deviation
-    excess: float
-    p_value: float
-    changes: tuple[Change, ...] = ()
-    finding: Finding | None = None
-
-    @property
-    def differs(self) -> bool:
-        """Whether it differs from the fleet by more than chance."""
-        return self.p_value < SIGNIFICANCE
-
-    @property
-    def parameters_explain(self) -> bool:
-        """Whether parameters that the model has already account for the change, rather than a new effect."""
-        if not self.changes:
-            return False
-        return self.finding is None or self.changes[-1].error_after <= TIE * self.finding.error_after
-
-    @property
-    def effect(self) -> str:
-        """Name of what changed, ``effect@joint``; ``"unknown"`` when nothing explains it, empty when nothing did."""
-        if not self.differs:
-            return ""
-        if self.parameters_explain:
-            return ", ".join(f"{c.effect}@{c.joint}" for c in self.changes)
-        if self.finding is None:
-            return "unknown"
-        return self.finding.effect + ("@" + "+".join(self.finding.joints) if self.finding.joints else "")
-
-
-@dataclass(frozen=True, eq=False)
-class Fleet:
-    """A fleet identified.
-
-    Attributes
-    ----------
-    model : Model
-        With the parameters that the robots have in common.
-    members : tuple of Member
-        Every robot, those that differ most first.
-    skipped : tuple of Skipped
-        Logs that could not be used.
-    null : Null
-        How much its robots usually differ.
-    where : str
-        Where the work was done.
-    notes, warnings : tuple of str
-    """
-
-    model: Model
-    members: tuple[Member, ...]
-    skipped: tuple[Skipped, ...]
-    null: Null
-    where: str
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]
-
-    @property
-    def different(self) -> tuple[Member, ...]:
-        """Robots that differ significantly, ranked."""
-        return tuple(m for m in self.members if m.differs)
+    effects: tuple[Effect, ...] = BASELINE
+    torque_joints: tuple[str, ...] | None = None
+    cutoff: float | Literal["auto"] | None = "auto"
+    velocity: str = "auto"
+    mapping: LogMap | None = None
+    strict: bool = False
+    diagnosed: int = 20
 
 
 def identify_fleet(
     robot: Robot,
-    entries: Sequence[Entry],
+    logs: Sequence[LogPath],
+    options: FleetOptions | None = None,
     *,
-    effects: Sequence[Effect] = BASELINE,
-    torque_joints: Sequence[str] | None = None,
-    cutoff: float | Literal["auto"] | None = "auto",
-    velocity: str = "auto",
-    mapping: LogMap | None = None,
-    strict: bool = False,
-    diagnosed: int = EXPLAINED,
     workers: Workers | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Fleet:
@@ -166,17 +97,10 @@ def identify_fleet(
     Parameters
     ----------
     robot : Robot
-        What all of them are meant to be.
-    entries : sequence of Entry
-        Their logs, as `frischid.fleet.log_paths.entries` gives them.
-    effects, torque_joints, cutoff, velocity
-        As for `frischid.model.identification.identify`.
-    mapping : LogMap, optional
-        What the logs' columns mean.
-    strict : bool
-        Stop at a log that cannot be used instead of skipping it.
-    diagnosed : int
-        Of the robots that differ, how many are diagnosed for effects that the model does not have.
+        The design that all robots of the fleet share.
+    logs : sequence of LogPath
+        Their logs, as `frischid.fleet.log_paths.find_logs` gives them.
+    options : FleetOptions, optional
     workers : Workers, optional
         Where to work; this process by default.
     progress : callable
@@ -189,117 +113,126 @@ def identify_fleet(
     Raises
     ------
     InputError
-        No log can be used, or `strict` and one cannot.
+        No log can be used, or `FleetOptions.strict` and one cannot.
     IdentifiabilityError
         All logs together do not determine the parameters.
     """
-    pool = workers or Here()
-    entries = sorted(set(entries))
+    pool, wanted, logs = workers or Here(), options or FleetOptions(), sorted(set(logs))
     progress(f"a first look at the logs, {pool.where}")
-    job, reduction, notes = _job(pool, robot, entries, effects, torque_joints, cutoff, velocity, mapping)
+    job, reduction, notes = _job(pool, robot, logs, wanted)
+    handles, summaries = _robots(pool, logs, job, progress)
+    skipped = tuple(s for one in summaries for s in one.skipped)
+    _refuse_skipped(skipped, wanted.strict, len(logs))
 
-    parts = pool.map(measure, entries, job)
-    named = [(name, [i for i, _ in group]) for name, group in groupby(enumerate(entries), key=lambda x: x[1].robot)]
-    handles = pool.pairs(combine, [name for name, _ in named], [[parts[i] for i in index] for _, index in named])
-    summaries = pool.gather(pool.map(summary, handles), lambda done, of: progress(f"moments of {done} of {of} robots"))
-    skipped = tuple(s for machine in summaries for s in machine.skipped)
-    if strict and skipped:
-        raise InputError(f"{skipped[0].address}: {skipped[0].reason}")
-    present = [k for k, machine in enumerate(summaries) if machine.addresses]
-    if not present:
-        raise InputError(
-            f"none of {len(entries)} logs can be used; the first: {skipped[0].address}: {skipped[0].reason}"
-        )
-
-    progress("the fleet and who differs from it")
+    progress("the fleet, and which robots differ from it")
+    present = [k for k, one in enumerate(summaries) if one.addresses]
     fleet, estimate, found, null, outside = _compared(pool, {k: handles[k] for k in present})
-    members = [
-        Member(
-            summaries[k].name,
-            len(summaries[k].addresses),
-            summaries[k].samples,
-            summaries[k].seconds,
-            found[k],
-            null.excess(found[k]),
-            null.p_value(found[k], len(present)),
-        )
-        for k in present
-    ]
+    members = [_member(summaries[k], found[k], null, len(present)) for k in present]
     estimate = _with_spread(estimate, fleet, [found[k] for k in present if k not in outside], null)
-    model = _model(job, robot, reduction, fleet, estimate, entries, members)
-    warnings = [w for machine in summaries for w in machine.warnings]
-    members = _explained(pool, members, handles, present, model, job, diagnosed, null.scale, progress, warnings)
+    model = _model(job, reduction, fleet, estimate, logs, members)
+    different = sorted((i for i, m in enumerate(members) if m.differs), key=lambda i: -members[i].excess)
+    questions = [handles[present[i]] for i in different], [rank < wanted.diagnosed for rank in range(len(different))]
+    answers = _explained(pool, questions, model, Explaining(job.mapping, null.scale), progress)
+    warnings = [w for one in summaries for w in one.warnings]
+    for i, (changed, finding, failed) in zip(different, answers, strict=True):
+        members[i] = replace(members[i], changes=tuple(changed), finding=finding)
+        warnings += [f"{members[i].name} could not be diagnosed: {failed}"] * bool(failed)
     members.sort(key=lambda m: (not m.differs, -m.excess))
     return Fleet(model, tuple(members), skipped, null, pool.where, tuple(notes), tuple(warnings))
 
 
+def _robots(
+    pool: Workers, logs: Sequence[LogPath], job: Job, progress: Callable[[str], None]
+) -> tuple[list[Any], list[RobotMoments]]:
+    """Handles of every robot's moments, and the robots without them."""
+    parts = pool.map(measure, logs, job)
+    named = [(name, [i for i, _ in group]) for name, group in groupby(enumerate(logs), key=lambda x: x[1].robot)]
+    handles = pool.pairs(combine, [name for name, _ in named], [[parts[i] for i in index] for _, index in named])
+    told = pool.gather(pool.map(summary, handles), lambda done, of: progress(f"moments of {done} of {of} robots"))
+    return handles, told
+
+
+def _refuse_skipped(skipped: Sequence[Skipped], strict: bool, logs: int) -> None:
+    if skipped and strict:
+        raise InputError(f"{skipped[0].address}: {skipped[0].reason}")
+    if len(skipped) == logs:
+        raise InputError(f"none of {logs} logs can be used; the first: {skipped[0].address}: {skipped[0].reason}")
+
+
+def _member(one: RobotMoments, found: Deviation, null: Null, robots: int) -> Member:
+    excess, p_value = null.excess(found), null.p_value(found, robots)
+    return Member(one.name, len(one.addresses), one.samples, one.seconds, found, excess, p_value)
+
+
 def _job(
-    pool: Workers,
-    robot: Robot,
-    entries: Sequence[Entry],
-    effects: Sequence[Effect],
-    torque_joints: Sequence[str] | None,
-    cutoff: float | Literal["auto"] | None,
-    velocity: str,
-    mapping: LogMap | None,
+    pool: Workers, robot: Robot, logs: Sequence[LogPath], options: FleetOptions
 ) -> tuple[Job, Reduction, list[str]]:
     """Filter, joints and base parameters, from a look at some logs spread evenly over the fleet."""
-    if not entries:
+    if not logs:
         raise InputError("there is no log to identify from")
-    index = np.unique(np.linspace(0, len(entries) - 1, min(LOOKED_AT, len(entries))).astype(int))
-    rows = None if torque_joints is None else tuple(torque_joints)
-    looks = pool.gather(pool.map(look, [entries[i] for i in index], (*robot.joints, *robot.locked), rows, mapping))
+    index = np.unique(np.linspace(0, len(logs) - 1, min(_FIRST_LOOKS, len(logs))).astype(int))
+    rows = options.torque_joints
+    chosen = [logs[i] for i in index]
+    looks = pool.gather(pool.map(look, chosen, (*robot.joints, *robot.locked), rows, options.mapping))
     good = [x for x in looks if isinstance(x, Look)]
     if not good:
         raise InputError(
             f"none of {len(looks)} logs looked at can be read; the first: {looks[0].address}: {looks[0].reason}"
         )
-    # What nearly every log holds; a log that lacks it is skipped by name.
-    held = [n for n in robot.joints if sum(n in x.joints for x in good) > 0.5 * len(good)]
+    most = _NEARLY_EVERY * len(good)
+    held = [n for n in robot.joints if sum(n in x.joints for x in good) > most]
     if not held:
         raise InputError(
             f"the logs share no joint with the robot; joints of the robot are {', '.join(robot.joints)}; "
             f"the logs hold {', '.join(good[0].joints)}"
         )
     kept = robot.keep(held)
-    have = [n for n in held if sum(n in x.torques for x in good) > 0.5 * len(good)]
+    have = [n for n in held if sum(n in x.torques for x in good) > most]
     fitted = [n for n in (rows or have) if n in held]
     if not fitted:
         raise InputError(
             "no joint of the logs has a torque channel; give tau_<joint> columns, or current gains in a map"
         )
-    bands = Bandwidths()
-    bands.bands = [b for x in good for b in x.bands]
-    bands.clear = [b for x in good for b in x.clear]
-    bands.rate = min(x.rate for x in good)
-    lowpass = bands.lowpass() if cutoff == "auto" else LowPass(cutoff)
-    reduction = structure(Regressor(kept, tuple(effects)), fitted)
+    lowpass = _lowpass(good) if options.cutoff == "auto" else LowPass(options.cutoff)
+    reduction = structure(Regressor(kept, options.effects), fitted)
     job = Job(
-        json.dumps(kept.to_dict()), tuple(effects), tuple(fitted), tuple(reduction.base), lowpass, velocity, mapping
+        json.dumps(kept.to_dict()),
+        options.effects,
+        tuple(fitted),
+        tuple(reduction.base),
+        lowpass,
+        options.velocity,
+        options.mapping,
     )
     filtering = "nothing is low-passed" if lowpass.cutoff is None else f"low-passed at {lowpass.cutoff:g} Hz"
     return job, reduction, [f"{filtering} ({lowpass.reason}), from {len(good)} logs spread over the fleet"]
 
 
-def _compared(
-    pool: Workers, machines: Mapping[int, Any]
-) -> tuple[Gram, Estimate, dict[int, Deviation], Null, set[int]]:
+def _lowpass(looks: Sequence[Look]) -> LowPass:
+    bands = Bandwidths()
+    bands.bands = [b for x in looks for b in x.bands]
+    bands.clear = [b for x in looks for b in x.clear]
+    bands.rate = min(x.rate for x in looks)
+    return bands.lowpass()
+
+
+def _compared(pool: Workers, robots: Mapping[int, Any]) -> tuple[Gram, Estimate, dict[int, Deviation], Null, set[int]]:
     """The fleet without the robots that differ, and every robot against the rest of it."""
-    sums = dict(zip(machines, pool.map(moments, list(machines.values())), strict=True))
+    sums = dict(zip(robots, pool.map(moments, list(robots.values())), strict=True))
     outside: set[int] = set()
-    for _ in range(ROUNDS):
-        inside = [k for k in machines if k not in outside]
+    for _ in range(_ROUNDS):
+        inside = [k for k in robots if k not in outside]
         handle = pool.tree(add, [sums[k] for k in inside])
         (fleet,) = pool.gather([handle])
         estimate = wls([fleet])
-        among = [len(inside) > 1 and k not in outside for k in machines]
-        questions = pool.pairs(beside, list(machines.values()), among)
+        among = [len(inside) > 1 and k not in outside for k in robots]
+        questions = pool.pairs(paired, list(robots.values()), among)
         answers = pool.gather(pool.map(against, questions, handle, estimate.theta, estimate.weights))
-        found = dict(zip(machines, answers, strict=True))
+        found = dict(zip(robots, answers, strict=True))
         null = Null.of([found[k] for k in inside])
-        differ = {k for k, d in found.items() if null.p_value(d, len(machines)) < SIGNIFICANCE}
+        differ = {k for k, d in found.items() if null.p_value(d, len(robots)) < SIGNIFICANCE}
         # A fleet is what most of its robots are: never take out half of them.
-        if differ <= outside or len(differ | outside) * 2 >= len(machines):
+        if differ <= outside or len(differ | outside) * 2 >= len(robots):
             break
         outside |= differ
     return fleet, estimate, found, null, outside
@@ -319,13 +252,13 @@ def _with_spread(estimate: Estimate, fleet: Gram, inside: Sequence[Deviation], n
 
 def _model(
     job: Job,
-    robot: Robot,
     reduction: Reduction,
     fleet: Gram,
     estimate: Estimate,
-    entries: Sequence[Entry],
+    logs: Sequence[LogPath],
     members: Sequence[Member],
 ) -> Model:
+    """The model of what the robots have in common, with the event that tells where it comes from."""
     kept = tools(job.robot, job.effects)[0]
     columns = reduction.base_columns()
     error = float(np.median([m.deviation.error_fleet.mean() for m in members]))
@@ -334,8 +267,8 @@ def _model(
         "effects": [str(e) for e in job.effects],
         "robots": len(members),
         "logs": [],
-        "log_count": len(entries),
-        "first_log": entries[0].address,
+        "log_count": len(logs),
+        "first_log": logs[0].address,
         "samples": sum(m.samples for m in members),
         "different": [m.name for m in members if m.differs],
         "cross_validated_nrmse": error,
@@ -359,27 +292,11 @@ def _model(
 
 def _explained(
     pool: Workers,
-    members: Sequence[Member],
-    handles: Sequence[Any],
-    present: Sequence[int],
+    questions: tuple[Sequence[Any], Sequence[bool]],
     model: Model,
-    job: Job,
-    diagnosed: int,
-    inflation: float,
+    how: Explaining,
     progress: Callable[[str], None],
-    warnings: list[str],
-) -> list[Member]:
-    """The robots that differ, each with what changed on it."""
-    ranked = sorted((i for i, m in enumerate(members) if m.differs), key=lambda i: -members[i].excess)
-    content = model.to_dict()
-    questions = pool.pairs(
-        beside, [handles[present[i]] for i in ranked], [rank < diagnosed for rank in range(len(ranked))]
-    )
-    asked = pool.map(explain, questions, content, job.mapping, inflation)
-    answers = pool.gather(asked, lambda done, of: progress(f"what changed on {done} of {of} robots"))
-    result = list(members)
-    for i, (changed, finding, failed) in zip(ranked, answers, strict=True):
-        result[i] = replace(members[i], changes=tuple(changed), finding=finding)
-        if failed:
-            warnings.append(f"{members[i].name} could not be diagnosed: {failed}")
-    return result
+) -> list[Any]:
+    """What changed on each robot that differs, in the order of the questions."""
+    asked = pool.map(explain, pool.pairs(paired, *questions), model.to_dict(), how)
+    return pool.gather(asked, lambda done, of: progress(f"what changed on {done} of {of} robots"))

@@ -1,6 +1,6 @@
 """The jobs of a fleet, each done where its logs are read: functions of picklable arguments.
 
-A task never raises for a log: one that cannot be used is an answer that says so.
+No job raises for a log: a log that cannot be used is an answer that says so.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from frischid.diagnosis.findings import Finding
 from frischid.effects import BASELINE, Effect
 from frischid.errors import FrischidError, InputError
 from frischid.fleet.deviation import Change, Deviation, changes, deviation
-from frischid.fleet.log_paths import Entry, local
+from frischid.fleet.log_paths import LogPath, local
 from frischid.logs.cutoff_choice import Bandwidths
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
@@ -36,15 +36,21 @@ from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
-BLOCKS = 32  # of a robot
-WHOLE = 32 * 2**20  # bytes of a file that is read as a whole
-DIAGNOSED = 30_000  # samples of a robot that are diagnosed
-MOSTLY = 0.5  # share of a robot's error that an effect must explain to be what changed
+_BLOCKS = 32  # stretches of time of a robot: enough for a jackknife, few enough to send
+_WHOLE_FILE = 32 * 2**20  # bytes: a larger file is read in pieces
+_DIAGNOSED_SAMPLES = 30_000  # samples of a robot that are diagnosed: minutes of motion, seconds of work
+_EXPLAINS_MOST = 0.5  # share of a robot's error that an effect must explain to be named as the change
+
+# Faults of a log, of any reader and any stage. One of ten thousand logs may be broken in any way; the rest go on.
+_LOG_FAULTS = (
+    FrischidError, ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError, OSError,
+    RuntimeError, TypeError, ValueError,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Job:
-    """What a worker must know to turn a log into moments; rebuilt once a worker."""
+    """All that turns a log into moments; rebuilt once per worker."""
 
     robot: str
     effects: tuple[Effect, ...]
@@ -65,7 +71,7 @@ class Skipped:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class LogMoments:
     """Moments of one log."""
 
     address: str
@@ -76,7 +82,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class Machine:
+class RobotMoments:
     """Moments of one robot of the fleet."""
 
     name: str
@@ -90,14 +96,14 @@ class Machine:
 
 @lru_cache(maxsize=4)
 def tools(robot: str, effects: tuple[Effect, ...]) -> tuple[Robot, Regressor]:
-    """The robot and its regressor, built once a process."""
-    machine = Robot.from_dict(json.loads(robot))
-    return machine, Regressor(machine, effects)
+    """The robot and its regressor, built once per process."""
+    built = Robot.from_dict(json.loads(robot))
+    return built, Regressor(built, effects)
 
 
 def _open(path: Any, address: str, joints: Sequence[str], mapping: LogMap | None) -> Log | Recording:
     """A log in memory where it is small, else one that is read in pieces; called by its address."""
-    if path.is_file() and path.stat().st_size > WHOLE:
+    if path.is_file() and path.stat().st_size > _WHOLE_FILE:
         return replace(Recording.open(path, joints, mapping), source=address)
     return replace(read_log(path, joints, mapping), source=address)
 
@@ -113,26 +119,28 @@ class Look:
     rate: float
 
 
-def look(entry: Entry, joints: tuple[str, ...], rows: tuple[str, ...] | None, mapping: LogMap | None) -> Look | Skipped:
+def look(
+    log_path: LogPath, joints: tuple[str, ...], rows: tuple[str, ...] | None, mapping: LogMap | None
+) -> Look | Skipped:
     """See which joints a log holds and how fast they move."""
     try:
-        with local(entry.address) as path:
-            log = _open(path, entry.address, joints, mapping)
+        with local(log_path.address) as path:
+            log = _open(path, log_path.address, joints, mapping)
             head = preview_of(log)
             torques = tuple(str(n) for n in np.compress(head.has("tau"), head.joints))
             bands = Bandwidths()
             bands.add(next(chunks_of(log)), [n for n in (rows or torques) if n in torques])
             return Look(head.joints, torques, tuple(bands.bands), tuple(bands.clear), float(bands.rate))
-    except Exception as error:
-        return _skipped(entry, error)
+    except _LOG_FAULTS as error:
+        return _skipped(log_path, error)
 
 
-def measure(entry: Entry, job: Job) -> Part | Skipped:
+def measure(log_path: LogPath, job: Job) -> LogMoments | Skipped:
     """Moments of one log; a log that cannot be used is an answer, not an error."""
     try:
         robot, regressor = tools(job.robot, job.effects)
-        with local(entry.address) as path:
-            log = _open(path, entry.address, (*robot.joints, *robot.locked), job.mapping)
+        with local(log_path.address) as path:
+            log = _open(path, log_path.address, (*robot.joints, *robot.locked), job.mapping)
             seen = summarise(robot, [log], job.rows, job.lowpass.cutoff)
             missing = [n for n in job.rows if not preview_of(log).select([n]).has("tau")[0]]
             if missing:
@@ -141,7 +149,7 @@ def measure(entry: Entry, job: Job) -> Part | Skipped:
             motions = pieces if isinstance(log, Recording) else list(pieces)
             seconds = seen.seconds if isinstance(log, Recording) else None
             grams = accumulate(regressor, motions, job.lowpass, job.rows, seconds=seconds, base=job.base)
-            merged = tuple(_merged(grams, BLOCKS))
+            merged = tuple(_merged(grams, _BLOCKS))
             first = next(chunks_of(log)).select(robot.joints)
             known = motions if isinstance(motions, list) else prepare(first, job.lowpass, velocity=job.velocity).motions
             report = inspect(
@@ -151,16 +159,15 @@ def measure(entry: Entry, job: Job) -> Part | Skipped:
                 alone=False,
                 prepared=(job.lowpass, known),
             )
-            warnings = tuple(f"{entry.address}: {issue.short}" for issue in report.issues)
-            return Part(entry.address, merged, seen.samples[0], seen.seconds, warnings)
-    except Exception as error:
-        return _skipped(entry, error)
+            warnings = tuple(f"{log_path.address}: {issue.short}" for issue in report.issues)
+            return LogMoments(log_path.address, merged, seen.samples[0], seen.seconds, warnings)
+    except _LOG_FAULTS as error:
+        return _skipped(log_path, error)
 
 
-def _skipped(entry: Entry, error: Exception) -> Skipped:
-    # One of ten thousand logs may be broken in any way; the rest must not stop for it, and it is not passed over.
-    reason = str(error).removeprefix(f"{entry.address}: ")
-    return Skipped(entry.robot, entry.address, reason if isinstance(error, FrischidError) else f"{error!r}")
+def _skipped(log_path: LogPath, error: Exception) -> Skipped:
+    reason = str(error).removeprefix(f"{log_path.address}: ")
+    return Skipped(log_path.robot, log_path.address, reason if isinstance(error, FrischidError) else f"{error!r}")
 
 
 def _merged(grams: Sequence[Gram], most: int) -> list[Gram]:
@@ -169,12 +176,12 @@ def _merged(grams: Sequence[Gram], most: int) -> list[Gram]:
     return [total(grams[i : i + size]) for i in range(0, len(grams), max(1, size))]
 
 
-def combine(name: str, parts: Sequence[Part | Skipped]) -> Machine:
+def combine(name: str, parts: Sequence[LogMoments | Skipped]) -> RobotMoments:
     """One robot's logs, in order."""
-    good = [p for p in parts if isinstance(p, Part)]
-    return Machine(
+    good = [p for p in parts if isinstance(p, LogMoments)]
+    return RobotMoments(
         name,
-        tuple(_merged([g for p in good for g in p.blocks], BLOCKS)) if good else (),
+        tuple(_merged([g for p in good for g in p.blocks], _BLOCKS)) if good else (),
         tuple(p.address for p in good),
         sum(p.samples for p in good),
         sum(p.seconds for p in good),
@@ -183,14 +190,14 @@ def combine(name: str, parts: Sequence[Part | Skipped]) -> Machine:
     )
 
 
-def summary(machine: Machine) -> Machine:
+def summary(one: RobotMoments) -> RobotMoments:
     """A robot without its moments."""
-    return replace(machine, blocks=())
+    return replace(one, blocks=())
 
 
-def moments(machine: Machine) -> Gram:
+def moments(one: RobotMoments) -> Gram:
     """Sum over a robot."""
-    return total(machine.blocks)
+    return total(one.blocks)
 
 
 def add(a: Gram, b: Gram) -> Gram:
@@ -198,37 +205,52 @@ def add(a: Gram, b: Gram) -> Gram:
     return a + b
 
 
-def against(question: tuple[Machine, bool], fleet: Gram, theta: Array, weights: Array) -> Deviation:
-    """One robot against the others; whether it is in their sum stands beside it."""
-    machine, included = question
-    return deviation(machine.blocks, fleet, theta, weights, included)
+def against(question: tuple[RobotMoments, bool], fleet: Gram, theta: Array, weights: Array) -> Deviation:
+    """One robot against the others; whether it is in their sum stands paired it."""
+    one, included = question
+    return deviation(one.blocks, fleet, theta, weights, included)
 
 
-def beside(machine: Machine, flag: bool) -> tuple[Machine, bool]:
+def paired(one: RobotMoments, flag: bool) -> tuple[RobotMoments, bool]:
     """A robot and a flag that is its own."""
-    return machine, flag
+    return one, flag
+
+
+@dataclass(frozen=True)
+class Explaining:
+    """How to explain a robot that differs.
+
+    Attributes
+    ----------
+    mapping : LogMap or None
+    inflation : float
+        How many samples count as one, κ of the fleet (`frischid.fleet.deviation.Null`).
+    """
+
+    mapping: LogMap | None
+    inflation: float
 
 
 def explain(
-    question: tuple[Machine, bool], model: Mapping[str, Any], mapping: LogMap | None, inflation: float
+    question: tuple[RobotMoments, bool], model: Mapping[str, Any], how: Explaining
 ) -> tuple[list[Change], Finding | None, str]:
     """What changed on a robot: parameters of the model, and, where it is to be diagnosed, the effect its logs show."""
-    machine, diagnosed = question
+    one, diagnosed = question
     fleet = Model.from_dict(model)
-    whole = total(machine.blocks)
-    changed = changes(whole, fleet.estimate.theta, fleet.estimate.weights, inflation)
+    whole = total(one.blocks)
+    changed = changes(whole, fleet.estimate.theta, fleet.estimate.weights, how.inflation)
     if not diagnosed:
         return changed, None, ""
     logs: list[Log] = []
-    for address in machine.addresses:
-        if logs and sum(map(len, logs)) + len(logs[-1]) > DIAGNOSED:
+    for address in one.addresses:
+        if logs and sum(map(len, logs)) + len(logs[-1]) > _DIAGNOSED_SAMPLES:
             break
         with local(address) as path:
-            opened = _open(path, address, (*fleet.robot.joints, *fleet.robot.locked), mapping)
+            opened = _open(path, address, (*fleet.robot.joints, *fleet.robot.locked), how.mapping)
             logs.append(next(chunks_of(opened)))
     try:
         found = diagnose(fleet, logs, situation="changed").findings
     except FrischidError as error:
         return changed, None, str(error)
-    # That it differs is settled by the fleet; here it is only asked which effect it is.
-    return changed, next((f for f in found if f.gain > 0 and f.share > MOSTLY), None), ""
+    # The fleet has settled that the robot differs; the diagnosis only says which effect changed.
+    return changed, next((f for f in found if f.gain > 0 and f.share > _EXPLAINS_MOST), None), ""

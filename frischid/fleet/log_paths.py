@@ -1,4 +1,4 @@
-"""Logs of many robots, on a disk or at any address that fsspec knows, and which robot each is of.
+"""Paths of the logs of many robots, on a disk or at any address that fsspec knows, and the robot of each log.
 
     logs/**/*.parquet            logs/r017/monday/3.parquet is of r017, the first folder below the fixed part;
                                  directly in it, every file is a robot
@@ -21,20 +21,20 @@ from typing import Any
 
 from frischid.errors import InputError
 
-NAME = "{robot}"
-WILD = re.compile(r"[*?\[{]")
+_ROBOT = "{robot}"
+_WILD = re.compile(r"[*?\[{]")
 
 
 @dataclass(frozen=True, order=True)
-class Entry:
+class LogPath:
     """One log: its robot, and its address."""
 
     robot: str
     address: str
 
 
-def entries(patterns: Sequence[str]) -> list[Entry]:
-    """Logs that patterns match, in order, each once.
+def find_logs(patterns: Sequence[str]) -> list[LogPath]:
+    """Find the logs that patterns match, in order, each once.
 
     Parameters
     ----------
@@ -48,23 +48,23 @@ def entries(patterns: Sequence[str]) -> list[Entry]:
     """
     found: dict[str, str] = {}
     for pattern in patterns:
-        addresses = _matches(pattern.replace(NAME, "*"))
+        addresses = _matches(pattern.replace(_ROBOT, "*"))
         if not addresses:
             raise InputError(f"{pattern}: no file matches; quote the pattern so that the shell leaves it alone")
         plain = _plain(pattern)
         for address in addresses:
             found.setdefault(address, robot_of(address, plain))
-    return sorted(Entry(robot, address) for address, robot in found.items())
+    return sorted(LogPath(robot, address) for address, robot in found.items())
 
 
 def robot_of(address: str, pattern: str) -> str:
     """The robot that an address matched by a pattern is of."""
-    if NAME in pattern:
+    if _ROBOT in pattern:
         match = re.fullmatch(_expression(pattern), address)
         if match is None:
             raise InputError(f"{address}: cannot be told which robot it is of by the pattern {pattern}")
         return match["robot"]
-    fixed = pattern[: found.start()] if (found := WILD.search(pattern)) else pattern
+    fixed = pattern[: found.start()] if (found := _WILD.search(pattern)) else pattern
     below = PurePosixPath(address[len(fixed[: fixed.rfind("/") + 1]) :])
     return below.parts[0] if len(below.parts) > 1 else below.stem
 
@@ -76,7 +76,7 @@ def _expression(pattern: str) -> str:
     named = False
     out = ""
     for part in parts:
-        if part == NAME:
+        if part == _ROBOT:
             out += "(?P=robot)" if named else "(?P<robot>[^/]+?)"
             named = True
         else:

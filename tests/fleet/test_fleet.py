@@ -12,10 +12,13 @@ from click.testing import CliRunner
 import frischid as fr
 from frischid.cli import main
 from frischid.core.parallel import Dask, Here, workers
+from frischid.core.types import Column
 from frischid.errors import InputError
-from frischid.fleet.deviation import Null
-from frischid.fleet.fleet import identify_fleet
-from frischid.fleet.log_paths import Entry, entries, local, robot_of
+from frischid.estimators.least_squares import wls
+from frischid.fleet.deviation import Null, changes, deviation
+from frischid.fleet.fleet import FleetOptions, identify_fleet
+from frischid.fleet.log_paths import LogPath, find_logs, local, robot_of
+from frischid.regression.moments import Gram, total
 
 ROBOTS, SECONDS, RATE = 22, 20.0, 50.0
 FRICTION = {"fv1": 4.0, "fv2": 5.0, "fv3": 3.0, "fc1": 6.0, "fc2": 7.0, "fc3": 5.0}
@@ -58,7 +61,7 @@ def folder(arm, tmp_path_factory):
 @pytest.fixture(scope="module")
 def alone(arm, folder):
     """The fleet identified in one process."""
-    return identify_fleet(arm, entries([f"{folder}/**/*.parquet"]))
+    return identify_fleet(arm, find_logs([f"{folder}/**/*.parquet"]))
 
 
 def same(a, b, tolerance=1e-10):
@@ -99,7 +102,7 @@ def test_a_broken_log_is_named_skipped_and_counted(alone, folder, arm):
     assert "copied completely" in broken.reason
     assert next(m for m in alone.members if m.name == "r07").logs == 1
     with pytest.raises(InputError, match=r"broken\.parquet"):
-        identify_fleet(arm, entries([f"{folder}/r0[67]/*.parquet"]), strict=True)
+        identify_fleet(arm, find_logs([f"{folder}/r0[67]/*.parquet"]), FleetOptions(strict=True))
 
 
 def test_a_worker_that_dies_changes_nothing(alone, folder, arm):
@@ -119,7 +122,7 @@ def test_a_worker_that_dies_changes_nothing(alone, folder, arm):
                 killed.append(pid)
                 os.kill(pid, signal.SIGKILL)
 
-        found = identify_fleet(arm, entries([f"{folder}/**/*.parquet"]), workers=Dask(client), progress=progress)
+        found = identify_fleet(arm, find_logs([f"{folder}/**/*.parquet"]), workers=Dask(client), progress=progress)
     assert killed
     same(found, alone)
 
@@ -155,15 +158,15 @@ def test_addresses_of_any_file_system(folder, tmp_path):
 
     memory = fsspec.filesystem("memory")
     memory.pipe("/bucket/r00/log.parquet", (folder / "r00" / "log.parquet").read_bytes())
-    (entry,) = entries(["memory://bucket/{robot}/*.parquet"])
-    assert entry == Entry("r00", "memory:///bucket/r00/log.parquet")
+    (entry,) = find_logs(["memory://bucket/{robot}/*.parquet"])
+    assert entry == LogPath("r00", "memory:///bucket/r00/log.parquet")
     with local(entry.address) as path:
         assert path.read_bytes() == (folder / "r00" / "log.parquet").read_bytes()
     assert not path.exists()
     with pytest.raises(InputError, match="no file matches"):
-        entries(["memory://bucket/{robot}/*.csv"])
+        find_logs(["memory://bucket/{robot}/*.csv"])
     with pytest.raises(InputError, match="no file matches"):
-        entries([f"{tmp_path}/*.parquet"])
+        find_logs([f"{tmp_path}/*.parquet"])
 
 
 def test_a_small_fleet_has_no_empirical_null(alone):
@@ -173,6 +176,62 @@ def test_a_small_fleet_has_no_empirical_null(alone):
     many = Null.of([m.deviation for m in alone.members[3:]] * 2)
     assert many.freedom < alone.members[3].deviation.rank
     assert many.scale > many.within
+
+
+def test_standard_errors_are_those_of_a_mean_over_robots(alone):
+    alike = [m.deviation.own.theta for m in alone.members if not m.differs]
+    spread = np.std(alike, axis=0, ddof=1) / np.sqrt(len(alike))
+    ratio = alone.model.estimate.stderr / spread
+    assert 0.7 < np.median(ratio) < 1.4
+
+
+def moments_of(theta, seed, samples=2000):
+    """Moments of one joint whose torque is ``Y θ`` and white noise of 0.1 N·m, five columns of different effects."""
+    rng = np.random.default_rng(seed)
+    Y = rng.normal(size=(samples, len(theta)))
+    z = np.column_stack([Y, Y @ theta + 0.1 * rng.normal(size=samples)])
+    columns = tuple(Column(f"x{k}", "N·m", "elbow", f"effect {k}") for k in range(len(theta)))
+    return Gram(columns, ("elbow",), (z.T @ z)[None], z.sum(axis=0)[None], np.array([float(samples)]))
+
+
+def test_a_change_must_pay_for_its_parameters():
+    theta = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
+    weights = np.array([1e2])
+    found = [len(changes(moments_of(theta, seed), theta, weights, 1.0)) for seed in range(40)]
+    assert sum(found) <= 2  # chance alone gains 1/2 a parameter, and the price is ½ log 2000 = 3.8
+    other = theta + np.array([0.0, 0.05, 0.0, 0.0, -0.02])
+    for seed in range(10):
+        assert [c.effect for c in changes(moments_of(other, seed), theta, weights, 1.0)] == ["effect 1", "effect 4"]
+    # correlated residuals count less: the same figures are then no evidence
+    assert changes(moments_of(theta + np.array([0.0, 0.01, 0.0, 0.0, 0.0]), 0), theta, weights, 100.0) == []
+
+
+def test_a_robot_is_compared_with_the_others_alone():
+    theta = np.array([1.0, 2.0, 3.0])
+    robots = [moments_of(theta + (k == 0), k) for k in range(5)]
+    whole, others, weights = total(robots), total(robots[1:]), np.array([1e2])
+    inside = deviation([robots[0]], whole, wls([whole]).theta, weights, included=True)
+    outside = deviation([robots[0]], others, wls([others]).theta, weights, included=False)
+    assert inside.statistic == pytest.approx(outside.statistic, rel=1e-6)
+    assert inside.shift == pytest.approx(np.ones(3), abs=0.02)
+
+
+def test_a_local_cluster_listens_to_this_machine_only():
+    import psutil
+
+    with workers("local", 2) as pool:
+        assert pool.gather(pool.map(abs, [-1, 2])) == [1, 2]
+        processes = [psutil.Process(), *psutil.Process().children(recursive=True)]
+        listening = [c.laddr.ip for p in processes for c in p.net_connections() if c.status == "LISTEN"]
+    assert len(listening) >= 6
+    assert set(listening) == {"127.0.0.1"}
+
+
+def test_a_fleet_of_broken_logs_is_refused_by_name(arm, tmp_path):
+    path = tmp_path / "r1.parquet"
+    path.write_bytes(b"PAR1" + bytes(100) + b"PAR1")
+    with pytest.raises(InputError, match=r"none of 1 logs looked at can be read.*r1\.parquet"):
+        identify_fleet(arm, find_logs([str(path)]))
 
 
 def test_the_command_line(folder, tmp_path, alone):

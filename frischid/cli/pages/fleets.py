@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from frischid.cli.pages.page import Page, figure, plain, quantities, table_of, warning_lines
-from frischid.fleet.fleet import Fleet, Member
+from frischid.fleet.results import Fleet, Member
 from frischid.robot.robot import Robot
 
 MOST = 5  # skipped logs, and warnings, that are listed
