@@ -26,7 +26,7 @@ from frischid.diagnosis.cross_validation import LOOKED_AT, Evidence, thinned
 from frischid.diagnosis.gear_steps import jumps, steps
 from frischid.diagnosis.stepwise_selection import SIGNIFICANCE, STEADY, Judged, Ranking, block_test, judged
 from frischid.effects import Formula
-from frischid.model.residual_conditions import APART
+from frischid.model.comparison_criteria import COMPARISON_CRITERIA
 
 TERMS = 3
 FAR_LESS = 0.5  # of what the first finding leaves above the noise
@@ -134,7 +134,7 @@ def best_foreign(evidence: Evidence, row: int, jumping: bool = True) -> Judged |
 def _dependence(evidence: Evidence, row: int) -> dict[str, float]:
     count = int(evidence.counts[:, row].sum())
     apart = max(1, round(evidence.correlation[row]), -(-count // LOOKED_AT))
-    if count // apart < APART:
+    if count // apart < COMPARISON_CRITERIA.dependence_samples:
         return {}
     variables, residual = evidence.variables(row, apart), thinned(evidence.residuals(row, evidence.theta), apart)
     found = {}

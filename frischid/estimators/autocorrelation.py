@@ -18,7 +18,7 @@ from scipy import fft
 
 from frischid.core.types import Array
 
-LAGS = 400
+CORRELATION_LAGS = 400
 LOST = 0.05  # correlation below which the rest is noise
 FEWEST = 10
 
@@ -32,7 +32,7 @@ class Autocorrelation:
         Most samples apart whose correlation is looked at.
     """
 
-    def __init__(self, lags: int = LAGS) -> None:
+    def __init__(self, lags: int = CORRELATION_LAGS) -> None:
         self.count, self.total = 0, 0.0
         self.products = np.zeros(lags)  # Σ x_i x_{i−k}
         self._first, self._last = np.empty(0), np.empty(0)

@@ -19,7 +19,7 @@ from scipy import linalg
 from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
 
-ENOUGH = 1e-8  # relative change at which the iteration has converged
+GAIN_CONVERGED = 1e-8  # relative change at which the iteration has converged
 
 
 def total_least_squares(M: Array, counts: Array, iterations: int = 5) -> tuple[Array, Array]:
@@ -95,7 +95,7 @@ def in_amperes(
         H, gradient = _normal(M, x, weights)
         step = _solve(H, gradient, names)
         x = x + step
-        if np.abs(step * np.sqrt(np.diag(H))).max() < ENOUGH * np.sqrt(counts.sum()):
+        if np.abs(step * np.sqrt(np.diag(H))).max() < GAIN_CONVERGED * np.sqrt(counts.sum()):
             break
     weights = counts / _misfits(M, x)
     H, _ = _normal(M, x, weights)

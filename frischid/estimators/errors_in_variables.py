@@ -44,10 +44,10 @@ from scipy.optimize import brentq
 from frischid.core.array_store import Store, Stored
 from frischid.core.types import Array, Column
 from frischid.errors import IdentifiabilityError
-from frischid.estimators.least_squares import LEAST_BLOCKS, WORST_CONDITION, Estimate
+from frischid.estimators.least_squares import JACKKNIFE_BLOCKS, WORST_CONDITION, Estimate
 
 NODE = np.sqrt(3.0)
-BLOCKS = 64
+EIV_BLOCKS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +222,7 @@ def eiv(
     covariance = covariance_of(sums, theta)
     A, B = sums.sum(axis=0)[:, :-1], len(sums)
     torque = np.average([part.torque for part in parts], axis=0, weights=[part.samples for part in parts])
-    notes = [f"only {B} blocks of data: standard errors are uncertain"] if B < LEAST_BLOCKS else []
+    notes = [f"only {B} blocks of data: standard errors are uncertain"] if B < JACKKNIFE_BLOCKS else []
     if inflation > 4.0:
         notes.append(
             "the sensors' noise explains only part of the residual: torque noise was taken as "
@@ -277,7 +277,7 @@ def _equations(parts: Sequence[_Stretch], inflation: float) -> Array:
     """Normal equations [A b] summed over blocks of time, (B, p, p + 1)."""
     total = sum(part.samples for part in parts)
     p = len(parts[0].dry)
-    sums, first = np.zeros((min(BLOCKS, total), p, p + 1)), 0
+    sums, first = np.zeros((min(EIV_BLOCKS, total), p, p + 1)), 0
     for part in parts:
         YW = part["Y"][:, :-1] @ part.weights(inflation)
         right = part.equations()

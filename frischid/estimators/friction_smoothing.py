@@ -29,11 +29,14 @@ from frischid.robot.robot import Robot
 
 WIDTHS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s (m/s)
 LEADS = (0.001, 0.002, 0.005, 0.01, 0.02)  # s
-AHEAD = (0.002, 0.01)  # widths with which they are tried, rad/s (m/s): what looks wide without a lead is narrow with it
-BETWEEN = (0.65, 0.8, 0.95, 1.25, 1.5)  # of the best of these
-SAMPLE = 6000  # samples that are looked at
-OVER = 20.0  # times the cut-off: the rate of samples that is enough
-LEAST = 1e-30  # a dead torque's variance, which has a logarithm
+WIDTHS_WITH_LEAD = (
+    0.002,
+    0.01,
+)  # widths with which they are tried, rad/s (m/s): what looks wide without a lead is narrow with it
+REFINEMENTS = (0.65, 0.8, 0.95, 1.25, 1.5)  # of the best of these
+SMOOTHING_SAMPLES = 6000  # samples that are looked at
+OVERSAMPLING = 20.0  # times the cut-off: the rate of samples that is enough
+LEAST_VARIANCE = 1e-30  # a dead torque's variance, which has a logarithm
 DECISIVE = 0.98  # share of a simpler one's error below which a wider sign, or a lead, is worth it
 
 
@@ -46,7 +49,7 @@ def dry_friction(
     ----------
     robot : Robot
     motions : sequence of Motion
-        Their middles are looked at, `SAMPLE` samples in all, no more often than the filter needs.
+        Their middles are looked at, `SMOOTHING_SAMPLES` samples in all, no more often than the filter needs.
     lowpass : LowPass
     joints : sequence of str
         Joints whose torque rows are used.
@@ -59,10 +62,13 @@ def dry_friction(
         None: too little data for a choice.
     """
     coarse = [m.part(slice(None, None, _every(m, lowpass))) for m in motions]
-    share = min(1.0, SAMPLE / sum(len(m.t) for m in coarse))
+    share = min(1.0, SMOOTHING_SAMPLES / sum(len(m.t) for m in coarse))
     parts = [m.middle(share) for m in coarse]
 
-    simple, ahead = [Coulomb(width=w) for w in WIDTHS], [Coulomb(width=w, lead=lead) for w in AHEAD for lead in LEADS]
+    simple, ahead = (
+        [Coulomb(width=w) for w in WIDTHS],
+        [Coulomb(width=w, lead=lead) for w in WIDTHS_WITH_LEAD for lead in LEADS],
+    )
     try:
         known = _errors(robot, parts, lowpass, joints, reduction, [*simple, *ahead])
         best = _simplest(simple, known)
@@ -76,7 +82,7 @@ def dry_friction(
 
 def _every(motion: Motion, lowpass: LowPass) -> int:
     """Of how many samples one is looked at: a filter to a few hertz needs no kilohertz."""
-    return 1 if lowpass.cutoff is None else max(1, int(1.0 / (OVER * lowpass.cutoff * motion.step)))
+    return 1 if lowpass.cutoff is None else max(1, int(1.0 / (OVERSAMPLING * lowpass.cutoff * motion.step)))
 
 
 def _simplest(ordered: Sequence[Coulomb], errors: Mapping[Coulomb, float]) -> Coulomb:
@@ -86,8 +92,8 @@ def _simplest(ordered: Sequence[Coulomb], errors: Mapping[Coulomb, float]) -> Co
 
 def _near(best: Coulomb) -> list[Coulomb]:
     """Values between those of the series."""
-    leads = [best.lead * x for x in (*BETWEEN, 1.0)] if best.lead else [0.0]
-    return [Coulomb(width=_rounded(best.width * x), lead=_rounded(lead)) for x in BETWEEN for lead in leads]
+    leads = [best.lead * x for x in (*REFINEMENTS, 1.0)] if best.lead else [0.0]
+    return [Coulomb(width=_rounded(best.width * x), lead=_rounded(lead)) for x in REFINEMENTS for lead in leads]
 
 
 def _rounded(x: float) -> float:
@@ -139,6 +145,6 @@ def _errors(
         variance = cross_validated(chosen, wls(chosen))
         whole = total(chosen)
         # The mean of logarithms, as in the likelihood of joints that each have noise of their own.
-        left = np.maximum(variance / np.maximum(whole.torque_ss() / whole.counts, LEAST), LEAST)
+        left = np.maximum(variance / np.maximum(whole.torque_ss() / whole.counts, LEAST_VARIANCE), LEAST_VARIANCE)
         found[member] = float(np.exp(0.5 * np.mean(np.log(left))))
     return found

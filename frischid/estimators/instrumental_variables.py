@@ -34,7 +34,7 @@ import numpy as np
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.estimators.errors_in_variables import covariance_of, information_of, solve_scaled
-from frischid.estimators.least_squares import LEAST_BLOCKS, Estimate
+from frischid.estimators.least_squares import JACKKNIFE_BLOCKS, Estimate
 from frischid.estimators.sensor_noise import noise_levels, sensors_of
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
@@ -43,11 +43,11 @@ from frischid.regression.accumulation import MAX_BLOCKS
 from frischid.regression.regressor import CHUNK_SAMPLES, Regressor
 from frischid.robot.robot import Robot
 
-SPAN = 0.15  # seconds to either side that make the reference of a sample
-DEGREE = 5
-SEGMENT = 1.0  # seconds between restarts of the simulation
-STIFFNESS = 0.3  # feedback bandwidth times the step
-SETTLED = 1e-2  # change of θ, in standard errors, at which the turns end
+REFERENCE_SPAN = 0.15  # seconds to either side that make the reference of a sample
+REFERENCE_DEGREE = 5
+RESTART_SECONDS = 1.0  # seconds between restarts of the simulation
+FEEDBACK_STEP = 0.3  # feedback bandwidth times the step
+SETTLED_STDERR = 1e-2  # change of θ, in standard errors, at which the turns end
 
 
 def iv(
@@ -111,9 +111,9 @@ def iv(
         previous = theta
         theta, condition = solve_scaled(whole[:, :-1], whole[:, -1], [c.name for c in start.columns])
         covariance = covariance_of(moments, theta)
-        if (np.abs(theta - previous) <= SETTLED * np.sqrt(np.diag(covariance))).all():
+        if (np.abs(theta - previous) <= SETTLED_STDERR * np.sqrt(np.diag(covariance))).all():
             break
-    if len(moments) < LEAST_BLOCKS:
+    if len(moments) < JACKKNIFE_BLOCKS:
         notes.append(f"only {len(moments)} blocks of data: standard errors are uncertain")
     return replace(
         start,
@@ -172,7 +172,7 @@ def _duration(motion: Motion, smoothed: bool) -> float:
 
 def _half(motion: Motion) -> int:
     """Samples to either side that make the reference of a sample."""
-    half, N = max(DEGREE + 3, round(SPAN / motion.step)), len(motion.t)
+    half, N = max(REFERENCE_DEGREE + 3, round(REFERENCE_SPAN / motion.step)), len(motion.t)
     if 2 * half + 2 > N:
         raise InputError(
             f"{motion.source}: {N} samples are too few to make a reference from; {2 * half + 2} are needed"
@@ -218,7 +218,8 @@ def _neighbour_taps(half: int, gap: int, step: float, sigma: dict[str, float]) -
     for channel, s in sigma.items():
         order = "qva".index(channel)
         powers = [np.zeros_like(offsets)] * order + [
-            np.prod(np.arange(m - order + 1, m + 1)) * offsets ** (m - order) for m in range(order, DEGREE + 1)
+            np.prod(np.arange(m - order + 1, m + 1)) * offsets ** (m - order)
+            for m in range(order, REFERENCE_DEGREE + 1)
         ]
         rows.append(np.stack(powers, axis=1) / unit**order * use[:, None] / s)
     inverse = np.linalg.pinv(np.concatenate(rows))
@@ -234,9 +235,9 @@ def _simulated(regressor: Regressor, base: Sequence[int], theta: Array, referenc
     full = np.array([dict(zip(names, theta, strict=True)).get(c.name, 0.0) for c in static.columns])
     torque = _Torque(static, full)
     N, J = reference.q.shape
-    length = min(N, max(2, round(SEGMENT / reference.step)))
+    length = min(N, max(2, round(RESTART_SECONDS / reference.step)))
     starts = np.arange(0, N, length)
-    w, h = STIFFNESS / reference.step, reference.step
+    w, h = FEEDBACK_STEP / reference.step, reference.step
     forward = torque(reference.q, reference.v, reference.a)
     out = np.empty((3, N, J))
     q, v = reference.q[starts].copy(), reference.v[starts].copy()

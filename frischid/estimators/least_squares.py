@@ -29,10 +29,10 @@ from frischid.errors import IdentifiabilityError
 from frischid.regression.moments import Gram, total
 
 WORST_CONDITION = 1e6  # of the column-scaled regressor; its square leaves four digits in the moments
-LEAST_BLOCKS = 10
-SINGULAR = 1e-7  # least pivot of a Cholesky factor over the largest, below which its matrix is taken as singular
-ROUNDING = 1e-9  # share of a joint's torque below which a residual is rounding, not noise
-LOPSIDED = 1e-3  # a joint's relative residual counts as at least this share of the median joint's
+JACKKNIFE_BLOCKS = 10  # of data below which their scatter says nothing of correlation
+SINGULAR_PIVOT = 1e-7  # least pivot of a Cholesky factor over the largest, below which its matrix is taken as singular
+ROUNDING_SHARE = 1e-9  # share of a joint's torque below which a residual is rounding, not noise
+LEAST_RELATIVE_RESIDUAL = 1e-3  # a joint's relative residual counts as at least this share of the median joint's
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +200,7 @@ def _variance(whole: Gram, theta: Array) -> Array:
     torque = np.maximum(whole.moments[:, -1, -1], 1e-300)
     left = whole.residual_ss(theta)
     # A joint that happens to fit exactly must not take all the weight and leave the others' parameters undetermined.
-    floor = np.maximum(ROUNDING, LOPSIDED * np.sqrt(np.median(left / torque))) ** 2 * torque
+    floor = np.maximum(ROUNDING_SHARE, LEAST_RELATIVE_RESIDUAL * np.sqrt(np.median(left / torque))) ** 2 * torque
     return np.asarray(np.maximum(left, floor) / np.maximum(whole.counts - cost * len(theta), 1.0))
 
 
@@ -268,7 +268,7 @@ def _posterior(blocks: Sequence[Gram], weights: Array, prior: Prior) -> Estimate
 
 
 def _jackknife(blocks: Sequence[Gram], weights: Array, system: NormalEquations) -> tuple[Array | None, tuple[str, ...]]:
-    if len(blocks) < LEAST_BLOCKS:
+    if len(blocks) < JACKKNIFE_BLOCKS:
         short = f"only {len(blocks)} blocks of data: standard errors take residuals as uncorrelated and are too small"
         return None, (short,)
     changes = []
@@ -278,7 +278,7 @@ def _jackknife(blocks: Sequence[Gram], weights: Array, system: NormalEquations) 
         rest = system.H - moments[:-1, :-1] * np.outer(system.scale, system.scale)
         try:
             factor, lower = linalg.cho_factor(rest, check_finite=False)
-            if np.diag(factor).min() < SINGULAR * np.diag(factor).max():
+            if np.diag(factor).min() < SINGULAR_PIVOT * np.diag(factor).max():
                 raise linalg.LinAlgError
             changes.append(linalg.cho_solve((factor, lower), score, check_finite=False) * system.scale)
         except linalg.LinAlgError:

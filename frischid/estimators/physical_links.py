@@ -9,7 +9,7 @@ semidefinite (Wensing, Kim and Slotine 2018, IEEE RA-L 3(1)). Base parameters ``
 noise may leave no such body behind them. So, in two convex steps,
 
     χ²* = min_θ  (K θ − θ_b)ᵀ Σ_b⁻¹ (K θ − θ_b)                       every link physical
-    θ*  = argmin Σ_i tr(P_i P_0i⁻¹) − log det(P_i P_0i⁻¹) − 4         χ²(θ) ≤ χ²* + SLACK p
+    θ*  = argmin Σ_i tr(P_i P_0i⁻¹) − log det(P_i P_0i⁻¹) − 4         χ²(θ) ≤ χ²* + PRIOR_SLACK p
 
 The second is the log-det divergence from the nominal links P_0, which does not depend on frames or units (Lee, Wensing
 and Park 2020, IEEE T-RO 36(2)). With ``P_i = L_i X_i L_iᵀ`` and ``P_0i = L_i L_iᵀ`` every unknown is near one, whatever
@@ -32,13 +32,13 @@ from frischid.errors import FrischidError, InputError
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 
 PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-SLACK = 0.02  # of χ²'s mean p: what the prior may cost, beside what the estimate's own errors cost
-FLOOR = 1e-3  # least share of the nominal link in any direction: simulators refuse bodies that are flat
+PRIOR_SLACK = 0.02  # of χ²'s mean p: what the prior may cost, beside what the estimate's own errors cost
+LEAST_LINK_SHARE = 1e-3  # least share of the nominal link in any direction: simulators refuse bodies that are flat
 SHARPEST = 1e5  # no combination counts as known to better than this inverse share of the nominal link
 THINNEST = 0.01  # m: a nominal link without extension is taken to have this radius of gyration
 LIGHTEST = 0.05  # a nominal link without mass is taken to have this share of the mean mass
-SURE = 0.999  # of the bounds a consistent robot must keep
-AT_BOUNDARY = 3.0  # × FLOOR: a link this close to it is called at the boundary
+BOUND_CONFIDENCE = 0.999  # of the bounds a consistent robot must keep
+AT_BOUNDARY = 3.0  # × LEAST_LINK_SHARE: a link this close to it is called at the boundary
 
 
 class InfeasibleError(FrischidError):
@@ -107,10 +107,11 @@ class Consistent:
     misfit : float
         χ²*, in squared standard errors: what the constraints alone cost.
     reproduces : bool
-        Whether that is within the base parameters' bounds: ``χ²* ≤`` the `SURE` quantile of χ² with p degrees of
-        freedom.
+        Whether that is within the base parameters' bounds: ``χ²* ≤`` the `BOUND_CONFIDENCE` quantile of χ² with p
+        degrees of freedom.
     eigenvalues : ndarray, shape (L,)
-        Least eigenvalue of each P relative to the nominal link's; all at least `FLOOR`, as computed from `theta`.
+        Least eigenvalue of each P relative to the nominal link's, as computed from `theta`; all at least
+        `LEAST_LINK_SHARE`.
     divergence : ndarray, shape (L,)
         Log-det divergence from the nominal link.
     active : tuple of Active
@@ -134,7 +135,7 @@ class Consistent:
     @property
     def feasible(self) -> bool:
         """Whether every link is physical, by the eigenvalues of what is returned."""
-        return bool((self.eigenvalues > 0.5 * FLOOR).all())
+        return bool((self.eigenvalues > 0.5 * LEAST_LINK_SHARE).all())
 
 
 def consistent(theta: Array, information: Array, mapping: Array, links: Links, extras: Extras) -> Consistent:
@@ -176,9 +177,9 @@ def consistent(theta: Array, information: Array, mapping: Array, links: Links, e
     if not problem.solve_fit():
         raise InfeasibleError(_reason(problem, links))
     misfit = problem.misfit
-    reproduces = misfit <= float(chi2.ppf(SURE, len(theta)))
+    reproduces = misfit <= float(chi2.ppf(BOUND_CONFIDENCE, len(theta)))
     blame = () if reproduces else problem.blame(misfit)
-    problem.solve_nearest(misfit + SLACK * len(theta))
+    problem.solve_nearest(misfit + PRIOR_SLACK * len(theta))
     values = problem.values
     inverse = np.linalg.inv(problem.roots)
     X = inverse @ pseudo_inertia(values[: 10 * L].reshape(L, 10)) @ inverse.transpose(0, 2, 1)
@@ -228,7 +229,7 @@ class _Problem:
         A, b = _whitened(np.hstack(columns), theta, information)
         unknown = cp.hstack([*(cp.vec(X, order="C") for X in self.X), *([] if self.e is None else [self.e])])
         self.error = A @ unknown - b
-        self.cones = [X >> FLOOR * np.eye(4) for X in self.X]
+        self.cones = [X >> LEAST_LINK_SHARE * np.eye(4) for X in self.X]
         self.own = [self._demands(i) for i in range(L)]
         self.signs = self._signs()
 
@@ -325,7 +326,7 @@ class _Problem:
             self.links.names, self.links_value, self.roots, self._link_parameters(), self.links.boxes, strict=True
         ):
             values, vectors = np.linalg.eigh(X)
-            if values[0] < AT_BOUNDARY * FLOOR:
+            if values[0] < AT_BOUNDARY * LEAST_LINK_SHARE:
                 found.append(Active(name, _flat(np.linalg.solve(C.T, vectors[:, 0]), x[0] / C[3, 3] ** 2)))
             if box is not None and ((box[0] @ x[1:4] - box[1] * x[0]) > -1e-4 * x[0]).any():
                 found.append(Active(name, "its centre of mass lies on a face of its box"))
@@ -346,7 +347,7 @@ def _whitened(A: Array, theta: Array, information: Array) -> tuple[Array, Array]
 
 def _flat(direction: Array, share: float) -> str:
     """What an empty direction v of the pseudo-inertia means: all mass lies in the plane v·(r, 1) = 0."""
-    if share < 2 * AT_BOUNDARY * FLOOR:
+    if share < 2 * AT_BOUNDARY * LEAST_LINK_SHARE:
         return "its mass tends to zero"
     axis = direction[:3] / max(float(np.linalg.norm(direction[:3])), 1e-300)
     axis = axis * np.sign(axis[np.argmax(np.abs(axis))])

@@ -44,14 +44,14 @@ from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 
 CHANNELS = ("q", "v", "a")
-STEP = 0.03
+PROBE_STEP = 0.03
 """Displacement of a sensor for differences, as a share of what its channels span: rms of q̇ and q̈, 1 rad (m) of q."""
 
-STRETCH = 256
+STRETCH_SAMPLES = 256
 """Filtered samples that are corrected at once."""
 
-UNIT = np.ones(1)
-SAME = 2e-7  # relative difference of two channels that is rounding of the derivative's weights
+ONE_TAP = np.ones(1)
+SAME_CHANNEL = 2e-7  # relative difference of two channels that is rounding of the derivative's weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,17 +91,17 @@ def sensors_of(motion: Motion, robot: Robot, lowpass: LowPass) -> list[Sensor]:
     found = []
     for j, name in enumerate(robot.joints):
         q, v, a = motion.q[:, j], motion.v[:, j], motion.a[:, j]
-        taps: dict[str, dict[str, Array]] = {"q": {"q": UNIT}}
+        taps: dict[str, dict[str, Array]] = {"q": {"q": ONE_TAP}}
         if _derived(v, q, first):
             taps["q"]["v"] = first
         else:
-            taps["v"] = {"v": UNIT}
+            taps["v"] = {"v": ONE_TAP}
         if _derived(a, q, second):
             taps["q"]["a"] = second
         elif "v" in taps and _derived(a, v, first):
             taps["v"]["a"] = first
         else:
-            taps["a"] = {"a": UNIT}
+            taps["a"] = {"a": ONE_TAP}
         found += [Sensor(f"{channel} {name}", j, t) for channel, t in taps.items()]
     return found
 
@@ -113,7 +113,7 @@ def _derived(x: Array, source: Array, taps: Array) -> bool:
         return False
     made = np.convolve(source, taps[::-1], mode="valid")
     inside = x[half : len(x) - half]
-    return bool(np.abs(made - inside).max() <= SAME * max(float(np.abs(inside).max()), 1e-12))
+    return bool(np.abs(made - inside).max() <= SAME_CHANNEL * max(float(np.abs(inside).max()), 1e-12))
 
 
 def sensor_moments(
@@ -125,7 +125,7 @@ def sensor_moments(
     *,
     names: Sequence[str] | None = None,
     weights: Array | None = None,
-    step: float = STEP,
+    step: float = PROBE_STEP,
     repeats: int = 1,
     seed: int = 0,
 ) -> SensorMoments:
@@ -146,7 +146,7 @@ def sensor_moments(
     weights : ndarray, shape (J,), optional
         Weight of each joint's squared residual (`Estimate.weights`).
     step : float
-        See `STEP`.
+        See `PROBE_STEP`.
     repeats : int
         Sets of random signs to average over; one is enough unless the log is short and filtered.
     seed : int
@@ -282,7 +282,7 @@ def samples(
     Returns
     -------
     iterator of Samples
-        Of stretches of `STRETCH` filtered samples or a few more, their states [q v a t].
+        Of stretches of `STRETCH_SAMPLES` filtered samples or a few more, their states [q v a t].
     """
     robot = regressor.robot
     levels = noise_levels(motions, robot, lowpass)
@@ -326,11 +326,11 @@ def samples(
 
 
 def _stretches(blocks: Iterable[Block]) -> Iterator[list[Block]]:
-    """Consecutive blocks of `STRETCH` samples together, the last ones of fewer: at a high rate a block has few."""
+    """Consecutive blocks, `STRETCH_SAMPLES` samples together, the last ones fewer: at a high rate a block has few."""
     kept: list[Block] = []
     for block in blocks:
         kept.append(block)
-        if sum(len(b.t) for b in kept) >= STRETCH:
+        if sum(len(b.t) for b in kept) >= STRETCH_SAMPLES:
             yield kept
             kept = []
     if kept:

@@ -51,8 +51,8 @@ from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.frisch import Box, simplex, unit_diagonal
 
 TORQUE = "torque"
-ROUNDS = 3  # linear programs in sequence for each extreme; the set is so flat that the second rarely moves
-LEAST_BLOCKS = 8
+EXTREME_ROUNDS = 3  # linear programs in sequence for each extreme; the set is so flat that the second rarely moves
+SENSORWISE_BLOCKS = 8
 
 Limits = Mapping[str, tuple[float, float]]
 
@@ -156,9 +156,9 @@ def sensorwise(data: SensorMoments, *, confidence: float = 0.95, limits: Limits 
     triangle = simplex(data.moments.sum(axis=0), data.names)
     if triangle.exact:
         return _exact(data, triangle.ols)
-    if len(data.moments) < LEAST_BLOCKS:
+    if len(data.moments) < SENSORWISE_BLOCKS:
         raise IdentifiabilityError(
-            f"{len(data.moments)} blocks of time cannot show the sampling error; record at least {LEAST_BLOCKS} s"
+            f"{len(data.moments)} blocks of time cannot show the sampling error; record at least {SENSORWISE_BLOCKS} s"
         )
     quantile = float(student.isf((1 - confidence) / (2 * len(data.names)), len(data.moments) - 1))
     scheme = _Scheme(data, lower, upper, quantile)
@@ -299,7 +299,7 @@ class _Scheme:
         for i in range(len(middle.theta)):
             for sign in (-1.0, 1.0):
                 here: _Point | None = middle
-                for _ in range(ROUNDS):
+                for _ in range(EXTREME_ROUNDS):
                     if here is None:
                         break
                     gain = sign * (here.gradient[i] - here.gradient[i, -1] * here.cost / here.cost[-1])

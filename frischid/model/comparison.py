@@ -20,13 +20,14 @@ from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
+from frischid.model.comparison_criteria import COMPARISON_CRITERIA
 from frischid.model.model import Model
 from frischid.model.noise_floor import NoiseFloor
 from frischid.model.residual_conditions import Residuals
 from frischid.regression.block import COLUMNS_BESIDE_Y, Block
 from frischid.regression.regressor import nominal_parameters
 
-STRETCH = 1000  # filtered samples kept or left out together, so that residuals stay consecutive
+CONSECUTIVE_SAMPLES = 1000  # filtered samples kept or left out together, so that residuals stay consecutive
 SAMPLES_KEPT = 60_000  # filtered samples in memory: an hour of motion at usual cut-offs, 20 MB for a six-joint arm
 
 
@@ -136,6 +137,7 @@ class Comparison:
             "nrmse_with_standstill": self.nrmse_with_standstill,
             "logs": list(self.sources),
             "conditions": self.residuals.to_dict(),
+            "criteria": COMPARISON_CRITERIA.to_dict(),
             "joints": {
                 name: {
                     "rmse": j.rmse,
@@ -259,7 +261,7 @@ class Kept:
 
     def __init__(self) -> None:
         self.stretches: list[list[tuple[Block, Array]]] = []
-        self.every, self.number, self.samples, self.length = 1, -1, 0, STRETCH
+        self.every, self.number, self.samples, self.length = 1, -1, 0, CONSECUTIVE_SAMPLES
 
     @property
     def blocks(self) -> list[tuple[Block, Array]]:
@@ -268,7 +270,7 @@ class Kept:
 
     def add(self, block: Block, fitted: Array) -> None:
         """Take the next block, or leave it out."""
-        if self.length >= STRETCH:
+        if self.length >= CONSECUTIVE_SAMPLES:
             self.number, self.length = self.number + 1, 0
             if self.number % self.every == 0:
                 self.stretches.append([])

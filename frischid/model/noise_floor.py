@@ -1,4 +1,4 @@
-"""What the sensors alone would leave: the floor below which no model of this form can push the error.
+"""The error that the sensors alone would make: the floor below which no model of this form can push the error.
 
 A robot exactly like the model, whose dry friction changes sign at once, is sent along the measured path and looked at
 through sensors as noisy as the log's own; the model's error on that is the floor. With F the parallel filter,
@@ -29,18 +29,12 @@ from frischid.core.types import Array
 from frischid.effects import State, columns_of
 from frischid.logs.filters import LowPass, correlate, decimating_filter, derivative_taps, noise_level
 from frischid.logs.preprocessing import Motion
+from frischid.model.comparison_criteria import COMPARISON_CRITERIA as CRITERIA
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor
 
-SEED = 0  # of the draws: the same log gives the same floor
-SAMPLES = 12_000  # of one motion, from its middle, on which draws are made
-EACH = 16  # motions that are all looked at; of later ones the 32nd, 64th, ... stand for the rest
-SHARP = 1e-4  # width of dry friction's sign that is as good as none, rad/s (m/s)
-OCTAVES = 4  # above the cut-off in which noise is looked at
-BLOCK, FEW = 0.5, 32  # s, and samples: stretches that are each as noisy as they are
-ABOVE = 1.5  # times the middle of an octave: what is above is not looked at
-CORNERS = (80.0, 56.0, 40.0, 28.0, 20.0, 14.0, 10.0)  # Hz, of noise with a memory; slower may be physics
-SIXTH = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
+DRAW_SEED = 0  # of the draws: the same log gives the same floor
+SIXTH_DIFFERENCE = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
 
 
 class NoiseFloor:
@@ -65,7 +59,7 @@ class NoiseFloor:
         """Pass motions on, and see each."""
         for motion in motions:
             self.passed += 1
-            if self.passed <= EACH or self.passed.bit_count() == 1:
+            if self.passed <= CRITERIA.full_motions or self.passed.bit_count() == 1:
                 self.bounds += len(motion.t) * self._of(motion)
                 self.samples += len(motion.t)
             yield motion
@@ -76,9 +70,9 @@ class NoiseFloor:
         return np.asarray((level * np.linalg.norm(taps)) ** 2 + _through_the_motion(self.model, motion))
 
     def under(self, rmse: Array) -> Array:
-        """Floor of each joint, N·m (N), shape (J,), for a model that leaves this much.
+        """Floor of each joint, N·m (N), shape (J,), for a model with this residual error.
 
-        What is left says how sharp the robot's friction is: not so sharp that the sensors alone would leave more.
+        The residual error says how sharp the robot's friction is: not so sharp that the sensors alone would make more.
         """
         smooth, sharp = np.sqrt(self.bounds / self.samples)
         return np.asarray(np.maximum(smooth, np.minimum(sharp, rmse)))
@@ -106,7 +100,7 @@ def level_within(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
     """
     if lowpass.cutoff is None:
         return noise_level(x)
-    lags = dict.fromkeys(max(1, round(0.25 / (2**k * lowpass.cutoff * step))) for k in range(OCTAVES))
+    lags = dict.fromkeys(max(1, round(0.25 / (2**k * lowpass.cutoff * step))) for k in range(CRITERIA.octaves))
     found = [(0.5 / (lag * step), power) for lag in lags if (power := _power(x, v, step, lag)) is not None]
     if not found:
         return noise_level(x)
@@ -117,8 +111,8 @@ def level_within(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
 def _power(x: Array, v: Array, step: float, lag: int) -> Array | None:
     """Variance of white noise as strong as that of torques around 1 / (2 lag step), (J,); None: too few samples."""
     differences = np.zeros(6 * lag + 1)
-    differences[::lag] = SIXTH
-    cutoff = ABOVE / (2 * lag * step)
+    differences[::lag] = SIXTH_DIFFERENCE
+    cutoff = CRITERIA.octave_top / (2 * lag * step)
     both = np.convolve(LowPass(cutoff).taps(step), differences) if cutoff < 0.45 / step else differences
     if len(x) < 2 * len(both):
         return None
@@ -141,7 +135,7 @@ def _carried_on(centres: Array, powers: Array, cutoff: float) -> Array:
     if len(centres) < 3 or not (powers > 0).all():
         return np.asarray(powers[0])
     best, rise = np.inf, np.ones(powers.shape[1])
-    for corner in CORNERS:
+    for corner in CRITERIA.corners:
         parts = np.stack([1 / (1 + (centres / corner) ** 2), np.ones(len(centres))], axis=1)
         fits = [optimize.nnls(parts / y[:, None], np.ones(len(y))) for y in powers.T]
         left = sum(error**2 for _, error in fits)
@@ -153,7 +147,7 @@ def _carried_on(centres: Array, powers: Array, cutoff: float) -> Array:
 
 def _through_the_motion(model: Model, motion: Motion) -> Array:
     """Mean square of what noise of q, q̇, q̈ does to the model's filtered torque with a smooth and a sharp friction."""
-    path = _smoothed(motion.middle(min(1.0, SAMPLES / len(motion.t))), model.lowpass)
+    path = _smoothed(motion.middle(min(1.0, CRITERIA.noise_samples / len(motion.t))), model.lowpass)
     seen = _with_noise(path, motion, model.lowpass)
     regressor, index = Regressor(model.robot, model.effects, model.reference), model.torque_index
     taps, every = model.lowpass.taps(path.step), model.lowpass.decimation(path.step)
@@ -174,7 +168,7 @@ def _sharpened(model: Model, motion: Motion) -> Array:
     change = none.copy()
     for effect in model.effects:
         if effect.smooths_sign and not effect.loaded:
-            sharp = effect.with_sign_width(SHARP)
+            sharp = effect.with_sign_width(CRITERIA.sharp_width)
             for after, before in zip(sharp.terms(state), effect.terms(state), strict=True):
                 for joint, values in after.rows.items():
                     change[:, joint] += theta[after.column.name] * (values - before.rows[joint])
@@ -193,7 +187,7 @@ def _smoothed(motion: Motion, lowpass: LowPass) -> Motion:
 
 def _with_noise(path: Motion, motion: Motion, lowpass: LowPass) -> Motion:
     """A path as the sensors of a motion would see it."""
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(DRAW_SEED)
     first, second = (derivative_taps(order, path.step, lowpass.cutoff) for order in (1, 2))
     half = len(first) // 2
     long = (len(path.t) + 2 * half, path.q.shape[1])
@@ -211,7 +205,7 @@ def _with_noise(path: Motion, motion: Motion, lowpass: LowPass) -> Motion:
 
 def _levels(x: Array, step: float) -> Array:
     """Noise level of a channel block by block, at each of its samples, (N, J)."""
-    size = min(max(FEW, round(BLOCK / step)), len(x))
+    size = min(max(CRITERIA.noise_stretch_samples, round(CRITERIA.noise_stretch / step)), len(x))
     count = len(x) // size
     blocks = x[: count * size].reshape(count, size, -1).swapaxes(0, 1)
     return np.asarray(noise_level(blocks)[np.minimum(np.arange(len(x)) // size, count - 1)])

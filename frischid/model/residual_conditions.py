@@ -19,13 +19,11 @@ from scipy import stats
 
 from frischid.core.types import Array
 from frischid.estimators.autocorrelation import correlation_time
+from frischid.model.comparison_criteria import COMPARISON_CRITERIA as CRITERIA
 from frischid.model.model import Model
 from frischid.regression.block import Block
 
 Flags = NDArray[np.bool_]
-LEAST = 20  # samples below which a condition says nothing
-APART = 10  # independent samples below which nothing is said of dependence; the test errs on the safe side there
-AROUND_REVERSAL = 0.2  # s
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Structure:
-    """What is left in a joint's residual.
+    """Structure of a joint's residual error.
 
     Attributes
     ----------
@@ -73,7 +71,7 @@ class Structure:
     @property
     def white(self) -> bool:
         """Whether the residual is no more correlated than filtered white noise, to within half."""
-        return self.correlation_time < 1.5 * self.white_time
+        return self.correlation_time < CRITERIA.white_ratio * self.white_time
 
 
 class Residuals:
@@ -113,7 +111,7 @@ class Residuals:
         for name, inside in self._masks(j).items():
             inside = inside & used
             outside = used & ~inside
-            if min(inside.sum(), outside.sum()) < LEAST or rms == 0:
+            if min(inside.sum(), outside.sum()) < CRITERIA.condition_samples or rms == 0:
                 continue
             squared = self.residual[:, j] ** 2
             p = _welch(*(_means(squared[m], block[m]) for m in (inside, outside)))
@@ -127,13 +125,13 @@ class Residuals:
     def _masks(self, j: int) -> dict[str, Flags]:
         q, v, a, load = self.q[:, j], self.v[:, j], self.a[:, j], np.abs(self.fitted[:, j])
         used = self.used[:, j]
-        low, high = np.quantile(np.abs(v[used]), [0.25, 0.75]) if used.any() else (0.0, 0.0)
+        low, high = np.quantile(np.abs(v[used]), [CRITERIA.quarter, 1 - CRITERIA.quarter]) if used.any() else (0.0, 0.0)
         thirds = np.quantile(q[used], [1 / 3, 2 / 3]) if used.any() else (0.0, 0.0)
         start = np.array([self.t[self.source == s].min() for s in range(self.source.max() + 1)])[self.source]
         length = np.array([np.ptp(self.t[self.source == s]) for s in range(self.source.max() + 1)])[self.source]
         share = (self.t - start) / np.maximum(length, 1e-9)
-        strong = np.quantile(load[used], 0.75) if used.any() else 0.0
-        brisk = np.quantile(np.abs(a[used]), 0.75) if used.any() else 0.0
+        strong = np.quantile(load[used], 1 - CRITERIA.quarter) if used.any() else 0.0
+        brisk = np.quantile(np.abs(a[used]), 1 - CRITERIA.quarter) if used.any() else 0.0
         return {
             "near reversal": self._near_reversal(v),
             "slow": np.abs(v) <= low,
@@ -145,13 +143,13 @@ class Residuals:
             "high angles": q >= thirds[1],
             "high load": load >= strong,
             "high acceleration": np.abs(a) >= brisk,
-            "beginning": share < 0.2,
-            "end": share > 0.8,
+            "beginning": share < CRITERIA.beginning,
+            "end": share > 1 - CRITERIA.beginning,
         }
 
     def _near_reversal(self, v: Array) -> Flags:
         changes = np.flatnonzero(np.diff(np.sign(v)) != 0)
-        width = max(1, round(AROUND_REVERSAL / self.step))
+        width = max(1, round(CRITERIA.reversal_seconds / self.step))
         near = np.zeros(len(v), bool)
         for i in changes:
             near[max(0, i - width + 1) : i + width + 1] = True
@@ -170,7 +168,7 @@ class Residuals:
         p = {}
         for name, x in variables.items():
             x_thin, r_thin = x[used, j][thin], r[thin]
-            enough = len(r_thin) >= APART and np.ptp(x_thin) > 0 and np.ptp(r_thin) > 0
+            enough = len(r_thin) >= CRITERIA.dependence_samples and np.ptp(x_thin) > 0 and np.ptp(r_thin) > 0
             p[name] = float(stats.chatterjeexi(x_thin, r_thin).pvalue) if enough else 1.0
         return Structure(time, self.white_time, p)
 

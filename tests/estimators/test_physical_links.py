@@ -7,7 +7,7 @@ from cases import exact_log, made, quick, random_values, robot, states
 
 from frischid.effects import BASELINE
 from frischid.errors import InputError, UnknownNameError
-from frischid.estimators.physical_links import FLOOR, Extras, InfeasibleError, Links, consistent
+from frischid.estimators.physical_links import LEAST_LINK_SHARE, Extras, InfeasibleError, Links, consistent
 from frischid.export.consistency import as_identified, make_consistent
 from frischid.model.comparison import compare
 from frischid.model.model import Model
@@ -187,7 +187,7 @@ def test_a_model_becomes_physical_and_stays_as_good(name):
     found = make_consistent(model)
     assert found.result.feasible
     assert found.result.reproduces
-    assert found.result.eigenvalues.min() > 0.5 * FLOOR
+    assert found.result.eigenvalues.min() > 0.5 * LEAST_LINK_SHARE
     assert is_physical(found.model.links).all()
     machine = robot(name)
     log = exact_log(machine, BASELINE, random_values(machine, BASELINE), seed=9, noise=Noise(tau=0.02))
