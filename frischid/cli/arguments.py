@@ -1,33 +1,52 @@
-"""Options that commands share, how their text is read, and how results are printed."""
+"""Options that commands share, and how their text is read."""
 
 from __future__ import annotations
 
 import fnmatch
-import json
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import click
 
 from frischid.errors import InputError, UnknownNameError
 
-IN_MEMORY = 32 * 2**20
-"""Size of all files together, in bytes, up to which they are read as a whole."""
 
-if TYPE_CHECKING:
-    from frischid.core.parallel import Workers
-    from frischid.logs.log import Log
-    from frischid.robot.robot import Robot
+@dataclass(frozen=True)
+class RobotArguments:
+    """The options of `robot_options`, as they were written.
+
+    Attributes
+    ----------
+    joints : str or None
+        Joints that move, as a list of names and patterns.
+    lock : tuple of str
+        ``JOINT`` or ``JOINT=ANGLE``.
+    gravity : tuple of float
+        In the world, m/s².
+    base_rpy : tuple of float or None
+        Roll, pitch and yaw of the base, rad.
+    frames : str
+        Frames of the link parameters.
+    known : tuple of str
+        ``NAME=VALUE``.
+    """
+
+    joints: str | None
+    lock: tuple[str, ...]
+    gravity: tuple[float, float, float]
+    base_rpy: tuple[float, float, float] | None
+    frames: str
+    known: tuple[str, ...]
 
 
 def robot_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options that say what robot is meant."""
     options = [
         click.option("--joints", help="Joints that move, comma separated; * and ? match. Others are locked."),
-        click.option("--lock", multiple=True, metavar="JOINT[=ANGLE]", help="Hold a joint still, rad (m); repeatable."),
+        click.option(
+            "--lock", multiple=True, metavar="JOINT[=ANGLE]", help="Lock a joint at an angle, rad (m); repeatable."
+        ),
         click.option("--gravity", type=float, nargs=3, default=(0.0, 0.0, -9.81), help="Gravity in the world, m/s²."),
         click.option("--base-rpy", type=float, nargs=3, default=None, help="Roll, pitch, yaw of the base, rad."),
         click.option(
@@ -64,51 +83,9 @@ scheduler_option = click.option(
     help="Where to work: the address of a Dask scheduler (tcp://host:8786), local (this machine's cores), or none.",
 )
 workers_option = click.option(
-    "--workers", type=click.IntRange(min=1), help="Processes of a local cluster, one a core by default."
+    "--workers", type=click.IntRange(min=1), help="Processes of a local cluster, one per core by default."
 )
 valid_option = click.option("--valid", multiple=True, help="Log to measure the error on; repeatable. Never fitted.")
-
-
-# ---------------------------------------------------------------------- arguments
-
-
-def load(
-    robot: str, options: dict[str, Any], paths: Sequence[str] = (), mapping: str | None = None, *, whole: bool = True
-) -> tuple[Robot, list[Any]]:
-    """The robot as the options want it, and its logs; a joint locked without an angle: its median in the log.
-
-    Not `whole`: logs that are long together come as recordings.
-    """
-    from statistics import median
-
-    from frischid.logs.recording import chunks_of
-    from frischid.robot.robot import Robot
-
-    nominal = Robot.load(robot)
-    logs = (read if whole else opened)(paths, nominal, mapping)
-    locks: dict[str, float] = {}
-    for item in options["lock"]:
-        pattern, given, angle = item.partition("=")
-        for joint in matching(pattern, nominal.joints) or []:
-            locks[joint] = number(joint, angle) if given else float("nan")
-    joints = matching(options["joints"], nominal.joints)
-    if joints is not None:
-        locks |= {j: float("nan") for j in nominal.joints if j not in joints and j not in locks}
-    free = [joint for joint, angle in locks.items() if angle != angle]
-    first = next(chunks_of(logs[0])) if logs and free else None
-    for joint in free:
-        if first is not None and joint in first.joints:
-            locks[joint] = median(first.select([joint]).q[:, 0].tolist())
-    frames = options["frames"]
-    machine = Robot.load(
-        robot,
-        lock=locks,
-        gravity=options["gravity"],
-        base_rpy=options["base_rpy"],
-        frames=pairs(frames.split(",")) if "=" in frames else frames,
-        known={k: number(k, v) for k, v in pairs(options["known"]).items()},
-    )
-    return machine, logs
 
 
 def matching(text: str | None, valid: Sequence[str]) -> list[str] | None:
@@ -162,65 +139,3 @@ def effects_of(text: str | None) -> Any:
     from frischid.effects import BASELINE, parse_effects
 
     return BASELINE if text is None else parse_effects(text)
-
-
-def read(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Log]:
-    """Logs of a robot, through a mapping when there is one."""
-    from frischid.logs.mapping import LogMap
-    from frischid.logs.readers import read_log
-
-    # A mapping may name joints that are locked in this robot; they are read and then not used.
-    form = LogMap.of(mapping)
-    return [read_log(path, (*robot.joints, *robot.locked), form) for path in paths]
-
-
-def opened(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Any]:
-    """Logs of a robot, in memory where they are small together, otherwise as recordings that are read in pieces."""
-    from frischid.logs.mapping import LogMap
-    from frischid.logs.recording import Recording
-
-    sizes = [path.stat().st_size for path in map(Path, paths) if path.is_file()]
-    if len(sizes) == len(paths) and sum(sizes) <= IN_MEMORY:
-        return list(read(paths, robot, mapping))
-    form = LogMap.of(mapping)
-    return [Recording.open(path, (*robot.joints, *robot.locked), form) for path in paths]
-
-
-# ---------------------------------------------------------------------- output
-
-
-@contextmanager
-def working(quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Show what is being done while it lasts, on stderr, when a person is watching."""
-    if quiet or not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status("working") as status:
-        yield lambda text: status.update(text)
-
-
-@contextmanager
-def elsewhere(scheduler: str | None, count: int | None) -> Iterator[Workers | None]:
-    """Where to work if the user says so; otherwise None, which is this process."""
-    if scheduler is None and count is None:
-        yield None
-        return
-    from frischid.core.parallel import workers
-
-    with workers(scheduler, count) as pool:
-        yield pool
-
-
-def show_page(page: Any, as_json: bool) -> None:
-    """Print a page: ``.data`` for machines, ``.parts`` for people."""
-    if as_json:
-        click.echo(json.dumps(page.data, indent=1, ensure_ascii=False, allow_nan=False))
-        return
-    from rich.console import Console
-
-    # A pipe has no width of its own; tables cut at 80 columns would lose what they are for.
-    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
-    for part in page.parts:
-        console.print(part)

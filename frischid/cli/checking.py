@@ -8,8 +8,10 @@ from typing import Any
 
 import click
 
-from frischid.cli.arguments import json_option, load, map_option, robot_options, show_page, working
+from frischid.cli.arguments import RobotArguments, json_option, map_option, robot_options
 from frischid.cli.group import main
+from frischid.cli.inputs import load
+from frischid.cli.output import show_page, working
 from frischid.errors import InputError
 
 
@@ -32,7 +34,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
     with working(as_json) as progress:
         progress("reading logs")
         try:
-            machine, data = load(robot, options, logs, mapping)
+            machine, data = load(robot, RobotArguments(**options), logs, mapping)
         except InputError:
             # One error stops the reading. Where there is more to say, the page says it first.
             form = LogMap.of(mapping)

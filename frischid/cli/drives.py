@@ -7,18 +7,17 @@ from typing import Any
 import click
 
 from frischid.cli.arguments import (
+    RobotArguments,
     cutoff_of,
     effects_of,
     effects_option,
     json_option,
-    load,
     map_option,
-    read,
     robot_options,
-    show_page,
-    working,
 )
 from frischid.cli.group import main
+from frischid.cli.inputs import load, read
+from frischid.cli.output import show_page, working
 
 
 @main.command()
@@ -55,7 +54,7 @@ def gains(
     given = {n: j.current_gain for n, j in form.joint.items() if j.current_gain is not None}
     with working(as_json) as progress:
         progress("reading logs")
-        machine, without = load(robot, options, unloaded, mapping)
+        machine, without = load(robot, RobotArguments(**options), unloaded, mapping)
         carrying = read(loaded, machine, mapping)
         progress("drive gains")
         found = find_gains(

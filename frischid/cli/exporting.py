@@ -7,8 +7,9 @@ from typing import Any
 
 import click
 
-from frischid.cli.arguments import json_option, number, pairs, show_page, working
+from frischid.cli.arguments import json_option, number, pairs
 from frischid.cli.group import main
+from frischid.cli.output import show_page, working
 from frischid.errors import InputError
 
 Corners = tuple[list[float], list[float]]

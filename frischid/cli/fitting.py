@@ -7,21 +7,20 @@ from typing import Any
 import click
 
 from frischid.cli.arguments import (
+    RobotArguments,
     cutoff_of,
     effects_of,
     effects_option,
     json_option,
-    load,
     map_option,
     matching,
-    opened,
     robot_options,
-    show_page,
     valid_option,
-    working,
 )
-from frischid.cli.fleets import run_fleet
+from frischid.cli.fleets import FleetArguments, run_fleet
 from frischid.cli.group import main
+from frischid.cli.inputs import load, opened
+from frischid.cli.output import show_page, working
 from frischid.errors import InputError
 
 
@@ -35,7 +34,7 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 
     ROBOT is a URDF file or the name of one that example-robot-data ships; without it, the names are listed.
     """
-    from frischid.cli.pages import fitting as show
+    from frischid.cli.pages import robots as show
     from frischid.regression.regressor import Regressor
     from frischid.regression.structure import structure
     from frischid.robot.urdf_reading import robot_names
@@ -43,7 +42,7 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
     if robot is None:
         show_page(show.robots(list(robot_names())), as_json)
         return
-    machine, _ = load(robot, options)
+    machine, _ = load(robot, RobotArguments(**options))
     regressor = Regressor(machine, effects_of(effects))
     with working(as_json) as progress:
         progress("base parameters")
@@ -99,9 +98,8 @@ def identify(
                 "--scheduler sums moments: it has no --valid, --estimator, --bbrf or --window; leave them out, or "
                 "identify on this machine without --scheduler"
             )
-        fit = {"effects": effects, "mapping": mapping, "torque_joints": torque_joints, "cutoff": cutoff}
-        rest = {"velocity": velocity, "strict": False, "diagnosed": 20, "output": output}
-        run_fleet(robot, logs, scheduler, None, as_json, options, fit | rest)
+        fleet = FleetArguments(effects, mapping, torque_joints, cutoff, velocity, output, scheduler)
+        run_fleet(robot, RobotArguments(**options), logs, fleet, as_json)
         return
     from frischid.cli.pages import fitting as show
     from frischid.core.files import check_writable
@@ -111,7 +109,7 @@ def identify(
         check_writable(output)
     with working(as_json) as progress:
         progress("reading logs")
-        machine, data = load(robot, options, logs, mapping, whole=False)
+        machine, data = load(robot, RobotArguments(**options), logs, mapping, whole=False)
         found = run(
             machine,
             data,
@@ -139,7 +137,7 @@ def identify(
 @json_option
 def compare(model: str, logs: tuple[str, ...], mapping: str | None, as_json: bool) -> None:
     """Measured torque against the model's, joint by joint."""
-    from frischid.cli.pages import fitting as show
+    from frischid.cli.pages import comparing as show
     from frischid.model.comparison import compare as run
     from frischid.model.model import Model
 

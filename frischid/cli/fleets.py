@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import click
 
 from frischid.cli.arguments import (
+    RobotArguments,
     cutoff_of,
     effects_of,
     effects_option,
     json_option,
-    load,
     map_option,
     matching,
     robot_options,
     scheduler_option,
-    show_page,
     workers_option,
-    working,
 )
 from frischid.cli.group import main
+from frischid.cli.inputs import load
+from frischid.cli.output import show_page, working
+
+DIAGNOSED = 20  # robots of a fleet that differ most, whose missing effect is looked for by default
 
 
 @main.command()
@@ -35,12 +38,15 @@ from frischid.cli.group import main
 @scheduler_option
 @workers_option
 @click.option("--strict", is_flag=True, help="Stop at a log that cannot be used instead of skipping it.")
-@click.option("--diagnosed", default=20, show_default=True, help="Of the robots that differ, how many to diagnose.")
+@click.option(
+    "--diagnosed", default=DIAGNOSED, show_default=True, help="Of the robots that differ, how many to diagnose."
+)
 @click.option("-o", "--output", type=click.Path(), help="Write the model of the fleet here (JSON).")
 @json_option
 def fleet(
     robot: str,
     logs: tuple[str, ...],
+    as_json: bool,
     effects: str | None,
     mapping: str | None,
     torque_joints: str | None,
@@ -51,7 +57,6 @@ def fleet(
     strict: bool,
     diagnosed: int,
     output: str | None,
-    as_json: bool,
     **options: Any,
 ) -> None:
     """Identify many equal robots: each alone, all together, and which differ from the others.
@@ -59,29 +64,46 @@ def fleet(
     LOGS are quoted patterns or addresses: 'logs/**/*.parquet', 'logs/{robot}_*.parquet', 's3://bucket/{robot}/*'.
     A robot is what {robot} stands for, else the first folder below the pattern's fixed part, else the file.
     """
-    arguments: dict[str, Any] = {
-        "effects": effects,
-        "mapping": mapping,
-        "torque_joints": torque_joints,
-        "cutoff": cutoff,
-        "velocity": velocity,
-        "strict": strict,
-        "diagnosed": diagnosed,
-        "output": output,
-    }
-    run_fleet(robot, logs, scheduler, workers, as_json, options, arguments)
+    arguments = FleetArguments(
+        effects, mapping, torque_joints, cutoff, velocity, output, scheduler, workers, strict, diagnosed
+    )
+    run_fleet(robot, RobotArguments(**options), logs, arguments, as_json)
+
+
+@dataclass(frozen=True)
+class FleetArguments:
+    """The options of `fleet`, as they were written.
+
+    Attributes
+    ----------
+    effects, mapping, torque_joints, cutoff, velocity, output
+        As for `identify`.
+    scheduler : str or None
+        Address of a Dask scheduler, ``local`` or ``none``.
+    workers : int or None
+        Processes of a local cluster.
+    strict : bool
+        Whether a log that cannot be used stops the work.
+    diagnosed : int
+        How many of the robots that differ are diagnosed.
+    """
+
+    effects: str | None
+    mapping: str | None
+    torque_joints: str | None
+    cutoff: str
+    velocity: str
+    output: str | None
+    scheduler: str | None
+    workers: int | None = None
+    strict: bool = False
+    diagnosed: int = DIAGNOSED
 
 
 def run_fleet(
-    robot: str,
-    logs: tuple[str, ...],
-    scheduler: str | None,
-    count: int | None,
-    as_json: bool,
-    options: dict[str, Any],
-    arguments: dict[str, Any],
+    robot: str, options: RobotArguments, logs: tuple[str, ...], arguments: FleetArguments, as_json: bool
 ) -> None:
-    """Identify a fleet and print what was found; also what `frischid identify --scheduler` does."""
+    """Identify a fleet and print the result; also the work of `frischid identify --scheduler`."""
     from frischid.cli.pages import fleets as show
     from frischid.core.files import check_writable
     from frischid.core.parallel import workers
@@ -89,22 +111,21 @@ def run_fleet(
     from frischid.fleet.log_paths import find_logs
     from frischid.logs.mapping import LogMap
 
-    output = arguments["output"]
+    output = arguments.output
     if output:
         check_writable(output)
     found = find_logs(logs)
     machine, _ = load(robot, options)
-    mapping = arguments["mapping"]
-    with working(as_json) as progress, workers(scheduler, count) as pool:
-        joints = matching(arguments["torque_joints"], machine.joints)
+    with working(as_json) as progress, workers(arguments.scheduler, arguments.workers) as pool:
+        joints = matching(arguments.torque_joints, machine.joints)
         wanted = FleetOptions(
-            effects=tuple(effects_of(arguments["effects"])),
+            effects=tuple(effects_of(arguments.effects)),
             torque_joints=None if joints is None else tuple(joints),
-            cutoff=cutoff_of(arguments["cutoff"]),
-            velocity=arguments["velocity"],
-            mapping=None if mapping is None else LogMap.of(mapping),
-            strict=arguments["strict"],
-            diagnosed=arguments["diagnosed"],
+            cutoff=cutoff_of(arguments.cutoff),
+            velocity=arguments.velocity,
+            mapping=None if arguments.mapping is None else LogMap.of(arguments.mapping),
+            strict=arguments.strict,
+            diagnosed=arguments.diagnosed,
         )
         result = identify_fleet(machine, found, wanted, workers=pool, progress=progress)
     if output:

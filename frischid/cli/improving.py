@@ -7,19 +7,17 @@ from typing import Any
 import click
 
 from frischid.cli.arguments import (
-    elsewhere,
     json_option,
     map_option,
     matching,
-    opened,
     scheduler_option,
-    show_page,
     situation_option,
     valid_option,
     workers_option,
-    working,
 )
 from frischid.cli.group import main
+from frischid.cli.inputs import opened
+from frischid.cli.output import elsewhere, show_page, working
 from frischid.errors import InputError
 
 

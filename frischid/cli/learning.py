@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import click
 
-from frischid.cli.arguments import json_option, show_page, working
+from frischid.cli.arguments import json_option
 from frischid.cli.group import main
+from frischid.cli.output import show_page, working
 from frischid.errors import UnknownNameError
 
 

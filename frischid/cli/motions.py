@@ -7,21 +7,20 @@ from typing import Any
 import click
 
 from frischid.cli.arguments import (
+    RobotArguments,
     channels_of,
     effects_of,
     effects_option,
-    elsewhere,
     json_option,
-    load,
     number,
     pairs,
     robot_options,
     scheduler_option,
-    show_page,
     workers_option,
-    working,
 )
 from frischid.cli.group import main
+from frischid.cli.inputs import load
+from frischid.cli.output import elsewhere, show_page, working
 from frischid.errors import InputError
 
 
@@ -68,7 +67,7 @@ def simulate(
     check_writable(output)
     names = {"noise_q": "q", "noise_v": "v", "noise_a": "a", "noise_tau": "tau", "quantum": "quantum"}
     noise = Noise(**{short: options.pop(long) for long, short in names.items()})
-    machine, _ = load(robot, options)
+    machine, _ = load(robot, RobotArguments(**options))
     with working(as_json) as progress:
         progress("simulating")
         motion: Any = random_fourier(machine, duration, seed=seed)
@@ -147,7 +146,7 @@ def excite(
         raise InputError(f"--budget must be at least one evaluation, got {budget}")
     if not rate > 0:
         raise InputError(f"--rate must be a positive number of samples a second, got {rate:g}")
-    machine, _ = load(robot, options)
+    machine, _ = load(robot, RobotArguments(**options))
     pair = () if separate is None else parse_effects(separate)
     if separate is not None and len(pair) != 2:
         raise InputError(

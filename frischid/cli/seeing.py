@@ -6,8 +6,10 @@ from typing import Any
 
 import click
 
-from frischid.cli.arguments import json_option, map_option, read, show_page, situation_option, working
+from frischid.cli.arguments import json_option, map_option, situation_option
 from frischid.cli.group import main
+from frischid.cli.inputs import read
+from frischid.cli.output import show_page, working
 
 
 @main.command()

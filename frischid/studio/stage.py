@@ -42,6 +42,11 @@ class Stage:
         Told the name of a joint that was clicked.
     free : tuple of float
         Width, in the middle, and height, from above, that nothing covers, as shares of the page's height.
+
+    Attributes
+    ----------
+    viewpoint : tuple of ndarray, shape (3,)
+        Where the camera was put and the point it looks at, m.
     """
 
     def __init__(
@@ -66,10 +71,10 @@ class Stage:
         self.label = client.scene.add_label("/chosen", "", anchor="bottom-center")
         client.scene.add_grid("/floor", width=4 * size, height=4 * size, cell_size=size / 5, section_size=size)
         self._free = free
-        self._look(free)
+        self.viewpoint = self._look(free)
 
-    def _look(self, free: tuple[float, float]) -> None:
-        """Put the camera so near that the robot, wherever its logs take it, just fits into what is free of the page."""
+    def _look(self, free: tuple[float, float]) -> tuple[Array, Array]:
+        """Put the camera so near that the robot just fits into the free part of the page, wherever its logs take it."""
         camera, places = self.client.camera, self._places()
         middle = (places.min(axis=0) + places.max(axis=0)) / 2
         right = np.cross(AHEAD, [0.0, 0.0, 1.0])
@@ -85,6 +90,7 @@ class Stage:
         # In this order: moving the camera takes what it looks at along.
         camera.position = tuple(middle - distance * AHEAD)
         camera.look_at = tuple(middle)
+        return middle - distance * AHEAD, middle
 
     def _places(self) -> Array:
         """Corners of the base and of the joints' bodies at moments spread evenly, m, (P, 3)."""

@@ -80,14 +80,11 @@ def joint_reports(folder):
 
 
 def unroll(page):
-    """Scroll through the page so that every visible figure is drawn."""
+    """Bring every figure into view and wait until it is drawn."""
     page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
-    bottom, at = 1, 0
-    while at < bottom:
-        page.evaluate(f"window.scrollTo({{top: {at}, behavior: 'instant'}})")
-        page.wait_for_timeout(80)
-        at, bottom = at + 700, page.evaluate("document.body.scrollHeight")
-    page.wait_for_function("[...document.querySelectorAll('.plot')].every(p => p.dataset.drawn)")
+    for plot in page.query_selector_all(".plot"):
+        plot.evaluate("p => p.scrollIntoView({behavior: 'instant', block: 'center'})")
+        page.wait_for_function("p => p.dataset.drawn", arg=plot)
 
 
 DRAWN = (

@@ -33,7 +33,7 @@ from frischid.studio import stage as stage_module
 from frischid.studio import tab as tab_module
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import urdf_of
-from frischid.studio.frame import WIDTH
+from frischid.studio.frame import PHONE, SHEETLESS, WIDTH
 from frischid.studio.stage import colour_of
 from frischid.studio.tab import plain
 from frischid.studio.track import Track
@@ -172,13 +172,13 @@ def test_two_at_once_do_not_corrupt(bench, monkeypatch):
 
     def slow(*args, **options):
         entered.set()
-        leave.wait(20)
+        leave.wait(300)
         return real(*args, **options)
 
     monkeypatch.setattr(improvement, "add", slow)
     first = threading.Thread(target=lambda: bench.add(SPRING, 0))
     first.start()
-    assert entered.wait(20)
+    assert entered.wait(300)
     with pytest.raises(InputError, match="busy: refitting with joint_spring"):
         bench.undo(0)
     leave.set()
@@ -257,8 +257,8 @@ def error_shown(page):
     return float(re.search(r"NRMSE ([\d.]+)", page.inner_text("body")).group(1))
 
 
-def settled(condition, seconds=60.0):
-    """Wait for something to become true."""
+def settled(condition, seconds=300.0):
+    """Wait for something to become true; the limit only ends a test that hangs, also on a busy machine."""
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it took too long"
@@ -308,16 +308,14 @@ def test_a_session_in_the_browser(case, tmp_path):
         running.stop()
 
 
-def spot(running, page, joint):
-    """Where a joint is seen, in pixels of the page: its position through the camera of the one tab there is."""
-    settled(lambda: running.tabs)  # the curves are there before the robot
-    ((_, tab),) = running.tabs.items()
-    return pixel(running, page, tab.stage.markers[joint].position)
+def spot(page, tab, joint):
+    """Where a joint is seen, in pixels of the page: its position through the tab's camera."""
+    return pixel(page, tab, tab.stage.markers[joint].position)
 
 
-def pixel(running, page, place):
+def pixel(page, tab, place):
     """Where a place is seen."""
-    (camera,) = [client.camera for client in running.server.get_clients().values()]
+    camera = tab.client.camera
     canvas = page.locator("canvas").first.bounding_box()
     x, y, z = tf.SO3(camera.wxyz).inverse() @ (place - camera.position)
     assert z > 0, "behind the camera"
@@ -325,21 +323,20 @@ def pixel(running, page, place):
     return canvas["x"] + canvas["width"] / 2 + focal * x / z, canvas["y"] + canvas["height"] / 2 + focal * y / z
 
 
-UNPLACED = np.sqrt(27.0)  # of viser's camera, from what it looks at
+def in_place(running, page):
+    """The one tab, once the panels stand at the page's sides and the camera is where the stage put it."""
+    settled(lambda: running.tabs)  # the curves are there before the robot
+    ((_, tab),) = running.tabs.items()
+    width = page.viewport_size["width"]
+    scene = width if width < PHONE else width - 2 * WIDTH  # pixels; between the panels there is a little less
 
+    def arrived():
+        camera, drawn = tab.client.camera, page.locator("canvas").first.bounding_box()["width"]
+        now = np.array([camera.position, camera.look_at])
+        return drawn <= scene and camera.image_width == drawn and np.allclose(now, tab.stage.viewpoint, atol=1e-4)
 
-def at_rest(place, seconds=1.0):
-    """What `place` returns once it has not changed for a while: panels dock, and the camera is put, one by one."""
-    last, since = place(), time.monotonic()
-
-    def same():
-        nonlocal last, since
-        if (now := place()) != last:
-            last, since = now, time.monotonic()
-        return time.monotonic() - since > seconds
-
-    settled(same)
-    return last
+    settled(arrived)
+    return tab
 
 
 # of the curve "measured" in the first figure of the page: its largest value
@@ -362,35 +359,40 @@ def test_a_click_on_a_joint_shows_its_curves(case, tmp_path):
                 return page.evaluate(HIGHEST) == pytest.approx(highest[joint], rel=1e-5)
 
             settled(lambda: shown("joint2"))  # the worst: it has the spring
+            tab = in_place(running, page)
+            chosen = page.get_by_label("Joint", exact=True).first
             for joint in ("joint1", "joint2"):
-                page.mouse.click(*at_rest(lambda joint=joint: spot(running, page, joint)))
+
+                def clicked(joint=joint):  # again, where the browser has not drawn the joint yet
+                    page.mouse.click(*spot(page, tab, joint))
+                    return chosen.input_value() == joint
+
+                settled(clicked)
                 page.wait_for_selector(f"text={joint}: measured torque against the model's")
                 settled(lambda joint=joint: shown(joint))
-                assert page.get_by_label("Joint", exact=True).first.input_value() == joint
     finally:
         running.stop()
 
 
 @needs_browser
 def test_the_robot_is_as_near_when_the_panels_have_taken_their_place_first(case, tmp_path, monkeypatch):
+    real, viewpoints = tab_module.Tab._come, []
+
+    def late(tab):
+        """Go on only when the panels have narrowed the scene, and with it the picture that the camera reports."""
+        real(tab)
+        settled(lambda: tab.client.camera.image_width <= 1280 - 2 * WIDTH)
+
     running = studio(*case, tmp_path / "model.json", port=8290)
-    distances = []
     try:
-        for wait in (0.0, 3.0):  # the panels narrow the scene, and with it what the camera says of its picture
-            monkeypatch.setattr(tab_module, "BLINK", wait)
-            with opened(running.address, flags=SOLID):
-                settled(lambda: any(tab.stage is not None for tab in list(running.tabs.values())), seconds=120.0)
-                (camera,) = [tab.client.camera for tab in running.tabs.values()]
-
-                def distance(it=camera):
-                    return float(np.linalg.norm(it.position - it.look_at))
-
-                settled(lambda far=distance: far() < 0.9 * UNPLACED)  # a busy browser reports where it still is
-                distances.append(at_rest(distance, 2.0))
+        for come in (real, late):
+            monkeypatch.setattr(tab_module.Tab, "_come", come)
+            with opened(running.address, flags=SOLID) as seen:
+                viewpoints.append(in_place(running, seen.page).stage.viewpoint)
             settled(lambda: not running.tabs)
     finally:
         running.stop()
-    assert distances[0] == pytest.approx(distances[1])
+    assert np.array(viewpoints[0]) == pytest.approx(np.array(viewpoints[1]))
 
 
 @needs_browser
@@ -402,18 +404,19 @@ def test_on_a_phone_the_robot_stands_above_a_sheet_as_wide_as_the_page(case, tmp
             page.set_default_timeout(180_000)
             page.wait_for_selector("text=misses")
             sheet = page.locator(".mantine-Paper-root[style*='max-height: 60%']")
-            at_rest(lambda: sheet.bounding_box())
-            top = sheet.bounding_box()["y"]
+            top = SHEETLESS * 844
+            settled(lambda: sheet.bounding_box()["y"] == pytest.approx(top, abs=1.0))
             assert sheet.bounding_box()["width"] == 390
+            tab = in_place(running, page)
             for joint in ("joint1", "joint2"):
-                x, y = at_rest(lambda joint=joint: spot(running, page, joint))
+                x, y = spot(page, tab, joint)
                 assert 0 < x < 390
                 assert 0 < y < top
             page.get_by_text("Motion", exact=True).click()
             page.wait_for_selector(".js-plotly-plot .scatterlayer path")
             page.get_by_role("tab", name="Fails where").click()
             page.wait_for_selector(".heatmaplayer image")
-            assert page.evaluate(f"({OVERLAPS})(document)") == []
+            settled(lambda: page.evaluate(f"({OVERLAPS})(document)") == [])
     finally:
         running.stop()
 
@@ -436,11 +439,12 @@ def test_a_page_may_be_there_before_its_model(case, tmp_path):
 
 @needs_browser
 def test_controls_may_be_moved_before_the_robot_is_drawn(case, tmp_path, monkeypatch, capfd):
-    moved, real = threading.Event(), stage_module.Stage
+    moved, real, tabs = threading.Event(), stage_module.Stage, []
 
-    def slow(*args):
-        assert moved.wait(60)
-        return real(*args)
+    def slow(client, bench, track, chosen, free):
+        tabs.append(chosen.__self__)
+        assert moved.wait(300)
+        return real(client, bench, track, chosen, free)
 
     monkeypatch.setattr(stage_module, "Stage", slow)
     running = studio(*case, tmp_path / "model.json", port=8280)
@@ -451,10 +455,9 @@ def test_controls_may_be_moved_before_the_robot_is_drawn(case, tmp_path, monkeyp
             slider = page.get_by_role("slider").first
             for _ in range(5):
                 slider.press("ArrowRight")
-            page.wait_for_timeout(500)
+            settled(lambda: tabs and tabs[0].time.value == pytest.approx(0.05))
             moved.set()
-            settled(lambda: running.tabs)
-            ((_, tab),) = running.tabs.items()
+            tab = in_place(running, page)
             assert tab.time.value == pytest.approx(0.05)
         assert "Traceback" not in "".join(capfd.readouterr())
     finally:
@@ -470,7 +473,7 @@ def test_it_is_dark_where_the_reader_wants_it_dark(case, tmp_path, scheme, turne
         with opened(running.address, scheme=scheme, flags=SOLID) as seen:
             seen.page.wait_for_selector("text=misses")
             filters = "['html', 'canvas'].map((e) => getComputedStyle(document.querySelector(e)).filter)"
-            assert [("invert" in f) for f in seen.page.evaluate(filters)] == [turned, turned]
+            settled(lambda: [("invert" in f) for f in seen.page.evaluate(filters)] == [turned, turned])
     finally:
         running.stop()
 
@@ -493,8 +496,8 @@ def test_many_steps_fit_into_the_panel(case, tmp_path):
         with opened(running.address, flags=SOLID) as seen:
             seen.page.wait_for_selector("text=8 effects added")
             settled(lambda: seen.page.evaluate("document.querySelectorAll('.annotation-text').length") == 9)
-            assert seen.page.evaluate(f"({OVERLAPS})(document)") == []
-            assert all(title < axis for title, axis in seen.page.evaluate(TITLES))
+            settled(lambda: seen.page.evaluate(f"({OVERLAPS})(document)") == [])
+            settled(lambda: all(title < axis for title, axis in seen.page.evaluate(TITLES)))
     finally:
         running.stop()
 
@@ -509,13 +512,11 @@ def test_the_end_of_the_last_link_is_in_view_too(case, tmp_path):
         with opened(running.address, height=700, flags=SOLID) as seen:
             page = seen.page
             page.wait_for_selector("text=misses")
-            settled(lambda: running.tabs)
-            at_rest(lambda: spot(running, page, "joint2"))
-            tab = next(iter(running.tabs.values()))
+            tab = in_place(running, page)
             for x in np.linspace(0, tab.track.x[-1], 20):
                 tab.stage.pose(x, "joint2", "over all logs")
                 pose = tab.stage.urdf.get_transform("link2")
-                u, v = pixel(running, page, pose[:3, 3] + pose[:3, :3] @ END)
+                u, v = pixel(page, tab, pose[:3, 3] + pose[:3, :3] @ END)
                 assert WIDTH < u < 1280 - WIDTH
                 assert 0 < v < 700
     finally:
@@ -533,16 +534,14 @@ def test_the_robot_stays_in_view_wherever_its_logs_take_it(tmp_path, width, left
         with opened(running.address, width=width, height=700, flags=SOLID) as seen:
             page = seen.page
             page.wait_for_selector("text=misses")
-            settled(lambda: running.tabs)
-            at_rest(lambda: spot(running, page, "panda_joint7"))
-            tab = next(iter(running.tabs.values()))
+            tab = in_place(running, page)
             for x in np.linspace(0, tab.track.x[-1], 20):
                 tab.stage.pose(x, "panda_joint7", "over all logs")
                 for joint in robot.joints:
-                    u, v = spot(running, page, joint)
+                    u, v = spot(page, tab, joint)
                     assert left < u < width - left
                     assert 0 < v < bottom
-                u, _ = spot(running, page, "panda_joint7")
+                u, _ = spot(page, tab, "panda_joint7")
                 reach = {"bottom-left": (0, 1), "bottom-center": (-0.5, 0.5), "bottom-right": (-1, 0)}
                 text = 6.5 * len(tab.stage.label.text)  # pixels
                 for side in reach[tab.stage.label.anchor]:

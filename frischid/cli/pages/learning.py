@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from frischid.cli.demo import HIDDEN, STRENGTH, Demo
-from frischid.cli.pages.fitting import comparison, identified, parameters, summary
+from frischid.cli.pages.comparing import comparison
+from frischid.cli.pages.fitting import identified, parameters, summary
 from frischid.cli.pages.improving import diagnosis
 from frischid.cli.pages.page import Page, change, quantities, table_of, warning_lines
 from frischid.effects import EFFECTS, Effect
@@ -108,6 +109,3 @@ def demo(result: Demo, output: str | None, page: str) -> Page:
     data["report"] = page
     data["hidden"] = {"truth": HIDDEN, "diagnosis": result.diagnosis.to_dict(), "error_after": result.step.error_after}
     return Page(data, parts)
-
-
-# ---------------------------------------------------------------------- pieces

@@ -1,0 +1,78 @@
+"""A robot and its logs, read as the command line describes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from frischid.cli.arguments import RobotArguments, matching, number, pairs
+
+if TYPE_CHECKING:
+    from frischid.logs.log import Log
+    from frischid.robot.robot import Robot
+
+IN_MEMORY = 32 * 2**20
+"""Size of all files together, in bytes, up to which they are read as a whole."""
+
+
+def load(
+    robot: str, arguments: RobotArguments, paths: Sequence[str] = (), mapping: str | None = None, *, whole: bool = True
+) -> tuple[Robot, list[Any]]:
+    """The robot as the options describe it, and its logs.
+
+    A joint that is locked without an angle takes its median in the first log. If not `whole`, logs that are long
+    together come as recordings, which are read chunk by chunk.
+    """
+    from statistics import median
+
+    from frischid.logs.recording import chunks_of
+    from frischid.robot.robot import Robot
+
+    nominal = Robot.load(robot)
+    logs = (read if whole else opened)(paths, nominal, mapping)
+    locks: dict[str, float] = {}
+    for item in arguments.lock:
+        pattern, given, angle = item.partition("=")
+        for joint in matching(pattern, nominal.joints) or []:
+            locks[joint] = number(joint, angle) if given else float("nan")
+    joints = matching(arguments.joints, nominal.joints)
+    if joints is not None:
+        locks |= {j: float("nan") for j in nominal.joints if j not in joints and j not in locks}
+    free = [joint for joint, angle in locks.items() if angle != angle]
+    first = next(chunks_of(logs[0])) if logs and free else None
+    for joint in free:
+        if first is not None and joint in first.joints:
+            locks[joint] = median(first.select([joint]).q[:, 0].tolist())
+    frames = arguments.frames
+    machine = Robot.load(
+        robot,
+        lock=locks,
+        gravity=arguments.gravity,
+        base_rpy=arguments.base_rpy,
+        frames=pairs(frames.split(",")) if "=" in frames else frames,
+        known={k: number(k, v) for k, v in pairs(arguments.known).items()},
+    )
+    return machine, logs
+
+
+def read(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Log]:
+    """Logs of a robot, through a mapping when there is one."""
+    from frischid.logs.mapping import LogMap
+    from frischid.logs.readers import read_log
+
+    # A mapping may name joints that are locked in this robot; they are read and then not used.
+    form = LogMap.of(mapping)
+    return [read_log(path, (*robot.joints, *robot.locked), form) for path in paths]
+
+
+def opened(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Any]:
+    """Logs of a robot: in memory if they are small together, otherwise as recordings, read chunk by chunk."""
+    from frischid.logs.mapping import LogMap
+    from frischid.logs.recording import Recording
+
+    sizes = [path.stat().st_size for path in map(Path, paths) if path.is_file()]
+    if len(sizes) == len(paths) and sum(sizes) <= IN_MEMORY:
+        return list(read(paths, robot, mapping))
+    form = LogMap.of(mapping)
+    return [Recording.open(path, (*robot.joints, *robot.locked), form) for path in paths]

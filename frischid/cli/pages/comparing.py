@@ -1,0 +1,71 @@
+"""Comparisons of a model with logs, as pages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from frischid.cli.pages.page import Page, depends, figure, table_of
+from frischid.model.comparison import Comparison
+
+ORDER = (
+    "near reversal", "slow", "fast", "forwards", "backwards", "low angles", "middle angles", "high angles",
+    "high load", "high acceleration", "beginning", "end",
+)  # fmt: skip
+
+
+def comparison(result: Comparison) -> Page:
+    """Errors of a model, joint by joint."""
+    parts: list[Any] = [*error_tables(result), *_where(result), *_what_is_left(result)]
+    return Page(result.to_dict(), parts)
+
+
+def error_tables(result: Comparison) -> list[Any]:
+    """Errors joint by joint, and what was left out of them."""
+    where = ", ".join(result.sources)
+    table = table_of(
+        "joint", "RMSE", "NRMSE", "noise floor", "fit %", "bias", "nominal URDF", "constant", "worst error", "at",
+        title=f"measured against model on {where}: mean NRMSE {result.nrmse:.4f}",
+    )  # fmt: skip
+    for name, j in result.joints.items():
+        error = j.worst.measured - j.worst.predicted
+        table.add_row(
+            name, figure(j.rmse), f"{j.nrmse:.4f}", f"{j.noise_floor:.4f}", f"{j.fit:.1f}", figure(j.bias),
+            f"{j.nominal:.3f}",
+            f"{j.constant:.3f}", figure(error), f"{j.worst.t:.2f} s",
+        )  # fmt: skip
+    parts: list[Any] = [table]
+    if result.standstill > 0:
+        parts.append(
+            f"{result.standstill:.1%} of the torque samples are left out: the joint is at standstill, where dry "
+            f"friction is undetermined (mean NRMSE with them {result.nrmse_with_standstill:.4f})"
+        )
+    return parts
+
+
+def _where(result: Comparison) -> list[Any]:
+    """Joint × condition table of ratios to the joint's average; a star where it is more than chance."""
+    conditions = result.residuals.conditions()
+    if not conditions:
+        return []
+    names = list(dict.fromkeys(c.condition for c in conditions))
+    order = [n for n in ORDER if n in names]
+    table = table_of(
+        "joint", *order, title="where it fails: error under a condition / the joint's average (* p < 0.01)"
+    )
+    found = {(c.joint, c.condition): c for c in conditions}
+    for joint in result.joints.names:
+        cells = [found.get((joint, n)) for n in order]
+        table.add_row(joint, *("–" if c is None else f"{c.ratio:.2f}{'*' * (c.p_value < 0.01)}" for c in cells))
+    return [table]
+
+
+def _what_is_left(result: Comparison) -> list[str]:
+    lines = []
+    for joint, left in result.residuals.structure().items():
+        on = [name for name, p in left.depends_on.items() if p < 0.01]
+        if on or not left.white:
+            colour = (
+                "" if left.white else f"correlated over {left.correlation_time:.2g} s (noise: {left.white_time:.2g} s)"
+            )
+            lines.append(f"{joint}: the residual is {' and '.join(filter(None, (colour, depends(on))))}")
+    return lines

@@ -1,0 +1,71 @@
+"""Robots and their identifiable parameters, as pages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from frischid.cli.pages.page import Page, figure, plain, table_of
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.regressor import Regressor
+from frischid.robot.robot import LINK_PARAMETERS, LINK_UNITS, Robot
+
+
+def robots(names: Sequence[str]) -> Page:
+    """Robots that load by name."""
+    return Page(sorted(names), [", ".join(sorted(names))])
+
+
+def robot(machine: Robot, regressor: Regressor, reduction: Reduction) -> Page:
+    """Joints and identifiable parameters."""
+    limits = machine.limits
+    table = table_of(
+        "joint", "", "kind", "lower", "upper", "speed", "torque", title=f"{machine.name}: {machine.source}"
+    )
+    joints = []
+    for i, name in enumerate(machine.joints):
+        kind = "prismatic" if machine.prismatic[i] else "revolute"
+        values = [limits.lower[i], limits.upper[i], limits.velocity[i], limits.effort[i]]
+        table.add_row(name, str(machine.numbers[name]), kind, *(figure(x) for x in values))
+        keys = ("lower", "upper", "velocity", "effort")
+        joints.append(
+            {"name": name, "number": machine.numbers[name], "kind": kind}
+            | dict(zip(keys, map(plain, values), strict=True))
+        )
+    base = [
+        {"name": c.name, "expression": e, "unit": c.unit, "joint": c.joint, "effect": c.effect}
+        for c, e in zip(reduction.base_columns(), reduction.expressions(), strict=True)
+    ]
+    columns = [c.name for c in reduction.columns]
+    groups = {
+        "identifiable_alone": [columns[i] for i in reduction.absolute],
+        "identifiable_in_combination": [columns[i] for i in reduction.linear],
+        "not_identifiable": [*(columns[i] for i in reduction.none), *machine.known],
+    }
+    regrouped = table_of("base parameter", "stands for", "unit", title=f"{reduction.rank} base parameters")
+    for b in base:
+        regrouped.add_row(b["name"], b["expression"], b["unit"])
+    notes = [f"mimic joint {n} follows {x[0]}" for n, x in machine.mimics.items()]
+    notes += [f"locked at {x:.4g} rad (m): {n}" for n, x in machine.locked.items()]
+    notes += ["the URDF has no inertials: nominal torques are zero"] * (not machine.nominal.any())
+    counts = (
+        f"{len(columns) + len(machine.known)} parameters: {len(groups['identifiable_alone'])} identifiable alone, "
+        f"{len(groups['identifiable_in_combination'])} only in combination, {len(groups['not_identifiable'])} not "
+        "at all"
+        f"{f' ({len(machine.known)} of them known)' if machine.known else ''}; "
+        f"rank {reduction.rank}, gap {reduction.gap:.2g}"
+    )
+    units = ", ".join(f"{p} {u}" for p, u in zip(LINK_PARAMETERS, LINK_UNITS, strict=True))
+    data = {
+        "name": machine.name,
+        "source": machine.source,
+        "gravity": list(machine.gravity),
+        "joints": joints,
+        "mimic": list(machine.mimics),
+        "locked": dict(machine.locked),
+        "effects": [str(e) for e in regressor.effects],
+        "rank": reduction.rank,
+        "gap": reduction.gap,
+        "base_parameters": base,
+        **groups,
+    }
+    return Page(data, [table, *notes, f"each link: {units}", counts, regrouped])
