@@ -1,6 +1,6 @@
 """Whether the torques are those of this robot: wrong signs, exchanged columns, degrees, payloads, another robot.
 
-A log is believed when the nominal URDF with fitted friction explains its torques. Where it does not, every simple
+A log is accepted when the nominal URDF with fitted friction explains its torques. Where it does not, every simple
 mistake is undone in turn on the `Sketch`, and the simplest one that removes nearly all of the error is named. A
 payload, or a hand that is not there, is a body more or less on the last link (`frischid.checks.payload`). What
 remains may be the URDF of another robot: its rigid part then predicts nothing, while free parameters on the same
@@ -81,7 +81,7 @@ def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) ->
     Returns
     -------
     Sketch
-        The log with the joints whose torques can be believed.
+        The log with the joints whose torques the URDF explains.
     """
     if not sketch.robot.nominal.any():
         notes.facts["nominal"] = "the URDF has no inertials: torques cannot be compared with it"
@@ -247,11 +247,11 @@ def _moved(sketch: Sketch, factor: Array | None, order: NDArray[np.intp] | None,
 def _gravity(sketch: Sketch) -> Array:
     """Gravity in the base frame that fits best, beside the nominal inertias and friction, m/s²."""
     few = sketch.thinned(sketch.criteria.few_samples)
-    still = np.zeros_like(few.q)
+    zero = np.zeros_like(few.q)
     pull = []
     for axis in np.eye(3):
         robot = Robot.from_dict({**few.robot.to_dict(), "gravity": axis.tolist()})
-        pull.append(robot.inverse_dynamics(few.q, still, still))
+        pull.append(robot.inverse_dynamics(few.q, zero, zero))
     own = np.einsum("i,inj->nj", few.robot.gravity, np.array(pull))
     columns = {int(j): np.column_stack([x[:, j] for x in pull]) for j in few.rows}
     return shared_fit(few, columns, few.tau - (few.nominal - own))[:3]

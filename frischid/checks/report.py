@@ -60,6 +60,17 @@ def inspect(
     Returns
     -------
     LogReport
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> from dataclasses import replace
+    >>> from frischid.checks import inspect
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
+    >>> report = inspect(robot, replace(log, t=1e3 * log.t), lambda: None)
+    >>> [(issue.kind, issue.blocks) for issue in report.issues]
+    [('unit of time', True)]
     """
     log, brief = log.select(robot.joints), prepared is not None
     notes = Notebook(robot.joints, criteria)
@@ -92,7 +103,7 @@ def _rows(log: Log, notes: Notebook) -> list[str]:
 def _dynamics(
     log: Log, sketch: Sketch, reduction: Callable[[], Reduction], notes: Notebook, alone: bool, brief: bool
 ) -> None:
-    notes.per_joint("resting", 1 - sketch.used.mean(axis=0))
+    notes.per_joint("standstill", 1 - sketch.used.mean(axis=0))
     if len(sketch.rows) == 0 or len(sketch) < notes.criteria.fewest_samples:
         return
 

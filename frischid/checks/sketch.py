@@ -197,7 +197,7 @@ class Sketch:
     def error(self, j: int, left: Array) -> float:
         """RMS of what friction of joint j leaves of a torque, (M,), while it moves [N·m]."""
         use = self.used[:, j]
-        if use.sum() < self.criteria.fewest_moving:  # a hypothesis gave it the motion of a joint at rest
+        if use.sum() < self.criteria.fewest_moving:  # a hypothesis gave it the motion of a joint at standstill
             return float(np.sqrt(np.mean(left**2)))
         _, norm = nnls(self.friction(j)[use], left[use])
         return float(norm / np.sqrt(use.sum()))

@@ -25,8 +25,7 @@ from frischid.robot.robot import Robot
 
 Box = tuple[Sequence[float], Sequence[float]]
 
-
-CONTRADICTED = 2.0  # standard errors beyond which a coefficient of the wrong sign is left as identified
+_CONTRADICTED = 2.0  # standard errors beyond which a coefficient of the wrong sign is left as identified
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +42,16 @@ class Consistency:
     boxes : dict of str to (lower, upper)
         Boxes used for the centres of mass, by joint, in the joint's frame, m.
     notes : tuple of str
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
+    >>> model = fr.identify(robot, [log], recursion="none").model
+    >>> found = fr.make_consistent(model)
+    >>> found.unexplained < 1.0
+    True
     """
 
     model: Model
@@ -83,6 +92,16 @@ def make_consistent(model: Model, *, boxes: Mapping[str, Box] | None = None, sha
         The model holds columns that are no robot's own (a payload added to a model), or a box is not one.
     InfeasibleError
         Some link cannot exist; the message says which and why.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
+    >>> model = fr.identify(robot, [log], recursion="none").model
+    >>> found = fr.make_consistent(model, boxes={"joint2": ((-1, -1, -1), (1, 1, 1))})
+    >>> found.result.feasible, sorted(found.model.standard)[:3]
+    (True, ['Ia1', 'Ia2', 'Ixx1'])
     """
     robot, regressor = model.robot, Regressor(model.robot, model.effects, model.reference)
     mapping = _structure(model, regressor)
@@ -161,7 +180,7 @@ def link_mapping(robot: Robot, regressor: Regressor, reduction: Reduction) -> Ar
 def _extras(model: Model, regressor: Regressor, mapping: Array) -> tuple[Extras, list[str]]:
     """The effects' parameters, each with the size its base parameter has.
 
-    Signs are beliefs about effects, not laws: where the logs contradict one clearly (a "rotor inertia" that soaks up a
+    Known signs are a prior, not a law: where the logs contradict a sign clearly (a "rotor inertia" that soaks up a
     delay), the coefficient stays as identified and a note says so.
     """
     columns, estimate = regressor.columns[len(model.robot.columns) :], model.estimate
@@ -173,7 +192,7 @@ def _extras(model: Model, regressor: Regressor, mapping: Array) -> tuple[Extras,
     signs, notes = [], []
     for column in columns:
         x, s = values.get(column.name, (0.0, 1.0))
-        contradicted = column.sign * x < -CONTRADICTED * s
+        contradicted = column.sign * x < -_CONTRADICTED * s
         signs.append(0 if contradicted else column.sign)
         if contradicted:
             notes.append(

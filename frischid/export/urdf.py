@@ -50,6 +50,20 @@ class Export:
         Of the written URDF's torque from the model's rigid part, relative, on random states.
     notes : tuple of str
         What the format cannot say.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
+    >>> model = fr.identify(robot, [log], recursion="none").model
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     done = fr.export(model, f"{folder}/robot.urdf")
+    >>> done.format, done.difference < 1e-6
+    ('URDF', True)
+    >>> done.notes
+    ("URDF has no place for offset, rotor_inertia...: the file's robot is without",)
     """
 
     path: Path
@@ -85,7 +99,21 @@ def export(
     NotPhysicalError
         No robot has these parameters within their bounds, and `force` is not given.
     InputError
-        The suffix is unknown, or the file cannot be written.
+        The suffix is unknown, the file cannot be written, or the text for it is malformed.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
+    >>> model = fr.identify(robot, [log], recursion="none").model
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     done = fr.export(model, f"{folder}/control.c")
+    ...     text = Path(done.path).read_text(encoding="utf-8")
+    >>> "void planar2_inverse_dynamics(" in text, done.notes
+    (True, ())
     """
     target = Path(path)
     if target.suffix not in FORMATS:

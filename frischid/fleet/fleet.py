@@ -116,6 +116,21 @@ def identify_fleet(
         No log can be used, or `FleetOptions.strict` and one cannot.
     IdentifiabilityError
         All logs together do not determine the parameters.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import frischid as fr
+    >>> from frischid.fleet.fleet import identify_fleet
+    >>> from frischid.fleet.log_paths import find_logs
+    >>> robot = fr.Robot.load("planar2")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for seed in (1, 2):
+    ...         log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=seed), rate=100.0, noise=fr.Noise(tau=0.05))
+    ...         fr.write_log(log, f"{folder}/robot{seed}.parquet")
+    ...     found = identify_fleet(robot, find_logs([f"{folder}/*.parquet"]))
+    >>> sorted(member.name for member in found.members), len(found.skipped)
+    (['robot1', 'robot2'], 0)
     """
     pool, wanted, logs = workers or Here(), options or FleetOptions(), sorted(set(logs))
     progress(f"a first look at the logs, {pool.where}")

@@ -45,6 +45,18 @@ def find_logs(patterns: Sequence[str]) -> list[LogPath]:
     ------
     InputError
         A pattern matches nothing, or a matched name does not say its robot.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from frischid.fleet.log_paths import find_logs
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for name in ("r017_1.csv", "r017_2.csv", "r018_1.csv"):
+    ...         _ = Path(folder, name).write_text("")
+    ...     found = find_logs([f"{folder}/{{robot}}_*.csv"])
+    >>> [path.robot for path in found]
+    ['r017', 'r017', 'r018']
     """
     found: dict[str, str] = {}
     for pattern in patterns:

@@ -13,7 +13,7 @@ from frischid.logs.datasets import Dataset
 from frischid.logs.mapping_guess import Proposal
 
 COLUMNS = {
-    "resting": "at rest",
+    "standstill": "standstill",
     "noise_q": "noise q",
     "noise_v": "noise v",
     "noise_tau": "noise τ",
