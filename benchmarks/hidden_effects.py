@@ -73,7 +73,7 @@ def diagnosed(case: Case) -> Outcome:
 
     model = identify(case.robot, case.reference or case.fit, recursion="none").model
     found = diagnose(model, case.fit, valid=case.valid)
-    steps = improve(model, case.fit, valid=case.valid, most=STEPS)[0] if case.spec.kind == "pair" else []
+    steps = improve(model, case.fit, valid=case.valid, max_steps=STEPS)[0] if case.spec.kind == "pair" else []
     return Outcome(
         found.verdict,
         tuple(_names(f) for f in found.findings),

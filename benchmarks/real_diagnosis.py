@@ -23,9 +23,9 @@ from common import data_folder, parser, publish
 from real_robots import CASES, Case
 
 import frischid as fr
-from frischid.diagnosis.cross_validation import Evidence
-from frischid.diagnosis.diagnosis import gathered
-from frischid.diagnosis.stepwise_selection import SIGNIFICANCE, STEADY, TRIFLE, block_test, judged
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.scored_candidate import passes, scored
+from frischid.diagnosis.situation import cross_validator
 from frischid.effects import Formula
 from frischid.model.comparison import compare
 
@@ -56,7 +56,7 @@ def improved(case: Case, folder: Path) -> tuple[list[dict[str, Any]], fr.Model, 
         finding = step.finding
         assert finding is not None
         where = ", ".join(finding.joints) or "the robot"
-        why = f"removes {finding.share:.0%} of what is explainable there, p {finding.p_value:.0e}"
+        why = f"explains {finding.share:.0%} of the error above the sensor noise there, p {finding.p_value:.0e}"
         rows.append(row(finding.effect, step.error_after, why, where=where))
     final = steps[-1].model if steps else base
     last_error = compare(final, valid).nrmse
@@ -74,15 +74,13 @@ def loaded(folder: Path, case: Case, base: fr.Model) -> list[dict[str, Any]]:
     return [{"verdict": found.verdict, "first": best.effect, "mass kg": mass, "true": PAYLOAD, "off": off}]
 
 
-def irrelevant(evidence: Evidence, rng: np.random.Generator) -> bool:
+def irrelevant(validator: CrossValidator, rng: np.random.Generator) -> bool:
     """Whether a column that cannot be true is accepted as an effect on one joint."""
-    row = int(rng.integers(len(evidence.joints)))
-    effect = Formula((evidence.joints[row],), "t")
-    candidate = evidence.data.given(effect, row, [made_up(t, rng) for t in evidence.times])
-    found = judged(evidence, [candidate])
-    if found is None or found.removed < TRIFLE**2 or found.chance(1) > SIGNIFICANCE:
-        return False
-    return block_test(evidence, candidate) < STEADY
+    row = int(rng.integers(len(validator.joints)))
+    effect = Formula((validator.joints[row],), "t")
+    candidate = validator.data.cache.given(effect, row, [made_up(t, rng) for t in validator.data.times])
+    found = scored(validator, [candidate])
+    return found is not None and passes(validator, found, 1)
 
 
 def made_up(t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -92,8 +90,8 @@ def made_up(t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.sign(x) if rng.random() < 0.5 else x
 
 
-def healthy(name: str, seed: int) -> Evidence:
-    """Evidence of a simulated robot that misses nothing."""
+def healthy(name: str, seed: int) -> CrossValidator:
+    """Cross-validator of a simulated robot that misses nothing."""
     robot = fr.Robot.load(name)
     rng = np.random.default_rng(seed)
     dry = {f"{p}{k}": float(rng.uniform(0.5, 2.0)) for p in ("fv", "fc", "Ia") for k in robot.numbers.values()}
@@ -110,14 +108,14 @@ def healthy(name: str, seed: int) -> Evidence:
         )
         for k in range(2)
     ]
-    return gathered(fr.identify(robot, logs[:1], recursion="none").model, logs)[0]
+    return cross_validator(fr.identify(robot, logs[:1], recursion="none").model, logs)[0]
 
 
-def trials(evidences: Mapping[str, Evidence], rng: np.random.Generator) -> list[dict[str, Any]]:
+def trials(validators: Mapping[str, CrossValidator], rng: np.random.Generator) -> list[dict[str, Any]]:
     """Share of made-up candidates that are accepted."""
     rows = []
-    for name, evidence in evidences.items():
-        accepted = sum(irrelevant(evidence, rng) for _ in range(TRIALS))
+    for name, validator in validators.items():
+        accepted = sum(irrelevant(validator, rng) for _ in range(TRIALS))
         rows.append({"logs of": name, "made-up candidates": TRIALS, "accepted": accepted, "share": accepted / TRIALS})
     total = sum(row["accepted"] for row in rows)
     tried = TRIALS * len(rows)
@@ -130,12 +128,14 @@ def main() -> None:
     if folder is None:
         sys.exit("set FRISCHID_DATA to the folder of the measured logs")
     stairs: list[dict[str, Any]] = []
-    evidences = {f"{name}, simulated": healthy(name, 100 + k) for k, name in enumerate(("ur5", "planar2"))}
+    validators = {f"{name}, simulated": healthy(name, 100 + k) for k, name in enumerate(("ur5", "planar2"))}
     payload: list[dict[str, Any]] = []
     for case in CASES:
         rows, base, final = improved(case, folder)
         stairs += rows
-        evidences[case.name] = gathered(base, [*read(case, folder, case.fit), *read(case, folder, case.valid)])[0]
+        validators[case.name] = cross_validator(base, [*read(case, folder, case.fit), *read(case, folder, case.valid)])[
+            0
+        ]
         if case.name == "ur10e":
             other = read(case, folder, ["ur10e/logs/valid_ptp_10_points.parquet"])
             before, after = (compare(model, other).nrmse for model in (base, final))
@@ -143,7 +143,7 @@ def main() -> None:
             payload = loaded(folder, case, base)
     publish("real robots: effects added, held-out NRMSE", stairs, options.json)
     publish("the loaded UR10e against the model of the unloaded one", payload, None)
-    publish("candidates that cannot be true", trials(evidences, np.random.default_rng(0)), None)
+    publish("candidates that cannot be true", trials(validators, np.random.default_rng(0)), None)
 
 
 if __name__ == "__main__":

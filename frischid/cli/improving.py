@@ -140,7 +140,7 @@ def improve(
     with working(as_json) as progress:
         progress("reading logs")
         data, held_out = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
-        steps, last = run(loaded, data, valid=held_out, situation=situation, most=max_steps, progress=progress)
+        steps, last = run(loaded, data, valid=held_out, situation=situation, max_steps=max_steps, progress=progress)
     final = steps[-1].model if steps else loaded
     if output:
         final.save(output)

@@ -1,4 +1,11 @@
-"""Columns of candidate effects over motions: made by the effects, filtered, taken at the rows of each joint."""
+"""Columns of candidate effects over the motions: made by the effect, filtered, and taken at the rows of each joint.
+
+    C_j = S_j F c_j(q, q̇, q̈, ...)
+
+with c_j the effect's columns on joint j over the unfiltered motion, F the model's low-pass filter and decimation, and
+S_j the samples at which joint j is used. Columns and torque see the same filter, so it does not bias coefficients
+(Gautier 1997, IEEE ICRA).
+"""
 
 from __future__ import annotations
 
@@ -11,27 +18,48 @@ from scipy import sparse
 
 from frischid.core.array_store import Series, Store
 from frischid.core.types import Array
-from frischid.diagnosis.motion_cache import Part, Piece
+from frischid.diagnosis.cached_motion import CachedMotion, JointData
 from frischid.effects import Effect, State, Term
 
 
 @dataclass(frozen=True, eq=False)
-class Projection:
-    """One candidate's columns over all rows: position in the joints -> for each motion, (rows, k)."""
+class Candidate:
+    """Columns of one effect in one place and shape over all motions.
+
+    Attributes
+    ----------
+    effect : Effect
+    columns : mapping of int to Series
+        Position of the joint among the fitted ones -> for each motion an array (rows, k).
+    signs : tuple of int
+        Known signs of the k coefficients; 0 where unknown.
+    finite : bool
+        Whether all values are finite.
+    """
 
     effect: Effect
     columns: Mapping[int, Series]
     signs: tuple[int, ...]
     finite: bool = True
 
-    def over(self, part: Part) -> Array:
-        """Columns at some rows, (n, k)."""
-        return np.asarray(self.columns[part.row][part.piece.number][part.at])
+    def over(self, data: JointData) -> Array:
+        """Columns at the rows of a joint, (n, k)."""
+        return np.asarray(self.columns[data.row][data.motion.number][data.at])
 
 
 @dataclass(frozen=True, eq=False)
-class Work:
-    """What the columns of candidates over one motion are made from."""
+class ColumnTask:
+    """One motion, as a worker needs it to compute columns.
+
+    Attributes
+    ----------
+    state : State
+    filter : sparse matrix, shape (filtered samples, N)
+    rows : mapping of int to int
+        Joint of the robot -> position among the fitted ones.
+    picked : sequence of ndarray of int
+        Filtered samples of each fitted joint's rows.
+    """
 
     state: State
     filter: sparse.csr_array
@@ -40,8 +68,8 @@ class Work:
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
-    """Columns of one effect over one motion: position in the joints -> (rows, k)."""
+class MotionColumns:
+    """Columns of one effect over one motion: position of the joint -> (rows, k)."""
 
     rows: Mapping[int, Array]
     signs: tuple[int, ...]
@@ -49,39 +77,39 @@ class Columns:
 
 
 @dataclass(eq=False)
-class Gathered:
-    """Columns of one effect, motion by motion; zero in a motion where the effect has none."""
+class GatheredColumns:
+    """Columns of one effect, gathered motion by motion; zero over a motion where the effect has none."""
 
     store: Store
     series: dict[int, Series] = field(default_factory=dict)
     signs: tuple[int, ...] = ()
     finite: bool = True
 
-    def add(self, columns: Columns, pieces: Sequence[Piece]) -> None:
-        """Go on by one motion, the last of `pieces`."""
+    def add(self, columns: MotionColumns, motions: Sequence[CachedMotion]) -> None:
+        """Add the columns over the last of `motions`."""
         self.signs, self.finite = columns.signs, self.finite and columns.finite
         for row in sorted(self.series.keys() | columns.rows.keys()):
             series = self.series.setdefault(row, Series(self.store))
-            for piece in pieces[len(series) :]:
-                none = np.zeros((piece.counts[row], len(self.signs)))
-                series.append(columns.rows.get(row, none) if piece is pieces[-1] else none)
+            for motion in motions[len(series) :]:
+                none = np.zeros((motion.counts[row], len(self.signs)))
+                series.append(columns.rows.get(row, none) if motion is motions[-1] else none)
 
 
-def filtered(effects: Sequence[Effect], work: Work) -> list[Columns]:
+def filtered_columns(effects: Sequence[Effect], task: ColumnTask) -> list[MotionColumns]:
     """Columns of some effects of one kind over one motion, at the rows of each joint."""
     found = []
-    for terms in type(effects[0]).each(effects, work.state):
+    for terms in type(effects[0]).each(effects, task.state):
         columns = {
-            row: np.asarray(work.filter @ C)[work.picked[row]]
-            for row, C in columns_of(terms, work.rows, len(work.state.t)).items()
+            row: np.asarray(task.filter @ C)[task.picked[row]]
+            for row, C in columns_by_joint(terms, task.rows, len(task.state.t)).items()
         }
         finite = all(np.isfinite(x).all() for x in columns.values())
-        found.append(Columns(columns, tuple(term.column.sign for term in terms), finite))
+        found.append(MotionColumns(columns, tuple(term.column.sign for term in terms), finite))
     return found
 
 
-def columns_of(terms: Sequence[Term], rows: Mapping[int, int], samples: int) -> dict[int, Array]:
-    """Columns of an effect's terms by row of the fitted joints, (samples, k)."""
+def columns_by_joint(terms: Sequence[Term], rows: Mapping[int, int], samples: int) -> dict[int, Array]:
+    """Unfiltered columns of an effect's terms, by position of the fitted joint, (samples, k)."""
     columns: dict[int, Array] = {}
     for k, term in enumerate(terms):
         for j, values in term.rows.items():
@@ -91,7 +119,7 @@ def columns_of(terms: Sequence[Term], rows: Mapping[int, int], samples: int) -> 
 
 
 def sampled(state: State, t: Array) -> State:
-    """A motion's state at some of its samples."""
+    """State of a motion at some of its samples, given by their times t, s."""
     k = np.clip(np.searchsorted(state.t, t - 1e-9), 0, len(state.t) - 1)
     parts = {name: getattr(state, name)[k] for name in ("t", "q", "v", "a", "load", "torque")}
     return replace(state, **parts, extra={name: x[k] for name, x in state.extra.items()})

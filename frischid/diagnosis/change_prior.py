@@ -1,11 +1,15 @@
-"""What is believed before logs are diagnosed: the URDF weakly, or an identification, and what it leaves possible.
+"""Prior of the parameters before logs are diagnosed: the URDF, weakly, or the identification.
 
-    θ ~ N(θ_URDF, P),   P = diag(spread²);      base parameters θ_b = K θ ~ N(K θ_URDF, K P Kᵀ)
+A robot that was *always* as it is: a weak URDF prior, carried to the base parameters θ_b = K θ,
 
-and what standard parameters to believe once the base parameters are identified with covariance Σ, the others being
-none of the data's business (the conditional mean of a Gaussian):
+    θ ~ N(θ_URDF, P),   P = diag(spread²);      θ_b ~ N(K θ_URDF, K P Kᵀ).
 
-    θ* = θ_URDF + P Kᵀ (K P Kᵀ + Σ)⁻¹ (θ_b − K θ_URDF).
+A robot that *changed* since it was identified: the identification itself is the prior, mean θ̂ and precision Λ, its own
+information.
+
+Standard parameters that go with an identification of covariance Σ are the conditional mean of the first Gaussian,
+
+    θ* = θ_URDF + P Kᵀ (K P Kᵀ + Σ)⁻¹ (θ̂_b − K θ_URDF).
 
 Sources: Rasmussen and Williams 2006, Gaussian Processes for Machine Learning, appendix A.2; Gautier and Venture 2013,
 "Identification of standard dynamic parameters of robots with positive definite inertia matrix", IEEE/RSJ IROS.
@@ -19,6 +23,7 @@ import numpy as np
 from scipy import linalg
 
 from frischid.core.types import Array
+from frischid.diagnosis.criteria import DEFAULT, Criteria
 from frischid.effects import columns_of
 from frischid.effects.dynamics import RigidDynamics, random_states
 from frischid.estimators.least_squares import Prior
@@ -27,29 +32,29 @@ from frischid.model.model import Model
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
 
-ANYTHING = 10.0  # friction may be so many times the largest torque: nothing is known of it
+_STATES = 16  # random configurations from which a joint's typical inertia is taken
 
 
-def identified(model: Model) -> Prior:
-    """The identification itself, for a robot that may have changed since."""
+def identification_prior(model: Model) -> Prior:
+    """Prior of a robot that may have changed since it was identified: the identification itself."""
     return Prior(model.estimate.theta, model.estimate.information)
 
 
-def nominal(model: Model) -> Prior:
-    """A weak belief in the URDF."""
-    mapping, mean, spread = _standard(model)
+def weak_urdf_prior(model: Model, criteria: Criteria = DEFAULT) -> Prior:
+    """Weak URDF prior of the base parameters, for a robot that was always as it is."""
+    mapping, mean, spread = _standard(model, criteria)
     return gaussian(mapping @ mean, mapping * spread)
 
 
-def believed(model: Model) -> Mapping[str, float]:
-    """Standard parameters closest to the URDF's that the identified base parameters leave possible.
+def likely_standard_parameters(model: Model, criteria: Criteria = DEFAULT) -> Mapping[str, float]:
+    """Standard parameters closest to the URDF's that agree with the identified base parameters.
 
     Returns
     -------
     dict of str to float
         Parameter -> value, for every column of the model's regressor.
     """
-    mapping, mean, spread = _standard(model)
+    mapping, mean, spread = _standard(model, criteria)
     carried = mapping * spread**2
     S = carried @ mapping.T + model.estimate.covariance
     scale = np.sqrt(np.diag(S))
@@ -59,33 +64,35 @@ def believed(model: Model) -> Mapping[str, float]:
     return dict(zip(names, map(float, mean + carried.T @ gain), strict=True))
 
 
-def reference_of(model: Model) -> Mapping[str, float] | None:
-    """What effects that depend on the load are to take it from: what the model was made with, or what it found."""
+def load_reference(model: Model, criteria: Criteria = DEFAULT) -> Mapping[str, float] | None:
+    """Parameters from which effects that depend on the load take it: the model's reference, or its identification's."""
     if model.reference is None and not any(effect.loaded for effect in model.effects):
-        return believed(model)
+        return likely_standard_parameters(model, criteria)
     return model.reference
 
 
-def _standard(model: Model) -> tuple[Array, Array, Array]:
+def _standard(model: Model, criteria: Criteria) -> tuple[Array, Array, Array]:
     """Regrouping (p, C) of the model's base parameters, and the URDF's value and spread of every column (C,)."""
     regressor = Regressor(model.robot, model.effects, model.reference)
     found = structure(regressor, model.joints)
     mapping = found.mapping
-    if found.base != model.base:  # columns taken in by hand, of a change
+    if found.base != model.base:  # the model took in the columns of a change, which no regrouping would choose
         mapping = np.linalg.pinv(mapping[:, model.base]) @ mapping
-    return mapping, np.asarray(nominal_parameters(model.robot, model.effects)), _spread(model, regressor)
+    nominal = np.asarray(nominal_parameters(model.robot, model.effects))
+    return mapping, nominal, _spread(model, regressor, criteria)
 
 
-def _spread(model: Model, regressor: Regressor) -> Array:
-    """How far each parameter may be from the URDF's."""
+def _spread(model: Model, regressor: Regressor, criteria: Criteria) -> Array:
+    """Standard deviation of each parameter from the URDF's value."""
     effort = model.robot.limits.effort[np.isfinite(model.robot.limits.effort)]
-    others = np.full(len(regressor.columns), ANYTHING * max(float(effort.max(initial=0.0)), 10.0))
+    largest = max(float(effort.max(initial=0.0)), criteria.least_torque_limit)
+    others = np.full(len(regressor.columns), criteria.friction_prior_factor * largest)
     others[[c.effect == "rotor_inertia" for c in regressor.columns]] = _inertia(model)
     links = link_spread(regressor)
     return np.where(np.isnan(links), others, links)
 
 
 def _inertia(model: Model) -> float:
-    """Largest typical inertia of the links about a joint, kg·m² (kg): no rotor is likely to weigh much more."""
-    slopes = RigidDynamics.of(model.robot, None).slopes(*random_states(model.robot, 16))
+    """Largest typical inertia of the links about a joint, kg·m² (kg): hardly any rotor has more."""
+    slopes = RigidDynamics.of(model.robot, None).slopes(*random_states(model.robot, _STATES))
     return float(np.abs(np.einsum("njj->nj", slopes.acceleration)).mean(axis=0).max()) + 1e-9

@@ -1,10 +1,15 @@
-"""Contacts: an outside force for a while, an event to be kept out, not an effect to be added.
+"""Contacts: an outside force for a while. It is an event to leave out, not an effect to add.
 
-A contact leaves residuals that are large on some stretch of a few tenths of a second to a few seconds, in a log that is
-otherwise explained. As it also bends the fit of everything else, it is looked for in turns: the residual's energy,
-smoothed over a quarter of a second and measured in robust units (median absolute deviation) of each joint, shows the
-bursts; without them the parameters are fitted again, until the bursts stay the same (a trimmed estimate: Rousseeuw
-and Leroy 1987, Robust Regression and Outlier Detection, Wiley).
+A contact makes the residual e large for a few tenths of a second to a few seconds, in a log that the model otherwise
+explains. The search measures the residual's energy, smoothed over a quarter of a second, in robust units u_j of each
+joint (median absolute deviation):
+
+    z_j(t) = mean over 0.25 s of (e_j / u_j)²,      a burst:  max z > 30, while z > 6.
+
+A contact also bends the fit of everything else. So the parameters are fitted again without the bursts until the bursts
+stay the same (a trimmed estimate).
+
+Source: Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, Wiley.
 """
 
 from __future__ import annotations
@@ -16,19 +21,15 @@ import numpy as np
 from scipy import ndimage
 
 from frischid.core.types import Array
-from frischid.diagnosis.cross_validation import LOOKED_AT, Evidence, thinned
-from frischid.diagnosis.reversal_residuals import AT_REST
+from frischid.diagnosis.candidate_columns import Candidate
+from frischid.diagnosis.criteria import Criteria
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.residual_variables import MOST_ROWS, speeds, thinned
+from frischid.diagnosis.unmodelled_terms import best_unmodelled
 
-SMOOTH = 0.25  # s
-HIGH, LOW = 30.0, 6.0  # squared robust units at which a burst is seen and where it ends
-SMALL = 0.004  # of a joint's torque: its robust unit is not taken smaller, or every reversal is a burst
-AROUND = 0.1  # s left out on both sides of a burst, where it fades below the noise
-LONGEST, MOST = 0.35, 4  # share of a log that may be bursts, and how many of them; more is not an event
-SHARE, CONTRAST = 0.4, 10.0  # of the squares above the noise that are in the bursts; their density there over elsewhere
-UNSURE = 0.1  # of the noise's squares, which are not known better: bursts must hold more
-STRONG = 18.0  # robust units of a burst on most joints that is an event whatever else is missing
-WEAK = 0.03  # of the strongest burst's energy: those below are something else's
-ROUNDS = 5
+_ROUNDS = 5  # of the trimmed fit; the bursts usually stay the same after two
+_MAD_TO_STD = 1.4826  # standard deviation of Gaussian noise over its median absolute deviation
 
 
 @dataclass(frozen=True)
@@ -55,100 +56,147 @@ class Contact:
 
 
 def stretches(contacts: Sequence[Contact]) -> list[tuple[str, float, float]]:
-    """What `Evidence.without` is to leave out."""
+    """The contacts as `CrossValidator.without` takes them: source, start, stop."""
     return [(c.source, c.start, c.stop) for c in contacts]
 
 
-def find_contacts(evidence: Evidence, floor: Array) -> list[Contact]:
-    """Bursts of residual that the rest of the log does not show.
+def find_contacts(validator: CrossValidator, floor: Array) -> list[Contact]:
+    """Find bursts of residual in logs that are otherwise explained.
 
     Parameters
     ----------
-    evidence : Evidence
+    validator : CrossValidator
     floor : ndarray, shape (J,)
-        Sensor noise of each joint; a joint's scale is not taken smaller than that.
+        Sensor noise of each joint, N·m (N); a joint's robust unit is not smaller.
 
     Returns
     -------
     list of Contact
     """
     found: list[Contact] = []
-    rest = evidence
-    for _ in range(ROUNDS):
-        new = _bursts(evidence, rest, floor)
-        if not _events(evidence, new):
+    rest = validator
+    for _ in range(_ROUNDS):
+        new = _bursts(validator, rest, floor)
+        if not _few_and_short(validator, new):
             return []
         if stretches(new) == stretches(found):
             break
         found = new
-        rest = evidence.without(stretches(found))
-    felt = max((c.strength for c in found if 2 * len(c.joints) > len(evidence.joints)), default=0.0)
-    return found if felt > STRONG or _stands_out(evidence, rest, floor) else []
+        rest = validator.without(stretches(found))
+    strongest = max((c.strength for c in found if 2 * len(c.joints) > len(validator.joints)), default=0.0)
+    return found if strongest > validator.criteria.strong_push or _stands_out(validator, rest, floor) else []
 
 
-def _events(evidence: Evidence, found: Sequence[Contact]) -> bool:
-    """Few and short enough, in every log, to be events."""
+def _few_and_short(validator: CrossValidator, found: Sequence[Contact]) -> bool:
+    """Whether the bursts of every log are few and short enough to be events."""
+    criteria, data = validator.criteria, validator.data
     for source in {c.source for c in found}:
         here = [c for c in found if c.source == source]
-        length = sum(t[-1] - t[0] for s, t in zip(evidence.sources, evidence.times, strict=True) if s == source)
-        if len(here) > MOST or sum(c.stop - c.start for c in here) > LONGEST * length:
+        length = sum(t[-1] - t[0] for s, t in zip(data.sources, data.times, strict=True) if s == source)
+        long = sum(c.stop - c.start for c in here) > criteria.max_contact_share * length
+        if len(here) > criteria.max_contacts or long:
             return False
     return bool(found)
 
 
-def _stands_out(evidence: Evidence, rest: Evidence, floor: Array) -> bool:
-    """Whether much of what the rest's parameters leave above the noise is in the bursts, and densely so."""
+def _stands_out(validator: CrossValidator, rest: CrossValidator, floor: Array) -> bool:
+    """Whether the bursts hold much of the error above the noise, and densely, under the parameters of the rest."""
+    criteria = validator.criteria
     whole = outside = 0.0
-    for row, spread in enumerate(evidence.spread):
-        whole += evidence.squares(row, rest.theta) / spread**2
+    for row, spread in enumerate(validator.spread):
+        whole += validator.squares(row, rest.theta) / spread**2
         outside += rest.squares(row, rest.theta) / spread**2
-    samples = int(evidence.counts.sum()), int(rest.counts.sum())
+    samples = int(validator.counts.sum()), int(rest.counts.sum())
     inside = whole - outside
-    noise = float((evidence.counts.sum(axis=0) * (floor / evidence.spread) ** 2).sum())
+    noise = float((validator.counts.sum(axis=0) * (floor / validator.spread) ** 2).sum())
     density = inside / max(samples[0] - samples[1], 1)
-    return inside > max(SHARE * (whole - noise), UNSURE * noise) and density > CONTRAST * outside / samples[1]
+    least = max(criteria.contact_energy_share * (whole - noise), criteria.floor_uncertainty * noise)
+    return inside > least and density > criteria.contact_contrast * outside / samples[1]
 
 
-def _bursts(evidence: Evidence, rest: Evidence, floor: Array) -> list[Contact]:
+def _bursts(validator: CrossValidator, rest: CrossValidator, floor: Array) -> list[Contact]:
     """Bursts over all rows under the parameters of the rest, without those that are weak beside the strongest."""
-    scale = np.maximum(np.maximum(_quiet(rest), floor), SMALL * evidence.spread)
+    criteria, data = validator.criteria, validator.data
+    scale = np.maximum(np.maximum(_robust_spread(rest), floor), criteria.smallest_error * validator.spread)
     found: list[tuple[float, Contact]] = []
-    ways = zip(evidence.sources, evidence.times, evidence.speeds(), strict=True)
-    for number, (source, t, speed) in enumerate(ways):
+    motions = zip(data.sources, data.times, speeds(validator), strict=True)
+    for number, (source, t, speed) in enumerate(motions):
         z = np.zeros((len(t), len(scale)))
         for row, unit in enumerate(scale):
-            part = evidence.data.part(row, number)
-            z[part.picked, row] = (part.tau - evidence.predicted(part, rest.theta)) / unit
-        found += _of_motion(source, t, z**2, speed, evidence.joints)
+            joint = data.of_motion(row, number)
+            z[joint.picked, row] = (joint.tau - validator.columns.predicted(joint, rest.theta)) / unit
+        found += _of_motion(source, t, z**2, speed, validator)
     strongest = max((energy for energy, _ in found), default=0.0)
-    return [contact for energy, contact in found if energy > WEAK * strongest]
+    return [contact for energy, contact in found if energy > criteria.weak_burst_share * strongest]
 
 
-def _quiet(rest: Evidence) -> list[float]:
-    """Robust standard deviation of each joint's residual, from at most `LOOKED_AT` samples spread evenly."""
-    every = [max(1, -(-n // LOOKED_AT)) for n in rest.counts.sum(axis=0).tolist()]
+def _robust_spread(rest: CrossValidator) -> list[float]:
+    """Robust standard deviation of each joint's residual, from samples spread evenly."""
+    every = [max(1, -(-n // MOST_ROWS)) for n in rest.counts.sum(axis=0).tolist()]
     left = [thinned(rest.residuals(row, rest.theta), k) for row, k in enumerate(every)]
-    return [1.4826 * float(np.median(np.abs(x))) for x in left]
+    return [_MAD_TO_STD * float(np.median(np.abs(x))) for x in left]
 
 
 def _of_motion(
-    source: str, t: Array, squares: Array, speed: Array, joints: Sequence[str]
+    source: str, t: Array, squares: Array, speed: Array, validator: CrossValidator
 ) -> list[tuple[float, Contact]]:
-    """Bursts of one motion with their energy; (N, J) squared robust units, speeds over their rms."""
+    """Bursts of one motion with their energy; (N, J) squared robust units, and speeds over their rms."""
+    criteria, joints = validator.criteria, validator.joints
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-    smooth = ndimage.uniform_filter1d(squares, max(1, round(SMOOTH / step)), axis=0)
+    smooth = ndimage.uniform_filter1d(squares, max(1, round(criteria.burst_seconds / step)), axis=0)
     total = smooth.max(axis=1)
-    labels, count = ndimage.label(total > LOW)
+    labels, count = ndimage.label(total > criteria.burst_edge)
     found = []
     for label in range(1, count + 1):
         where = np.flatnonzero(labels == label)
-        if total[where].max() < HIGH:
+        if total[where].max() < criteria.burst_energy:
             continue
         energy = squares[where]
-        if float((energy * np.abs(speed[where])).sum()) < AT_REST * float(energy.sum()):
-            continue  # dry friction where a joint stops or starts is anybody's guess, and no contact
-        touched = [joints[j] for j in np.flatnonzero(smooth[where].max(axis=0) > LOW).tolist()]
-        start, stop = float(t[where[0]]) - AROUND, float(t[where[-1]]) + AROUND
+        if _at_reversals(energy, speed[where], criteria):
+            continue
+        touched = [joints[j] for j in np.flatnonzero(smooth[where].max(axis=0) > criteria.burst_edge).tolist()]
+        start, stop = float(t[where[0]]) - criteria.burst_margin, float(t[where[-1]]) + criteria.burst_margin
         strength = float(np.sqrt(total[where].max()))
         found.append((float(energy.sum()) * step, Contact(source, start, stop, touched, strength)))
     return found
+
+
+def _at_reversals(energy: Array, speed: Array, criteria: Criteria) -> bool:
+    """Whether a burst lies where joints stop or start: dry friction is undetermined there, and nothing touched them."""
+    return float((energy * np.abs(speed)).sum()) < criteria.slow_speed * float(energy.sum())
+
+
+# ---------------------------------------------------------------------- bursts that something steady makes
+
+
+def made_by_something_steady(validator: CrossValidator, rest: CrossValidator, findings: Sequence[Finding]) -> bool:
+    """Whether a term that always acts makes the bursts: an effect that was found, or a term outside the catalogue.
+
+    Parameters
+    ----------
+    validator, rest : CrossValidator
+        With the bursts and without them.
+    findings : sequence of Finding
+    """
+    if any(_explains(validator, rest, validator.candidates(f.members)) for f in findings if f.significant):
+        return True
+    worst = int(np.argmax(_error_of_bursts(validator, rest)))
+    term = best_unmodelled(validator, worst, jumping=False)
+    return term is not None and _explains(validator, rest, [term.candidate])
+
+
+def _explains(validator: CrossValidator, rest: CrossValidator, found: Sequence[Candidate]) -> bool:
+    """Whether most of the bursts' energy is gone with some candidates in the model."""
+    extended, between = validator, rest
+    effects = [c.effect for c in found]
+    for whole, part in zip(found, rest.candidates(effects), strict=True):
+        extended, between = extended.extended(whole), between.extended(part)
+    before, after = _error_of_bursts(validator, rest), _error_of_bursts(extended, between)
+    return float(after.sum()) < validator.criteria.burst_left_share * float(before.sum())
+
+
+def _error_of_bursts(validator: CrossValidator, rest: CrossValidator) -> Array:
+    """Squared residual in the stretches left out of `rest`, over each joint's squared spread, (J,)."""
+    joints = range(len(validator.joints))
+    everywhere, between = ([v.squares(row, validator.theta) for row in joints] for v in (validator, rest))
+    return np.asarray((np.array(everywhere) - np.array(between)) / validator.spread**2)

@@ -1,40 +1,44 @@
-"""What a finding would add to the model, on the residual it was found in.
+"""Curve of a finding: the change of the model's torque with the effect, beside the residual it was found in.
 
-Adding an effect C β also changes the base parameters by Δθ. What the model's torque changes by is
+An effect C β also changes the base parameters, by Δθ. The model's torque changes by
 
     Δτ̂ = Y Δθ + C β,
 
-and that, not C β alone, is what the residual should look like. It is shown over the one quantity (position, velocity,
-acceleration or load; time if it is a function of none of these) of which it is most a function: the one whose bins
-explain the largest share of its variance,
+and the residual should look like that sum, not like C β alone. The curve is drawn over the one quantity (position,
+velocity, acceleration, load, or time) of which it is most a function: the one whose bins explain the largest share of
+its variance,
 
     η² = Σ_bins n_b (mean_b Δτ̂ − mean Δτ̂)² / Σ (Δτ̂ − mean Δτ̂)²    (correlation ratio, Pearson 1905).
 
-An effect with memory is a function of none of them; it is shown along the stretch of time where it explains most.
+An effect with memory is a function of none of them; it is drawn along the stretch of time where it explains most. The
+constants of this module choose a picture. They decide nothing of the result.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from frischid.core.types import Array
-from frischid.diagnosis.cross_validation import Evidence
+from frischid.diagnosis.cached_motion import Indices
+from frischid.diagnosis.candidate_columns import Candidate
+from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import Finding
-from frischid.diagnosis.motion_cache import Indices
+from frischid.diagnosis.weighted_fit import CandidateFit
 from frischid.model.prediction import Prediction
 
-BINS = 24
-VARIABLES = ("q", "v", "a", "load", "t")
-FUNCTION = 0.5  # η² below which the torque is no function of a single variable
-STRETCH = 12.0  # s shown of such an effect
+_BINS = 24  # quantiles of a variable
+_VARIABLES = ("q", "v", "a", "load", "t")
+_LEAST_RATIO = 0.5  # η² below which the torque is no function of a single variable
+_STRETCH = 12.0  # s drawn of such an effect
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Residual of one joint and what a finding would explain of it, over N samples.
+    """Residual of one joint and the part of it that a finding explains, over N samples.
 
     Attributes
     ----------
@@ -43,11 +47,11 @@ class Shape:
     x : ndarray, shape (N,)
         Values of the variable: rad, rad/s, rad/s² (m, ...), N·m of the model's torque, s since the log's beginning.
     residual, added : ndarray, shape (N,)
-        Measured less predicted torque, and what the model's torque would change by, N·m (N).
+        Measured less predicted torque, and the change of the model's torque, N·m (N).
     explained : float
         Share of the joint's squared residual, over all samples, that it explains.
     stretch : str
-        The log, when what is shown is a stretch of one; otherwise empty, and all samples are shown.
+        The log, when only a stretch of it is drawn; otherwise empty, and all samples are drawn.
     """
 
     effect: str
@@ -61,7 +65,7 @@ class Shape:
 
 
 def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> Shape | None:
-    """Shape of a finding on the joint where it removes most.
+    """Curve of a finding on the joint where it explains most.
 
     Parameters
     ----------
@@ -76,38 +80,26 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
     Shape or None
         None when the finding names no effect (contact, unknown), or its columns cannot be fitted here.
     """
-    evidence = diagnosis.evidence
+    validator = diagnosis.validator
     if not finding.members:
         return None
-    candidate = evidence.joined(evidence.project(finding.members))
-    fit = evidence.fit(*evidence.moments(candidate), candidate, None)
-    if fit is None or sum(len(t) for t in evidence.times) != len(prediction.t):
+    candidate = validator.joined(validator.candidates(finding.members))
+    fit = validator.fitted(candidate)
+    if fit is None or sum(len(t) for t in validator.data.times) != len(prediction.t):
         return None
-    best: tuple[float, int, Array, Array] | None = None
-    for row in range(len(evidence.joints)):
-        parts = [
-            (
-                part.tau,
-                part.tau - evidence.predicted(part, evidence.theta),
-                evidence.predicted(part, fit.change, candidate, fit.beta),
-            )
-            for part in evidence.data.parts(row)
-        ]
-        tau, residual, added = map(np.concatenate, zip(*parts, strict=True))
-        removed = float((residual**2).sum() - ((residual - added) ** 2).sum()) / max(float((tau**2).sum()), 1e-300)
-        if best is None or removed > best[0]:
-            best = (removed, row, residual, added)
-    assert best is not None  # a model has at least one joint
-    _, row, residual, added = best
-    where = _samples(evidence, row)
+    curves = [_curve(validator, row, candidate, fit) for row in range(len(validator.joints))]
+    row = max(range(len(curves)), key=lambda k: curves[k].share)
+    residual, added = curves[row].residual, curves[row].added
+    where = _samples(validator, row)
     columns = {k: getattr(prediction, k)[where, row] for k in ("q", "v", "a")}
     columns |= {"load": prediction.fitted[where, row], "t": prediction.t[where]}
-    scores = {k: correlation_ratio(columns[k], added) for k in VARIABLES}
-    physical = max(VARIABLES[:-1], key=lambda k: scores[k])
-    variable = physical if scores[physical] >= FUNCTION else VARIABLES[-1]  # of a slow motion all is a function of time
-    joint = evidence.joints[row]
+    scores = {k: correlation_ratio(columns[k], added) for k in _VARIABLES}
+    physical = max(_VARIABLES[:-1], key=lambda k: scores[k])
+    # Everything in a slow motion is a function of time: time is the last resort.
+    variable = physical if scores[physical] >= _LEAST_RATIO else _VARIABLES[-1]
+    joint = validator.joints[row]
     explained = 1.0 - float(((residual - added) ** 2).sum() / max(float((residual**2).sum()), 1e-300))
-    if scores[variable] >= FUNCTION:
+    if scores[variable] >= _LEAST_RATIO:
         return Shape(finding.effect, joint, variable, columns[variable], residual, added, explained)
     log, t = prediction.log[where], prediction.t[where]
     part, source = _best_stretch(log, t, residual**2 - (residual - added) ** 2)
@@ -116,13 +108,35 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
     )
 
 
+class _Curve(NamedTuple):
+    """Residual and added torque of one joint, (n,) each, and the share of its squared torque that is explained."""
+
+    residual: Array
+    added: Array
+    share: float
+
+
+def _curve(validator: CrossValidator, row: int, candidate: Candidate, fit: CandidateFit) -> _Curve:
+    parts = [
+        (
+            data.tau,
+            data.tau - validator.columns.predicted(data, validator.theta),
+            validator.columns.predicted(data, fit.change, candidate, fit.beta),
+        )
+        for data in validator.data.motions_of(row)
+    ]
+    tau, residual, added = map(np.concatenate, zip(*parts, strict=True))
+    fall = float((residual**2).sum() - ((residual - added) ** 2).sum())
+    return _Curve(residual, added, fall / max(float((tau**2).sum()), 1e-300))
+
+
 def _best_stretch(log: Indices, t: Array, gain: Array) -> tuple[Indices, int]:
-    """Samples of the stretch of `STRETCH` seconds over which `gain` sums to most, and its log."""
+    """Samples of the stretch of `_STRETCH` seconds over which `gain` sums to most, and its log."""
     best, found, source = -np.inf, np.arange(len(t)), int(log[0])
     for k in np.unique(log):
         part = np.flatnonzero(log == k)
         total = np.concatenate([[0.0], np.cumsum(gain[part])])
-        ends = np.searchsorted(t[part], t[part] + STRETCH, side="right")
+        ends = np.searchsorted(t[part], t[part] + _STRETCH, side="right")
         sums = total[ends] - total[:-1]
         first = int(sums.argmax())
         if sums[first] > best:
@@ -130,7 +144,7 @@ def _best_stretch(log: Indices, t: Array, gain: Array) -> tuple[Indices, int]:
     return found, source
 
 
-def correlation_ratio(x: Array, y: Array, bins: int = BINS) -> float:
+def correlation_ratio(x: Array, y: Array, bins: int = _BINS) -> float:
     """Share of the variance of y that the means over quantile bins of x explain, in [0, 1]."""
     edges = np.unique(np.quantile(x, np.linspace(0, 1, bins + 1)))
     if len(edges) < 3 or not np.ptp(y) > 0:
@@ -141,8 +155,8 @@ def correlation_ratio(x: Array, y: Array, bins: int = BINS) -> float:
     return float((count * (mean - y.mean()) ** 2).sum() / ((y - y.mean()) ** 2).sum())
 
 
-def _samples(evidence: Evidence, row: int) -> Indices:
-    """Which of all filtered samples, motion after motion, the rows of a joint are."""
-    offsets = np.concatenate([[0], np.cumsum([len(t) for t in evidence.times])]).astype(int)
-    parts = evidence.data.parts(row)
-    return np.concatenate([start + part.picked for start, part in zip(offsets, parts, strict=False)])
+def _samples(validator: CrossValidator, row: int) -> Indices:
+    """Numbers of a joint's rows among all filtered samples, motion after motion."""
+    offsets = np.concatenate([[0], np.cumsum([len(t) for t in validator.data.times])]).astype(int)
+    motions = validator.data.motions_of(row)
+    return np.concatenate([start + data.picked for start, data in zip(offsets, motions, strict=False)])

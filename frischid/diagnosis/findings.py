@@ -1,14 +1,20 @@
-"""What was judged, as findings: effects with what they explain, what they are confused with, and a sentence.
+"""Findings: scored effects with the error they explain, the effects they are confused with, and a sentence.
 
-A finding stands when it is more than chance and more than a trifle, and explains enough of what is wrong where it acts:
-of an error well above the noise any part, of one near the noise half of it, of one that dry friction may leave
-where a joint turns or rests (see `resting`) nearly all. That all the old parameters no longer hold is a finding too.
+An effect is *called missing* when it is more than chance, more than a trifle, and explains enough of the error above
+the sensor noise where it acts. With E and E' the joints' summed squared NRMSE without and with it, and N that of the
+noise,
+
+    share = (E − E') / (E − N).
+
+Where the error is well above the noise, any share is enough; near the noise, half; where all of the error lies at
+reversals and standstill, where dry friction is undetermined, four fifths. That the identified parameters no longer hold
+is a finding too: a refit of all of them, at the price of all of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,53 +23,55 @@ from scipy import stats
 
 from frischid.core.text import each_of, listed
 from frischid.core.types import Array
-from frischid.diagnosis.change_prior import nominal
-from frischid.diagnosis.cross_validation import Evidence
-from frischid.diagnosis.reversal_residuals import at_rest
-from frischid.diagnosis.stepwise_selection import SIGNIFICANCE, TRIFLE, Ranked, Ranking, ranking
+from frischid.diagnosis.change_prior import weak_urdf_prior
+from frischid.diagnosis.criteria import DEFAULT, Criteria
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.effect_ranking import Ranking, ScoredEffect, ranking
+from frischid.diagnosis.reversal_residuals import only_at_reversals
 from frischid.effects import EFFECTS, Effect
-from frischid.model.model import Model
 from frischid.robot.robot import Robot
 
-WITHIN = 1.15  # noise floors: an error below is what the sensors leave, as well as that is known
-ABOVE = 2.0  # noise floors: an error below is not well above the noise, the floor being an estimate
-HALF, NEARLY = 0.5, 0.8  # of what is wrong where a finding acts
-OLD = "old_parameters"  # the finding that they no longer hold
+OLD_PARAMETERS = "old_parameters"
+"""Identifier of the finding that the identified parameters no longer hold."""
+
 HOW_RANKED = (
-    "First comes the effect whose work no other can do, not always the one that lowers the error most. Those below it "
-    "are what each would do alone; many vanish once the first is in the model."
+    "The first effect explains most of the error that no other effect explains; this need not be the effect with the "
+    "smallest error. Each effect below is scored alone; many are no longer needed once the first is in the model."
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """One effect, judged.
+    """One effect with its evidence.
 
     Attributes
     ----------
     effect : str
         Identifier in the catalogue.
     joints : tuple of str
-        Where it acts; empty for the whole robot.
+        Joints it acts on; empty for the whole robot.
     error_before, error_after : float
         Held-out NRMSE, mean over the joints.
     gain : float
         Log likelihood it adds on held-out data, less its price.
     removed : float
-        What it takes off the sum of the joints' squared held-out NRMSE: how much of what is wrong it explains.
+        Fall of the sum of the joints' squared held-out NRMSE: the error it explains.
     share : float
-        Of the error above the noise floor on the joints it acts on, the part it removes; zero where hardly any is.
+        Share of the error above the sensor noise, on the joints it acts on, that it explains; zero where hardly any
+        error is above the noise.
     floors : float
-        Error in noise floors, without it, on those of these joints where it is not all dry friction (see `resting`).
+        Error without it, in noise floors, on those of these joints whose error is not only at reversals.
     p_value : float
         Of a gain at least this large by chance, corrected for all candidates tried.
     parameters : dict of str to float
-        Its coefficients, and its shape.
+        Coefficients and shape parameters.
     confused_with : tuple of str
         Effects that explain these data as well.
     sentence : str
     members : tuple of Effect
-        Ready to be added to a model: one for every joint, or the one for the robot.
+        Effects to add to a model: one for every joint, or one for the robot.
+    criteria : Criteria
+        Thresholds of the properties below.
     """
 
     effect: str
@@ -79,37 +87,42 @@ class Finding:
     confused_with: tuple[str, ...]
     sentence: str
     members: tuple[Effect, ...]
+    criteria: Criteria = field(default=DEFAULT, repr=False)
 
     @property
     def sure(self) -> bool:
         """Whether it is more than chance and more than a trifle."""
-        return self.gain > 0 and self.p_value < SIGNIFICANCE and self.removed > TRIFLE**2
+        criteria = self.criteria
+        return self.gain > 0 and self.p_value < criteria.significance and self.removed > criteria.smallest_error**2
 
     @property
     def withheld(self) -> str:
-        """Why it may be no more than a part of what sensors or dry friction leave; empty where it is more.
+        """Why it is not called missing although it may be more than chance; empty where it is called missing.
 
-        Where little is above the noise it must explain half of that; where that is all dry friction, nearly all.
+        The error it explains may be no more than a part of what sensors or dry friction cause.
         """
-        part = f"it explains {self.share:.0%} of what is above the noise there"
+        criteria = self.criteria
+        explains = f"it explains {self.share:.0%} of the error above the sensor noise there"
         if self.floors == 0 and self.share > 0:
-            rests = f"all of that is where a joint turns or rests, and {NEARLY:.0%} is asked of an effect"
-            return "" if self.share >= NEARLY else f"{part}, {rests}"
-        if self.floors <= WITHIN:
-            return "hardly more is left there than what the sensors leave"
+            least = criteria.nearly_explained
+            where = f"all of that error is at reversals and standstill, and an effect must explain {least:.0%} of it"
+            return "" if self.share >= least else f"{explains}, {where}"
+        if self.floors <= criteria.floor_tolerance:
+            return "the error there is hardly more than the sensor noise"
         if self.share == 0:
-            return "nothing of what is wrong there goes away with it"
-        if self.floors <= ABOVE and self.share < HALF:
-            return f"{part}, and at only {self.floors:.1f} noise floors {HALF:.0%} is asked of an effect"
+            return "it explains none of the error above the sensor noise there"
+        least = criteria.half_explained
+        if self.floors <= criteria.clear_error and self.share < least:
+            return f"{explains}, and at only {self.floors:.1f} noise floors an effect must explain {least:.0%}"
         return ""
 
     @property
     def significant(self) -> bool:
-        """Whether it is called missing: sure, and with nothing for which it is withheld."""
+        """Whether it is called missing: sure, and not withheld."""
         return self.sure and not self.withheld
 
     def found(self, robot: Robot) -> list[tuple[str, float, str]]:
-        """Its `parameters` to read: name, value and unit (empty for a pure number), coefficients first."""
+        """Its `parameters` for a reader: name, value and unit (empty for a pure number), coefficients first."""
         values = [
             (c.name, self.parameters[c.name], "" if c.unit == "1" else c.unit)
             for member in self.members
@@ -122,59 +135,78 @@ class Finding:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        values = {k: v for k, v in vars(self).items() if k != "members"}
+        values = {k: v for k, v in vars(self).items() if k not in {"members", "criteria"}}
         return values | {"joints": list(self.joints), "confused_with": list(self.confused_with)}
 
 
-def findings_of(
-    evidence: Evidence,
+def find_effects(
+    validator: CrossValidator,
     floor: Array,
     situation: str,
     only: Sequence[str] | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Finding], Ranking]:
-    """Every effect that can act on this robot, best first; and how they were judged."""
+    """Score every effect that can act on this robot.
+
+    Parameters
+    ----------
+    validator : CrossValidator
+    floor : ndarray, shape (J,)
+        Sensor noise of each joint, N·m (N).
+    situation : {"always", "changed"}
+        Effects that happen to a robot (a payload) are tried only where the robot changed.
+    only : sequence of str, optional
+        Identifiers to try, the whole catalogue by default.
+    progress : callable, optional
+
+    Returns
+    -------
+    findings : list of Finding
+        Best first.
+    ranking : Ranking
+    """
     kinds = [
         kind
         for name, kind in EFFECTS.items()
         if (only is None or name in only) and not (kind.change and situation == "always")
     ]
-    judged = ranking(evidence, kinds, progress)
-    moving = ~at_rest(evidence, floor)
-    return [_finding(evidence, floor, moving, ranked) for ranked in judged.effects], judged
+    ranked = ranking(validator, kinds, progress)
+    moving = ~only_at_reversals(validator, floor)
+    return [_finding(validator, floor, moving, effect) for effect in ranked.effects], ranked
 
 
-def _finding(evidence: Evidence, floor: Array, moving: NDArray[np.bool_], ranked: Ranked) -> Finding:
-    before = evidence.nrmse(evidence.base_sse())
-    after = evidence.nrmse(ranked.score.sse)
-    noise = floor / evidence.spread
-    rows = list(ranked.together.columns)
+def _finding(validator: CrossValidator, floor: Array, moving: NDArray[np.bool_], effect: ScoredEffect) -> Finding:
+    before, after = validator.base_nrmse(), validator.nrmse(effect.score.sse)
+    noise = floor / validator.spread
+    rows = list(effect.together.columns)
     seen = [row for row in rows if moving[row]]
-    members = tuple(place.effect for place in ranked.places)
+    members = tuple(place.effect for place in effect.places)
     joints = tuple(dict.fromkeys(j for e in members for j in (e.joints or ())))
-    names = [c.name for e in members for c in e.columns(evidence.model.robot)]
+    names = [c.name for e in members for c in e.columns(validator.model.robot)]
     shapes = {f"{k}_{n}" if len(members) > 1 else k: v for n, e in enumerate(members, 1) for k, v in _shape(e).items()}
     return Finding(
-        ranked.kind.id,
-        joints,
-        float(before.mean()),
-        float(after.mean()),
-        ranked.gain,
-        ranked.removed,
-        _share(before[rows], after[rows], noise[rows]),
-        _in_floors(before[seen], noise[seen]),
-        ranked.p_value,
-        dict(zip(names, map(float, ranked.score.beta), strict=True)) | shapes,
-        ranked.rivals,
-        ranked.kind.sentence.format(joint=each_of(joints), joints=listed(joints)),
-        members,
+        effect=effect.kind.id,
+        joints=joints,
+        error_before=float(before.mean()),
+        error_after=float(after.mean()),
+        gain=effect.gain,
+        removed=effect.explained,
+        share=_share(before[rows], after[rows], noise[rows], validator.criteria),
+        floors=_in_floors(before[seen], noise[seen]),
+        p_value=effect.p_value,
+        parameters=dict(zip(names, map(float, effect.score.beta), strict=True)) | shapes,
+        confused_with=effect.rivals,
+        sentence=effect.kind.sentence.format(joint=each_of(joints), joints=listed(joints)),
+        members=members,
+        criteria=validator.criteria,
     )
 
 
-def _share(before: Array, after: Array, noise: Array) -> float:
-    """Of the squares above the noise, the part that is removed; zero where they are a trifle."""
+def _share(before: Array, after: Array, noise: Array, criteria: Criteria) -> float:
+    """Share of the squared error above the noise that is explained; zero where that error is a trifle."""
     above = float((before**2 - np.minimum(noise, before) ** 2).sum())
-    return float(np.clip((before**2 - after**2).sum() / above, 0.0, 1.0)) if above > TRIFLE**2 else 0.0
+    explained = float((before**2 - after**2).sum())
+    return float(np.clip(explained / above, 0.0, 1.0)) if above > criteria.smallest_error**2 else 0.0
 
 
 def _in_floors(error: Array, noise: Array) -> float:
@@ -185,21 +217,40 @@ def _shape(effect: Effect) -> dict[str, float]:
     return {k: float(v) for k, v in effect.parameters.items() if k in effect.searched}
 
 
-def refitted(model: Model, evidence: Evidence, floor: Array) -> Finding:
-    """That the old parameters no longer hold: all of them fitted to these logs alone, for the price of all of them."""
-    anew = evidence.believing(nominal(model))
-    before, after = evidence.base_sse(), anew.base_sse()
-    ratio = evidence.log_likelihood(before, after, np.maximum(evidence.effective, anew.effective))
-    costs = len(model.base)
-    gain = ratio - 0.5 * costs * float(np.log(max(float(evidence.counts.sum()), 2.0)))
-    errors = evidence.nrmse(before), evidence.nrmse(after)
-    taken = float((errors[0] ** 2 - errors[1] ** 2).sum())
-    chance = float(stats.chi2.sf(2 * ratio, costs)) if gain > 0 else 1.0
-    noise = floor / evidence.spread
-    share, floors = _share(*errors, noise), _in_floors(errors[0], noise)
-    sentence = (
-        "the old parameters no longer hold, and no single effect says why: several links or friction changed; identify "
-        "the robot again"
+def refit_finding(validator: CrossValidator, floor: Array) -> Finding:
+    """The finding that the identified parameters no longer hold: all of them fitted to these logs alone.
+
+    Parameters
+    ----------
+    validator : CrossValidator
+        Under the prior of the identification.
+    floor : ndarray, shape (J,)
+        Sensor noise of each joint, N·m (N).
+    """
+    model, criteria = validator.model, validator.criteria
+    refit = validator.with_prior(weak_urdf_prior(model, criteria))
+    before, after = validator.base_sse(), refit.base_sse()
+    ratio = validator.log_likelihood(before, after, np.maximum(validator.effective, refit.effective))
+    parameters = len(model.base)
+    gain = ratio - 0.5 * parameters * float(np.log(max(float(validator.counts.sum()), 2.0)))
+    errors = validator.nrmse(before), validator.nrmse(after)
+    noise = floor / validator.spread
+    return Finding(
+        effect=OLD_PARAMETERS,
+        joints=(),
+        error_before=float(errors[0].mean()),
+        error_after=float(errors[1].mean()),
+        gain=gain,
+        removed=float((errors[0] ** 2 - errors[1] ** 2).sum()),
+        share=_share(*errors, noise, criteria),
+        floors=_in_floors(errors[0], noise),
+        p_value=float(stats.chi2.sf(2 * ratio, parameters)) if gain > 0 else 1.0,
+        parameters={},
+        confused_with=(),
+        sentence=(
+            "the identified parameters no longer hold, and no single effect explains it: several links, or friction, "
+            "changed; identify the robot again"
+        ),
+        members=(),
+        criteria=criteria,
     )
-    error, rest = (float(x.mean()) for x in errors)
-    return Finding(OLD, (), error, rest, gain, taken, share, floors, chance, {}, (), sentence, ())

@@ -1,4 +1,14 @@
-"""Add an effect, refit, and keep the story: every step of a model's history can be looked at and undone."""
+"""Better models step by step: add an effect, refit, and keep the history.
+
+Every step is a model of its own,
+
+    τ = Y θ + Σ_{e added so far} C_e θ_e,
+
+refitted as a whole, with the error before and after and the finding that proposed the effect. A step can be undone. The
+search is greedy forward selection over diagnoses: after each addition the residual is diagnosed again.
+
+Source: Chen, Billings and Luo 1989, Int. J. Control 50(5).
+"""
 
 from __future__ import annotations
 
@@ -8,9 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from frischid.diagnosis.change_prior import reference_of
-from frischid.diagnosis.diagnosis import Diagnosis, Situation, diagnose, gathered
+from frischid.diagnosis.change_prior import load_reference
+from frischid.diagnosis.criteria import DEFAULT, Criteria
+from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
 from frischid.effects import Effect, columns_of
 from frischid.errors import InputError
 from frischid.estimators.least_squares import Estimate
@@ -33,9 +45,9 @@ class Step:
     error_before, error_after : float
         Mean NRMSE on the validation logs, or cross-validated on the logs themselves when there are none.
     measured_on : str
-        What the errors are of.
+        Data that the errors are measured on.
     finding : Finding or None
-        Why, when a diagnosis proposed it.
+        The finding that proposed it, where a diagnosis did.
     """
 
     model: Model
@@ -55,42 +67,66 @@ def add(
     logs: Sequence[Log | Recording],
     *,
     valid: Sequence[Log | Recording] = (),
-    situation: Situation = "always",
+    situation: SituationOption = "always",
     finding: Finding | None = None,
+    criteria: Criteria = DEFAULT,
 ) -> Step:
-    """Refit a model with further effects.
+    """Add effects to a model and refit it.
 
     Parameters
     ----------
     model : Model
     effects : sequence of Effect
-        What to add.
+        Effects to add.
     logs : sequence of Log or Recording
         Data to fit.
     valid : sequence of Log or Recording
         Data to measure the error on.
     situation : {"auto", "always", "changed"}
         ``"auto"`` is decided as by `diagnose`. ``"always"``: all parameters are fitted again. ``"changed"``: the
-        model's own parameters are kept as a prior, so that what changed ends up in the effect.
+        model's own parameters are kept as a prior, so that the change ends up in the effect.
     finding : Finding, optional
+        The finding that proposed the effects, for the model's history.
+    criteria : Criteria, optional
+        Thresholds that decide the situation.
 
     Returns
     -------
     Step
+
+    Raises
+    ------
+    InputError
+        A log is both fitted and held out, or lacks a joint or its torque, or two effects describe the same thing.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot, spring = fr.Robot.load("planar2"), fr.parse_effects("joint_spring@joint2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 8, seed=1), rate=50, effects=(*fr.BASELINE, *spring),
+    ...                   parameters={"ks2": 1.5}, noise=fr.Noise(q=1e-5, tau=0.01))
+    >>> model = fr.identify(robot, [log], recursion="none").model
+    >>> step = fr.add(model, spring, [log])
+    >>> step.error_after < 0.2 * step.error_before
+    True
+    >>> step.measured_on
+    'cross-validated on the fitted logs'
     """
     model.check([*logs, *valid])
     check_logs(logs, valid)
     if situation == "auto":
-        situation = gathered(model, [*logs, *valid])[1]
+        situation = cross_validator(model, [*logs, *valid], criteria=criteria)[1]
     together = (*model.effects, *effects)
     columns_of(model.robot, together)  # two effects that describe the same thing are refused before any work
-    new = _refitted(model, together, logs, situation)
+    new = _refitted(model, together, logs, situation, criteria)
     if valid or situation == "changed":
         before, after = (compare(m, valid or logs).nrmse for m in (model, new))
         measured_on = "held out" if valid else "the fitted logs, with the model as it was and as it is"
     else:
         known, after = _known_error(model, logs), _cross_validated(new)
-        before = _cross_validated(_refitted(model, model.effects, logs, situation)) if known is None else known
+        before = (
+            _cross_validated(_refitted(model, model.effects, logs, situation, criteria)) if known is None else known
+        )
         measured_on = "cross-validated on the fitted logs"
     event: dict[str, Any] = {
         "action": "add",
@@ -116,11 +152,12 @@ def improve(
     logs: Sequence[Log | Recording],
     *,
     valid: Sequence[Log | Recording] = (),
-    situation: Situation = "auto",
-    most: int = 8,
+    situation: SituationOption = "auto",
+    max_steps: int = 8,
+    criteria: Criteria = DEFAULT,
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Step], Diagnosis]:
-    """Diagnose and add until nothing passes, or an addition no longer lowers the held-out error.
+    """Diagnose and add until no effect passes; an addition that does not lower the error is refused.
 
     Parameters
     ----------
@@ -129,37 +166,61 @@ def improve(
         Data to fit, and data to measure the error on.
     situation : {"auto", "always", "changed"}
         As in `diagnose`; decided once, for all steps.
-    most : int
-        Steps.
+    max_steps : int
+        Most effects to add.
+    criteria : Criteria, optional
+        Every threshold that decides the diagnoses.
     progress : callable
+        Called with a few words at each stage.
 
     Returns
     -------
     steps : list of Step
     last : Diagnosis
-        The one that found nothing more.
+        The diagnosis after the last step, with the criteria that were used.
+
+    Raises
+    ------
+    InputError
+        As in `diagnose`.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 8, seed=1), rate=50, noise=fr.Noise(q=1e-5, tau=0.01))
+    >>> model = fr.identify(robot, [log], recursion="none").model
+    >>> steps, last = fr.improve(model, [log], max_steps=2)
+    >>> len(steps), last.verdict
+    (0, 'none')
     """
     steps: list[Step] = []
     refused: set[str] = set()
     if situation == "auto":
-        progress("evidence")
-        situation = gathered(model, [*logs, *valid])[1]
+        progress("reading logs")
+        situation = cross_validator(model, [*logs, *valid], criteria=criteria)[1]
     while True:
         progress(f"diagnosis {len(steps) + 1}")
-        diagnosis = diagnose(model, logs, valid=valid, situation=situation, progress=progress)
+        diagnosis = diagnose(model, logs, valid=valid, situation=situation, criteria=criteria, progress=progress)
         passing = [f for f in diagnosis.findings if f.significant and f.members and f.effect not in refused]
-        if not passing or len(steps) == most:
+        if not passing or len(steps) == max_steps:
             return steps, diagnosis
-        step = add(model, instances(passing[0]), logs, valid=valid, situation=situation, finding=passing[0])
+        best = passing[0]
+        step = add(model, instances(best), logs, valid=valid, situation=situation, finding=best, criteria=criteria)
         if step.error_after >= step.error_before:
-            refused.add(passing[0].effect)
+            refused.add(best.effect)
             continue
         steps.append(step)
         model = step.model
 
 
 def searched(
-    model: Model, effects: Sequence[Effect], text: str, logs: Sequence[Log | Recording], situation: Situation
+    model: Model,
+    effects: Sequence[Effect],
+    text: str,
+    logs: Sequence[Log | Recording],
+    situation: SituationOption,
+    criteria: Criteria = DEFAULT,
 ) -> tuple[Effect, ...]:
     """Give effects whose shape the user did not state the shape that fits best, joint by joint.
 
@@ -168,20 +229,27 @@ def searched(
     model : Model
     effects : sequence of Effect
     text : str
-        What the user wrote; an effect written with parentheses keeps its shape.
+        The user's words; an effect written with parentheses keeps its shape.
     logs : sequence of Log or Recording
     situation : {"auto", "always", "changed"}
+    criteria : Criteria, optional
+
+    Raises
+    ------
+    InputError
+        The model's own columns already span every effect.
     """
     chosen: list[Effect] = []
     for effect in effects:
         if not effect.shapes or "(" in text:
             chosen.append(effect)
             continue
-        evidence, _ = gathered(model, logs, "changed" if situation == "changed" else "always")
+        taken: Situation = "changed" if situation == "changed" else "always"
+        validator, _ = cross_validator(model, logs, taken, criteria=criteria)
         places = [(n,) for n in effect.joints or model.joints] if effect.candidate == "joint" else [effect.joints]
         for place in places:
-            projections = [p for p in evidence.project(effect.variants(place)) if p.columns]
-            scored = evidence.score(projections) if projections else None
+            candidates = [c for c in validator.candidates(effect.variants(place)) if c.columns]
+            scored = validator.score(candidates) if candidates else None
             if scored is not None:
                 chosen.append(scored[1].effect)
     if not chosen:
@@ -216,34 +284,37 @@ def _known_error(model: Model, logs: Sequence[Log | Recording]) -> float | None:
 
 
 def _refitted(
-    model: Model, effects: tuple[Effect, ...], logs: Sequence[Log | Recording], situation: Situation
+    model: Model,
+    effects: tuple[Effect, ...],
+    logs: Sequence[Log | Recording],
+    situation: Situation,
+    criteria: Criteria,
 ) -> Model:
-    if situation != "changed":
-        found = identify(
-            model.robot,
-            logs,
-            effects=effects,
-            torque_joints=model.joints,
-            cutoff=model.lowpass.cutoff,
-            velocity=model.velocity,
-            estimator="wls",
-            recursion="none",
-            reference=reference_of(model),
-        )
-        return replace(found.model, lowpass=model.lowpass)
-    return _changed(model, effects, logs)
+    if situation == "changed":
+        return _changed(model, effects, logs, criteria)
+    found = identify(
+        model.robot,
+        logs,
+        effects=effects,
+        torque_joints=model.joints,
+        cutoff=model.lowpass.cutoff,
+        velocity=model.velocity,
+        estimator="wls",
+        recursion="none",
+        reference=load_reference(model, criteria),
+    )
+    return replace(found.model, lowpass=model.lowpass)
 
 
-def _changed(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log | Recording]) -> Model:
-    evidence, _ = gathered(model, logs, "changed")
+def _changed(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log | Recording], criteria: Criteria) -> Model:
+    """The model with the columns of a change, and its own parameters as a prior."""
+    validator, _ = cross_validator(model, logs, "changed", criteria=criteria)
     new = effects[len(model.effects) :]
     columns = columns_of(model.robot, effects)
     added = [c for e in new for c in e.columns(model.robot)]
-    for projection in evidence.project(new):
-        evidence = evidence.extended(projection)
-    estimate = model.estimate
-    covariance = np.asarray(np.linalg.pinv(evidence.information, hermitian=True), dtype=float)
-    theta = evidence.theta
+    for candidate in validator.candidates(new):
+        validator = validator.extended(candidate)
+    estimate, information = model.estimate, validator.fit.information
     return replace(
         model,
         effects=effects,
@@ -251,17 +322,17 @@ def _changed(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log | Rec
         expressions=(*model.expressions, *(c.name for c in added)),
         estimate=Estimate(
             (*estimate.columns, *added),
-            theta,
-            covariance,
+            validator.theta,
+            np.asarray(np.linalg.pinv(information, hermitian=True), dtype=float),
             estimate.joints,
-            evidence.sigma,
-            1.0 / evidence.sigma**2,
-            float(np.sqrt(np.linalg.cond(evidence.information))),
+            validator.fit.sigma,
+            1.0 / validator.fit.sigma**2,
+            float(np.sqrt(np.linalg.cond(information))),
             "map",
-            evidence.information,
+            information,
             ("values of a changed robot: the identified parameters were kept as a prior",),
         ),
         bounds={},
-        reference=reference_of(model),
+        reference=load_reference(model, criteria),
         standard=None,
     )

@@ -1,157 +1,182 @@
-"""What a diagnosis keeps of one motion: its state, and the filtered rows of each joint, all in a `Store`.
+"""All motions of some logs as a diagnosis keeps them, and the columns of candidate effects over them.
 
-A row's fold and its block of time follow from which sample it is and when that was; they are made when asked for. What
-stays in memory of a motion are its name, its length and where its arrays are.
+The logs are read once, motion by motion. Of each motion the cache keeps the state, from which effects make their
+columns, and the filtered rows [Y_j τ_j] of each joint j without the columns that cannot act on the joint. So no stage
+reads a log again, and memory does not grow with the logs (`frischid.core.array_store`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
-from frischid.core.array_store import Store, Stored
+from frischid.core.array_store import Series, Store
+from frischid.core.parallel import Here, Workers
 from frischid.core.types import Array
-from frischid.effects import State
+from frischid.diagnosis.cached_motion import CachedMotion, JointData, stored_state
+from frischid.diagnosis.candidate_columns import Candidate, ColumnTask, GatheredColumns, filtered_columns, sampled
+from frischid.diagnosis.change_prior import load_reference
+from frischid.diagnosis.criteria import DEFAULT, Criteria
+from frischid.effects import Effect, State
+from frischid.logs.filters import decimating_filter
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import Motion
+from frischid.logs.recording import Recording
+from frischid.model.model import Model
+from frischid.regression.regressor import Regressor
 
-Indices = NDArray[np.intp]
-Picked = NDArray[np.int32]
-Stretch = tuple[str, float, float]
-QUARTERS = 4  # folds of a single log
 
+class MotionCache:
+    """Motions of some logs, prepared as the model's own logs were.
 
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """One motion with N filtered samples.
+    Parameters
+    ----------
+    model : Model
+    logs : sequence of Log or Recording
+        Every log is a fold, up to ``criteria.max_folds``; of a single log each motion is cut.
+    criteria : Criteria, optional
+    workers : Workers, optional
+        Processes that compute columns of candidates, this process by default.
 
     Attributes
     ----------
-    number : int
-        Which motion it is.
-    source : str
-        The log.
-    start : float
-        Time at which the log begins, s.
-    extra : sequence of str
-        Further channels of the log.
-    raw : int
-        Samples before the filter.
-    step : float
-        Time between these, s.
-    fold : int or None
-        Part of the data it is; None where it is cut into `QUARTERS`.
-    block : int
-        First of its blocks of time in the count of all motions.
-    seconds : float
-        Length of a block.
-    counts : sequence of int
-        Rows of each joint.
-    t : Stored
-        Times of the filtered samples, s.
-    Z : sequence of Stored
-        For each joint the columns that act on it and its torque, (rows, k + 1).
-    picked : sequence of Stored
-        Which filtered samples the rows of each joint are.
-    state : State or mapping of str to Stored
+    motions : list of CachedMotion
+    active : list of ndarray of int
+        For each fitted joint, the base parameters whose columns act on it.
+    blocks : int
+        Blocks of time of all motions.
+    folds : int
+        Parts of the data for cross-validation.
     """
 
-    number: int
-    source: str
-    start: float
-    extra: Sequence[str]
-    raw: int
-    step: float
-    fold: int | None
-    block: int
-    seconds: float
-    counts: Sequence[int]
-    t: Stored
-    Z: Sequence[Stored]
-    picked: Sequence[Stored]
-    state: State | Mapping[str, Stored]
+    def __init__(
+        self,
+        model: Model,
+        logs: Sequence[Log | Recording],
+        criteria: Criteria = DEFAULT,
+        workers: Workers | None = None,
+    ) -> None:
+        self.model, self.criteria, self.workers = model, criteria, workers or Here()
+        self.regressor = Regressor(model.robot, model.effects, load_reference(model, criteria))
+        self.prepared = model.motions(logs)
+        self.store = Store()
+        self.position = {j: row for row, j in enumerate(model.torque_index)}
+        place = {column: k for k, column in enumerate(model.base)}
+        base = [np.array([c for c in self.regressor.active[j] if c in place], dtype=int) for j in self.position]
+        self._columns = [np.append(columns, len(self.regressor.columns)) for columns in base]
+        self.active = [np.array([place[c] for c in columns.tolist()], dtype=int) for columns in base]
+        self._candidates: dict[str, Candidate] = {}
+        self.motions: list[CachedMotion] = []
+        self.blocks = 0
+        most = criteria.max_folds
+        for number, log in enumerate(logs):
+            fold = None if len(logs) == 1 else number * most // max(len(logs), most)
+            for motion in model.motions([log]):
+                self.motions.append(self._cached(motion, fold))
+                self.blocks += self.motions[-1].blocks
+        joints = (self.joint(row, n) for row in range(len(self.active)) for n in range(len(self.motions)))
+        self.folds = 1 + max((fold for joint in joints for fold, _ in joint.folds), default=0)
+
+    def _cached(self, motion: Motion, fold: int | None) -> CachedMotion:
+        index, lowpass, criteria = self.model.torque_index, self.model.lowpass, self.criteria
+        times: list[Array] = []
+        used: list[NDArray[np.bool_]] = []
+        Z: list[list[Array]] = [[] for _ in index]
+        for block in self.regressor.blocks(motion, lowpass):
+            times.append(block.t)
+            used.append(block.used)
+            for parts, columns, j in zip(Z, self._columns, index, strict=True):
+                parts.append(block.Z[:, columns, j][block.used[:, j]])
+        moving = np.concatenate(used)
+        return CachedMotion(
+            number=len(self.motions),
+            source=motion.source,
+            start=motion.start,
+            extra=tuple(motion.extra),
+            raw=len(motion.t),
+            step=motion.step,
+            fold=fold,
+            cuts=criteria.folds_of_one_log,
+            block=self.blocks,
+            seconds=max(criteria.block_seconds, criteria.block_periods / (lowpass.cutoff or criteria.block_periods)),
+            counts=[int(n) for n in moving[:, index].sum(axis=0)],
+            t=self.store.put(np.concatenate(times)),
+            Z=[self.store.put(np.concatenate(parts)) for parts in Z],
+            picked=[self.store.put(np.flatnonzero(moving[:, j]).astype(np.int32)) for j in index],
+            state=stored_state(self.regressor.state(motion), self.store),
+        )
+
+    def state(self, motion: CachedMotion) -> State:
+        """Unfiltered state of a motion."""
+        if isinstance(motion.state, State):
+            return motion.state
+        arrays = {name: stored.read() for name, stored in motion.state.items()}
+        extra = {name: arrays.pop(f"extra {name}") for name in motion.extra}
+        rigid = self.regressor.reference[: len(self.model.robot.columns)]
+        return State(
+            self.model.robot, **arrays, start=motion.start, extra=extra, reference=rigid, dry=self.regressor.dry
+        )
+
+    def sampled_states(self) -> Iterator[State]:
+        """State of each motion at its filtered samples."""
+        for motion in self.motions:
+            yield sampled(self.state(motion), motion.t.read())
 
     @property
-    def blocks(self) -> int:
-        """Blocks of time it has."""
-        t = self.t.read()
-        return 1 + int((t[-1] - t[0]) / self.seconds) if len(t) else 0
+    def channels(self) -> set[str]:
+        """Further channels that every log has."""
+        return set.intersection(*(set(motion.extra) for motion in self.motions))
+
+    # ------------------------------------------------------------------ candidates
+
+    def candidates(
+        self, effects: Sequence[Effect], progress: Callable[[str], None] = lambda _: None
+    ) -> list[Candidate]:
+        """Filtered columns of candidate effects over all motions, computed once for each effect."""
+        fresh = list({str(e): e for e in effects if str(e) not in self._candidates}.values())
+        groups = [list(group) for _, group in groupby(fresh, lambda effect: effect.id)]
+        gathered = [GatheredColumns(self.store) for _ in fresh]
+        lowpass = self.model.lowpass
+        for number, motion in enumerate(self.motions if fresh else ()):
+            F = decimating_filter(lowpass.taps(motion.step), motion.raw, lowpass.decimation(motion.step))
+            task = ColumnTask(self.state(motion), F, self.position, [picked.read() for picked in motion.picked])
+            (there,) = self.workers.map(_same, [task])
+            parts = []
+            for group in groups:
+                progress(f"trying {group[0].id}")
+                parts += self.workers.map(filtered_columns, [group], there)
+            done = [columns for part in self.workers.gather(parts) for columns in part]
+            for found, columns in zip(gathered, done, strict=True):
+                found.add(columns, self.motions[: number + 1])
+        for effect, found in zip(fresh, gathered, strict=True):
+            self._candidates[str(effect)] = Candidate(effect, found.series, found.signs, found.finite)
+        return [self._candidates[str(effect)] for effect in effects]
+
+    def given(self, effect: Effect, row: int, values: Sequence[Array]) -> Candidate:
+        """Make a candidate on one joint from its values at each motion's filtered samples."""
+        series = Series(self.store)
+        for motion, x in zip(self.motions, values, strict=True):
+            series.append(x[motion.picked[row].read(), None])
+        return Candidate(effect, {row: series}, (0,))
+
+    def joined(self, parts: Sequence[Candidate]) -> Candidate:
+        """Several places of an effect as one candidate."""
+        columns: dict[int, Series] = {}
+        for row in sorted({row for p in parts for row in p.columns}):
+            columns[row] = Series(self.store)
+            for number, motion in enumerate(self.motions):
+                none = [np.zeros((motion.counts[row], len(p.signs))) for p in parts]
+                found = [p.columns[row][number] if row in p.columns else x for p, x in zip(parts, none, strict=True)]
+                columns[row].append(np.column_stack(found))
+        return Candidate(parts[0].effect, columns, tuple(s for p in parts for s in p.signs))
+
+    def joint(self, row: int, number: int, left_out: Sequence[tuple[str, float, float]] = ()) -> JointData:
+        """Rows of a joint over one motion, without some stretches of time."""
+        return JointData(self.motions[number], row, left_out)
 
 
-@dataclass(eq=False)
-class Part:
-    """Rows of one joint over one motion, n of them; read when asked for.
-
-    Attributes
-    ----------
-    piece : Piece
-    row : int
-        Position of the joint among those fitted.
-    cuts : sequence of (str, float, float)
-        Stretches of time that are left out: source, start, stop, s.
-    """
-
-    piece: Piece
-    row: int
-    cuts: Sequence[Stretch] = ()
-
-    @cached_property
-    def at(self) -> Indices | slice:
-        """Which of the stored rows these are."""
-        own = [(a, b) for source, a, b in self.cuts if source == self.piece.source]
-        if not own:
-            return slice(None)
-        t = self.piece.t.read()[self.piece.picked[self.row].read()]
-        return np.flatnonzero(~np.any([(t >= a) & (t <= b) for a, b in own], axis=0))
-
-    def __len__(self) -> int:
-        return self.piece.counts[self.row] if isinstance(self.at, slice) else len(self.at)
-
-    @cached_property
-    def Z(self) -> Array:
-        """Columns that act on the joint, and its torque, (n, k + 1)."""
-        return np.asarray(self.piece.Z[self.row].read()[self.at])
-
-    @property
-    def Y(self) -> Array:
-        """Columns that act on the joint, (n, k)."""
-        return self.Z[:, :-1]
-
-    @property
-    def tau(self) -> Array:
-        """Torque, (n,)."""
-        return self.Z[:, -1]
-
-    @property
-    def picked(self) -> Picked:
-        """Which filtered samples these are, (n,)."""
-        return np.asarray(self.piece.picked[self.row].read()[self.at])
-
-    @property
-    def block(self) -> Indices:
-        """Stretch of about a second each row belongs to, (n,)."""
-        t = self.piece.t.read()
-        return self.piece.block + ((t[self.picked] - t[:1]) / self.piece.seconds).astype(int)
-
-    @cached_property
-    def folds(self) -> list[tuple[int, slice]]:
-        """Parts of the data there are here, and their rows."""
-        if self.piece.fold is not None:
-            return [(self.piece.fold, slice(0, len(self)))] if len(self) else []
-        samples = self.piece.t.shape[0]
-        first = [-(-quarter * samples // QUARTERS) for quarter in range(QUARTERS + 1)]
-        ends = np.searchsorted(self.picked, first).tolist()
-        found = zip(range(QUARTERS), map(slice, ends[:-1], ends[1:]), strict=True)
-        return [(fold, own) for fold, own in found if own.stop > own.start]
-
-
-def kept(state: State, store: Store) -> State | Mapping[str, Stored]:
-    """A state, in memory only if there is room for what effects derive from it as well (`State.slopes`)."""
-    samples, joints = state.q.shape
-    if store.takes(8 * samples * (1 + joints * (5 + 3 * joints) + len(state.extra))):
-        return state
-    arrays = {name: getattr(state, name) for name in ("t", "q", "v", "a", "load", "torque")}
-    arrays |= {f"extra {name}": x for name, x in state.extra.items()}
-    return {name: store.put(x) for name, x in arrays.items()}
+def _same(task: ColumnTask) -> ColumnTask:
+    return task

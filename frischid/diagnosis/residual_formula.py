@@ -1,15 +1,15 @@
-"""What is left when nothing in the catalogue explains it: which variables it depends on, and a formula for it.
+"""A residual that no effect explains: the variables it depends on, and a short formula for it.
 
-The residual of the joint that is explained worst is held against every quantity of every joint, by Chatterjee's ξ
-(a rank correlation that is 0 only for independence and 1 for any function, S. Chatterjee 2021, J. Am. Stat. Assoc.
-116(536)), on samples a correlation time apart. Then terms from a library of simple expressions enter one by one while
-held-out data pay for them (orthogonal least squares, as in `ranking`; the library: Brunton, Proctor and Kutz 2016, PNAS
-113(15)). The result is a *description*, not a cause: it says where to look.
+Each quantity of each joint is tested against the residual with Chatterjee's ξ, on samples a correlation time apart. For
+n pairs in the order of x, with r_i the rank of the i-th residual,
 
-A description also keeps the catalogue honest. What another joint does to this one is in no catalogue, nor is a torque
-that jumps from sector to sector of a gear; yet some effect may resemble it and be found. Where one such term, or such
-jumps, leave far less of the error above the noise than the first finding does, that finding is not the cause
-(`outdone`).
+    ξ = 1 − 3 Σ |r_{i+1} − r_i| / (n² − 1),
+
+zero only for independence and one for any function. Then terms of a library of simple expressions enter one after
+another while the held-out error falls. The result is a *description*, not a cause: it says where to look.
+
+Sources: Chatterjee 2021, "A new coefficient of correlation", J. Am. Stat. Assoc. 116(536); the library: Brunton,
+Proctor and Kutz 2016, PNAS 113(15).
 """
 
 from __future__ import annotations
@@ -21,33 +21,27 @@ import numpy as np
 from scipy import stats
 
 from frischid.core.text import listed
-from frischid.core.types import Array
-from frischid.diagnosis.cross_validation import LOOKED_AT, Evidence, thinned
-from frischid.diagnosis.gear_steps import jumps, steps
-from frischid.diagnosis.stepwise_selection import SIGNIFICANCE, STEADY, Judged, Ranking, block_test, judged
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.gear_steps import evenly_spaced_jumps
+from frischid.diagnosis.residual_variables import MOST_ROWS, thinned, variables
+from frischid.diagnosis.scored_candidate import ScoredCandidate, scored
 from frischid.effects import Formula
-from frischid.model.comparison_criteria import COMPARISON_CRITERIA
-
-TERMS = 3
-FAR_LESS = 0.5  # of what the first finding leaves above the noise
-SECTORS = 24  # of a joint's range, in the library
-MOSTLY = 0.1  # of what a first finding is held against: if it leaves less, a dozen jumps are no better answer
 
 
 @dataclass(frozen=True)
 class Description:
-    """What is left on one joint.
+    """Residual of one joint.
 
     Attributes
     ----------
     joint : str
     depends_on : dict of str to float
-        Variable (``q2``, ``v1``, ...; t: time in the log) -> p value of independence, those that are not independent,
-        corrected for all that were tried; the surest first.
+        Variable (``q2``, ``v1``, ...; t: time in the log) -> p value of independence, corrected for all tested;
+        only variables that pass, the smallest p value first.
     formula : tuple of str
-        Expressions, in the language of the effect ``formula``, that describe it.
+        Expressions, in the language of the effect ``formula``, that describe the residual.
     removed : float
-        Share of the squared held-out error on this joint that the formula removes.
+        Share of the joint's squared held-out error that the formula explains.
     """
 
     joint: str
@@ -60,136 +54,80 @@ class Description:
         formula = listed([f"'{f}'" for f in self.formula])
         verb = "describes" if len(self.formula) == 1 else "describe"
         described = f"; {formula} {verb} {self.removed:.0%} of it (a description, not a cause)" if formula else ""
-        return f"What is left on {self.joint} depends on {depends}{described}"
+        return f"The residual error of {self.joint} depends on {depends}{described}"
 
 
-@dataclass(frozen=True)
-class Stranger:
-    """What no effect of the catalogue is, where it describes far more than the first finding explains.
-
-    Attributes
-    ----------
-    row : int
-        Position of the joint among the fitted ones.
-    words : str
-        What describes it.
-    """
-
-    row: int
-    words: str
+def describe(validator: CrossValidator, row: int) -> Description:
+    """Describe the residual of one joint, given by its position among the fitted ones."""
+    depends = _dependence(validator, row)
+    chosen, removed = _formula(validator, row)
+    return Description(validator.joints[row], depends, tuple(chosen), removed)
 
 
-def describe(evidence: Evidence, row: int) -> Description:
-    """Describe what is left on a joint."""
-    depends = _dependence(evidence, row)
-    chosen, removed = _formula(evidence, row)
-    return Description(evidence.joints[row], depends, tuple(chosen), removed)
-
-
-def outdone(ranking: Ranking, floor: Array) -> Stranger | None:
-    """Find what describes far more than the first finding explains, on the joint where that removes most.
-
-    Parameters
-    ----------
-    ranking : Ranking
-    floor : ndarray, shape (J,)
-        Sensor noise of each joint, N·m (N).
-
-    Returns
-    -------
-    Stranger or None
-        None: the finding holds.
-    """
-    if not any(ranked.entered for ranked in ranking.effects):
-        return None
-    full, without = ranking.full, ranking.without_first
-    after = full.nrmse(full.base_sse()) ** 2
-    before = without.nrmse(without.base_sse()) ** 2
-    row = int(np.argmax(before - after))
-    noise = float(floor[row] / full.spread[row]) ** 2
-    most = FAR_LESS * (after[row] - noise)
-    if most < noise:
-        return None
-    rival = best_foreign(without, row, after[row] > MOSTLY * before[row])
-    if rival is None or without.nrmse(rival.score.sse)[row] ** 2 - noise > most:
-        return None
-    words = f"'{_expression(rival)}'"
-    if len(rival.projection.signs) > 1:
-        words = f"a torque that jumps from sector to sector of q{full.model.robot.numbers[full.joints[row]]}"
-    return Stranger(row, words)
-
-
-def best_foreign(evidence: Evidence, row: int, jumping: bool = True) -> Judged | None:
-    """What is in no catalogue and describes a joint best: what another joint does, or jumps; None if none is sure."""
-    joint = evidence.joints[row]
-    foreign = [p for p in evidence.project([Formula((joint,), e) for e in _foreign(evidence, joint)]) if p.columns]
-    found = [j for p in foreign if (j := judged(evidence, [p])) is not None]
-    found += [j for j in [jumps(evidence, row) if jumping else None] if j is not None]
-    best = min(found, key=lambda j: float(evidence.nrmse(j.score.sse)[row]), default=None)
-    if best is None or best.chance(len(found)) > SIGNIFICANCE or block_test(evidence, best.projection) > STEADY:
-        return None
-    return best
-
-
-def _dependence(evidence: Evidence, row: int) -> dict[str, float]:
-    count = int(evidence.counts[:, row].sum())
-    apart = max(1, round(evidence.correlation[row]), -(-count // LOOKED_AT))
-    if count // apart < COMPARISON_CRITERIA.dependence_samples:
+def _dependence(validator: CrossValidator, row: int) -> dict[str, float]:
+    criteria = validator.criteria
+    count = int(validator.counts[:, row].sum())
+    apart = max(1, round(validator.fit.correlation[row]), -(-count // MOST_ROWS))
+    if count // apart < criteria.least_independent_samples:
         return {}
-    variables, residual = evidence.variables(row, apart), thinned(evidence.residuals(row, evidence.theta), apart)
+    tested = variables(validator, row, apart)
+    residual = thinned(validator.residuals(row, validator.theta), apart)
     found = {}
-    for name, x in variables.items():
+    for name, x in tested.items():
         if np.ptp(x) > 0:
-            found[name] = min(1.0, len(variables) * float(stats.chatterjeexi(x, residual).pvalue))
-    return {name: p for name, p in sorted(found.items(), key=lambda item: item[1]) if p < SIGNIFICANCE}
+            found[name] = min(1.0, len(tested) * float(stats.chatterjeexi(x, residual).pvalue))
+    return {name: p for name, p in sorted(found.items(), key=lambda item: item[1]) if p < criteria.significance}
 
 
-def _formula(evidence: Evidence, row: int) -> tuple[list[str], float]:
-    joint = evidence.joints[row]
-    terms = [Formula((joint,), e) for e in _library(evidence, joint)] + steps(evidence, row, SECTORS - 1)
-    candidates = [p for p in evidence.project(terms) if p.columns]
-    start = evidence.nrmse(evidence.base_sse())[row] ** 2
-    now, chosen, left = evidence, list[str](), start
-    while len(chosen) < TERMS:
-        scored = [j for c in candidates if (j := judged(now, [c])) is not None and j.gain > 0]
-        passing = [j for j in scored if j.chance(len(candidates)) < SIGNIFICANCE]
+def _formula(validator: CrossValidator, row: int) -> tuple[list[str], float]:
+    """Expressions that describe a joint's residual, and the share of its squared held-out error they explain."""
+    criteria, joint = validator.criteria, validator.joints[row]
+    terms = [Formula((joint,), e) for e in _library(validator, joint)]
+    terms += evenly_spaced_jumps(validator, row, criteria.formula_sectors - 1)
+    candidates = [c for c in validator.candidates(terms) if c.columns]
+    start = validator.base_nrmse()[row] ** 2
+    now, chosen, error = validator, list[str](), start
+    while len(chosen) < criteria.formula_terms:
+        found = [x for c in candidates if (x := scored(now, [c])) is not None and x.gain > 0]
+        passing = [x for x in found if x.p_value(len(candidates)) < criteria.significance]
         if not passing:
             break
-        best = max(passing, key=lambda j: j.removed)
+        best = max(passing, key=lambda x: x.explained)
         after = float(now.nrmse(best.score.sse)[row] ** 2)
-        if after > 0.95 * left:
+        if after > criteria.formula_improvement * error:
             break
-        chosen.append(_expression(best))
-        left, now = after, now.extended(best.projection)
-        candidates = [c for c in candidates if c is not best.projection]
-    return chosen, float(1 - left / start)
+        chosen.append(expression_of(best))
+        error, now = after, now.extended(best.candidate)
+        candidates = [c for c in candidates if c is not best.candidate]
+    return chosen, float(1 - error / start)
 
 
-def _expression(candidate: Judged) -> str:
-    effect = candidate.effect
+def expression_of(found: ScoredCandidate) -> str:
+    """The expression of a candidate that is a formula."""
+    effect = found.effect
     assert isinstance(effect, Formula)
     return effect.expression
 
 
-def _library(evidence: Evidence, joint: str) -> list[str]:
+def _library(validator: CrossValidator, joint: str) -> list[str]:
     """Simple expressions of the joint's own quantities, of each other joint's, and of both together."""
-    own = str(evidence.model.robot.numbers[joint])
+    own = str(validator.model.robot.numbers[joint])
     found = [f"{wave}({k}q{own})" for wave in ("sin", "cos") for k in ("", "2*", "3*")]
     found += [f"v{own}**3", f"abs(v{own})", f"v{own}*abs(v{own})", f"abs(tau_model{own})", f"q{own}*v{own}"]
     found += [f"t*sign(v{own})", f"t*v{own}", "t", f"abs(q{own})*sign(v{own})", f"load{own}"]
-    found += [form for k in _others(evidence, joint) for form in (f"v{k}", f"sign(v{k})", f"a{k}")]
-    return found + _foreign(evidence, joint)
+    found += [form for k in _others(validator, joint) for form in (f"v{k}", f"sign(v{k})", f"a{k}")]
+    return found + coupling_expressions(validator, joint)
 
 
-def _foreign(evidence: Evidence, joint: str) -> list[str]:
-    """Expressions of what another joint does to this one that no effect of the catalogue has."""
-    own, found = str(evidence.model.robot.numbers[joint]), []
-    for k in _others(evidence, joint):
+def coupling_expressions(validator: CrossValidator, joint: str) -> list[str]:
+    """Torques of other joints' motion on one joint that no effect of the catalogue contains."""
+    own, found = str(validator.model.robot.numbers[joint]), []
+    for k in _others(validator, joint):
         found += [f"q{own}*q{k}", f"q{k}", f"sin(q{k})", f"cos(q{k})", f"tau_model{k}", f"v{own}*abs(v{k})"]
         found += [f"abs(v{own})*v{k}", f"v{own}*v{k}", f"q{k}*v{own}", f"q{k}*sign(v{own})"]
     return found
 
 
-def _others(evidence: Evidence, joint: str) -> list[str]:
+def _others(validator: CrossValidator, joint: str) -> list[str]:
     """Numbers of the other joints."""
-    return [str(number) for name, number in evidence.model.robot.numbers.items() if name != joint]
+    return [str(number) for name, number in validator.model.robot.numbers.items() if name != joint]

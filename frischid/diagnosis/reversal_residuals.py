@@ -1,14 +1,18 @@
-"""Where a joint turns or rests, dry friction is anybody's guess.
+"""Is a joint's error only where it reverses or stands still? There dry friction is undetermined.
 
-It then takes any value between ±F, according to how the joint came to a stop; a drive that sticks for a hundredth of a
-second, or a controller that lets go a little early, moves its jump in time. Such an error is a spike at every reversal
-and nothing in between. With e what is left of the torque, σ the sensors' noise and s the speed over its rms, it is all
-there when
+At standstill dry friction takes any value between ±F, according to how the joint came to a stop. A drive that sticks
+for a hundredth of a second, or a controller that lets go a little early, moves the jump of friction in time. The error
+is then a spike at every reversal and zero in between. With e the residual, σ the sensor noise and s the speed over its
+rms, all of the error is of this kind when
 
-    Σ (e² − σ²) |s|  <  0.2 Σ (e² − σ²),      Σ (e² − σ²)  <  0.1 F² · (number of samples with |s| < 0.2).
+    Σ (e² − σ²) |s|  <  s₀ Σ (e² − σ²),      Σ (e² − σ²)  <  κ F² · (number of samples with |s| < s₀),
 
-The second keeps it small: wrong by a third of itself, dry friction has other causes. Such an error is not called
-missing, unless an effect is found that explains most of it.
+with s₀ = ``criteria.slow_speed`` and κ = ``criteria.reversal_energy_share``. The second condition limits the error to
+about a third of F. A larger one has other causes. An error of this kind does not ask for an explanation; an effect that
+explains nearly all of it is named all the same.
+
+Source: Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, "A survey of models, analysis tools and compensation methods
+for the control of machines with friction", Automatica 30(7).
 """
 
 from __future__ import annotations
@@ -17,18 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frischid.core.types import Array
-from frischid.diagnosis.cross_validation import Evidence
-
-AT_REST = 0.2  # of a joint's rms speed, averaged over the energy of what is left
-PART = 0.1  # of dry friction's own energy while the joint is so slow
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.residual_variables import speeds
 
 
-def at_rest(evidence: Evidence, floor: Array) -> NDArray[np.bool_]:
-    """Joints of which nothing is left above the noise but where they turn or rest.
+def only_at_reversals(validator: CrossValidator, floor: Array) -> NDArray[np.bool_]:
+    """Joints whose error above the sensor noise is only at reversals and standstill, and small beside dry friction.
 
     Parameters
     ----------
-    evidence : Evidence
+    validator : CrossValidator
     floor : ndarray, shape (J,)
         Sensor noise of each joint, N·m (N).
 
@@ -36,14 +38,16 @@ def at_rest(evidence: Evidence, floor: Array) -> NDArray[np.bool_]:
     -------
     ndarray of bool, shape (J,)
     """
-    energy, moving, slow = np.zeros((3, len(evidence.joints)))
-    for number, speeds in enumerate(evidence.speeds()):
+    slow_speed = validator.criteria.slow_speed
+    energy, moving, slow = np.zeros((3, len(validator.joints)))
+    for number, relative in enumerate(speeds(validator)):
         for row, noise in enumerate(floor):
-            part = evidence.data.part(row, number)
-            speed = np.abs(speeds[part.picked, row])
-            left = (part.tau - evidence.predicted(part, evidence.theta)) ** 2 - noise**2
-            energy[row] += left.sum()
-            moving[row] += left @ speed
-            slow[row] += (speed < AT_REST).sum()
-    most = PART * slow * evidence.data.regressor.dry[list(evidence.model.torque_index)] ** 2
-    return np.asarray((energy > 0) & (moving < AT_REST * energy) & (energy < most))
+            data = validator.data.of_motion(row, number)
+            speed = np.abs(relative[data.picked, row])
+            above = (data.tau - validator.columns.predicted(data, validator.theta)) ** 2 - noise**2
+            energy[row] += above.sum()
+            moving[row] += above @ speed
+            slow[row] += (speed < slow_speed).sum()
+    dry = validator.data.cache.regressor.dry[list(validator.model.torque_index)]
+    most = validator.criteria.reversal_energy_share * slow * dry**2
+    return np.asarray((energy > 0) & (moving < slow_speed * energy) & (energy < most))

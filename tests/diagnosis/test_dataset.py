@@ -8,9 +8,11 @@ import pytest
 
 import frischid.core.array_store
 from frischid.core.array_store import Series, Store
-from frischid.diagnosis.change_prior import nominal
-from frischid.diagnosis.cross_validation import Evidence, thinned
+from frischid.diagnosis.block_test import block_gains
+from frischid.diagnosis.change_prior import weak_urdf_prior
+from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import diagnose
+from frischid.diagnosis.residual_variables import thinned, variables
 from frischid.effects import BASELINE, parse_effects
 from frischid.logs.recording import Recording
 from frischid.model.identification import identify
@@ -88,8 +90,8 @@ def test_thinning_does_not_see_the_parts():
 
 
 def test_what_a_residual_depends_on_is_thinned_alike():
-    evidence = Evidence(model(), [log_of(1), log_of(2)], nominal(model()))
-    whole, few = evidence.variables(1, 1), evidence.variables(1, 7)
+    validator = CrossValidator.of(model(), [log_of(1), log_of(2)], weak_urdf_prior(model()))
+    whole, few = variables(validator, 1, 1), variables(validator, 1, 7)
     for name, x in whole.items():
         np.testing.assert_array_equal(few[name], x[::7])
 
@@ -101,8 +103,8 @@ def test_where_rows_are_kept_changes_nothing(monkeypatch):
     there = diagnose(model(), logs, effects=TRIED)
     assert there.to_dict() == here.to_dict()
     assert here.findings[0].effect == "joint_spring"
-    assert here.evidence.data.store.written == 0
-    assert there.evidence.data.store.written > 0
+    assert here.validator.data.cache.store.written == 0
+    assert there.validator.data.cache.store.written > 0
 
 
 def test_a_recording_says_what_its_log_says():
@@ -114,33 +116,35 @@ def test_a_recording_says_what_its_log_says():
     assert (again.effect, again.joints) == (first.effect, first.joints)
     assert again.parameters["ks2"] == pytest.approx(first.parameters["ks2"], rel=1e-3)
     assert pieces.error == pytest.approx(whole.error, rel=1e-3)
-    np.testing.assert_allclose(pieces.evidence.counts, whole.evidence.counts, atol=5)
+    np.testing.assert_allclose(pieces.validator.counts, whole.validator.counts, atol=5)
 
 
 def test_moments_with_a_candidate_are_those_of_the_rows_with_its_columns():
-    evidence = Evidence(model(), [log_of(1), log_of(2)], nominal(model()))
-    spring, drag, play = evidence.project(
+    validator = CrossValidator.of(model(), [log_of(1), log_of(2)], weak_urdf_prior(model()))
+    spring, drag, play = validator.candidates(
         parse_effects("joint_spring@joint2")
         + parse_effects("quadratic_viscous@joint1")
         + parse_effects("joint_spring@joint1")
     )
-    cut = evidence.without([(evidence.sources[0], 3.0, 5.0)])
-    assert cut.counts.sum() < evidence.counts.sum()
-    for start in (evidence, cut):
+    cut = validator.without([(validator.data.sources[0], 3.0, 5.0)])
+    assert cut.counts.sum() < validator.counts.sum()
+    for start in (validator, cut):
         both = start.joined([spring, drag])
         assert len(both.signs) == 2
         now = start.extended(both).extended(play)
         base, k = len(start.theta), 3
         for row in range(len(now.joints)):
-            found = np.zeros_like(now.G[:, row])
-            for part in now.data.parts(row):
-                Z = np.column_stack([*(now.predicted(part, e) for e in np.eye(base + k)), part.tau])
+            found = np.zeros_like(now.columns.gram[:, row])
+            for part in now.data.motions_of(row):
+                Z = np.column_stack([*(now.columns.predicted(part, e) for e in np.eye(base + k)), part.tau])
                 for fold, own in part.folds:
                     found[fold] += Z[own].T @ Z[own]
-            np.testing.assert_allclose(now.G[:, row], found, rtol=1e-9, atol=1e-9 * np.abs(found).max())
+            np.testing.assert_allclose(now.columns.gram[:, row], found, rtol=1e-9, atol=1e-9 * np.abs(found).max())
         np.testing.assert_allclose(now.counts, start.counts)
-        gains = start.block_gains(spring)
-        assert len(gains) == len(np.unique(np.concatenate([p.block for row in (0, 1) for p in start.data.parts(row)])))
+        gains = block_gains(start, spring)
+        assert len(gains) == len(
+            np.unique(np.concatenate([p.block for row in (0, 1) for p in start.data.motions_of(row)]))
+        )
         assert gains.sum() > 0
 
 
@@ -152,9 +156,9 @@ def test_memory_hardly_grows(monkeypatch):
     for times in (2, 8):
         known = model()
         tracemalloc.start()
-        evidence = Evidence(known, [in_pieces(log, 2000, times)], nominal(known))
-        found = evidence.project(parse_effects("joint_spring") + parse_effects("hysteresis(distance=0.01)"))
-        assert evidence.score(found[:1]) is not None
+        validator = CrossValidator.of(known, [in_pieces(log, 2000, times)], weak_urdf_prior(known))
+        found = validator.candidates(parse_effects("joint_spring") + parse_effects("hysteresis(distance=0.01)"))
+        assert validator.score(found[:1]) is not None
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert (peaks[1] - peaks[0]) / (6 * len(log)) < BYTES

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from frischid.cli import main
 from frischid.diagnosis.contacts import _stands_out
+from frischid.diagnosis.criteria import Criteria
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.improvement import add, improve, undo
@@ -82,14 +83,12 @@ def test_a_healthy_robot_raises_no_alarm():
     assert found.error < 2 * found.noise_floor
     assert (
         replace(found, error=found.noise_floor).remainder
-        == "nothing is missing: what is left is what the sensors leave"
+        == "no effect is missing: the residual error is that of the sensor noise"
     )
     assert replace(found, error=1.7 * found.noise_floor).remainder.endswith(
-        "is 1.7 × what the sensors alone would leave"
+        "is 1.7 times that of the sensor noise alone"
     )
-    assert replace(found, error=0.01, noise_floor=0.0).remainder.endswith(
-        "is more than what the sensors alone would leave"
-    )
+    assert replace(found, error=0.01, noise_floor=0.0).remainder.endswith("is more than that of the sensor noise alone")
 
 
 def test_what_python_shows_of_a_result_is_a_line():
@@ -140,7 +139,7 @@ def test_improve_takes_steps_that_can_be_undone():
     hidden = "asymmetric_viscous@wrist_1_joint, joint_spring@wrist_2_joint"
     logs, held_out = ([log_of(s, hidden, fva4=1.0, ks5=1.0)] for s in (1, 2))
     model = identify(UR5, logs, recursion="none").model
-    steps, last = improve(model, logs, valid=held_out, most=3)
+    steps, last = improve(model, logs, valid=held_out, max_steps=3)
     assert {"asymmetric_viscous", "joint_spring"} <= {s.finding.effect for s in steps}
     errors = [steps[0].error_before, *(s.error_after for s in steps)]
     assert (np.diff(errors) < 0).all()
@@ -252,7 +251,7 @@ def test_on_other_logs_what_is_new_comes_before_what_was_always_missing():
     found = diagnose(model, [log_of(s, f"{always}, {new}", **values) for s in (3, 4)])
     assert [f.effect for f in found.findings[:2]] == ["asymmetric_viscous", "stribeck"]
     assert found.findings[0].removed < found.findings[1].removed
-    assert any("what explains more than was missing on those comes first" in note for note in found.notes)
+    assert any("effects are ranked by the error they explain beyond 1.25 times" in note for note in found.notes)
 
 
 def wandering(log: Log, joint: str, size: float, seed: int) -> Log:
@@ -335,7 +334,7 @@ def test_what_another_joint_does_is_not_called_an_effect_that_resembles_it():
     assert resembling.removed > 0.9 * found.joints["joint1"]["error"] ** 2  # so nothing of it seems to be missing
     assert found.verdict == "unknown"
     assert found.description.formula[0] == "tau_model2"
-    assert any("on joint1 'tau_model2' describes far more than drive_gain explains" in n for n in found.notes)
+    assert any("on joint1 'tau_model2' explains far more than drive_gain does" in n for n in found.notes)
 
 
 def test_sectors_of_a_damaged_gear_are_no_cogging():
@@ -365,20 +364,20 @@ def test_a_measured_temperature_explains_friction_that_drifts():
         tau[:, j] += (warm - 25.0) * (0.1 * v + 0.1 * np.tanh(v / 0.005))
         logs.append(Log(log.t, log.joints, log.q, tau=tau, extra={f"temperature_{joint}": warm}, source=f"warm {seed}"))
     model = identify(UR5, logs[:1], recursion="none").model
-    steps, _ = improve(model, logs[:1], valid=logs[1:], most=1)
+    steps, _ = improve(model, logs[:1], valid=logs[1:], max_steps=1)
     assert [str(e) for e in steps[0].model.effects[-1:]] == [str(parse_effects(hidden)[0])]
     assert "constant" not in steps[0].finding.parameters, "a time constant that nothing depends on"
     assert steps[0].error_after < 0.4 * steps[0].error_before
 
 
 def test_parameters_that_no_longer_hold_are_a_finding():
-    from frischid.diagnosis.findings import OLD
+    from frischid.diagnosis.findings import OLD_PARAMETERS
 
     other = {f"fv{i}": 3.0 + (-1) ** i for i in range(1, 7)} | {f"fc{i}": 2.0 - (-1) ** i for i in range(1, 7)}
     worn = [log_of(s, **other | {f"Ia{i}": 0.3 + 0.2 * (i % 3) for i in range(1, 7)}) for s in (5, 6)]
     found = diagnose(healthy(), worn[:1], valid=worn[1:])
     assert found.situation == "changed"
-    assert found.findings[0].effect == OLD
+    assert found.findings[0].effect == OLD_PARAMETERS
     assert found.findings[0].share > 0.9
     assert "identify the robot again" in found.findings[0].sentence
 
@@ -410,20 +409,24 @@ def test_dry_friction_that_turns_a_little_early_or_late_raises_no_alarm():
     found = diagnose(identify(UR5, logs[:1], recursion="none").model, logs[:1], valid=logs[1:])
     assert found.joints["wrist_2_joint"]["error"] > 2 * found.joints["wrist_2_joint"]["noise_floor"]
     assert found.verdict == "none"
-    assert any("wrist_2_joint is where it turns or rests" in note for note in found.notes)
+    assert any("the residual error of wrist_2_joint is at reversals and standstill" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(
     ("floors", "share", "why"),
     [
         (2.5, 0.2, ""),
-        (1.5, 0.4, "it explains 40% of what is above the noise there, and at only 1.5 noise floors 50% is asked"),
+        (
+            1.5,
+            0.4,
+            "it explains 40% of the error above the sensor noise there, and at only 1.5 noise floors an effect must",
+        ),
         (1.5, 0.6, ""),
-        (1.1, 1.0, "hardly more is left there than what the sensors leave"),
-        (0.0, 0.6, "it explains 60% of what is above the noise there, all of that is where a joint turns or rests"),
+        (1.1, 1.0, "the error there is hardly more than the sensor noise"),
+        (0.0, 0.6, "it explains 60% of the error above the sensor noise there, all of that error is at reversals"),
         (0.0, 0.9, ""),
-        (2.5, 0.0, "nothing of what is wrong there goes away with it"),
-        (0.0, 0.0, "hardly more is left there than what the sensors leave"),
+        (2.5, 0.0, "it explains none of the error above the sensor noise there"),
+        (0.0, 0.0, "the error there is hardly more than the sensor noise"),
     ],
     ids=[
         "far above",
@@ -449,14 +452,16 @@ def test_what_is_withheld_is_told():
     withheld = next(f for f in found.findings if f.sure and f.withheld)
     assert found.verdict == "none"
     (told,) = [note for note in found.notes if withheld.withheld in note]
-    assert told.startswith("more than chance, yet not called missing: ")
+    assert told.startswith("more than chance, but not called missing: ")
 
 
 @pytest.mark.parametrize(("burst", "found"), [(0.05, False), (0.2, True)])
 def test_a_burst_within_what_the_noise_is_unsure_by_is_no_event(burst, found):
     def rows(squares, count):
         counts = np.array([[count]])
-        return SimpleNamespace(spread=np.ones(1), counts=counts, theta=None, squares=lambda *_: squares)
+        return SimpleNamespace(
+            spread=np.ones(1), counts=counts, theta=None, squares=lambda *_: squares, criteria=Criteria()
+        )
 
     noise, left = 1000 * 0.1**2, 0.9 * 990 * 0.1**2  # the floor is a little high
     assert _stands_out(rows(left + burst * noise, 1000), rows(left, 990), np.array([0.1])) == found

@@ -1,12 +1,12 @@
-"""What is left where a joint turns or rests is told from what is left while it moves."""
+"""Error at reversals and standstill is told from error while the joint moves."""
 
 import numpy as np
 import pytest
 from test_diagnosis import NOISE, UR5, healthy, log_of, loose_reversals
 
-from frischid.diagnosis.change_prior import nominal
-from frischid.diagnosis.cross_validation import Evidence
-from frischid.diagnosis.reversal_residuals import at_rest
+from frischid.diagnosis.change_prior import weak_urdf_prior
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.reversal_residuals import only_at_reversals
 from frischid.logs.log import Log
 
 FLOOR = np.full(6, NOISE.tau)
@@ -20,7 +20,7 @@ def with_wave(log: Log, joint: int) -> Log:
 
 
 @pytest.mark.parametrize(
-    ("log", "resting"),
+    ("log", "expected"),
     [
         (loose_reversals(log_of(1), 4, 2.0), True),
         (with_wave(log_of(1), 4), False),
@@ -29,7 +29,7 @@ def with_wave(log: Log, joint: int) -> Log:
     ],
     ids=["jumps early and late", "a wave", "both", "more than dry friction can do"],
 )
-def test_only_small_errors_at_reversals_are_at_rest(log, resting):
-    evidence = Evidence(healthy(), [log], nominal(healthy()))
-    assert UR5.joints[4] == evidence.joints[4]
-    assert at_rest(evidence, FLOOR)[4] == resting
+def test_only_small_errors_at_reversals_are_set_aside(log, expected):
+    validator = CrossValidator.of(healthy(), [log], weak_urdf_prior(healthy()))
+    assert UR5.joints[4] == validator.joints[4]
+    assert only_at_reversals(validator, FLOOR)[4] == expected

@@ -23,7 +23,7 @@ def diagnosis(result: Diagnosis) -> Page:
     parts: list[Any] = [head]
     for c in result.contacts:
         parts.append(f"contact in {c.source} from {c.start:.2f} to {c.stop:.2f} s on {', '.join(c.joints)}; left out")
-    table = table_of("effect", "where", "NRMSE after", "removes", "gain", "p", "confused with")
+    table = table_of("effect", "where", "NRMSE after", "explains", "gain", "p", "confused with")
     for f in result.findings[:10]:
         where = ", ".join(f.joints) or "robot"
         table.add_row(
@@ -36,13 +36,14 @@ def diagnosis(result: Diagnosis) -> Page:
     significant = [f for f in result.findings if f.significant]
     if significant:
         best = significant[0]
-        found = quantities(best.found(result.evidence.model.robot))
+        found = quantities(best.found(result.validator.model.robot))
         confirm = f" Found: {found}. To confirm: {EFFECTS[best.effect].confirmed_by}." if best.effect in EFFECTS else ""
         parts.append(f"{best.sentence}.{confirm}")
     if len(significant) > 1:
         parts.append(f"{HOW_RANKED} `frischid improve` adds them one at a time.")
     parts.append(
-        "removes: share of the error above the noise floor on its joints; gain: held-out log likelihood less its price"
+        "explains: share of the error above the sensor noise on its joints; gain: held-out log likelihood less its "
+        "price"
     )
     return Page(result.to_dict(), parts)
 
@@ -93,7 +94,10 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
         parts.append(f"model written to {output}")
     elif steps:
         parts.append("no model was written: -o FILE keeps the improved one")
-    return Page({"steps": rows, "noise_floor": last.noise_floor, "last": last.to_dict()}, parts)
+    return Page(
+        {"steps": rows, "noise_floor": last.noise_floor, "criteria": last.criteria.to_dict(), "last": last.to_dict()},
+        parts,
+    )
 
 
 def history(model: Model) -> Page:

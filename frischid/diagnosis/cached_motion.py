@@ -1,0 +1,164 @@
+"""One motion as a diagnosis keeps it: its state, and the filtered torque and columns of each joint.
+
+The arrays are in a `Store`: in memory while there are few, then in a temporary file. A motion itself takes little
+memory: its name, its length and the places of its arrays. The fold and the block of time of a row follow from the
+sample and its time, so they are made when a stage asks for them.
+
+    fold of row i  =  the log's fold, or ⌊k · (sample of i) / N⌋ where a single log is cut into k folds
+    block of row i =  first block of the motion + ⌊(t_i − t_0) / block length⌋
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.core.array_store import Store, Stored
+from frischid.core.types import Array
+from frischid.effects import State
+
+Indices = NDArray[np.intp]
+Picked = NDArray[np.int32]
+Stretch = tuple[str, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class CachedMotion:
+    """One motion with N filtered samples.
+
+    Attributes
+    ----------
+    number : int
+        Position among all motions.
+    source : str
+        The log.
+    start : float
+        Time at which the log begins, s.
+    extra : sequence of str
+        Further channels of the log.
+    raw : int
+        Samples before the filter.
+    step : float
+        Time between these, s.
+    fold : int or None
+        Fold of all its rows; None where it is cut into several.
+    cuts : int
+        Folds it is cut into where `fold` is None.
+    block : int
+        Number of its first block of time, counted over all motions.
+    seconds : float
+        Length of a block.
+    counts : sequence of int
+        Rows of each joint.
+    t : Stored
+        Times of the filtered samples, s.
+    Z : sequence of Stored
+        For each joint the columns that act on it and its torque, (rows, k + 1).
+    picked : sequence of Stored
+        Filtered samples of each joint's rows.
+    state : State or mapping of str to Stored
+        Unfiltered motion, from which effects make their columns.
+    """
+
+    number: int
+    source: str
+    start: float
+    extra: Sequence[str]
+    raw: int
+    step: float
+    fold: int | None
+    cuts: int
+    block: int
+    seconds: float
+    counts: Sequence[int]
+    t: Stored
+    Z: Sequence[Stored]
+    picked: Sequence[Stored]
+    state: State | Mapping[str, Stored]
+
+    @property
+    def blocks(self) -> int:
+        """Number of its blocks of time."""
+        t = self.t.read()
+        return 1 + int((t[-1] - t[0]) / self.seconds) if len(t) else 0
+
+
+@dataclass(eq=False)
+class JointData:
+    """Torque and columns of one joint over one motion, n rows; read when a stage asks for them.
+
+    Attributes
+    ----------
+    motion : CachedMotion
+    row : int
+        Position of the joint among the fitted ones.
+    left_out : sequence of (str, float, float)
+        Stretches of time that are left out: source, start, stop, s.
+    """
+
+    motion: CachedMotion
+    row: int
+    left_out: Sequence[Stretch] = ()
+
+    @cached_property
+    def at(self) -> Indices | slice:
+        """Positions of these rows among the stored ones."""
+        own = [(a, b) for source, a, b in self.left_out if source == self.motion.source]
+        if not own:
+            return slice(None)
+        t = self.motion.t.read()[self.motion.picked[self.row].read()]
+        return np.flatnonzero(~np.any([(t >= a) & (t <= b) for a, b in own], axis=0))
+
+    def __len__(self) -> int:
+        return self.motion.counts[self.row] if isinstance(self.at, slice) else len(self.at)
+
+    @cached_property
+    def Z(self) -> Array:
+        """Columns that act on the joint, and its torque, (n, k + 1)."""
+        return np.asarray(self.motion.Z[self.row].read()[self.at])
+
+    @property
+    def Y(self) -> Array:
+        """Columns that act on the joint, (n, k)."""
+        return self.Z[:, :-1]
+
+    @property
+    def tau(self) -> Array:
+        """Torque, (n,)."""
+        return self.Z[:, -1]
+
+    @property
+    def picked(self) -> Picked:
+        """Filtered samples of these rows, (n,)."""
+        return np.asarray(self.motion.picked[self.row].read()[self.at])
+
+    @property
+    def block(self) -> Indices:
+        """Block of time of each row, (n,)."""
+        t = self.motion.t.read()
+        return self.motion.block + ((t[self.picked] - t[:1]) / self.motion.seconds).astype(int)
+
+    @cached_property
+    def folds(self) -> list[tuple[int, slice]]:
+        """Folds of the data that have rows here, and these rows."""
+        if self.motion.fold is not None:
+            return [(self.motion.fold, slice(0, len(self)))] if len(self) else []
+        samples, cuts = self.motion.t.shape[0], self.motion.cuts
+        first = [-(-fold * samples // cuts) for fold in range(cuts + 1)]
+        ends = np.searchsorted(self.picked, first).tolist()
+        found = zip(range(cuts), map(slice, ends[:-1], ends[1:]), strict=True)
+        return [(fold, own) for fold, own in found if own.stop > own.start]
+
+
+def stored_state(state: State, store: Store) -> State | Mapping[str, Stored]:
+    """Keep a state; in memory only if the derivatives that effects make of it (`State.slopes`) have room too."""
+    samples, joints = state.q.shape
+    if store.takes(8 * samples * (1 + joints * (5 + 3 * joints) + len(state.extra))):
+        return state
+    arrays = {name: getattr(state, name) for name in ("t", "q", "v", "a", "load", "torque")}
+    arrays |= {f"extra {name}": x for name, x in state.extra.items()}
+    return {name: store.put(x) for name, x in arrays.items()}

@@ -1,0 +1,102 @@
+"""The columns a model has over the data: its own base columns, and those of candidates taken into it.
+
+    [Y  C_1  C_2 ...  τ]ᵀ [Y  C_1  C_2 ...  τ]     in each fold, joint by joint.
+
+Taking a candidate in puts its columns behind the others: their moments are known (`dataset`), so no row is read again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.diagnosis.cached_motion import JointData
+from frischid.diagnosis.candidate_columns import Candidate
+from frischid.diagnosis.dataset import Moments, RegressionData
+
+
+@dataclass(frozen=True, eq=False)
+class ModelColumns:
+    """Columns of a model with some candidates taken in, p columns in all.
+
+    Attributes
+    ----------
+    data : RegressionData
+    gram : ndarray, shape (folds, J, p + 1, p + 1)
+        Moments of all columns and the torque.
+    added : tuple of Candidate
+        Candidates taken in, in order.
+    """
+
+    data: RegressionData
+    gram: Array
+    added: tuple[Candidate, ...] = ()
+
+    @classmethod
+    def of(cls, data: RegressionData, added: tuple[Candidate, ...] = ()) -> ModelColumns:
+        """Columns of the model over some data, with candidates taken in one after another."""
+        columns = cls(data, data.gram)
+        for candidate in added:
+            columns = columns.extended(candidate)
+        return columns
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return int(self.gram.shape[-1]) - 1
+
+    def extended(self, candidate: Candidate) -> ModelColumns:
+        """Take a candidate in."""
+        X, D = self.moments(candidate)
+        p, k = self.width, len(candidate.signs)
+        gram = np.zeros((*self.gram.shape[:2], p + k + 1, p + k + 1))
+        old, new = np.append(np.arange(p), p + k), np.arange(p, p + k)
+        gram[:, :, old[:, None], old] = self.gram
+        for row, x in X.items():
+            gram[:, row][:, old[:, None], new] = x
+            gram[:, row][:, new[:, None], old] = x.transpose(0, 2, 1)
+            gram[:, row][:, new[:, None], new] = D[row]
+        return replace(self, gram=gram, added=(*self.added, candidate))
+
+    def moments(self, candidate: Candidate) -> tuple[Moments, Moments]:
+        """Cross moments with [Y C_1 ... τ] and own moments, by joint: (folds, p + 1, k) and (folds, k, k)."""
+        X, D = self.data.moments(candidate)
+        if not self.added:
+            return X, D
+        between = [self.data.between(a, candidate) for a in self.added]
+        k = len(candidate.signs)
+        cross = {}
+        for row, x in X.items():
+            none = [np.zeros((self.data.folds, len(a.signs), k)) for a in self.added]
+            others = [found.get(row, zero) for found, zero in zip(between, none, strict=True)]
+            cross[row] = np.concatenate([x[:, :-1], *others, x[:, -1:]], axis=1)
+        return cross, D
+
+    def predicted(
+        self, data: JointData, theta: Array, candidate: Candidate | None = None, beta: Array | None = None
+    ) -> Array:
+        """Torque of a joint's rows, (n,).
+
+        Parameters
+        ----------
+        data : JointData
+        theta : ndarray, shape (p,) or (folds, p)
+            Parameters; where there are several sets, each row takes that of its own fold.
+        candidate : Candidate, optional
+            A further candidate, not taken in.
+        beta : ndarray, shape (k,) or (folds, k), optional
+            Coefficients of that candidate.
+        """
+        ends = np.cumsum([len(self.data.model.base), *(len(a.signs) for a in self.added)]).tolist()
+        added = [(a, theta[..., start:stop]) for a, start, stop in zip(self.added, ends[:-1], ends[1:], strict=True)]
+        if candidate is not None and beta is not None:
+            added.append((candidate, beta))
+        return self.data.predicted(data, theta[..., : ends[0]], added)
+
+    def residuals(self, row: int, theta: Array) -> Iterator[Array]:
+        """Residual of a joint's rows under some parameters, motion by motion, (n,) each."""
+        for data in self.data.motions_of(row):
+            yield data.tau - self.predicted(data, theta)

@@ -1,0 +1,162 @@
+"""One effect in one place: its best shape, its evidence, its price, and whether chance explains it.
+
+A candidate with k parameters (coefficients and searched shapes) is fitted to data it is not scored on. Its gain is
+
+    gain = Λ − ½ k log n,     Λ = ½ Σ_j (n_j / ℓ_j) log(SSE_j before / SSE_j after),
+
+the held-out log likelihood ratio less the price of its parameters (Schwarz 1978, Ann. Statist. 6(2)). Of m candidates
+that were tried, the p value of one is
+
+    p = min(1, m · P(χ²_k > 2Λ))      (Bonferroni).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from frischid.diagnosis.block_test import block_test
+from frischid.diagnosis.candidate_columns import Candidate
+from frischid.diagnosis.cross_validation import CrossValidator, Score
+from frischid.effects import Coulomb, Effect
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredCandidate:
+    """One effect in one place, in the shape that fits best.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    score : Score
+    ratio : float
+        Log likelihood ratio Λ on held-out data.
+    price : float
+        ½ k log n.
+    explained : float
+        Fall of the sum of the joints' squared held-out NRMSE.
+    """
+
+    candidate: Candidate
+    score: Score
+    ratio: float
+    price: float
+    explained: float
+
+    @property
+    def effect(self) -> Effect:
+        """The effect, in its place and shape."""
+        return self.candidate.effect
+
+    @property
+    def gain(self) -> float:
+        """Log likelihood it adds, less its price."""
+        return self.ratio - self.price
+
+    def p_value(self, tried: int) -> float:
+        """P value of a likelihood ratio at least this large, corrected for the candidates tried (Bonferroni)."""
+        if self.gain <= 0:
+            return 1.0
+        return min(1.0, tried * float(stats.chi2.sf(2 * self.ratio, parameters_of(self.candidate))))
+
+    @property
+    def worth_its_name(self) -> bool:
+        """Whether its largest coefficient reaches the size below which the effect is not worth its name."""
+        return bool(np.abs(self.score.beta).max(initial=0.0) >= type(self.effect).least)
+
+
+def parameters_of(candidate: Candidate) -> int:
+    """Parameters that a candidate costs: coefficients, and shape parameters whose values are searched."""
+    return len(candidate.signs) + len(candidate.effect.searched)
+
+
+def price(validator: CrossValidator, candidate: Candidate) -> float:
+    """Price of a candidate's parameters, ½ k log n, with n the rows of its joints."""
+    rows = float(validator.counts.sum(axis=0)[list(candidate.columns)].sum())
+    return 0.5 * parameters_of(candidate) * float(np.log(max(rows, 2.0)))
+
+
+def scored(validator: CrossValidator, shapes: Sequence[Candidate]) -> ScoredCandidate | None:
+    """Score an effect in its best shape; None when the model's columns span it.
+
+    Between shapes of as many columns the fit to the other folds decides. Between shapes of different numbers of columns
+    the held-out data decide: while a slow effect is not in the model there seems to be hardly any evidence (see
+    `CrossValidator.effective_with`), so a price in independent samples would rule out all but the fewest columns.
+    """
+    widths = {len(c.signs) for c in shapes}
+    tried = (_scored(validator, [c for c in shapes if len(c.signs) == width]) for width in sorted(widths))
+    found = [x for x in tried if x is not None]
+    if len(found) < 2:
+        return found[0] if found else None
+    before, effective = validator.base_sse(), np.max([validator.effective_with(x.candidate) for x in found], axis=0)
+    return max(found, key=lambda x: validator.log_likelihood(before, x.score.sse, effective) - x.price)
+
+
+def _scored(validator: CrossValidator, shapes: Sequence[Candidate]) -> ScoredCandidate | None:
+    found = validator.score(shapes)
+    if found is None:
+        return None
+    score, candidate = found
+    before = validator.base_sse()
+    ratio = validator.log_likelihood(before, score.sse, validator.effective)
+    if ratio > 0:
+        ratio = validator.log_likelihood(before, score.sse, validator.effective_with(candidate))
+    return ScoredCandidate(candidate, score, ratio, price(validator, candidate), validator.explained(before, score.sse))
+
+
+def passes(validator: CrossValidator, found: ScoredCandidate, tried: int) -> bool:
+    """Whether a candidate is more than chance and more than a trifle, over all blocks of time.
+
+    Parameters
+    ----------
+    validator : CrossValidator
+    found : ScoredCandidate
+    tried : int
+        Candidates that were tried in all.
+    """
+    criteria = validator.criteria
+    if found.explained < criteria.smallest_error**2 or found.p_value(tried) > criteria.significance:
+        return False
+    if not found.worth_its_name:
+        return False
+    return block_test(validator, found.candidate) < criteria.block_p_value
+
+
+def usable_candidates(
+    validator: CrossValidator, places: Sequence[Sequence[Effect]], progress: Callable[[str], None] = lambda _: None
+) -> list[list[Candidate]]:
+    """Candidates, shape by shape, that are not in the model and whose columns are finite and have a row here.
+
+    All places are handled at once, because each call goes through the motions.
+
+    Parameters
+    ----------
+    validator : CrossValidator
+    places : sequence of sequence of Effect
+        Shapes of one effect in one place each.
+    progress : callable, optional
+    """
+    robot, measured = validator.model.robot, validator.data.cache.channels
+    present = {c.name for c in validator.data.cache.regressor.columns}
+
+    def fresh(effect: Effect) -> bool:
+        return measured.issuperset(effect.channels(robot)) and not any(
+            column.name in present for column in effect.columns(robot)
+        )
+
+    smoothed = ([with_model_width(effect, validator.model.effects) for effect in shapes] for shapes in places)
+    kept = validator.screened([[effect for effect in shapes if fresh(effect)] for shapes in smoothed])
+    found = iter(validator.candidates([effect for effects in kept for effect in effects], progress))
+    return [[c for c in itertools.islice(found, len(effects)) if c.columns and c.finite] for effects in kept]
+
+
+def with_model_width(effect: Effect, known: Sequence[Effect]) -> Effect:
+    """The effect with the friction smoothing (width of tanh) of the model's dry friction, where it has such a width."""
+    width = next((e.width for e in known if isinstance(e, Coulomb)), None)
+    if width is None or "width" not in effect.parameters:
+        return effect
+    return type(effect)(joints=effect.joints, **effect.parameters | {"width": width})

@@ -1,0 +1,63 @@
+"""Shape parameters between the values of an effect's grid: a pattern search on the explained held-out error.
+
+Each shape parameter moves by ½, ¼ and ⅛ of the distance to the grid's next value, back and forth, all parameters at
+once, while the explained error grows.
+
+Source: Hooke and Jeeves 1961, "Direct search solution of numerical and statistical problems", J. ACM 8(2).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.scored_candidate import ScoredCandidate, scored, usable_candidates
+
+_FRACTIONS = (0.5, 0.25, 0.125)  # of the distance to the next value of a shape's grid
+_MOVES = 4  # at most, of each fraction
+_DIRECTIONS = (0.0, -1.0, 1.0)  # stay, back, forth
+
+
+def with_refined_contenders(validator: CrossValidator, pool: Sequence[ScoredCandidate]) -> list[ScoredCandidate]:
+    """Refine the shapes of those that may be the best: a coarse grid must not decide between two effects."""
+    criteria = validator.criteria
+    likely = [c for c in pool if c.gain > 0 and c.effect.searched]
+    bar = criteria.contender_share * max((c.explained for c in pool if c.gain > 0), default=0.0)
+    contenders = sorted((c for c in likely if c.explained > bar), key=lambda c: -c.explained)[: criteria.max_contenders]
+    return [refined(validator, c) if any(c is x for x in contenders) else c for c in pool]
+
+
+def refined(validator: CrossValidator, found: ScoredCandidate) -> ScoredCandidate:
+    """The candidate with its shape parameters between the grid's values, where that explains more."""
+    kind = type(found.effect)
+    shapes = found.effect.searched
+    steps = {name: _step(values, float(found.effect.parameters[name])) for name, values in shapes.items()}
+    for fraction in _FRACTIONS if steps else ():
+        for _ in range(_MOVES):
+            now = found.effect
+            values = {
+                n: [float(now.parameters[n]) + way * fraction * step for way in _DIRECTIONS]
+                for n, step in steps.items()
+            }
+            near = [
+                kind(joints=now.joints, **now.parameters | dict(zip(values, chosen, strict=True)))
+                for chosen in itertools.product(*values.values())
+                if all(_same_side(x, float(now.parameters[n])) for n, x in zip(values, chosen, strict=True))
+            ]
+            (candidates,) = usable_candidates(validator, [near])
+            better = scored(validator, candidates) if candidates else None
+            if better is None or better.explained <= found.explained:
+                break
+            found = better
+    return found
+
+
+def _same_side(x: float, now: float) -> bool:
+    """Whether a shape parameter may go from one value to another: not through zero, and from zero upwards."""
+    return x * now > 0 or now == 0 <= x
+
+
+def _step(values: Sequence[float], x: float) -> float:
+    """Distance from a value to the nearest other value of the grid."""
+    return min((abs(v - x) for v in values if abs(v - x) > 1e-9 * max(abs(v), 1.0)), default=0.0)

@@ -1,0 +1,79 @@
+"""The situation: the robot was always as these logs show it, or it changed since the model was identified.
+
+A robot *changed* when none of the logs is one of the model's own and a refit under a weak URDF prior predicts them
+better than the model as it is:
+
+    NRMSE(model as it is)  >  1.02 · NRMSE(refit, held out).
+
+The situation decides the prior (`change_prior`), and whether effects that happen to a robot, a payload for one, are
+tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from frischid.core.parallel import Workers
+from frischid.diagnosis.change_prior import identification_prior, weak_urdf_prior
+from frischid.diagnosis.criteria import DEFAULT, Criteria
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.logs.log import Log
+from frischid.logs.recording import Recording
+from frischid.model.model import Model
+
+Situation = Literal["always", "changed"]
+SituationOption = Literal["auto", "always", "changed"]
+
+
+def cross_validator(
+    model: Model,
+    logs: Sequence[Log | Recording],
+    situation: SituationOption = "auto",
+    *,
+    criteria: Criteria = DEFAULT,
+    workers: Workers | None = None,
+) -> tuple[CrossValidator, Situation]:
+    """Read logs, decide the situation, and fit the model under the prior that goes with it.
+
+    Parameters
+    ----------
+    model : Model
+    logs : sequence of Log or Recording
+    situation : {"auto", "always", "changed"}
+        ``"auto"``: decided from the logs.
+    criteria : Criteria, optional
+    workers : Workers, optional
+        Processes that compute columns of candidates, this process by default.
+
+    Returns
+    -------
+    CrossValidator
+    situation : {"always", "changed"}
+
+    Raises
+    ------
+    InputError
+        A log lacks a joint of the model or its torque, or a joint never moves.
+    """
+    validator = CrossValidator.of(model, logs, weak_urdf_prior(model, criteria), criteria=criteria, workers=workers)
+    own = any(model.made_from(log) for log in logs)
+    if situation == "auto":
+        refit = float(validator.base_nrmse().mean())
+        changed = not own and _error_as_it_is(validator) > criteria.changed_error_ratio * refit
+        situation = "changed" if changed else "always"
+    if situation == "changed":
+        validator = validator.with_prior(identification_prior(model))
+    if not own:
+        known = criteria.known_residual_factor * model.estimate.sigma / validator.spread
+        validator = validator.with_known_residual(known)
+    return validator, situation
+
+
+def _error_as_it_is(validator: CrossValidator) -> float:
+    """Mean NRMSE of the model without any refit."""
+    theta = validator.model.estimate.theta
+    sse = np.array([[validator.squares(row, theta) for row in range(len(validator.joints))]])
+    return float(validator.nrmse(sse).mean())

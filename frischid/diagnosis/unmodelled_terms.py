@@ -1,0 +1,93 @@
+"""A term outside the catalogue that explains far more than the first finding: then the finding is not the cause.
+
+The catalogue has no effect for the action of one joint on another, nor for a torque that jumps at a few angles of a
+gear. Yet some effect of the catalogue may resemble such a torque and be found. So the best of these *unmodelled terms*
+is compared with the first finding on the joint where the finding explains most, both beside all other effects that
+entered:
+
+    NRMSE²(term) − floor²  <  ½ (NRMSE²(finding) − floor²)      the finding is not the cause.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.diagnosis.block_test import block_test
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.effect_ranking import Ranking
+from frischid.diagnosis.gear_steps import gear_steps
+from frischid.diagnosis.residual_formula import coupling_expressions, expression_of
+from frischid.diagnosis.scored_candidate import ScoredCandidate, scored
+from frischid.effects import Formula
+
+
+@dataclass(frozen=True)
+class UnmodelledTerm:
+    """A term outside the catalogue that explains far more than the first finding.
+
+    Attributes
+    ----------
+    row : int
+        Position of the joint among the fitted ones.
+    words : str
+        The term, as the subject of a sentence.
+    """
+
+    row: int
+    words: str
+
+
+def unmodelled_term(ranking: Ranking, floor: Array) -> UnmodelledTerm | None:
+    """Find a term that explains far more than the first finding does, on the joint where the finding explains most.
+
+    Parameters
+    ----------
+    ranking : Ranking
+    floor : ndarray, shape (J,)
+        Sensor noise of each joint, N·m (N).
+
+    Returns
+    -------
+    UnmodelledTerm or None
+        None: the finding holds.
+    """
+    if not any(effect.entered for effect in ranking.effects):
+        return None
+    full, without = ranking.full, ranking.without_first
+    after, before = full.base_nrmse() ** 2, without.base_nrmse() ** 2
+    row = int(np.argmax(before - after))
+    noise = float(floor[row] / full.spread[row]) ** 2
+    most = full.criteria.far_better * (after[row] - noise)
+    if most < noise:
+        return None
+    term = best_unmodelled(without, row, after[row] > full.criteria.jumps_worth_trying * before[row])
+    if term is None or without.nrmse(term.score.sse)[row] ** 2 - noise > most:
+        return None
+    words = f"'{expression_of(term)}'"
+    if len(term.candidate.signs) > 1:
+        words = f"a torque that jumps from sector to sector of q{full.model.robot.numbers[full.joints[row]]}"
+    return UnmodelledTerm(row, words)
+
+
+def best_unmodelled(validator: CrossValidator, row: int, jumping: bool = True) -> ScoredCandidate | None:
+    """Best term outside the catalogue on one joint: a coupling to another joint, or jumps; None if none is significant.
+
+    Parameters
+    ----------
+    validator : CrossValidator
+    row : int
+        Position of the joint among the fitted ones.
+    jumping : bool
+        Whether to try jumps too.
+    """
+    criteria, joint = validator.criteria, validator.joints[row]
+    terms = [Formula((joint,), e) for e in coupling_expressions(validator, joint)]
+    found = [x for c in validator.candidates(terms) if c.columns and (x := scored(validator, [c])) is not None]
+    found += [x for x in [gear_steps(validator, row) if jumping else None] if x is not None]
+    best = min(found, key=lambda x: float(validator.nrmse(x.score.sse)[row]), default=None)
+    if best is None or best.p_value(len(found)) > criteria.significance:
+        return None
+    return None if block_test(validator, best.candidate) > criteria.block_p_value else best

@@ -1,0 +1,155 @@
+"""Weighted least squares of a model's columns on all folds and on all folds but one, with a prior.
+
+Rows of joint j weigh ω_j = 1 / (σ_j² ℓ_j), with σ_j the spread of the joint's residual and ℓ_j its correlation time in
+samples: so evidence counts in *effectively independent* samples. With a prior N(μ, Λ⁻¹),
+
+    H = Σ_j ω_j Y_jᵀ Y_j + Λ,    θ = H⁻¹ (Σ_j ω_j Y_jᵀ τ_j + Λ μ).
+
+A candidate with columns C is fitted without solving for θ again (variable projection, Golub and Pereyra 1973, SIAM J.
+Numer. Anal. 10(2)), with D = Σ ω_j C_jᵀ C_j:
+
+    A = Σ ω_j Y_jᵀ C_j,   β = (D − Aᵀ H⁻¹ A)⁻¹ (Σ ω_j C_jᵀ τ_j − Aᵀ θ),   θ' = θ − H⁻¹ A β.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from frischid.core.types import Array
+from frischid.diagnosis.candidate_columns import Candidate
+from frischid.diagnosis.dataset import Moments
+from frischid.diagnosis.model_columns import ModelColumns
+from frischid.estimators.autocorrelation import Autocorrelation
+from frischid.estimators.least_squares import Prior
+
+IN_SPAN = 1e-5  # share of a candidate's squared norm beside the other columns: below it the direction is one of theirs
+_TURNS = 4  # of weights from residuals, residuals from weights
+_RIDGE = 1e-10  # of each diagonal element of H, against rounding
+
+
+class CandidateFit(NamedTuple):
+    """A candidate fitted: fall of the weighted squared error, its coefficients (k,), change of the parameters (p,)."""
+
+    gain: float
+    beta: Array
+    change: Array
+
+
+class EliminatedSystem(NamedTuple):
+    """Normal equations of a candidate after the parameters are eliminated, for columns of unit norm.
+
+    ``matrix`` (k, k), ``right`` (k,), ``scale`` (k,): norms of the columns, ``shift`` (p, k): H⁻¹ A.
+    """
+
+    matrix: Array
+    right: Array
+    scale: Array
+    shift: Array
+
+
+@dataclass(frozen=True, eq=False)
+class WeightedFit:
+    """Fit of p columns on all folds, and on all folds but each one.
+
+    Attributes
+    ----------
+    columns : ModelColumns
+    prior : Prior
+    omega : ndarray, shape (J,)
+        Weight of each joint's squared residual.
+    systems : list of (factor, ndarray of shape (p,))
+        Cholesky factor of H and parameters: without each fold in turn, then of everything.
+    sigma : ndarray, shape (J,)
+        Spread of each joint's residual, N·m (N).
+    correlation : ndarray, shape (J,)
+        Its correlation time in samples.
+    """
+
+    columns: ModelColumns
+    prior: Prior
+    omega: Array
+    systems: list[tuple[tuple[Array, bool], Array]]
+    sigma: Array
+    correlation: Array
+
+    @classmethod
+    def of(cls, columns: ModelColumns, prior: Prior, spread: Array) -> WeightedFit:
+        """Fit, with weights from the fit's own residuals.
+
+        Parameters
+        ----------
+        columns : ModelColumns
+        prior : Prior
+        spread : ndarray, shape (J,)
+            Standard deviation of each joint's torque, N·m (N): its first weight.
+        """
+        sigma, correlation = spread.copy(), np.ones(len(spread))
+        for _ in range(_TURNS):
+            omega = 1.0 / (np.maximum(sigma, 1e-9 * spread) ** 2 * correlation)
+            folds = range(columns.data.folds)
+            systems = [_solved(columns.gram, omega, prior, f) for f in (*folds, None)]
+            left = [Autocorrelation.of(columns.residuals(row, systems[-1][1])) for row in range(len(spread))]
+            sigma, correlation = np.array([x.std for x in left]), np.array([x.time for x in left])
+        return cls(columns, prior, omega, systems, sigma, correlation)
+
+    @property
+    def theta(self) -> Array:
+        """Parameters fitted on everything, (p,)."""
+        return self.systems[-1][1]
+
+    @property
+    def information(self) -> Array:
+        """Precision of the parameters given the data and the prior, (p, p)."""
+        return np.asarray(np.einsum("j,fjab->ab", self.omega, self.columns.gram)[:-1, :-1] + self.prior.precision)
+
+    def fit(self, X: Moments, D: Moments, candidate: Candidate, left_out: int | None) -> CandidateFit | None:
+        """Fit a candidate beside the parameters, on all folds but one (None: on all).
+
+        Returns
+        -------
+        CandidateFit or None
+            None when the other columns span the candidate.
+        """
+        system = self.eliminated(X, D, candidate, left_out)
+        if system is None:
+            return None
+        values, vectors = linalg.eigh(system.matrix)
+        keep = values > IN_SPAN
+        if not keep.any():
+            return None
+        V = vectors[:, keep] / np.sqrt(values[keep])
+        beta = V @ (V.T @ system.right) / system.scale
+        if len(beta) == 1 and candidate.signs[0] * beta[0] < 0:
+            return CandidateFit(0.0, np.zeros(1), np.zeros(len(system.shift)))
+        return CandidateFit(float(((V.T @ system.right) ** 2).sum()), beta, -system.shift @ beta)
+
+    def eliminated(self, X: Moments, D: Moments, candidate: Candidate, left_out: int | None) -> EliminatedSystem | None:
+        """Normal equations of a candidate without the parameters, on all folds but one; None when a column is zero."""
+        factor, theta = self.systems[-1 if left_out is None else left_out]
+        train = [f for f in range(self.columns.data.folds) if f != left_out]
+        k = len(candidate.signs)
+        A, e, own = np.zeros((len(theta), k)), np.zeros(k), np.zeros((k, k))
+        for row, x in X.items():
+            cross = self.omega[row] * x[train].sum(axis=0)
+            A += cross[:-1]
+            e += cross[-1]
+            own += self.omega[row] * D[row][train].sum(axis=0)
+        scale = np.sqrt(np.diag(own))
+        if not (scale > 0).all():
+            return None
+        HA = linalg.cho_solve(factor, A)
+        return EliminatedSystem((own - A.T @ HA) / np.outer(scale, scale), (e - A.T @ theta) / scale, scale, HA)
+
+
+def _solved(gram: Array, omega: Array, prior: Prior, left_out: int | None) -> tuple[tuple[Array, bool], Array]:
+    train = [f for f in range(len(gram)) if f != left_out]
+    M = np.einsum("j,fjab->ab", omega, gram[train])
+    H = M[:-1, :-1] + prior.precision
+    b = M[:-1, -1] + prior.precision @ prior.mean
+    H = H + _RIDGE * np.diag(np.diag(H) + 1e-300)
+    factor = linalg.cho_factor(H)
+    return factor, linalg.cho_solve(factor, b)
