@@ -13,5 +13,5 @@ Comes in: a model and logs. Goes out: findings with evidence, a verdict, and bet
 7. `verdict`: none, effect, contact or unknown; with `residual_formula` describing what is unknown.
 
 `improvement` adds findings to a model step by step, `effect_curves` draws them. Every number that decides is a field of
-`criteria.Criteria`.
+`criteria.DiagnosisCriteria`.
 """

@@ -23,7 +23,7 @@ import numpy as np
 from scipy import linalg
 
 from frischid.core.types import Array
-from frischid.diagnosis.criteria import DEFAULT, Criteria
+from frischid.diagnosis.criteria import DEFAULT, DiagnosisCriteria
 from frischid.effects import columns_of
 from frischid.effects.dynamics import RigidDynamics, random_states
 from frischid.estimators.least_squares import Prior
@@ -40,13 +40,13 @@ def identification_prior(model: Model) -> Prior:
     return Prior(model.estimate.theta, model.estimate.information)
 
 
-def weak_urdf_prior(model: Model, criteria: Criteria = DEFAULT) -> Prior:
+def weak_urdf_prior(model: Model, criteria: DiagnosisCriteria = DEFAULT) -> Prior:
     """Weak URDF prior of the base parameters, for a robot that was always as it is."""
     mapping, mean, spread = _standard(model, criteria)
     return gaussian(mapping @ mean, mapping * spread)
 
 
-def likely_standard_parameters(model: Model, criteria: Criteria = DEFAULT) -> Mapping[str, float]:
+def likely_standard_parameters(model: Model, criteria: DiagnosisCriteria = DEFAULT) -> Mapping[str, float]:
     """Standard parameters closest to the URDF's that agree with the identified base parameters.
 
     Returns
@@ -64,14 +64,14 @@ def likely_standard_parameters(model: Model, criteria: Criteria = DEFAULT) -> Ma
     return dict(zip(names, map(float, mean + carried.T @ gain), strict=True))
 
 
-def load_reference(model: Model, criteria: Criteria = DEFAULT) -> Mapping[str, float] | None:
+def load_reference(model: Model, criteria: DiagnosisCriteria = DEFAULT) -> Mapping[str, float] | None:
     """Parameters from which effects that depend on the load take it: the model's reference, or its identification's."""
     if model.reference is None and not any(effect.loaded for effect in model.effects):
         return likely_standard_parameters(model, criteria)
     return model.reference
 
 
-def _standard(model: Model, criteria: Criteria) -> tuple[Array, Array, Array]:
+def _standard(model: Model, criteria: DiagnosisCriteria) -> tuple[Array, Array, Array]:
     """Regrouping (p, C) of the model's base parameters, and the URDF's value and spread of every column (C,)."""
     regressor = Regressor(model.robot, model.effects, model.reference)
     found = structure(regressor, model.joints)
@@ -82,7 +82,7 @@ def _standard(model: Model, criteria: Criteria) -> tuple[Array, Array, Array]:
     return mapping, nominal, _spread(model, regressor, criteria)
 
 
-def _spread(model: Model, regressor: Regressor, criteria: Criteria) -> Array:
+def _spread(model: Model, regressor: Regressor, criteria: DiagnosisCriteria) -> Array:
     """Standard deviation of each parameter from the URDF's value."""
     effort = model.robot.limits.effort[np.isfinite(model.robot.limits.effort)]
     largest = max(float(effort.max(initial=0.0)), criteria.least_torque_limit)

@@ -22,7 +22,7 @@ from scipy import ndimage
 
 from frischid.core.types import Array
 from frischid.diagnosis.candidate_columns import Candidate
-from frischid.diagnosis.criteria import Criteria
+from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.residual_variables import MOST_ROWS, speeds, thinned
@@ -161,7 +161,7 @@ def _of_motion(
     return found
 
 
-def _at_reversals(energy: Array, speed: Array, criteria: Criteria) -> bool:
+def _at_reversals(energy: Array, speed: Array, criteria: DiagnosisCriteria) -> bool:
     """Whether a burst lies where joints stop or start: dry friction is undetermined there, and nothing touched them."""
     return float((energy * np.abs(speed)).sum()) < criteria.slow_speed * float(energy.sum())
 

@@ -20,13 +20,13 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Criteria:
+class DiagnosisCriteria:
     """Thresholds of a diagnosis. The text below each field gives its unit, its decision and its origin.
 
     Examples
     --------
     >>> from dataclasses import replace
-    >>> strict = replace(Criteria(), significance=0.001)
+    >>> strict = replace(DiagnosisCriteria(), significance=0.001)
     >>> strict.to_dict()["significance"]
     0.001
     """
@@ -192,5 +192,5 @@ class Criteria:
         return asdict(self)
 
 
-DEFAULT = Criteria()
+DEFAULT = DiagnosisCriteria()
 """The criteria of `diagnose`, `improve` and `add` where none are given."""

@@ -27,7 +27,7 @@ from frischid.core.text import each_of
 from frischid.core.types import Array
 from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.candidate_columns import Candidate
-from frischid.diagnosis.criteria import DEFAULT, Criteria
+from frischid.diagnosis.criteria import DEFAULT, DiagnosisCriteria
 from frischid.diagnosis.dataset import Moments, RegressionData
 from frischid.diagnosis.model_columns import ModelColumns
 from frischid.diagnosis.motion_cache import MotionCache
@@ -73,7 +73,7 @@ class CrossValidator:
         logs: Sequence[Log | Recording],
         prior: Prior,
         *,
-        criteria: Criteria = DEFAULT,
+        criteria: DiagnosisCriteria = DEFAULT,
         workers: Workers | None = None,
     ) -> CrossValidator:
         """Read logs and fit the model to them.
@@ -85,7 +85,7 @@ class CrossValidator:
             Every log is a fold; a single log is cut motion by motion.
         prior : Prior
             Of the p base parameters.
-        criteria : Criteria, optional
+        criteria : DiagnosisCriteria, optional
         workers : Workers, optional
             Processes that compute columns of candidates, this process by default.
 
@@ -157,7 +157,7 @@ class CrossValidator:
         return self.data.model.joints
 
     @property
-    def criteria(self) -> Criteria:
+    def criteria(self) -> DiagnosisCriteria:
         """Thresholds of the diagnosis."""
         return self.data.cache.criteria
 

@@ -22,7 +22,7 @@ import numpy as np
 from frischid.core.parallel import Workers
 from frischid.core.types import Array
 from frischid.diagnosis.contacts import Contact, find_contacts, made_by_something_steady, stretches
-from frischid.diagnosis.criteria import DEFAULT, Criteria
+from frischid.diagnosis.criteria import DEFAULT, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.findings import Finding, find_effects, refit_finding
 from frischid.diagnosis.residual_formula import Description, describe
@@ -56,7 +56,7 @@ class Diagnosis:
     notes : tuple of str
     description : Description or None
         Of the residual, when the verdict is "unknown".
-    criteria : Criteria
+    criteria : DiagnosisCriteria
         Thresholds that were used.
 
     Examples
@@ -80,7 +80,7 @@ class Diagnosis:
     contacts: tuple[Contact, ...]
     notes: tuple[str, ...]
     description: Description | None
-    criteria: Criteria
+    criteria: DiagnosisCriteria
     validator: CrossValidator = field(repr=False)
 
     def __repr__(self) -> str:
@@ -119,7 +119,7 @@ def diagnose(
     valid: Sequence[Log | Recording] = (),
     situation: SituationOption = "auto",
     effects: Sequence[str] | None = None,
-    criteria: Criteria = DEFAULT,
+    criteria: DiagnosisCriteria = DEFAULT,
     workers: Workers | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
@@ -138,7 +138,7 @@ def diagnose(
         when the logs are not the model's own and a refit predicts them better than the model does.
     effects : sequence of str, optional
         Identifiers to try, the whole catalogue by default.
-    criteria : Criteria, optional
+    criteria : DiagnosisCriteria, optional
         Every threshold that decides the result.
     workers : Workers, optional
         Processes that compute the candidates' columns, this process by default; the result is the same.

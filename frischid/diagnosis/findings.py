@@ -24,7 +24,7 @@ from scipy import stats
 from frischid.core.text import each_of, listed
 from frischid.core.types import Array
 from frischid.diagnosis.change_prior import weak_urdf_prior
-from frischid.diagnosis.criteria import DEFAULT, Criteria
+from frischid.diagnosis.criteria import DEFAULT, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking, ScoredEffect, ranking
 from frischid.diagnosis.reversal_residuals import only_at_reversals
@@ -70,7 +70,7 @@ class Finding:
     sentence : str
     members : tuple of Effect
         Effects to add to a model: one for every joint, or one for the robot.
-    criteria : Criteria
+    criteria : DiagnosisCriteria
         Thresholds of the properties below.
     """
 
@@ -87,7 +87,7 @@ class Finding:
     confused_with: tuple[str, ...]
     sentence: str
     members: tuple[Effect, ...]
-    criteria: Criteria = field(default=DEFAULT, repr=False)
+    criteria: DiagnosisCriteria = field(default=DEFAULT, repr=False)
 
     @property
     def sure(self) -> bool:
@@ -202,7 +202,7 @@ def _finding(validator: CrossValidator, floor: Array, moving: NDArray[np.bool_],
     )
 
 
-def _share(before: Array, after: Array, noise: Array, criteria: Criteria) -> float:
+def _share(before: Array, after: Array, noise: Array, criteria: DiagnosisCriteria) -> float:
     """Share of the squared error above the noise that is explained; zero where that error is a trifle."""
     above = float((before**2 - np.minimum(noise, before) ** 2).sum())
     explained = float((before**2 - after**2).sum())

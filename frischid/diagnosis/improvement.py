@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from frischid.diagnosis.change_prior import load_reference
-from frischid.diagnosis.criteria import DEFAULT, Criteria
+from frischid.diagnosis.criteria import DEFAULT, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
@@ -69,7 +69,7 @@ def add(
     valid: Sequence[Log | Recording] = (),
     situation: SituationOption = "always",
     finding: Finding | None = None,
-    criteria: Criteria = DEFAULT,
+    criteria: DiagnosisCriteria = DEFAULT,
 ) -> Step:
     """Add effects to a model and refit it.
 
@@ -87,7 +87,7 @@ def add(
         model's own parameters are kept as a prior, so that the change ends up in the effect.
     finding : Finding, optional
         The finding that proposed the effects, for the model's history.
-    criteria : Criteria, optional
+    criteria : DiagnosisCriteria, optional
         Thresholds that decide the situation.
 
     Returns
@@ -154,7 +154,7 @@ def improve(
     valid: Sequence[Log | Recording] = (),
     situation: SituationOption = "auto",
     max_steps: int = 8,
-    criteria: Criteria = DEFAULT,
+    criteria: DiagnosisCriteria = DEFAULT,
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Step], Diagnosis]:
     """Diagnose and add until no effect passes; an addition that does not lower the error is refused.
@@ -168,7 +168,7 @@ def improve(
         As in `diagnose`; decided once, for all steps.
     max_steps : int
         Most effects to add.
-    criteria : Criteria, optional
+    criteria : DiagnosisCriteria, optional
         Every threshold that decides the diagnoses.
     progress : callable
         Called with a few words at each stage.
@@ -220,7 +220,7 @@ def searched(
     text: str,
     logs: Sequence[Log | Recording],
     situation: SituationOption,
-    criteria: Criteria = DEFAULT,
+    criteria: DiagnosisCriteria = DEFAULT,
 ) -> tuple[Effect, ...]:
     """Give effects whose shape the user did not state the shape that fits best, joint by joint.
 
@@ -232,7 +232,7 @@ def searched(
         The user's words; an effect written with parentheses keeps its shape.
     logs : sequence of Log or Recording
     situation : {"auto", "always", "changed"}
-    criteria : Criteria, optional
+    criteria : DiagnosisCriteria, optional
 
     Raises
     ------
@@ -288,7 +288,7 @@ def _refitted(
     effects: tuple[Effect, ...],
     logs: Sequence[Log | Recording],
     situation: Situation,
-    criteria: Criteria,
+    criteria: DiagnosisCriteria,
 ) -> Model:
     if situation == "changed":
         return _changed(model, effects, logs, criteria)
@@ -306,7 +306,9 @@ def _refitted(
     return replace(found.model, lowpass=model.lowpass)
 
 
-def _changed(model: Model, effects: tuple[Effect, ...], logs: Sequence[Log | Recording], criteria: Criteria) -> Model:
+def _changed(
+    model: Model, effects: tuple[Effect, ...], logs: Sequence[Log | Recording], criteria: DiagnosisCriteria
+) -> Model:
     """The model with the columns of a change, and its own parameters as a prior."""
     validator, _ = cross_validator(model, logs, "changed", criteria=criteria)
     new = effects[len(model.effects) :]

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from frischid.cli import main
 from frischid.diagnosis.contacts import _stands_out
-from frischid.diagnosis.criteria import Criteria
+from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.improvement import add, improve, undo
@@ -460,7 +460,7 @@ def test_a_burst_within_what_the_noise_is_unsure_by_is_no_event(burst, found):
     def rows(squares, count):
         counts = np.array([[count]])
         return SimpleNamespace(
-            spread=np.ones(1), counts=counts, theta=None, squares=lambda *_: squares, criteria=Criteria()
+            spread=np.ones(1), counts=counts, theta=None, squares=lambda *_: squares, criteria=DiagnosisCriteria()
         )
 
     noise, left = 1000 * 0.1**2, 0.9 * 990 * 0.1**2  # the floor is a little high

@@ -1,0 +1,178 @@
+"""Rules of evidence: many tries, many shapes and correlated logs make a finding less certain, never more."""
+
+from dataclasses import asdict, replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from frischid.diagnosis.candidate_columns import Candidate
+from frischid.diagnosis.change_prior import identification_prior, weak_urdf_prior
+from frischid.diagnosis.criteria import DiagnosisCriteria
+from frischid.diagnosis.cross_validation import CrossValidator, Score
+from frischid.diagnosis.diagnosis import diagnose
+from frischid.diagnosis.improvement import improve
+from frischid.diagnosis.scored_candidate import ScoredCandidate, parameters_of, price, scored
+from frischid.effects import BASELINE, Formula, parse_effects
+from frischid.logs.log import Log
+from frischid.model.identification import identify
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
+from frischid.robot.robot import Robot
+
+ARM = Robot.load("planar2")
+DRY = {"fv1": 0.2, "fv2": 0.2, "fc1": 0.3, "fc2": 0.3}
+ONE_COLUMN = ("joint_spring", "quadratic_viscous", "asymmetric_viscous")  # on each joint, one column, no shape
+SEARCHED = parse_effects("stribeck(speed=0.1, exponent=2)@joint2")[0]
+
+
+def log_of(seed: int, effects: str = "", noise: float = 0.01, **values: float) -> Log:
+    return simulate(
+        ARM,
+        random_fourier(ARM, 20.0, seed=seed),
+        rate=100.0,
+        effects=(*BASELINE, *parse_effects(effects)) if effects else BASELINE,
+        parameters=DRY | values,
+        noise=Noise(q=0.0, tau=noise),
+        channels=(),
+        seed=seed,
+    )
+
+
+@cache
+def validator() -> CrossValidator:
+    log = log_of(1)
+    model = identify(ARM, [log], recursion="none").model
+    return CrossValidator.of(model, [log], weak_urdf_prior(model))
+
+
+def found(effect, ratio: float, rows: int = 1000) -> ScoredCandidate:
+    """A candidate with one coefficient and some log likelihood ratio, on so many rows."""
+    candidate = Candidate(effect, {0: None}, (0,))
+    cost = 0.5 * parameters_of(candidate) * np.log(rows)
+    return ScoredCandidate(candidate, Score(np.ones((1, 1)), np.ones(1)), ratio, cost, 0.1)
+
+
+# ---------------------------------------------------------------------- many tries
+
+
+@pytest.mark.parametrize("tried", [10, 100, 1000])
+def test_of_many_null_candidates_hardly_ever_one_passes(tried):
+    """The family-wise error rate: where no candidate is true, a diagnosis reports one no more often than it says."""
+    level, families, rng = 0.05, 400, np.random.default_rng(tried)
+    ratios = 0.5 * rng.chisquare(1, (families, tried))  # Wilks: the null law of a likelihood ratio of one parameter
+    best = [found(Formula(("joint1",), "t"), float(x), rows=3).p_value(tried) for x in ratios.max(axis=1)]
+    alarms = float(np.mean(np.array(best) < level))
+    assert alarms < level + 3 * np.sqrt(level * (1 - level) / families)
+    assert alarms > 0.2 * level, "and the test is not so strict that it never speaks"
+
+
+def test_the_p_value_of_the_best_grows_with_the_number_tried():
+    best = found(Formula(("joint1",), "t"), 15.0)
+    assert 0 < best.p_value(1) < 1e-6
+    for tried in (2, 30, 5000):
+        assert best.p_value(tried) == pytest.approx(tried * best.p_value(1))
+    assert best.p_value(10**9) == 1.0
+
+
+def test_a_diagnosis_corrects_for_all_that_it_tried():
+    """The same spring in the same log is the less certain the more effects were tried beside it."""
+    log = log_of(3, "joint_spring@joint2", noise=0.05, ks2=0.02)
+    model = identify(ARM, [log], recursion="none").model
+    few, many = (diagnose(model, [log], effects=names) for names in (ONE_COLUMN[:1], ONE_COLUMN))
+    p = [next(f for f in d.findings if f.effect == "joint_spring").p_value for d in (few, many)]
+    assert 1e-200 < p[0] < 1e-3, "a spring that is found, with a p value that is not lost in rounding"
+    assert p[1] / p[0] == pytest.approx(len(ONE_COLUMN))
+
+
+# ---------------------------------------------------------------------- many shapes
+
+
+def test_searched_shapes_have_their_price():
+    """A shape searched over some parameters pays for each of them as for a coefficient: ½ log n."""
+    v = validator()
+    (with_shapes,) = v.candidates([SEARCHED])
+    (without,) = v.candidates([Formula(("joint2",), "q2*sign(v2)")])
+    half_log_n = 0.5 * np.log(v.counts.sum(axis=0)[1])
+    searched = len(SEARCHED.searched)
+    assert searched > 0
+    assert price(v, without) == pytest.approx(half_log_n)
+    assert price(v, with_shapes) == pytest.approx((1 + searched) * half_log_n)
+    for candidate in (with_shapes, without):
+        result = scored(v, [candidate])
+        assert result.price == price(v, candidate)
+        assert result.gain == result.ratio - result.price
+
+
+def test_the_same_likelihood_is_worth_less_with_a_searched_shape():
+    plain, searched = (found(effect, 9.0) for effect in (Formula(("joint2",), "q2*sign(v2)"), SEARCHED))
+    assert plain.ratio == searched.ratio
+    assert plain.gain > searched.gain
+    assert plain.p_value(1) < 1e-4
+    assert searched.p_value(1) > 100 * plain.p_value(1)
+
+
+def test_a_gain_that_does_not_pay_for_its_shapes_is_none():
+    one, three = (found(effect, 5.0) for effect in (Formula(("joint2",), "t"), SEARCHED))
+    assert one.gain > 0
+    assert one.p_value(1) < 0.01
+    assert three.gain < 0
+    assert three.p_value(1) == 1.0
+
+
+# ---------------------------------------------------------------------- what an identification knows
+
+
+def with_slow_noise(log: Log, seed: int, correlation: float = 0.98, size: float = 0.1) -> Log:
+    """The log with torque noise that remembers itself for about a second: an autoregression of first order."""
+    x, tau = np.random.default_rng(seed).normal(size=log.tau.shape), np.array(log.tau)
+    for k in range(1, len(x)):
+        x[k] = correlation * x[k - 1] + np.sqrt(1 - correlation**2) * x[k]
+    return replace(log, tau=tau + size * x)
+
+
+@cache
+def identified(seed: int):
+    return identify(ARM, [with_slow_noise(log_of(1, noise=0.0), seed)], effects=BASELINE, recursion="none").model
+
+
+def test_the_prior_of_a_changed_robot_has_the_spread_of_the_estimate():
+    """Information is deflated by how much correlation inflates variances, so both have the same median variance."""
+    model = identified(1)
+    prior = identification_prior(model)
+    np.testing.assert_array_equal(prior.mean, model.estimate.theta)
+    ratio = np.diag(model.estimate.covariance) / np.diag(np.linalg.inv(prior.precision))
+    assert np.median(ratio) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_a_changed_robot_is_not_held_to_more_certainty_than_there_is():
+    """In units of the prior the error of p parameters has the expected square p, also where noise is correlated."""
+    truth = identify(ARM, [log_of(1, noise=0.0)], effects=BASELINE, recursion="none").model.estimate.theta
+    squares = []
+    for seed in range(12):
+        prior = identification_prior(identified(seed))
+        error = prior.mean - truth
+        squares.append(error @ prior.precision @ error / len(truth))
+    assert 0.2 < np.mean(squares) < 3.0
+
+
+# ---------------------------------------------------------------------- criteria
+
+
+def test_results_carry_the_criteria_that_were_used():
+    model, log = validator().model, log_of(1)
+    strict = replace(DiagnosisCriteria(), significance=1e-9, max_entered=1)
+    result = diagnose(model, [log], effects=ONE_COLUMN[:1], criteria=strict)
+    assert result.to_dict()["criteria"] == asdict(strict)
+    assert all(f.criteria is strict for f in result.findings if f.members)
+    assert improve(model, [log], max_steps=0, criteria=strict)[1].criteria is strict
+
+
+@pytest.mark.parametrize("change", [{"significance": 0.0}, {"smallest_error": 1.0}, {"block_p_value": 0.0}])
+def test_each_criterion_of_a_finding_decides(change):
+    """A spring that everybody finds is not found under a criterion that nothing meets."""
+    log = log_of(3, "joint_spring@joint2", ks2=1.0)
+    model = identify(ARM, [log], recursion="none").model
+    assert diagnose(model, [log], effects=ONE_COLUMN[:1]).findings[0].significant
+    strict = replace(DiagnosisCriteria(), **change)
+    assert not any(f.significant for f in diagnose(model, [log], effects=ONE_COLUMN[:1], criteria=strict).findings)
