@@ -164,10 +164,11 @@ def diagnose(
     >>> import frischid as fr
     >>> robot = fr.Robot.load("planar2")
     >>> hidden = (*fr.BASELINE, *fr.parse_effects("joint_spring@joint2"))
-    >>> log = fr.simulate(robot, fr.random_fourier(robot, 8, seed=1), rate=50, effects=hidden, parameters={"ks2": 1.5},
-    ...                   noise=fr.Noise(q=1e-5, tau=0.01))
-    >>> model = fr.identify(robot, [log], recursion="none").model
-    >>> found = fr.diagnose(model, [log], effects=["joint_spring", "stribeck"])
+    >>> motions = [fr.random_fourier(robot, 10, seed=seed) for seed in (1, 2)]
+    >>> logs = [fr.simulate(robot, motion, rate=100, effects=hidden, parameters={"ks2": 1.5}, noise=fr.Noise(tau=0.01))
+    ...         for motion in motions]
+    >>> model = fr.identify(robot, logs[:1], recursion="none").model
+    >>> found = fr.diagnose(model, logs[:1], valid=logs[1:], effects=["joint_spring"])
     >>> found.verdict, found.findings[0].effect, found.findings[0].joints
     ('effect', 'joint_spring', ('joint2',))
     """
