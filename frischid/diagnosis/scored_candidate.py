@@ -157,6 +157,4 @@ def usable_candidates(
 def with_model_width(effect: Effect, known: Sequence[Effect]) -> Effect:
     """The effect with the friction smoothing (width of tanh) of the model's dry friction, where it has such a width."""
     width = next((e.width for e in known if isinstance(e, Coulomb)), None)
-    if width is None or "width" not in effect.parameters:
-        return effect
-    return type(effect)(joints=effect.joints, **effect.parameters | {"width": width})
+    return effect if width is None else effect.with_sign_width(width)
