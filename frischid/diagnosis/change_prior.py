@@ -23,7 +23,7 @@ import numpy as np
 from scipy import linalg
 
 from frischid.core.types import Array
-from frischid.diagnosis.criteria import DEFAULT, DiagnosisCriteria
+from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.effects import columns_of
 from frischid.effects.dynamics import RigidDynamics, random_states
 from frischid.estimators.least_squares import Prior
@@ -40,13 +40,13 @@ def identification_prior(model: Model) -> Prior:
     return Prior(model.estimate.theta, model.estimate.information)
 
 
-def weak_urdf_prior(model: Model, criteria: DiagnosisCriteria = DEFAULT) -> Prior:
+def weak_urdf_prior(model: Model, criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA) -> Prior:
     """Weak URDF prior of the base parameters, for a robot that was always as it is."""
     mapping, mean, spread = _standard(model, criteria)
     return gaussian(mapping @ mean, mapping * spread)
 
 
-def likely_standard_parameters(model: Model, criteria: DiagnosisCriteria = DEFAULT) -> Mapping[str, float]:
+def likely_standard_parameters(model: Model, criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA) -> Mapping[str, float]:
     """Standard parameters closest to the URDF's that agree with the identified base parameters.
 
     Returns
@@ -64,7 +64,7 @@ def likely_standard_parameters(model: Model, criteria: DiagnosisCriteria = DEFAU
     return dict(zip(names, map(float, mean + carried.T @ gain), strict=True))
 
 
-def load_reference(model: Model, criteria: DiagnosisCriteria = DEFAULT) -> Mapping[str, float] | None:
+def load_reference(model: Model, criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA) -> Mapping[str, float] | None:
     """Parameters from which effects that depend on the load take it: the model's reference, or its identification's."""
     if model.reference is None and not any(effect.loaded for effect in model.effects):
         return likely_standard_parameters(model, criteria)

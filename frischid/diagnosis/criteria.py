@@ -18,6 +18,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from frischid.model.comparison_criteria import COMPARISON_CRITERIA
+
 
 @dataclass(frozen=True)
 class DiagnosisCriteria:
@@ -183,14 +185,14 @@ class DiagnosisCriteria:
     formula_improvement: float = 0.95
     """Ratio of squared errors. A further term must bring the joint's error below this times the error before. By
     judgement."""
-    least_independent_samples: int = 10
-    """Samples a correlation time apart. With fewer the dependence of a residual on a variable is not tested, because
-    the asymptotic p value of Chatterjee's ξ is not valid."""
+    dependence_samples: int = COMPARISON_CRITERIA.dependence_samples
+    """Samples a correlation time apart, as in a comparison. With fewer the dependence of a residual on a variable is not
+    tested, because the asymptotic p value of Chatterjee's ξ is not valid."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values, field by field."""
         return asdict(self)
 
 
-DEFAULT = DiagnosisCriteria()
+DIAGNOSIS_CRITERIA = DiagnosisCriteria()
 """The criteria of `diagnose`, `improve` and `add` where none are given."""

@@ -27,7 +27,7 @@ from frischid.core.text import each_of
 from frischid.core.types import Array
 from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.candidate_columns import Candidate
-from frischid.diagnosis.criteria import DEFAULT, DiagnosisCriteria
+from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.dataset import Moments, RegressionData
 from frischid.diagnosis.model_columns import ModelColumns
 from frischid.diagnosis.motion_cache import MotionCache
@@ -73,7 +73,7 @@ class CrossValidator:
         logs: Sequence[Log | Recording],
         prior: Prior,
         *,
-        criteria: DiagnosisCriteria = DEFAULT,
+        criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
         workers: Workers | None = None,
     ) -> CrossValidator:
         """Read logs and fit the model to them.

@@ -22,7 +22,7 @@ import numpy as np
 from frischid.core.parallel import Workers
 from frischid.core.types import Array
 from frischid.diagnosis.contacts import Contact, find_contacts, made_by_something_steady, stretches
-from frischid.diagnosis.criteria import DEFAULT, DiagnosisCriteria
+from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.findings import Finding, find_effects, refit_finding
 from frischid.diagnosis.residual_formula import Description, describe
@@ -119,7 +119,7 @@ def diagnose(
     valid: Sequence[Log | Recording] = (),
     situation: SituationOption = "auto",
     effects: Sequence[str] | None = None,
-    criteria: DiagnosisCriteria = DEFAULT,
+    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
     workers: Workers | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:

@@ -24,7 +24,7 @@ from scipy import stats
 from frischid.core.text import each_of, listed
 from frischid.core.types import Array
 from frischid.diagnosis.change_prior import weak_urdf_prior
-from frischid.diagnosis.criteria import DEFAULT, DiagnosisCriteria
+from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking, ScoredEffect, ranking
 from frischid.diagnosis.reversal_residuals import only_at_reversals
@@ -87,7 +87,7 @@ class Finding:
     confused_with: tuple[str, ...]
     sentence: str
     members: tuple[Effect, ...]
-    criteria: DiagnosisCriteria = field(default=DEFAULT, repr=False)
+    criteria: DiagnosisCriteria = field(default=DIAGNOSIS_CRITERIA, repr=False)
 
     @property
     def sure(self) -> bool:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from frischid.diagnosis.change_prior import load_reference
-from frischid.diagnosis.criteria import DEFAULT, DiagnosisCriteria
+from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
@@ -69,7 +69,7 @@ def add(
     valid: Sequence[Log | Recording] = (),
     situation: SituationOption = "always",
     finding: Finding | None = None,
-    criteria: DiagnosisCriteria = DEFAULT,
+    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
 ) -> Step:
     """Add effects to a model and refit it.
 
@@ -154,7 +154,7 @@ def improve(
     valid: Sequence[Log | Recording] = (),
     situation: SituationOption = "auto",
     max_steps: int = 8,
-    criteria: DiagnosisCriteria = DEFAULT,
+    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Step], Diagnosis]:
     """Diagnose and add until no effect passes; an addition that does not lower the error is refused.
@@ -220,7 +220,7 @@ def searched(
     text: str,
     logs: Sequence[Log | Recording],
     situation: SituationOption,
-    criteria: DiagnosisCriteria = DEFAULT,
+    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
 ) -> tuple[Effect, ...]:
     """Give effects whose shape the user did not state the shape that fits best, joint by joint.
 

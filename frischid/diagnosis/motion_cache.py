@@ -19,7 +19,7 @@ from frischid.core.types import Array
 from frischid.diagnosis.cached_motion import CachedMotion, JointData, stored_state
 from frischid.diagnosis.candidate_columns import Candidate, ColumnTask, GatheredColumns, filtered_columns, sampled
 from frischid.diagnosis.change_prior import load_reference
-from frischid.diagnosis.criteria import DEFAULT, DiagnosisCriteria
+from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.effects import Effect, State
 from frischid.logs.filters import decimating_filter
 from frischid.logs.log import Log
@@ -56,7 +56,7 @@ class MotionCache:
         self,
         model: Model,
         logs: Sequence[Log | Recording],
-        criteria: DiagnosisCriteria = DEFAULT,
+        criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
         workers: Workers | None = None,
     ) -> None:
         self.model, self.criteria, self.workers = model, criteria, workers or Here()

@@ -68,7 +68,7 @@ def _dependence(validator: CrossValidator, row: int) -> dict[str, float]:
     criteria = validator.criteria
     count = int(validator.counts[:, row].sum())
     apart = max(1, round(validator.fit.correlation[row]), -(-count // MOST_ROWS))
-    if count // apart < criteria.least_independent_samples:
+    if count // apart < criteria.dependence_samples:
         return {}
     tested = variables(validator, row, apart)
     residual = thinned(validator.residuals(row, validator.theta), apart)

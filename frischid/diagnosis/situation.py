@@ -18,7 +18,7 @@ import numpy as np
 
 from frischid.core.parallel import Workers
 from frischid.diagnosis.change_prior import identification_prior, weak_urdf_prior
-from frischid.diagnosis.criteria import DEFAULT, DiagnosisCriteria
+from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
@@ -33,7 +33,7 @@ def cross_validator(
     logs: Sequence[Log | Recording],
     situation: SituationOption = "auto",
     *,
-    criteria: DiagnosisCriteria = DEFAULT,
+    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
     workers: Workers | None = None,
 ) -> tuple[CrossValidator, Situation]:
     """Read logs, decide the situation, and fit the model under the prior that goes with it.
