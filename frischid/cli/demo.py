@@ -23,7 +23,7 @@ from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
 
 TRUTH = {"Ia1": 0.121, "Ia2": 0.2118, "off1": 0.4, "off2": -0.2}
-"""What the URDF does not say of the planar arm: reflected rotor inertias (kg·m²) and torque offsets (N·m)."""
+"""Absent from the planar arm's URDF: reflected rotor inertias (kg·m²) and torque offsets (N·m)."""
 NOISE = Noise(q=2e-5, tau=0.01)
 HIDDEN, STRENGTH = "joint_spring@joint2", {"ks2": 1.5}
 """The effect hidden in the second half: a cable that pulls joint 2 back, N·m/rad."""
@@ -41,7 +41,7 @@ class Demo:
     seconds : float
         Length of each of the two simulated logs.
     rate : float
-        Samples a second, Hz.
+        Samples per second, Hz.
     diagnosis : Diagnosis
         Of the arm with the hidden effect.
     step : Step

@@ -28,7 +28,7 @@ from frischid.errors import InputError
 @click.argument("robot")
 @click.option("-o", "--output", type=click.Path(), required=True, help="Log to write: .parquet, .csv or .npz.")
 @click.option("--duration", default=30.0, show_default=True, help="Seconds.")
-@click.option("--rate", default=100.0, show_default=True, help="Samples a second.")
+@click.option("--rate", default=100.0, show_default=True, help="Samples per second.")
 @click.option(
     "--points", type=click.Path(), help="Log of points (t, q, v, a) to join by quintics, instead of a random motion."
 )
@@ -95,7 +95,7 @@ def simulate(
 @click.argument("robot")
 @click.option("-o", "--output", type=click.Path(), required=True, help="Where the motion (t, q, v, a) goes.")
 @click.option("--duration", default=20.0, show_default=True, help="Seconds.")
-@click.option("--rate", default=100.0, show_default=True, help="Samples a second.")
+@click.option("--rate", default=100.0, show_default=True, help="Samples per second.")
 @click.option("--family", default="fourier", show_default=True, help="fourier, bspline, or points (quintics).")
 @click.option("--criterion", default="condition", show_default=True, help="condition, d_optimal, or paper (eq. 19).")
 @click.option("--limits", default=0.9, show_default=True, help="Share of the URDF's limits to use.")
@@ -145,7 +145,7 @@ def excite(
     if budget < 1:
         raise InputError(f"--budget must be at least one evaluation, got {budget}")
     if not rate > 0:
-        raise InputError(f"--rate must be a positive number of samples a second, got {rate:g}")
+        raise InputError(f"--rate must be a positive number of samples per second, got {rate:g}")
     machine, _ = load(robot, RobotArguments(**options))
     pair = () if separate is None else parse_effects(separate)
     if separate is not None and len(pair) != 2:

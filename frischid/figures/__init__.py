@@ -1,8 +1,8 @@
 """Figures, made once and shown wherever they are needed: Plotly, self-contained, offline.
 
-One module a chapter of the report; the studio shows the same ones. They draw what the library has computed and compute
-nothing but where to put it on the page. What they draw they know by type only: the studio's first picture waits for all
-that is imported here.
+Each module draws for one chapter of the report; the studio shows the same figures. In come results of the library, out
+comes a `Drawing`: a Plotly figure with its title and its reading. Results are imported for their types only: the
+studio's first picture waits for every import of this folder. Start reading at `style.Drawing`.
 """
 
 from frischid.figures.failure import against, matrix, plane

@@ -77,7 +77,7 @@ def matrix(comparison: Comparison) -> Drawing:
 
 
 def worst(comparison: Comparison, most: int = 1) -> str:
-    """The conditions that stand out most, a sentence each."""
+    """The conditions that stand out most, one sentence each."""
     certain = [c for c in comparison.residuals.conditions() if c.p_value < CERTAIN]
     if not certain:
         return "No condition stands out: the error is about the same everywhere."

@@ -1,4 +1,4 @@
-"""What is missing: a residual, and what a candidate effect would explain of it."""
+"""A missing effect: the residual, and the part of it that a candidate effect would explain."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ def number(x: float | None, digits: int = 4) -> str:
     """A number with few digits, as a person writes it; a dash where there is none."""
     if x is None or not np.isfinite(x):
         return "–"
-    if abs(x) < 1e-15:  # what is left of a zero
+    if abs(x) < 1e-15:  # a zero that was rounded
         return "0"
     mantissa, _, exponent = f"{x:.{digits - 1}e}".partition("e")
     if -4 <= int(exponent) < 6:

@@ -62,29 +62,29 @@ def measured(
     positions, apart = side_by_side(prediction)
     x = prediction.t + positions[prediction.log]
     used, residual = prediction.used[:, j], prediction.residual[:, j]
-    left = np.where(used, residual, np.nan)
-    keep = thinned(prediction.measured[:, j], prediction.fitted[:, j], left)
+    shown = np.where(used, residual, np.nan)
+    keep = thinned(prediction.measured[:, j], prediction.fitted[:, j], shown)
     broken = breaks(prediction.log[keep])
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.57, 0.43], vertical_spacing=0.05)
     _band(figure, x[keep], prediction.lower[keep, j], prediction.upper[keep, j], prediction.log[keep], "band")
     curves = (
         ("measured", prediction.measured[:, j], {"color": MEASURED, "width": 2.6}, 1),
         ("model", prediction.fitted[:, j], {"color": BLUE, "width": 1.2}, 1),
-        ("residual", left, {"color": VERMILION, "width": 1.0}, 2),
+        ("residual", shown, {"color": VERMILION, "width": 1.0}, 2),
     )
     for name, values, line, row in curves:
         figure.add_scatter(
             x=plain(np.insert(x[keep], broken, np.nan)), y=plain(np.insert(values[keep], broken, np.nan)),
             name=name, line=line, mode="lines", row=row, col=1, hovertemplate="%{x:.2f} s: %{y:.4g} " + unit,
         )  # fmt: skip
-    _shade(figure, x, ~used, prediction.log, SHADE, "at rest")
+    _shade(figure, x, ~used, prediction.log, SHADE, "standstill")
     excluded = np.zeros(len(x), bool)
     for c in contacts:
         inside = np.array([prediction.sources[k] == c.source for k in prediction.log])
         absolute = prediction.t + np.array(prediction.starts)[prediction.log]
         excluded |= inside & (absolute >= c.start) & (absolute <= c.stop) & (joint in c.joints)
     _shade(figure, x, excluded, prediction.log, EXCLUDED, "contact")
-    reading = _worst(figure, comparison, prediction, joint, x, left, unit)
+    reading = _worst(figure, comparison, prediction, joint, x, shown, unit)
     for start in positions[1:]:
         figure.add_vline(x=float(start - apart / 2), line={"color": FAINT, "width": 1, "dash": "dot"})
     if at is not None:
@@ -107,7 +107,7 @@ def side_by_side(prediction: Prediction) -> tuple[Array, float]:
 
 
 def _band(figure: go.Figure, x: Array, low: Array, high: Array, log: NDArray[np.intp], name: str) -> None:
-    """One closed outline a log."""
+    """One closed outline per log."""
     xs: list[Array] = []
     ys: list[Array] = []
     for one in np.unique(log):
@@ -143,14 +143,14 @@ def _shade(
 
 
 def _worst(
-    figure: go.Figure, comparison: Comparison, prediction: Prediction, joint: str, x: Array, left: Array, unit: str
+    figure: go.Figure, comparison: Comparison, prediction: Prediction, joint: str, x: Array, shown: Array, unit: str
 ) -> str:
     """Mark the worst moment, and say what the figure shows."""
     fit = comparison.joints[joint]
-    error = np.where(np.isnan(left), -1.0, np.abs(left))
+    error = np.where(np.isnan(shown), -1.0, np.abs(shown))
     k = int(error.argmax())
     figure.add_scatter(
-        x=[float(x[k])], y=[float(left[k])], mode="markers", name="worst", row=2, col=1, cliponaxis=False,
+        x=[float(x[k])], y=[float(shown[k])], mode="markers", name="worst", row=2, col=1, cliponaxis=False,
         marker={"symbol": "x", "size": 9, "color": INK},
     )  # fmt: skip
     j = prediction.joints.index(joint)

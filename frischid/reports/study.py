@@ -24,7 +24,7 @@ from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
 
-WEAK = 0.5  # relative standard error above which a parameter is hardly known
+HARDLY_KNOWN = 0.5  # standard error over value, above which a parameter is called hardly known
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,10 +85,10 @@ class Study:
     def weak(self) -> list[str]:
         """Parameters known to no better than half their value."""
         e = self.model.estimate
-        return [c.name for c, x, s in zip(e.columns, e.theta, e.stderr, strict=True) if s > WEAK * abs(x)]
+        return [c.name for c, x, s in zip(e.columns, e.theta, e.stderr, strict=True) if s > HARDLY_KNOWN * abs(x)]
 
     def warnings(self) -> list[str]:
-        """What should make a reader doubt, most serious first."""
+        """Reasons to doubt the model, most serious first."""
         found = []
         if not self.held_out:
             found.append("Every log here was used to fit the model: its error on new motion is larger than shown.")
@@ -121,7 +121,7 @@ class Study:
 
 
 def missing(diagnosis: Diagnosis) -> str:
-    """What a diagnosis says, in one clause."""
+    """A diagnosis in one clause."""
     best = next((f for f in diagnosis.findings if f.significant and f.members), None)
     named = "" if best is None else f"{best.effect} on {listed(best.joints) or 'the whole robot'}"
     if diagnosis.verdict == "contact":

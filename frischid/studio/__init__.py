@@ -2,8 +2,8 @@
 
 The robot moves along the log, its joints coloured by where the model fails. A click on a finding adds its effect,
 refits the model and changes curves, colours and staircase before the user's eyes; every step can be undone. The page is
-viser's; the figures are those of the report (`frischid.figures`); what is computed is in `frischid.studio.bench`, which
-knows no page.
+viser's; the figures are those of the report (`frischid.figures`); the computations are in `frischid.studio.bench`,
+which knows no page.
 
 The page opens before anything is computed: a browser takes as long to read viser's scripts as the model
 takes to be evaluated along its logs, and the two go on side by side. Hence this module imports little at its top.
@@ -160,9 +160,8 @@ def studio(
     Parameters and errors are those of `Studio` and `Studio.show`.
     """
     running = Studio(host, port)
-    try:
+    with contextlib.ExitStack() as unless_shown:
+        unless_shown.callback(running.stop)
         running.show(model, logs, output)
-    except Exception:
-        running.stop()
-        raise
+        unless_shown.pop_all()
     return running

@@ -1,6 +1,6 @@
 """The work bench behind the studio's page: one model, its logs, and the jobs that change it.
 
-It knows nothing of the page. Whatever is shown is one frozen `State`; a job computes the next one and puts it in place
+It knows nothing of the page. All that is shown is one frozen `State`; a job computes the next one and puts it in place
 only when all of it has worked, so a failure leaves everything as it was. Jobs run one at a time: a second one, from
 whatever tab, is refused while the first runs, and so is one that was meant for a state that is no longer the present.
 """
@@ -30,7 +30,7 @@ PATIENCE = 1.0  # s before a diagnosis begins in the background
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What every tab shows.
+    """The content of every tab.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Bench:
     fit, valid : list of Log
         Those that are fitted again, and those that are not.
     absent : int
-        How many logs the model was fitted to are not among them: what is added is fitted without.
+        Number of logs that the model was fitted to and that are not here: new effects are fitted without them.
     """
 
     def __init__(self, model: Model, logs: Sequence[Log], output: Path) -> None:

@@ -1,4 +1,4 @@
-"""The frame of a page, before there is a model: its panels in their places, and a word that the rest will come.
+"""The frame of a page, before there is a model: its panels in their places, and a line: more will come.
 
 A browser takes a good part of a second to move the panels and to fit the scene between them; it does so while the model
 is read and evaluated.

@@ -68,7 +68,7 @@ class Tab:
         with self._lock:  # a control that is moved as soon as it is there waits for the others
             self._curves(gui, joints, worst)
             self._work(gui, joints)
-            # Words first, then curves (their library takes a browser a second), then the robot (without a GPU, more).
+            # Words first, then curves (their library takes a second to read), then the robot (without a GPU: longer).
             self._headline(self._drawn)
             self._come()
             self._torque()
@@ -200,7 +200,7 @@ class Tab:
         """Whether a refit has less to go by than the model had."""
         count = self.bench.absent
         few = f"{count} log{'s' * (count > 1)} the model was fitted to {'is' if count == 1 else 'are'} not here"
-        return f"\n\n{few}: what is added is fitted without." if count else ""
+        return f"\n\n{few}: new effects are fitted without {'it' if count == 1 else 'them'}." if count else ""
 
     def _torque(self) -> None:
         state, joint = self.bench.state, str(self.joint.value)

@@ -2,6 +2,7 @@
 
 import json
 import os
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from frischid.cli import main
 from frischid.effects import EFFECTS
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log, write_log
+from frischid.model.model import Model
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
@@ -217,6 +219,27 @@ def test_simulate_through_points(tmp_path):
     bare = tmp_path / "bare.csv"
     write_log(Log(given.t, given.joints, given.q), bare)
     refused(["need v_<joint> and a_<joint>"], "simulate", "planar2", "-o", out, "--points", bare)
+
+
+def test_the_headline_error_is_one_number_everywhere(fitted, logs, tmp_path):
+    """In the JSON and the text of `identify`, `compare` and `report`, in the model's history, and on the page."""
+    path, identified = fitted
+    valid, page = logs / "valid.npz", tmp_path / "page.html"
+    compared, reported = data_of("compare", path, valid), data_of("report", path, valid, "-o", page)
+    error = identified["comparison"]["nrmse"]
+    assert compared["nrmse"] == pytest.approx(error, rel=1e-12)
+    assert reported["nrmse"] == pytest.approx(error, rel=1e-12)
+    assert reported["held_out"]
+    assert Model.load(path).history[0]["held_out_nrmse"] == pytest.approx(error, rel=1e-12)
+    assert f"mean NRMSE {error:.4f}" in run("compare", path, valid).stdout.replace("\n", " ")
+    assert f"NRMSE {error:.4f} on logs it has never seen" in run("report", path, valid, "-o", page).stdout
+    text = page.read_text(encoding="utf-8")
+    assert f"(NRMSE {error:.4f}, mean over 2 joints)" in text
+    assert f"{100 * error:.1f}\u00a0%</strong> of the torque" in text
+
+
+def test_the_version_is_the_packages():
+    assert run("--version").stdout.strip().endswith(metadata.version("frischid"))
 
 
 def test_effects():

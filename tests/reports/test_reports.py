@@ -1,5 +1,6 @@
 """The report: whole, offline, drawn, readable on a large and a small screen; and honest about what it was shown."""
 
+import html
 import os
 import re
 from dataclasses import replace
@@ -9,12 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import OVERLAPS, needs_browser, opened
+from jinja2 import UndefinedError
+from plotly.offline import get_plotlyjs
 
 from frischid import figures
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.effect_curves import correlation_ratio, shape_of
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
+from frischid.figures.style import number
 from frischid.logs.readers import read_log
 from frischid.model.comparison import compare
 from frischid.model.identification import identify
@@ -27,7 +31,7 @@ from frischid.reports.chapters.history import rounded
 from frischid.reports.page import page, report
 from frischid.reports.study import missing, study
 from frischid.reports.study import opened as capital
-from frischid.reports.templates import environment
+from frischid.reports.templates import environment, render
 from frischid.robot.robot import Robot
 
 DATA = os.environ.get("FRISCHID_DATA")
@@ -287,6 +291,60 @@ def test_names_from_files_are_escaped(spring):
     text = spring[0].read_text(encoding="utf-8")
     assert "fit <b>&" not in text
     assert "fit &lt;b&gt;&amp;" in text
+
+
+def test_a_hostile_joint_name_is_text_everywhere():
+    hostile = "<img src=x onerror=alert(1)> & \"j'"
+    robot = Robot.load("planar2")
+    renamed = robot.urdf.replace("joint1", html.escape(hostile, quote=True))
+    machine = Robot(name="<b>arm</b>", source="arm", urdf=renamed)
+    log = replace(recorded(), joints=(hostile, "joint2"), source="</script><script>alert(2)</script>")
+    text = page(study(identify(machine, [log], recursion="none").model, [log], diagnosed=False))
+    assert html.escape(hostile).replace("&quot;", "&#34;").replace("&#x27;", "&#39;") in text
+    for markup in ("<img", "<b>arm", "</script><script>alert"):
+        assert markup not in text.replace(get_plotlyjs(), "")
+
+
+def test_a_template_names_nothing_unknown():
+    with pytest.raises(UndefinedError):
+        render("history.html", {})
+
+
+def test_every_number_of_the_table_of_errors_is_the_comparisons(spring):
+    shown = spring[1]
+    rows = re.findall(r"<tr>(.*?)</tr>", chapter("torque", shown))[1:]
+    cells = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in rows]
+    assert [row[0] for row in cells] == list(shown.comparison.joints.names)
+    for row, j in zip(cells, shown.comparison.joints, strict=True):
+        values = [float(x.replace("−", "-")) for x in row[2:]]
+        assert values == pytest.approx(
+            [j.rmse, j.bias, j.nrmse, j.noise_floor, j.nominal, j.constant, j.fit], rel=1e-3, abs=6e-4
+        )
+        assert values[2] == round(j.nrmse, 4)
+        assert values[3] == round(j.noise_floor, 4)
+        assert values[5] == round(j.constant, 3)
+
+
+def test_every_number_of_the_table_of_parameters_is_the_models(spring):
+    shown, e = spring[1], spring[1].model.estimate
+    rows = re.findall(r"<tr>(.*?)</tr>", chapter("parameters", shown).split("<tbody>")[1].split("</tbody>")[0])
+    cells = {row[0]: row for row in (re.findall(r"<td[^>]*>(.*?)</td>", row) for row in rows)}
+    for i, column in enumerate(e.columns):
+        assert cells[column.name][2] == number(e.theta[i])
+        assert cells[column.name][3] == number(e.stderr[i], 2)
+        assert ("impossible sign" in cells[column.name][-2]) == (column.name in shown.impossible)
+
+
+def test_the_verdicts_percentages_are_the_comparisons(spring):
+    shown = spring[1].verdict
+    text = chapter("verdict", spring[1]).replace("\u00a0", " ")
+    assert f"<strong>{100 * shown.nrmse:.1f} %</strong>" in text
+    for words in (
+        f"URDF alone misses {100 * shown.nominal:.0f} %",
+        f"a constant torque {100 * shown.constant:.0f} %",
+        f"noise alone would cause {100 * shown.noise_floor:.1f} %",
+    ):
+        assert words in text
 
 
 def test_error_figures_are_the_comparisons(spring):

@@ -15,7 +15,7 @@ ORDER = (
 
 def comparison(result: Comparison) -> Page:
     """Errors of a model, joint by joint."""
-    parts: list[Any] = [*error_tables(result), *_where(result), *_what_is_left(result)]
+    parts: list[Any] = [*error_tables(result), *_where(result), *_residual_error(result)]
     return Page(result.to_dict(), parts)
 
 
@@ -59,13 +59,15 @@ def _where(result: Comparison) -> list[Any]:
     return [table]
 
 
-def _what_is_left(result: Comparison) -> list[str]:
+def _residual_error(result: Comparison) -> list[str]:
     lines = []
-    for joint, left in result.residuals.structure().items():
-        on = [name for name, p in left.depends_on.items() if p < 0.01]
-        if on or not left.white:
+    for joint, found in result.residuals.structure().items():
+        on = [name for name, p in found.depends_on.items() if p < 0.01]
+        if on or not found.white:
             colour = (
-                "" if left.white else f"correlated over {left.correlation_time:.2g} s (noise: {left.white_time:.2g} s)"
+                ""
+                if found.white
+                else f"correlated over {found.correlation_time:.2g} s (noise: {found.white_time:.2g} s)"
             )
             lines.append(f"{joint}: the residual is {' and '.join(filter(None, (colour, depends(on))))}")
     return lines

@@ -9,7 +9,7 @@ from rich.markup import escape
 from frischid.cli.pages.page import Page, figure, plain, table_of
 from frischid.export.drive_gains import Gains
 
-WEAK = 0.05  # relative standard error from which a gain is called hardly known
+UNCERTAIN_GAIN = 0.05  # standard error over value, above which a drive gain is called hardly known
 
 
 def gains(found: Gains) -> Page:
@@ -30,10 +30,10 @@ def gains(found: Gains) -> Page:
             row["given"] = plain(found.given[j])
         table.add_row(name, *cells)
         rows.append({"joint": name, **row})
-    weak = [n for n, g, s in zip(found.joints, found.gains, found.stderr, strict=True) if s > WEAK * abs(g)]
+    weak = [n for n, g, s in zip(found.joints, found.gains, found.stderr, strict=True) if s > UNCERTAIN_GAIN * abs(g)]
     parts: list[Any] = [table]
     if weak:
-        parts.append(f"hardly known from this payload (s.e. above {WEAK:.0%}): {', '.join(weak)}")
+        parts.append(f"hardly known from this payload (s.e. above {UNCERTAIN_GAIN:.0%}): {', '.join(weak)}")
     cut = "unfiltered" if found.lowpass.cutoff is None else f"low-passed at {found.lowpass.cutoff:g} Hz"
     data: dict[str, Any] = {
         "channel": found.channel,

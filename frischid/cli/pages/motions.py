@@ -7,15 +7,15 @@ from frischid.logs.log import Log
 from frischid.motions.discrimination import Apart
 from frischid.motions.plan import Plan
 
-BETTER = 1.05  # times smaller standard errors that are worth a word
+NOTABLY_SHARPER = 1.05  # ratio of standard errors above which a planned motion is called better
 
 
 def excitation(planned: Plan, output: str, picture: str | None, apart: Apart | None = None) -> Page:
     """What was planned, and which limits could not be met."""
     told = []
     if apart is not None:
-        better = f"{apart.sharper:.1f} times smaller than" if apart.sharper > BETTER else "no smaller than"
-        whose = "what is left of their columns beside all other parameters correlates by"
+        better = f"{apart.sharper:.1f} times smaller than" if apart.sharper > NOTABLY_SHARPER else "no smaller than"
+        whose = "the parts of their columns that no other parameter explains correlate by"
         if apart.shared:
             whose = f"{apart.second} has all that {apart.first} has, and more; that correlates with all others by"
         told = [

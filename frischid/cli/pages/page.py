@@ -25,17 +25,17 @@ def change(before: float, after: float) -> str:
 
 
 def quantities(found: Sequence[tuple[str, float, str]]) -> str:
-    """What a finding found, each value with its unit."""
+    """The values of a finding, each with its unit."""
     return ", ".join(f"{name} = {x:.4g}{f' {unit}' if unit else ''}" for name, x, unit in found)
 
 
 def depends(variables: Sequence[str]) -> str:
-    """What a residual is not independent of."""
+    """The variables that a residual is not independent of."""
     return f"not independent of {', '.join(variables)}" if variables else ""
 
 
 def warning_lines(warnings: Sequence[str]) -> list[str]:
-    """Warnings, one a line."""
+    """Warnings, one per line."""
     return [f"[yellow]warning:[/yellow] {escape(w)}" for w in warnings]
 
 
