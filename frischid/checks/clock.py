@@ -20,7 +20,7 @@ from frischid.checks.log_issue import Notebook
 from frischid.core.types import Array
 from frischid.logs.filters import noise_level
 from frischid.logs.log import CHANNELS, Log
-from frischid.logs.mapping import SECONDS
+from frischid.logs.mapping import TICKS_PER_SECOND
 
 
 def check_clock(log: Log, notes: Notebook) -> None:
@@ -58,7 +58,7 @@ def check_clock(log: Log, notes: Notebook) -> None:
 def _wrong_unit(rate: float, notes: Notebook) -> None:
     """Say which unit would make the rate that of a robot."""
     low, high = notes.criteria.likely_rates
-    units = {name: rate * factor for name, factor in SECONDS.items() if low <= rate * factor <= high}
+    units = {name: rate * factor for name, factor in TICKS_PER_SECOND.items() if low <= rate * factor <= high}
     guess = ", ".join(f"{name} ({hz:.4g} Hz)" for name, hz in units.items())
     hint = f"; it looks like {guess}" if guess and rate < notes.criteria.slowest_rate else ""
     notes.add(

@@ -16,7 +16,7 @@ import numpy as np
 from frischid.checks.log_issue import LogReport, Notebook
 from frischid.errors import InputError
 from frischid.logs.log import GARBAGE
-from frischid.logs.mapping import SECONDS, LogMap
+from frischid.logs.mapping import TICKS_PER_SECOND, LogMap
 from frischid.logs.tables import CSV, csv_layout
 
 
@@ -60,7 +60,9 @@ def defects(path: Path, form: LogMap) -> LogReport | None:
         notes.add("garbage rows", what, (), "certain", advice, blocks=True)
     if time is not None:
         bad = {*ragged, *garbage}
-        good = [(number, values[time] / SECONDS[form.time_unit]) for number, values in whole if number not in bad]
+        good = [
+            (number, values[time] / TICKS_PER_SECOND[form.time_unit]) for number, values in whole if number not in bad
+        ]
         _stamps([number for number, _ in good], np.array([t for _, t in good]), notes)
     return notes.report(str(path)) if notes.issues else None
 

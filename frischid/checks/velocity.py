@@ -18,7 +18,7 @@ from frischid.core.types import Array
 from frischid.logs.derivatives import LATE_VELOCITY
 from frischid.logs.filters import LowPass, derivative_taps, noise_level
 from frischid.logs.log import STANDSTILL_SPAN, Log
-from frischid.logs.mapping import SECONDS
+from frischid.logs.mapping import TICKS_PER_SECOND
 from frischid.logs.time_grid import uniform
 
 _DEGREES_PER_RADIAN = 180 / np.pi
@@ -137,7 +137,7 @@ def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
     near = notes.criteria.factor_tolerance
     odd = good & (np.abs(factor - 1) > near)
     everywhere = odd[good].all() and good.any()
-    for unit, scale in SECONDS.items():
+    for unit, scale in TICKS_PER_SECOND.items():
         hit = odd & ((np.abs(factor / scale - 1) < near) | (np.abs(factor * scale - 1) < near))
         if scale > 1 and everywhere and hit[good].all():
             _say(

@@ -1,4 +1,8 @@
-"""Files that are never half there: written under another name in the same folder, then renamed."""
+"""Files that are never half written: written under another name in the same folder, then renamed.
+
+Used by every writer of logs, models, reports and exports. A rename within a folder is atomic (POSIX ``rename``), so a
+reader sees the old file or the new one.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +40,7 @@ def check_writable(path: str | Path) -> Path:
 
 @contextmanager
 def written(path: str | Path) -> Iterator[Path]:
-    """Where to write what is to appear as `path`; it appears when the block ends without an error.
+    """Give a scratch path; the file written there appears as `path` when the block ends without an error.
 
     Raises
     ------

@@ -5,8 +5,8 @@ Work is a function of picklable arguments. `map` applies it to many items, `tree
     ((x₁ + x₂) + (x₃ + x₄)) + …
 
 whose shape depends on the number of items alone: floating-point sums are the same wherever and in whatever order the
-parts were done. On Dask the results stay with the workers that made them. When a worker dies, what it held is done
-again from its arguments, and a part that is done twice is still added once, because a sum refers to parts by name.
+parts were done. On Dask the results stay with the workers that made them. When a worker dies, its parts are
+computed again from their arguments. A part that is computed twice is added once, because a sum refers to parts by name.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Progress = Callable[[int, int], None]
 
 
 class Workers(ABC):
-    """Somewhere to do work. What `map` and `tree` return are handles; `gather` turns handles into values."""
+    """Somewhere to do work. `map` and `tree` return handles; `gather` turns handles into values."""
 
     where: str
 

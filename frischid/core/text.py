@@ -1,4 +1,4 @@
-"""Lists in sentences."""
+"""Lists in sentences, for messages of every stage: ``a, b and c``."""
 
 from __future__ import annotations
 
@@ -6,10 +6,18 @@ from collections.abc import Sequence
 
 
 def listed(names: Sequence[str]) -> str:
-    """``a, b and c``."""
+    """Join names to ``a, b and c``.
+
+    >>> listed(["a", "b", "c"])
+    'a, b and c'
+    """
     return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 def each_of(names: Sequence[str]) -> str:
-    """The same as the subject of a verb in the singular; nobody in particular: the robot."""
+    """List names as the subject of a verb in the singular; without names: ``the robot``.
+
+    >>> each_of(["elbow", "wrist"])
+    'each of elbow and wrist'
+    """
     return f"each of {listed(names)}" if len(names) > 1 else listed(names) or "the robot"

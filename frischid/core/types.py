@@ -1,6 +1,6 @@
 """Types that every stage shares.
 
-A torque is a sum of columns times parameters, ``τ = Σ_c y_c θ_c``. `Column` says what one of them stands for.
+A torque is a sum of columns times parameters, ``τ = Σ_c y_c θ_c``. `Column` describes one of them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Sign = Literal[-1, 0, 1]
 
 @dataclass(frozen=True)
 class Column:
-    """What one column of the regressor stands for.
+    """Meaning of one column of the regressor.
 
     Attributes
     ----------

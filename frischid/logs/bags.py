@@ -6,9 +6,9 @@ table is message k; its columns are
     t [ns]      header.stamp, when the state was measured (or ``t_record``: when the recorder got the message)
     q_<name>    position          v_<name>    velocity          tau_<name>    effort
 
-Every message says anew which joints it holds, and one topic may carry messages of an arm and others of a gripper:
-those of one set of names make the table, the others are counted in a note. Messages stream through, a chunk at a
-time, so that memory does not grow with the file.
+Every message says which joints it holds. One topic may carry messages of an arm and others of a gripper:
+those of one set of names make the table, and a note counts the others. Messages stream through, one chunk at a time,
+so that memory does not grow with the file.
 
 Files are opened by ``rosbags`` (.bag; folders and .db3 files of ROS 2) and ``mcap`` (.mcap), the extra
 ``frischid[ros]``.
@@ -31,19 +31,22 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.logs.mapping import LogMap
 from frischid.logs.tables import Table, joined
 
-SUFFIXES = (".bag", ".db3", ".mcap")
+BAG_SUFFIXES = (".bag", ".db3", ".mcap")
 JOINT_STATES = ("sensor_msgs/JointState", "sensor_msgs/msg/JointState")
-COLUMNS = {"position": "q", "velocity": "v", "effort": "tau"}
-RECORDED = "t_record"
-HEAD = 2000  # messages looked at to decide which joints and channels the table holds
-CHUNK = 65_536  # messages a chunk
+COLUMN_OF_FIELD = {"position": "q", "velocity": "v", "effort": "tau"}
+RECORDER_COLUMN = "t_record"
+"""Column of the recorder's clock."""
+FIRST_MESSAGES = 2000
+"""Messages that decide which joints and channels a table holds."""
+MESSAGES_PER_TABLE = 65_536
+"""Messages in memory at once: three channels of seven joints are 11 MB."""
 
 Raw = Iterator[tuple[int, bytes]]
 
 
 def is_bag(path: Path) -> bool:
     """Whether a path is a bag: by its suffix, or a folder that holds the ``metadata.yaml`` of a ROS 2 bag."""
-    return path.suffix.lower() in SUFFIXES or (path / "metadata.yaml").is_file()
+    return path.suffix.lower() in BAG_SUFFIXES or (path / "metadata.yaml").is_file()
 
 
 def bag_form(form: LogMap) -> LogMap:
@@ -51,7 +54,9 @@ def bag_form(form: LogMap) -> LogMap:
     return replace(form, time_unit="ns", zero_time=True)
 
 
-def bag_tables(path: Path, form: LogMap, joints: Sequence[str] | None = None, rows: int = CHUNK) -> Iterator[Table]:
+def bag_tables(
+    path: Path, form: LogMap, joints: Sequence[str] | None = None, rows: int = MESSAGES_PER_TABLE
+) -> Iterator[Table]:
     """Tables of at most `rows` consecutive messages of one topic.
 
     Parameters
@@ -190,7 +195,7 @@ def _states(bag: _Bag, topic: str) -> Iterator[_State]:
     for recorded, data in bag.read(topic):
         message = bag.decode(data)
         stamp = message.header.stamp
-        channels = {name: getattr(message, name) for name in COLUMNS}
+        channels = {name: getattr(message, name) for name in COLUMN_OF_FIELD}
         yield _State(stamp.sec * 1_000_000_000 + stamp.nanosec, recorded, message.name, channels)
 
 
@@ -205,13 +210,13 @@ def _referred(form: LogMap) -> set[str]:
 def _tables(
     path: Path, form: LogMap, topic: str, states: Iterator[_State], wanted: set[str], rows: int
 ) -> Iterator[Table]:
-    head = list(itertools.islice(states, HEAD))
+    head = list(itertools.islice(states, FIRST_MESSAGES))
     if not head:
         raise InputError(f"{path}: topic {topic} holds no message; was the robot's driver running?")
-    if form.time != RECORDED and not any(state.header for state in head):
+    if form.time != RECORDER_COLUMN and not any(state.header for state in head):
         raise InputError(
             f"{path}: the header stamps of topic {topic} are all zero; to take the time at which the recorder got each "
-            f'message instead, set time = "{RECORDED}" under [file] in a mapping file'
+            f'message instead, set time = "{RECORDER_COLUMN}" under [file] in a mapping file'
         )
     sets = Counter(tuple(sorted(state.names)) for state in head)
     chosen = max(sets, key=lambda names: (len(wanted.intersection(names)), sets[names]))
@@ -226,8 +231,8 @@ class _Collector:
 
     def __init__(self, path: Path, time: str | int, topic: str, sample: _State) -> None:
         self.path, self.topic, self.names = path, topic, sample.names
-        self.channels = [channel for channel in COLUMNS if len(sample.channels[channel])]
-        self.recorded = time == RECORDED
+        self.channels = [channel for channel in COLUMN_OF_FIELD if len(sample.channels[channel])]
+        self.recorded = time == RECORDER_COLUMN
         self.done = 0
         self.others: Counter[str] = Counter()
 
@@ -245,9 +250,9 @@ class _Collector:
             count += 1
         if count == 0:
             return None
-        columns: dict[str, NDArray[Any]] = {RECORDED if self.recorded else "t": stamps[:count]}
+        columns: dict[str, NDArray[Any]] = {RECORDER_COLUMN if self.recorded else "t": stamps[:count]}
         for c, channel in enumerate(self.channels):
-            columns |= {f"{COLUMNS[channel]}_{name}": values[c, j, :count] for j, name in enumerate(self.names)}
+            columns |= {f"{COLUMN_OF_FIELD[channel]}_{name}": values[c, j, :count] for j, name in enumerate(self.names)}
         table = Table(str(self.path), tuple(columns), columns, {}, self._place(self.done), notes=self._notes())
         self.done += count
         return table
@@ -263,7 +268,7 @@ class _Collector:
 
     def _numbers(self, state: _State, row: int) -> NDArray[np.float64]:
         J = len(self.names)
-        for channel in COLUMNS:
+        for channel in COLUMN_OF_FIELD:
             expected = J if channel in self.channels else 0
             if len(state.channels[channel]) != expected:
                 raise InputError(

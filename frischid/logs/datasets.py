@@ -1,4 +1,4 @@
-"""Public logs of real robots: fetched by permanent address, believed by checksum.
+"""Public logs of real robots: fetched by permanent address, checked by checksum.
 
 Nothing is bundled. A file is addressed by a commit, which cannot change, and must have the SHA-256 written here: the
 owner's own where one was published, and otherwise that of the bytes the commit held when this was written. The
@@ -43,7 +43,7 @@ class Dataset:
     layout : callable
         Makes a log's columns of such a file or folder.
     remarks : str
-        What a user must know of the data.
+        A warning about the data that the user needs.
     """
 
     title: str
@@ -190,7 +190,7 @@ def fetch(
     source : str or Path, optional
         Folder that holds the files already, under their paths or just their names; nothing is then downloaded.
     progress : callable
-        Told what is being done.
+        Called with the name of each file before it is fetched.
 
     Returns
     -------
@@ -236,7 +236,7 @@ def _downloader(dataset: Dataset, folder: Path) -> Callable[[str, str], None]:
             pooch.retrieve(dataset.address + path, f"sha256:{digest}", fname=place.name, path=place.parent)
         except ValueError as error:  # the hash
             raise InputError(f"{dataset.address}{path}: {error}; nothing was kept") from error
-        except Exception as error:  # requests raises dozens of types
+        except OSError as error:  # every error of requests is one
             raise InputError(
                 f"{dataset.address}{path}: cannot be downloaded ({type(error).__name__}); without a network, give a "
                 "folder that holds the files with --from"

@@ -20,7 +20,7 @@ from frischid.core.types import Array
 from frischid.logs.filters import LowPass, correlate, derivative_taps, noise_level
 from frischid.logs.log import Log
 
-ALIKE = 1e-3
+SAME_ACCELERATION = 1e-3
 """Measured and derived accelerations that differ by less than this share of the acceleration are the same."""
 LATE_VELOCITY = 0.05
 """A measured q̇ that differs from the slope of q by more than this share of the speed is not used."""
@@ -103,12 +103,13 @@ class Derivatives:
 
         The mean square of the difference of the two is e² + n². The given one has the error e (noise, and a
         tachometer's lag). The noise n of the positions' second derivative is known, so e < n where the difference is
-        below √2 n. Where both agree to `ALIKE`, the given one is as good, and has no bias of the differentiator.
+        below √2 n. Where both agree to `SAME_ACCELERATION`, the given one is as good, and free of the differentiator's
+        bias.
         """
         smooth = self.lowpass.taps(self.step)
         difference = correlate(smooth, acceleration - self.a)
         noise = noise_level(self.q) * np.linalg.norm(np.convolve(smooth, self.taps[1]))
-        alike = ALIKE * np.sqrt(np.mean(self.a**2, axis=0))
+        alike = SAME_ACCELERATION * np.sqrt(np.mean(self.a**2, axis=0))
         return np.asarray(np.sqrt(np.mean(difference**2, axis=0)) < np.maximum(np.sqrt(2) * noise, alike))
 
 

@@ -1,9 +1,9 @@
-"""What every joint did, sample by sample, exactly as it was measured.
+"""A log: position, velocity and torque of every joint, sample by sample, exactly as measured.
 
 A log is the sequence ``(t_k, q_k, q̇_k, q̈_k, τ_k, i_k)`` of J joints at N instants. It is frozen, and it is
 either whole or refused: an unusable value (NaN, infinity, uninitialised memory, time running backwards) is an
-error that says where it lies, never something repaired behind the user's back. What is merely suspicious
-(degrees taken for radians, stamps of arrival, a constant torque) `frischid.checks` finds.
+error that says where it lies, and is never repaired behind the user's back. `frischid.checks` finds values that are
+only suspicious: degrees taken for radians, stamps of arrival, a constant torque.
 
 In a table every column has a name: ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<joint>``, ``tau_<joint>``,
 ``current_<joint>``, and any other name for whatever else was measured.
@@ -59,11 +59,27 @@ class Log:
     sha256 : str or None
         Hash of the file it was read from.
     notes : tuple of str
-        What was converted or left out on the way here.
+        Conversions, and columns that were left out.
 
     Notes
     -----
     A joint without a channel has a column of NaN in it (see `has`); a channel no joint has is None.
+
+    Raises
+    ------
+    InputError
+        Shapes or names disagree, the stamps do not increase, or a value is no measurement (NaN, infinity, above 1e12).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> t = np.arange(0.0, 1.0, 0.01)
+    >>> log = fr.Log(t, ("elbow",), q=np.sin(t)[:, None], tau=2 * np.cos(t)[:, None], source="swing")
+    >>> log
+    Log('swing': 100 samples, 0.99 s at 100 Hz, q, tau of elbow)
+    >>> log.has("v"), len(log.slice(20, 50))
+    (array([False]), 30)
     """
 
     t: Array
@@ -197,7 +213,7 @@ class Log:
 
 
 def _read_only(values: ArrayLike) -> Array:
-    """Own a contiguous copy that nobody can write to; what is read-only already is shared."""
+    """Own a contiguous copy that nobody can write to; an array that is read-only already is shared."""
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.flags.writeable:
         array = array.copy() if np.shares_memory(array, values) else array

@@ -1,4 +1,4 @@
-"""What the columns of somebody else's log mean, read from a small TOML file.
+"""The meaning of a foreign log's columns, read from a small TOML file.
 
     [file]                                      [joint.elbow]              [current_gain]
     time = "stamp"                              q = "pos_3"                elbow = 9.84
@@ -27,13 +27,13 @@ import numpy as np
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import CHANNELS
 
-UNITS = {"rad": 1.0, "m": 1.0, "deg": np.pi / 180}
-SECONDS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+ANGLE_UNITS = {"rad": 1.0, "m": 1.0, "deg": np.pi / 180}
+TICKS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
 @dataclass(frozen=True)
 class JointMap:
-    """How one joint was recorded; all that is not said is as in a log of our own.
+    """How one joint was recorded. A key that is not given has the value of a log in frischid's own layout.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class JointMap:
 
 @dataclass(frozen=True)
 class LogMap:
-    """What the columns of a file mean; made by `load` or `from_dict`.
+    """Meaning of the columns of a file; made by `load` or `from_dict`.
 
     Attributes
     ----------
@@ -92,6 +92,17 @@ class LogMap:
     joint : mapping of str to JointMap
     source : str
         The mapping file, for messages.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> mapping = fr.LogMap.from_dict({"file": {"time_unit": "ms"}, "joint": {"elbow": {"q": "pos_3", "sign": -1}}})
+    >>> mapping.joint["elbow"].sign, mapping.default["tau"]
+    (-1, 'tau_{joint}')
+    >>> fr.LogMap.from_dict({"file": {"time_units": "ms"}})
+    Traceback (most recent call last):
+    ...
+    frischid.errors.UnknownNameError: ...'time_units'... did you mean: time_unit...
     """
 
     time: str | int = "t"
@@ -110,7 +121,7 @@ class LogMap:
 
     @classmethod
     def of(cls, mapping: LogMap | Mapping[str, Any] | str | Path | None) -> LogMap:
-        """Whatever describes a mapping, as a mapping; None is the plain one."""
+        """Take a mapping, its tables as dictionaries, or the path of a TOML file; None: frischid's own layout."""
         if mapping is None:
             return cls()
         if isinstance(mapping, str | Path):
@@ -174,41 +185,41 @@ def _is_names(x: Any) -> bool:
     return isinstance(x, list | tuple) and all(isinstance(n, str) for n in x) and len(set(x)) == len(x) > 0
 
 
-COLUMN: Rule = (
+COLUMN_RULE: Rule = (
     lambda x: isinstance(x, str) or (isinstance(x, int) and not isinstance(x, bool) and x >= 0),
     "a column name, or a column number from 0",
 )
-TEMPLATE: Rule = (lambda x: isinstance(x, str) and x.count("{joint}") == 1, "a text with {joint} in it once")
-BOOL = _one_of(True, False)
-SIGN = _one_of(1, -1)
-NONZERO: Rule = (lambda x: _is_finite(x) and x != 0, "a number other than 0")
-TAU_FROM = _one_of("tau", "current")
+TEMPLATE_RULE: Rule = (lambda x: isinstance(x, str) and x.count("{joint}") == 1, "a text with {joint} in it once")
+BOOL_RULE = _one_of(True, False)
+SIGN_RULE = _one_of(1, -1)
+NONZERO_RULE: Rule = (lambda x: _is_finite(x) and x != 0, "a number other than 0")
+TAU_FROM_RULE = _one_of("tau", "current")
 
 FILE_RULES: dict[str, Rule] = {
-    "time": COLUMN,
-    "time_unit": _one_of(*SECONDS),
-    "zero_time": BOOL,
-    "header": BOOL,
+    "time": COLUMN_RULE,
+    "time_unit": _one_of(*TICKS_PER_SECOND),
+    "zero_time": BOOL_RULE,
+    "header": BOOL_RULE,
     "delimiter": (lambda x: isinstance(x, str) and len(x.encode()) == 1, "one character"),
     "columns": (_is_names, "a list of different names"),
     "joints": (_is_names, "a list of different names"),
     "topic": (lambda x: isinstance(x, str) and x != "", "the name of a topic"),
     "angle_unit": _one_of("rad", "deg"),
 }
-DEFAULT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, TEMPLATE) | {"tau_from": TAU_FROM}
-JOINT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, COLUMN) | {
-    "sign": SIGN,
+DEFAULT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, TEMPLATE_RULE) | {"tau_from": TAU_FROM_RULE}
+JOINT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, COLUMN_RULE) | {
+    "sign": SIGN_RULE,
     "offset": (_is_finite, "a number"),
-    "gear_ratio": NONZERO,
-    "torque_sign": SIGN,
-    "current_gain": NONZERO,
-    "tau_from": TAU_FROM,
-    "angle_unit": _one_of(*UNITS),
+    "gear_ratio": NONZERO_RULE,
+    "torque_sign": SIGN_RULE,
+    "current_gain": NONZERO_RULE,
+    "tau_from": TAU_FROM_RULE,
+    "angle_unit": _one_of(*ANGLE_UNITS),
 }
 
 
 def _checked(table: Any, rules: Mapping[str, Rule], where: str) -> dict[str, Any]:
-    """Keys and values of one table of a mapping file, or an error that lists what it may hold."""
+    """Keys and values of one table of a mapping file, or an error that lists the keys it may hold."""
     if not isinstance(table, Mapping):
         raise InputError(f"{where}: expected a table, found {table!r}")
     for key, value in table.items():

@@ -1,15 +1,15 @@
-"""A mapping file proposed for somebody else's log: whose column is which, from names and from numbers.
+"""A mapping file proposed for a foreign log: which column is which joint's channel, from names and from numbers.
 
 *Names.* A column's name is cut into words (``actual_q_3``, ``- arm_1_joint_effort``, ``pos.shoulder_pan``). Words
-that name a quantity say which channel it is; the rest is compared with the joints' names, or is a number that counts
-joints.
+that name a quantity say which channel the column is. The other words are compared with the joints' names, or are a
+number that counts joints. The assignment of columns to joints with the largest total likeness is taken (Kuhn 1955).
 
-*Numbers.* What names leave open, motion decides: a velocity is the slope of its position, whatever its unit; the
-factor between the two is the unit. Positions far outside the URDF's limits that fit them as degrees are degrees.
+*Numbers.* Motion decides where names do not: a velocity is the slope of its position, and the factor between the two is
+its unit. Positions far outside the URDF's limits that fit them as degrees are degrees.
 Stamps are the column that grows steadily; their unit is the one that gives a robot's rate.
 
-A proposal is for a person to read: each entry says what it rests on, and what could not be decided is left as a
-comment.
+A proposal is for a person to read. Comments give the reason for each entry, and list the entries that could not be
+decided.
 """
 
 from __future__ import annotations
@@ -29,22 +29,34 @@ from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.bags import bag_form, is_bag, read_bag
 from frischid.logs.log import CHANNELS
-from frischid.logs.mapping import SECONDS, LogMap
+from frischid.logs.mapping import TICKS_PER_SECOND, LogMap
 from frischid.logs.tables import Table, read_table
 from frischid.robot.robot import Robot
 
-WORDS = {
+CHANNEL_WORDS = {
     "q": {"q", "pos", "position", "positions", "angle", "angles", "theta", "qpos"},
     "v": {"v", "qd", "dq", "vel", "velocity", "velocities", "speed", "qvel", "omega"},
     "a": {"a", "qdd", "ddq", "acc", "acceleration", "qacc"},
     "tau": {"tau", "torque", "torques", "effort", "eff", "moment", "force", "load"},
     "current": {"i", "current", "currents", "cur", "amp", "amps", "iq"},
 }
-SETPOINTS = {"des", "desired", "ref", "reference", "cmd", "command", "commanded", "target", "setpoint", "goal", "error"}
-ASIDE = {"temperature", "temp", "voltage", "status", "mode", "index", "count"}
-TIMES = {"t", "time", "stamp", "timestamp", "sec", "secs", "seconds", "nsec", "clock"}
-MEASURED = {"actual", "act", "measured", "meas"}
-FILLERS = MEASURED | {
+SETPOINT_WORDS = {
+    "des",
+    "desired",
+    "ref",
+    "reference",
+    "cmd",
+    "command",
+    "commanded",
+    "target",
+    "setpoint",
+    "goal",
+    "error",
+}
+OTHER_WORDS = {"temperature", "temp", "voltage", "status", "mode", "index", "count"}
+TIME_WORDS = {"t", "time", "stamp", "timestamp", "sec", "secs", "seconds", "nsec", "clock"}
+MEASURED_WORDS = {"actual", "act", "measured", "meas"}
+FILLER_WORDS = MEASURED_WORDS | {
     "joint",
     "joints",
     "link",
@@ -56,8 +68,9 @@ FILLERS = MEASURED | {
     "j",
     "",
 }
-ALIKE = 0.55  # least likeness of a name to a joint's
-DEGREE = 180 / np.pi
+LEAST_LIKENESS = 0.55
+"""Share of matching characters (`difflib`) below which a column's name and a joint's have nothing to do."""
+DEGREES_PER_RADIAN = 180 / np.pi
 
 
 @dataclass
@@ -71,7 +84,7 @@ class Proposal:
     joints : dict of str to dict of str to str
         URDF joint -> channel -> column.
     reasons : list of str
-        What the entries rest on, and what is left to the reader.
+        The reason for each entry, and the decisions that the reader must take.
     missing : tuple of str
         Joints of the URDF without a position column.
     """
@@ -137,7 +150,7 @@ def propose(path: str | Path, robot: Robot) -> Proposal:
 
 
 def split(name: str) -> tuple[str | None, str]:
-    """Channel that a column's name speaks of (None: none of ours), and what is left of the name.
+    """Channel that a column's name speaks of (None: no channel of a log), and the rest of the name.
 
     >>> split("actual_q_3")
     ('q', '3')
@@ -145,22 +158,22 @@ def split(name: str) -> tuple[str | None, str]:
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
     words = [w for w in re.split(r"[^0-9A-Za-z]+", spaced.lower()) if w]
     words = [part for w in words for part in (_counted(w) or [w])]
-    if set(words) & (SETPOINTS | ASIDE):
+    if set(words) & (SETPOINT_WORDS | OTHER_WORDS):
         return None, name
-    for channel, known in WORDS.items():
+    for channel, known in CHANNEL_WORDS.items():
         hits = [w for w in words if w in known]
         # a single letter is a quantity only at the front: "a" may be an arm
         if hits and (len(hits[0]) > 1 or words[0] == hits[0] or words[-1] == hits[0] or "actual" in words):
             rest = list(words)
             rest.remove(hits[0])
-            return channel, "_".join(w for w in rest if w not in MEASURED)
+            return channel, "_".join(w for w in rest if w not in MEASURED_WORDS)
     return None, name
 
 
 def _counted(word: str) -> list[str] | None:
     """``q3`` -> ``q``, ``3``: a quantity and a number run together."""
     match = re.fullmatch(r"([a-z]+)(\d+)", word)
-    quantities = set().union(*WORDS.values()) | {"j", "joint", "axis"}
+    quantities = set().union(*CHANNEL_WORDS.values()) | {"j", "joint", "axis"}
     return [match[1], match[2]] if match and match[1] in quantities else None
 
 
@@ -170,7 +183,7 @@ def assign(names: Mapping[str, str], joints: Sequence[str]) -> dict[str, str]:
     Parameters
     ----------
     names : mapping of str to str
-        Column -> what is left of its name.
+        Column -> the rest of its name, as `split` gives it.
     joints : sequence of str
     """
     if not names:
@@ -186,17 +199,17 @@ def assign(names: Mapping[str, str], joints: Sequence[str]) -> dict[str, str]:
         len(columns), -1
     )
     rows, taken = linear_sum_assignment(-likeness)
-    return {joints[j]: columns[i] for i, j in zip(rows, taken, strict=True) if likeness[i, j] >= ALIKE}
+    return {joints[j]: columns[i] for i, j in zip(rows, taken, strict=True) if likeness[i, j] >= LEAST_LIKENESS}
 
 
 def _only_number(rest: str) -> int | None:
-    left = [w for w in rest.split("_") if w not in FILLERS]
+    left = [w for w in rest.split("_") if w not in FILLER_WORDS]
     return int(left[0]) if len(left) == 1 and left[0].isdigit() else None
 
 
 def _alike(rest: str, joint: str) -> float:
     """Likeness of two names; their numbers must agree, and filling words do not count."""
-    one, two = ([w for w in re.split(r"[^0-9a-z]+", x.lower()) if w not in FILLERS] for x in (rest, joint))
+    one, two = ([w for w in re.split(r"[^0-9a-z]+", x.lower()) if w not in FILLER_WORDS] for x in (rest, joint))
     digits = [re.findall(r"\d+", "_".join(x)) for x in (one, two)]
     if digits[0] and digits[1] and digits[0][-1] != digits[1][-1]:
         return 0.0
@@ -225,7 +238,7 @@ def _table(path: Path, robot: Robot, found: Proposal) -> Table:
 def _time(table: Table, path: Path, found: Proposal) -> Array:
     """Name of the time column and its unit; the stamps in seconds."""
     growing = [n for n in table.names if n in table.numeric and _grows(table.numeric[n])]
-    by_name = [n for n in growing if set(re.split(r"[^a-z]+", n.lower())) & TIMES]
+    by_name = [n for n in growing if set(re.split(r"[^a-z]+", n.lower())) & TIME_WORDS]
     if not growing:
         raise InputError(f"{path}: no column grows steadily, so none is time; the columns are {', '.join(table.names)}")
     name = (by_name or growing)[0]
@@ -234,14 +247,14 @@ def _time(table: Table, path: Path, found: Proposal) -> Array:
         found.file["time"] = name
         found.reasons.append(f"time: {name}, which grows from row to row")
     rate = 1 / float(np.median(np.diff(raw)))
-    units = [unit for unit, scale in SECONDS.items() if 20 <= rate * scale <= 5e3]
+    units = [unit for unit, scale in TICKS_PER_SECOND.items() if 20 <= rate * scale <= 5e3]
     unit = "ns" if is_bag(path) else (units or ["s"])[0]
     if unit != "s" and not is_bag(path):
         found.file["time_unit"] = unit
-        found.reasons.append(f"stamps in {unit}: {rate * SECONDS[unit]:.4g} samples a second")
-    if not is_bag(path) and abs(float(table.numeric[name][0])) / SECONDS[unit] > 1e8:
+        found.reasons.append(f"stamps in {unit}: {rate * TICKS_PER_SECOND[unit]:.4g} samples a second")
+    if not is_bag(path) and abs(float(table.numeric[name][0])) / TICKS_PER_SECOND[unit] > 1e8:
         found.file["zero_time"] = True
-    return raw / SECONDS[unit]
+    return raw / TICKS_PER_SECOND[unit]
 
 
 def _grows(x: NDArray[np.generic]) -> bool:
@@ -250,7 +263,7 @@ def _grows(x: NDArray[np.generic]) -> bool:
 
 
 def _check_velocities(table: Table, t: Array, found: Proposal) -> None:
-    """Keep a velocity only where it is the slope of its position, and say how well it is."""
+    """Keep a velocity only where it is the slope of its position, and note how well the two agree."""
     for columns in found.joints.values():
         if "v" not in columns or len(t) < 20:
             continue
@@ -292,7 +305,7 @@ def _degrees(table: Table, robot: Robot, found: Proposal) -> None:
         q = np.asarray(table.numeric[columns["q"]], dtype=float)
         room = 0.1 * (high - low)
         outside += bool((q < low - room).any() or (q > high + room).any())
-        inside += bool((q / DEGREE >= low - room).all() and (q / DEGREE <= high + room).all())
+        inside += bool((q / DEGREES_PER_RADIAN >= low - room).all() and (q / DEGREES_PER_RADIAN <= high + room).all())
     if outside and outside > len(found.joints) / 3 and inside == sum(not limits[j][2] for j in found.joints):
         found.file["angle_unit"] = "deg"
         found.reasons.append("angles in degrees: as radians they are far outside the URDF's limits, as degrees within")

@@ -31,7 +31,7 @@ from frischid.logs.standstill import PAUSE, find_standstill
 from frischid.logs.time_grid import breaks_of, largest_gap, uniform
 
 VELOCITIES = ("auto", "measured", "derived")
-"""What may be said of the velocities: the better of both, those of the log, the slopes of the positions."""
+"""Sources of q̇: per joint the better of both, the channel of the log, the slope of the positions."""
 SPARE_SAMPLES = 10
 """A stretch of motion has at least this many samples beyond the reach of the filters at both its ends."""
 
@@ -53,7 +53,7 @@ class Motion:
     source : str
         The log it comes from.
     start : float
-        Time at which the log begins, s; a motion begins later, after what was trimmed.
+        Time at which the log begins, s; a motion begins later, after the samples that were trimmed.
     extra : mapping of str to ndarray, shape (N,)
         Other channels of the log on the same grid, for example ``temperature_<joint>``.
     measured : (ndarray of bool, ndarray of bool), each shape (J,), optional
@@ -109,7 +109,7 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto", begin: float 
         Which q̇ and q̈ to use where the log holds them. ``"auto"`` decides per joint: the measured one is used where it
         differs from the positions' derivative by less than the noise of that derivative.
     begin : float, optional
-        Time at which the recording began, s, where this log is a later piece of one.
+        Time at which the recording began, s, where this log is a later chunk of one.
 
     Returns
     -------
@@ -188,8 +188,8 @@ def _motion(log: Log, lowpass: LowPass, velocity: str, begin: float) -> tuple[Mo
         use_a = log.has("a") if velocity == "measured" else source.better(a[inside])
         keep_a = np.where(use_a, a[inside], keep_a)
     pause = PAUSE if lowpass.cutoff is None else max(PAUSE, 1.0 / lowpass.cutoff)
-    still = find_standstill(q[inside], keep_v, source.a, step, pause)
+    standstill = find_standstill(q[inside], keep_v, source.a, step, pause)
     extra = {name: np.interp(t[inside], log.t, values) for name, values in log.extra.items()}
     return Motion(
-        t[inside], q[inside], keep_v, keep_a, tau[inside], still, log.source, begin, extra, (use_v, use_a)
+        t[inside], q[inside], keep_v, keep_a, tau[inside], standstill, log.source, begin, extra, (use_v, use_a)
     ), notes

@@ -1,7 +1,7 @@
-"""Files of measurements become a `Log`, and anybody's column names become ours.
+"""Files of measurements become a `Log`, whatever their columns are called.
 
-A file is first a table of named columns (`frischid.logs.tables`); a mapping (`frischid.logs.mapping`) says what they
-mean. Without one the columns are ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<joint>``, ``tau_<joint>`` and
+A file is first a table of named columns (`frischid.logs.tables`); a mapping (`frischid.logs.mapping`) gives their
+meaning. Without one the columns are ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<joint>``, ``tau_<joint>`` and
 ``current_<joint>``, SI units, joint side. Each conversion, and each column left out, is a note of the log.
 """
 
@@ -19,7 +19,7 @@ from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError, close_names
 from frischid.logs.bags import bag_form, bag_tables, is_bag, read_bag
 from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Log, check_times, check_values, is_usable
-from frischid.logs.mapping import SECONDS, UNITS, JointMap, LogMap
+from frischid.logs.mapping import ANGLE_UNITS, TICKS_PER_SECOND, JointMap, LogMap
 from frischid.logs.tables import Table, joined, read_table, read_tables, write_table
 
 SETPOINT = re.compile(r"(?:des|desired|ref|reference|cmd|command|target)_(.+)")
@@ -39,7 +39,7 @@ def read_log(
         The robot's joints, in the order wanted. Columns of any other joint are left out with a note, and a
         joint without a position column is not in the log.
     mapping : LogMap, mapping or path of a TOML file, optional
-        Names and units of somebody else's columns.
+        Names and units of the columns, where they are not those of frischid.
 
     Returns
     -------
@@ -49,6 +49,21 @@ def read_log(
     ------
     InputError
         The file, a column or a value is not usable; the message says which and where.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "log.csv"
+    ...     rows = np.column_stack([10 * np.arange(20), np.linspace(0, 1, 20)])
+    ...     np.savetxt(path, rows, delimiter=",", header="stamp,pos", comments="")
+    ...     mapping = {"file": {"time": "stamp", "time_unit": "ms"}, "joint": {"elbow": {"q": "pos"}}}
+    ...     log = fr.read_log(path, mapping=mapping)
+    >>> log.joints, round(log.rate), log.notes
+    (('elbow',), 100, ('t = stamp [ms] in seconds', 'columns renamed: q_elbow = pos'))
     """
     path = Path(path)
     form = _form(path, joints, mapping)
@@ -80,6 +95,18 @@ def read_chunks(
     ------
     InputError
         As for `read_log`, when the chunk that holds the fault is reached.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 3.0, seed=0), rate=100.0)
+    >>> with TemporaryDirectory() as folder:
+    ...     fr.write_log(log, Path(folder) / "log.parquet")
+    ...     [len(chunk) for chunk in fr.read_chunks(Path(folder) / "log.parquet", samples=150)]
+    [150, 151]
     """
     path = Path(path)
     form = _form(path, joints, mapping)
@@ -123,7 +150,7 @@ def _none_too_short(tables: Iterator[Table]) -> Iterator[Table]:
 
 
 def _first(table: Table, form: LogMap) -> Any:
-    """First stamp as it stands in the file; what it is subtracted from must keep every digit."""
+    """First stamp as it stands in the file: stamps from which it is subtracted must keep every digit."""
     name = _time_name(table, form)
     return table.values(name)[:1]
 
@@ -166,6 +193,30 @@ def write_log(log: Log, path: str | Path) -> None:
     """Write a CSV, Parquet or NPZ file that `read_log` reads back to the same numbers.
 
     The file appears under its name only when it is complete.
+
+    Parameters
+    ----------
+    log : Log
+    path : str or Path
+        Its suffix (.csv, .parquet or .npz) chooses the format.
+
+    Raises
+    ------
+    InputError
+        The format is unknown, or the file cannot be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> log = fr.Log(np.arange(20) / 100, ("elbow",), q=np.linspace(0, 1, 20)[:, None])
+    >>> with TemporaryDirectory() as folder:
+    ...     fr.write_log(log, Path(folder) / "log.npz")
+    ...     again = fr.read_log(Path(folder) / "log.npz")
+    >>> bool((again.q == log.q).all())
+    True
     """
     write_table(log.to_table(), Path(path))
 
@@ -183,8 +234,8 @@ def _time(table: Table, form: LogMap, start: Any, notes: list[str]) -> tuple[str
     """Name of the time column and the stamps [s]."""
     name = _time_name(table, form)
     raw = table.values(name)
-    # Nanoseconds since 1970 do not fit a double: the start is subtracted while they are still integers.
-    t = np.asarray(raw - start if form.zero_time else raw, dtype=np.float64) / SECONDS[form.time_unit]
+    # Nanoseconds since 1970 do not fit a double: the start is subtracted before integers become doubles.
+    t = np.asarray(raw - start if form.zero_time else raw, dtype=np.float64) / TICKS_PER_SECOND[form.time_unit]
     check_times(t, table.source, table.place, name)
     if form.zero_time or form.time_unit != "s" or name != "t":
         zeroed = f", starting from zero ({start[0]} subtracted)" if form.zero_time else ""
@@ -248,7 +299,7 @@ def _no_joint(table: Table, form: LogMap, there: Sequence[str], joints: Sequence
 def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str], notes: list[str]) -> dict[str, Array]:
     """Channels of one joint in its own unit, direction and side of the gear."""
     entry = form.joint.get(joint, JointMap())
-    motion = entry.sign * UNITS[entry.angle_unit or form.angle_unit] / entry.gear_ratio
+    motion = entry.sign * ANGLE_UNITS[entry.angle_unit or form.angle_unit] / entry.gear_ratio
     effort = entry.sign * entry.torque_sign
     factors = {"q": motion, "v": motion, "a": motion, "tau": effort * entry.gear_ratio, "current": effort}
     channels: dict[str, Array] = {}

@@ -48,6 +48,20 @@ class Recording:
         Given a number of samples, a fresh iterator over consecutive `Log` chunks of about that many.
     digest : callable, optional
         Computes the hash of the file it stands for.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 3.0, seed=0), rate=100.0)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "log.parquet"
+    ...     fr.write_log(log, path)
+    ...     recording = fr.Recording.open(path, robot.joints)
+    ...     [len(chunk) for chunk in recording.chunks(samples=150)], recording.preview().joints
+    ([150, 151], ('joint1', 'joint2'))
     """
 
     source: str
@@ -81,7 +95,7 @@ class Recording:
         return self.read(RECORDING_CHUNK if samples is None else samples)
 
     def preview(self) -> Log:
-        """The first samples, which say what the recording holds."""
+        """The first samples, which show the joints and channels of the recording."""
         for chunk in self.read(PREVIEW_SAMPLES):
             return chunk
         raise InputError(f"{self.source}: the recording holds no samples")
@@ -111,7 +125,7 @@ class Motions:
     Attributes
     ----------
     notes : list of str
-        What was done to the logs; complete after the first time through.
+        Changes made to the logs; complete after the first iteration.
     """
 
     def __init__(
@@ -189,7 +203,7 @@ def brief(notes: Iterable[str], source: str) -> list[str]:
 
 
 def check_logs(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]) -> None:
-    """Refuse to hold out what is fitted: its error says nothing of other motions; and what is no list of logs.
+    """Refuse a log that is both fitted and held out, because an error on fitted data says nothing; and no list of logs.
 
     Raises
     ------

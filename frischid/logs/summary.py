@@ -1,6 +1,6 @@
-"""The first look at logs: what they hold, whether they can be used, and which filter fits them.
+"""Summary of the logs before anything is computed from them: joints, length, faults, and the filter that fits.
 
-One pass over all samples, a chunk of a recording at a time, before anything is computed from them.
+One pass over all samples, a chunk of a recording at a time.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from frischid.logs.recording import Recording, chunks_of, preview_of
 from frischid.robot.robot import Robot
 
 Data = Log | Recording
-MOVING = 0.05  # rad (m); a locked joint that moves more is not locked
+MOVING_LOCKED = 0.05
+"""A locked joint that moves by more than this, rad (m), is not locked."""
 
 
 @dataclass(frozen=True)
 class LogSummary:
-    """What a first look found.
+    """Length of some logs, the filter that fits them, and locked joints that move.
 
     Attributes
     ----------
@@ -46,7 +47,7 @@ class LogSummary:
 def summarise(
     robot: Robot, logs: Sequence[Data], rows: Sequence[str], cutoff: float | Literal["auto"] | None = "auto"
 ) -> LogSummary:
-    """Look at every sample of some logs once.
+    """Summarise some logs, in one pass over their samples.
 
     Parameters
     ----------
@@ -71,7 +72,7 @@ def summarise(
             try:
                 check_usable(robot, chunk, rows, strict=True)
             except InputError as error:
-                # A recording may rest for a chunk; that its torque is dead must be so in all of them.
+                # A recording may be at standstill for a whole chunk; a dead torque is dead in all chunks.
                 faults.append(error)
             if len(faults) <= number and cutoff == "auto":
                 bands.add(chunk, rows)
@@ -86,7 +87,7 @@ def summarise(
             raise faults[0]
         samples.append(count)
     lowpass = bands.lowpass() if cutoff == "auto" else LowPass(cutoff)
-    moving = {name: high - low for name, (low, high) in span.items() if high - low > MOVING}
+    moving = {name: high - low for name, (low, high) in span.items() if high - low > MOVING_LOCKED}
     return LogSummary(lowpass, tuple(samples), seconds, moving)
 
 

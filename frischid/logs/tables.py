@@ -1,7 +1,7 @@
 """File formats: CSV, Parquet and NPZ, each as one table of named columns, and back.
 
-Nothing here knows what a column means; a `Table` only says which of its columns are numbers, why the others
-are not, and where in the file a row lies. Long files come as several tables of consecutive rows.
+Nothing here knows the meaning of a column. A `Table` says which of its columns are numbers, why the others are not, and
+where in the file a row lies. Long files come as several tables of consecutive rows.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def joined(tables: Sequence[Table]) -> Table:
 
 
 def read_table(path: Path, form: LogMap) -> Table:
-    """Read a CSV (.csv, .tsv, .txt), Parquet or NPZ file as a table; `form` says what a CSV looks like."""
+    """Read a CSV (.csv, .tsv, .txt), Parquet or NPZ file as a table; `form` describes the layout of a CSV."""
     readers = dict.fromkeys(CSV, _read_csv) | {".parquet": _read_parquet, ".npz": _read_npz}
     kind = _kind(path)
     with _reading(path, kind):

@@ -3,7 +3,7 @@
 The URDF's ``<collision>`` shapes are taken as they are if primitive, and by their convex hull if meshes (never smaller
 than the mesh, and quick to measure), or by the mesh itself where Coal can make no hull. Distances are Coal's (Gilbert,
 Johnson and Keerthi 1988; negative for overlap). Left out are pairs on one body, pairs joined by a joint, and pairs that
-overlap in nearly every pose, because they were drawn so. Between a body and the next but one the gap is often a few
+overlap in nearly every pose by design. Between a body and the next but one the gap is often a few
 millimetres by design: there a tenth of the margin is kept.
 A mesh that is not found is not checked, and `Clearance.notes` says so.
 """
@@ -25,7 +25,7 @@ from frischid.core.types import Array
 from frischid.robot.robot import Robot
 from frischid.robot.urdf_reading import robot_names
 
-FLOOR = "floor"
+FLOOR_NAME = "floor"
 _POSES = 64
 _NEARLY_EVERY = 0.8
 
@@ -43,7 +43,7 @@ class Clearance:
     margins : ndarray, shape (pairs,)
         Least distance of each pair, m.
     notes : tuple of str
-        What is not checked, and why.
+        Bodies that are not checked, and why.
     """
 
     robot: Robot
@@ -73,7 +73,7 @@ class Clearance:
         weight = np.linalg.norm(robot.gravity)
         if floor is not None and weight > 0:
             half_space = coal.Halfspace(-np.array(robot.gravity) / weight, floor)
-            geometry.addGeometryObject(pin.GeometryObject(FLOOR, 0, pin.SE3.Identity(), half_space))
+            geometry.addGeometryObject(pin.GeometryObject(FLOOR_NAME, 0, pin.SE3.Identity(), half_space))
         overlapping = _add_pairs(robot, geometry)
         if overlapping:
             notes.append(f"overlapping in nearly every pose, so not checked: {', '.join(overlapping)}")
@@ -227,7 +227,7 @@ def _pair_name(geometry: Any, pair: Any) -> str:
 def _next_but_one(robot: Robot, geometry: Any, pair: Any) -> bool:
     """Whether exactly one body lies between the two."""
     shapes = [geometry.geometryObjects[i] for i in (pair.first, pair.second)]
-    if FLOOR in (shapes[0].name, shapes[1].name):
+    if FLOOR_NAME in (shapes[0].name, shapes[1].name):
         return False
     parents = robot.model.parents
     upper, lower = sorted(shape.parentJoint for shape in shapes)
@@ -241,7 +241,7 @@ def _add_pairs(robot: Robot, geometry: Any) -> list[str]:
     for i in range(len(bodies)):
         for k in range(i + 1, len(bodies)):
             one, two = sorted((bodies[i], bodies[k]))
-            on_floor = FLOOR in (geometry.geometryObjects[i].name, geometry.geometryObjects[k].name)
+            on_floor = FLOOR_NAME in (geometry.geometryObjects[i].name, geometry.geometryObjects[k].name)
             joined = one == two or (model.parents[two] == one and not on_floor)
             if not joined:
                 geometry.addCollisionPair(pin.CollisionPair(i, k))

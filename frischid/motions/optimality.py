@@ -1,4 +1,4 @@
-"""What makes a motion exciting, as a number to make small, with its gradient.
+"""How exciting a motion is, as a number to make small, with its gradient.
 
 Least squares spreads an error of the measured torque over the parameters by the inverse of the moments ``M = Πᵀ Π`` of
 the base regressor Π. A motion is good when M is large in every direction and alike in all:
@@ -9,7 +9,7 @@ the base regressor Π. A motion is good when M is large in every direction and a
     separation   −(log det M − log det M_rest)/k    D_s-optimality of the last k columns, whatever the rest is
 
 with ψ the ∞-norm of the off-diagonal of ``S = Ñᵀ Ñ / (nN)``, ``Ñ = Π(x + noise) − Π(x)``: how strongly noise on q, q̇, q̈
-is correlated between the columns, which is what the Frisch scheme has to assume away. The noise is drawn once.
+is correlated between the columns, which the Frisch scheme assumes not to be so. The noise is drawn once.
 
 Extreme eigenvalues have a derivative only where they are simple, and an optimum makes them coalesce. So every
 criterion is written with the soft extremes ``λ_max ≈ (Σ λᵏ)^(1/k)``, ``λ_min ≈ (Σ λ⁻ᵏ)^(−1/k)``, smooth and exact for
@@ -53,7 +53,7 @@ class Criterion(ABC):
             CRITERIA[cls.name] = cls
 
     def displacements(self, samples: int, joints: int, seed: int) -> Array:
-        """Return what to add to (q, q̇, q̈) for each of the D copies, shape (D, 3, N, J); none by default."""
+        """Displacements of (q, q̇, q̈) for each of the D copies, shape (D, 3, N, J); none by default."""
         return np.empty((0, 3, samples, joints))
 
     @abstractmethod

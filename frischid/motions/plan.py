@@ -1,4 +1,4 @@
-"""The motion that tells a robot's parameters apart best, within what the robot may do.
+"""The motion that tells a robot's parameters apart best, within the robot's limits.
 
     plan(robot, options=PlanOptions(duration=20)).save("exciting.csv")
 
@@ -151,7 +151,7 @@ def plan(
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """What every start of a search has in common."""
+    """Data that all starts of a search share."""
 
     robot: Robot
     effects: tuple[Effect, ...]

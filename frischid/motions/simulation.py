@@ -3,7 +3,7 @@
     τ = Γ(q, q̇, q̈) θ_rigid + Σ_effects C_e θ_e + e_τ
 
 along a trajectory given in closed form, then every channel gets its own white noise and, if wanted, the quantisation
-of its encoder. The motion itself is exact: what the noise hides is only what the sensors would hide.
+of its encoder. The motion itself is exact: noise hides no more than the sensors would.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from frischid.regression.block import Samples
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.robot.robot import Robot
 
-MOST_VALUES = 2_000_000  # of the regressor in memory at once
+MOST_VALUES = 2_000_000
+"""Numbers of the regressor in memory at once: 16 MB."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,17 @@ class Noise:
         Share of each joint's own torque spread (0.01: one percent).
     quantum : float
         Resolution of the position encoders, rad (m); zero: none.
+
+    Raises
+    ------
+    InputError
+        A value is negative or not finite.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> fr.Noise(q=1e-5, tau=0.01)
+    Noise(q=1e-05, v=0.0, a=0.0, tau=0.01, quantum=0.0)
     """
 
     q: float = 0.0
@@ -87,9 +99,9 @@ def simulate(
     robot : Robot
     trajectory : Trajectory
     rate : float
-        Samples a second, Hz.
+        Samples per second, Hz.
     effects : sequence of Effect
-        What acts on the robot besides its links.
+        Effects that act on the robot besides its links.
     parameters : mapping of str to float
         Values that differ from the URDF's, by parameter name; parameters the URDF says nothing of are zero.
     noise : Noise, optional
@@ -104,6 +116,25 @@ def simulate(
     Returns
     -------
     Log
+
+    Raises
+    ------
+    InputError
+        The rate is no positive number, or the trajectory moves another number of joints.
+    UnknownNameError
+        A name in `parameters` is no parameter of this robot with these effects.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> motion = fr.random_fourier(robot, 5.0, seed=0)
+    >>> log = fr.simulate(robot, motion, rate=100.0, effects=())
+    >>> len(log), log.joints
+    (501, ('joint1', 'joint2'))
+    >>> bool(np.allclose(log.tau, robot.inverse_dynamics(log.q, log.v, log.a)))
+    True
     """
     if not (np.isfinite(rate) and rate > 0):
         raise InputError(f"the rate must be a positive number of samples a second, got {rate}")
@@ -134,9 +165,9 @@ def torque(robot: Robot, effects: Sequence[Effect], theta: Array, t: Array, q: A
     """Torque of a parameter vector along a motion, (N, J), a chunk at a time."""
     regressor = Regressor(robot, effects)
     parts = []
-    # an effect with memory needs the whole motion at once, and every piece the time at which the log begins
-    piece = max(64, MOST_VALUES // (len(regressor.columns) * len(robot.joints)))
-    chunk = len(t) if any(effect.memory for effect in effects) else piece
+    # an effect with memory needs the whole motion at once, and every chunk the time at which the log begins
+    most = max(64, MOST_VALUES // (len(regressor.columns) * len(robot.joints)))
+    chunk = len(t) if any(effect.memory for effect in effects) else most
     for start in range(0, len(t), chunk):
         s = slice(start, start + chunk)
         Y = regressor.evaluate(Samples(t[s], q[s], v[s], a[s], float(t[0])))

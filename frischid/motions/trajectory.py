@@ -1,6 +1,6 @@
 """Motions as functions of time: q(t), q̇(t), q̈(t) in closed form, nothing differentiated numerically.
 
-Three families: joint-wise finite Fourier series (Swevers et al. 1997) brought to rest at both ends, quintic
+Three families: joint-wise finite Fourier series (Swevers et al. 1997) that start and end at standstill, quintic
 polynomials through given points (q, q̇, q̈) (Massaroli et al., section 3.2), and quintic B-splines. All are linear in
 their coefficients, and all know exactly where they turn: a trigonometric polynomial is an ordinary one on the circle,
 
@@ -52,7 +52,7 @@ class ClosedForm(Trajectory, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Fourier:
-    """Finite Fourier series per joint, periodic, at rest at both ends.
+    """Finite Fourier series per joint, periodic, at standstill at both ends.
 
         q_j(t) = c_j + Σ_k [A_kj (sin ω_k t)/ω_k − B_kj (cos ω_k t − 1)/ω_k],   ω_k = 2πk / duration
 
@@ -111,6 +111,24 @@ class Quintic:
     t : ndarray, shape (M,)
         Times of the points, s; the first is time zero of the motion.
     q, v, a : ndarray, shape (M, J)
+        Positions, rad (m), velocities and accelerations at the points.
+
+    Raises
+    ------
+    InputError
+        There are fewer than two points, or their times do not increase.
+
+    Examples
+    --------
+    From 0 to 1 rad in two seconds, with standstill at both ends:
+
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> zero = np.zeros((2, 1))
+    >>> motion = fr.Quintic(np.array([0.0, 2.0]), np.array([[0.0], [1.0]]), zero, zero)
+    >>> q, v, a = motion(np.array([0.0, 1.0, 2.0]))
+    >>> q[:, 0].tolist(), v[:, 0].tolist()
+    ([0.0, 0.5, 1.0], [0.0, 0.9375, 0.0])
     """
 
     t: Array
@@ -133,7 +151,7 @@ class Quintic:
         return spline(t), spline.derivative(1)(t), spline.derivative(2)(t)
 
     @cached_property
-    def _pieces(self) -> list[Any]:
+    def _polynomials(self) -> list[Any]:
         stack = np.stack([self.q, self.v, self.a], axis=1)
         return [
             PPoly.from_bernstein_basis(BPoly.from_derivatives(self.t - self.t[0], stack[..., j]))
@@ -142,7 +160,7 @@ class Quintic:
 
     def turning(self, order: int, joint: int) -> Array:
         """Times in the open interval at which derivative `order` (0, 1 or 2) of a joint may be extreme."""
-        return _roots(self._pieces[joint].derivative(order + 1), self.duration)
+        return _roots(self._polynomials[joint].derivative(order + 1), self.duration)
 
 
 SPLINE_DEGREE = 5
@@ -155,7 +173,7 @@ class BSpline:
     Attributes
     ----------
     points : ndarray, shape (M, J)
-        Control points, rad (m). Three equal ones at an end mean rest there: see `rested`.
+        Control points, rad (m). Three equal ones at an end mean standstill there: see `rested`.
     duration : float
         Length, s.
     """
@@ -186,14 +204,14 @@ class BSpline:
     def turning(self, order: int, joint: int) -> Array:
         """Times in the open interval at which derivative `order` (0, 1 or 2) of a joint may be extreme."""
         spline = self._spline
-        pieces = PPoly.from_spline((spline.t, spline.c[:, joint], SPLINE_DEGREE))
-        return _roots(pieces.derivative(order + 1), self.duration)
+        polynomials = PPoly.from_spline((spline.t, spline.c[:, joint], SPLINE_DEGREE))
+        return _roots(polynomials.derivative(order + 1), self.duration)
 
 
 def _roots(piecewise: Any, duration: float) -> Array:
     """Where a piecewise polynomial crosses zero, and its breaks, where it may jump across."""
     roots = piecewise.roots(extrapolate=False)
-    # A piece that is zero throughout gives NaN: nothing turns there.
+    # A polynomial that is zero throughout gives NaN: nothing turns there.
     candidates = np.concatenate([roots[np.isfinite(roots)], piecewise.x])
     return np.asarray(candidates[(candidates > 0.0) & (candidates < duration)])
 
@@ -260,6 +278,21 @@ def random_fourier(robot: Robot, duration: float, *, seed: int, harmonics: int =
     Returns
     -------
     Fourier
+
+    Raises
+    ------
+    InputError
+        The duration is no positive number.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> motion = fr.random_fourier(robot, 5.0, seed=0)
+    >>> q, v, a = motion(np.linspace(0.0, motion.duration, 1000))
+    >>> bool((np.abs(q) <= 0.7 * robot.limits.upper).all()), bool(np.allclose(v[[0, -1]], 0.0, atol=1e-9))
+    (True, True)
     """
     if not (np.isfinite(duration) and duration > 0):
         raise InputError(f"the duration must be a positive number of seconds, got {duration}")

@@ -38,7 +38,7 @@ Indices = NDArray[np.intp]
 _EXHAUSTIVE = 20_000  # subsets of rows that are all tried before turning to exchanges
 _TIE = 1e-6  # relative difference below which two costs, or two coefficients, are the same number
 _ROUNDING = 1e-7  # relative singular value that rounding, even of moments, does not reach
-_MISALIGNED = 100.0  # × tol: what a URDF's angle written 1.5708 leaves of an exact relation (3.7e-6 rad)
+_MISALIGNED = 100.0  # × tol: an exact relation is only so exact with an angle written 1.5708 (off by 3.7e-6 rad)
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ def _finite(matrix: Array, what: str) -> Array:
 
 
 def _compact(root: Array, count: int, tol: float) -> Array:
-    """Check what `reduce` was given, and shrink a tall root to a square one: the SVDs then cost nothing."""
+    """Check the arguments of `reduce`, and shrink a tall root to a square one: the SVDs then cost nothing."""
     root = _finite(root, "the regression matrix")
     if root.shape[1] != count:
         raise InputError(f"the regression matrix has {root.shape[1]} columns but {count} are named")
@@ -258,7 +258,7 @@ def _regrouping(root: Array, norms: Array, d: int, alpha: tuple[float, float], b
     null = np.linalg.qr(V2 / norms[:, None])[0]  # found at unit norms, wanted in the parameters' units
     rows = _dependent_rows(null, alpha)
     B = -np.delete(null, rows, axis=0) @ np.linalg.inv(null[rows])
-    # What a coefficient adds to the torque, relative to the parameter it belongs to, says whether it is dust.
+    # A coefficient is rounding where it adds hardly anything to the torque, relative to the parameter it belongs to.
     B[np.abs(B) * np.delete(norms, rows)[:, None] < blur * norms[rows]] = 0.0
     return rows, _tidy(B)
 

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from frischid.core.types import Array, Column
 from frischid.errors import InputError, UnknownNameError
 
-LARGE = 2**20  # bytes of moments above which a block is worth packing
+PACKED_ABOVE = 2**20
+"""Bytes of moments above which a block is packed; packing a smaller one takes longer than adding it."""
 
 
 @dataclass(frozen=True)
@@ -205,7 +206,7 @@ class Blocks(Sequence[Gram]):
 
 
 def _kept(gram: Gram) -> Gram | _Packed:
-    return _Packed.of(gram) if gram.moments.nbytes > LARGE else gram
+    return _Packed.of(gram) if gram.moments.nbytes > PACKED_ABOVE else gram
 
 
 def _whole(block: Gram | _Packed) -> Gram:

@@ -38,7 +38,23 @@ class Regressor:
     robot : Robot
     effects : sequence of Effect
     reference : mapping of str to float, optional
-        Parameter values that effects which depend on the load take it from; the URDF's own by default.
+        Parameter values that give the load of effects which depend on it; the URDF's own by default.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> from frischid.regression.regressor import Regressor, nominal_parameters
+    >>> robot = fr.Robot.load("planar2")
+    >>> regressor = Regressor(robot, effects=())
+    >>> t = np.arange(5) / 100
+    >>> q, v, a = np.ones((3, 5, 2))
+    >>> Y = regressor(t, q, v, a)
+    >>> Y.shape[1] == len(regressor.columns)
+    True
+    >>> torque = np.einsum("ncj,c->nj", Y, nominal_parameters(robot, ()))
+    >>> bool(np.allclose(torque, robot.inverse_dynamics(q, v, a)))
+    True
     """
 
     def __init__(self, robot: Robot, effects: Sequence[Effect], reference: Mapping[str, float] | None = None) -> None:
@@ -51,7 +67,7 @@ class Regressor:
         )
         self.active = self._active()
         C = len(self.columns)
-        # what a joint's moments are made of: its columns, its torque, ones
+        # the rows of Z that a joint's moments are made of: its columns, its torque, ones
         self.gathered = [np.append(active, [C, C + 1]) for active in self.active]
         dry = {n for effect in effects if effect.dry for _, n, _ in effect.acts_on(robot)}
         # dry friction at standstill is undetermined: such torque samples are left out
@@ -198,7 +214,7 @@ class Regressor:
         return level
 
     def torque(self, motion: Motion, theta: Array) -> Array:
-        """Unfiltered torque of all columns (and of what is known) over a motion, shape (N, J), for parameters (C,)."""
+        """Unfiltered torque of all columns and of known parameters over a motion, (N, J), for the parameters (C,)."""
         out, remembered = np.empty(motion.q.shape), self.remember(motion)
         for start in range(0, len(motion.t), CHUNK_SAMPLES):
             part = slice(start, min(start + CHUNK_SAMPLES, len(motion.t)))

@@ -20,7 +20,7 @@ SAFE_CONDITION = 1e4
 
 
 class StreamingQR:
-    """Triangular factors of [Y τ], one a joint.
+    """Triangular factors of [Y τ], one per joint.
 
     Parameters
     ----------

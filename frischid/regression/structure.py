@@ -15,7 +15,8 @@ import numpy as np
 from frischid.regression.base_parameters import Reduction, reduce
 from frischid.regression.regressor import Regressor
 
-MISALIGNED = 3e-6  # a URDF's 1.5708 is off by 3.7e-6 rad: what acts through that alone no log can see
+MISALIGNED = 3e-6
+"""Relative singular value of a parameter that acts through a rounded angle alone (1.5708 is off by 3.7e-6 rad)."""
 
 
 def structure(regressor: Regressor, torque_joints: Sequence[str], seed: int = 0) -> Reduction:
@@ -39,7 +40,7 @@ def structure(regressor: Regressor, torque_joints: Sequence[str], seed: int = 0)
     lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
     q = rng.uniform(lower, upper, (N, J))
     v, a = rng.normal(size=(2, N, J))
-    # Unrelated states must be far apart in time, or what effects make of their rates of change outgrows all else.
+    # Unrelated states must be far apart in time, or columns made of rates of change outgrow all others.
     channels = {name for effect in regressor.effects for name in effect.channels(robot)}
     extra = {name: 30.0 * rng.uniform(0.5, 1.5, N) for name in sorted(channels)}  # temperatures, °C
     Y = regressor(0.5 * np.arange(N, dtype=np.float64), q, v, a * 3.0, extra=extra)

@@ -48,8 +48,8 @@ def redistributed(parts: Array, whole: Array, main: int) -> Array:
     """Change the parts of a body so that together they are another body.
 
     The affine map that carries the old distribution of mass to the new one with the least work (optimal transport of
-    Gaussians) is applied to every part alike: parts keep their shares, and stay physical if they were. What a flat old
-    body cannot supply is added to the main part; a body without mass gives all to it.
+    Gaussians) is applied to every part alike: parts keep their shares, and stay physical if they were. Mass that a flat
+    old body cannot supply is added to the main part; a body without mass gives all to it.
 
     Parameters
     ----------

@@ -4,8 +4,8 @@ Pinocchio turns the URDF into a kinematic tree. For every sample it gives the re
 
     τ = Γ(q, q̇, q̈) θ,      θ_link = (m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz)
 
-(Atkeson, An and Hollerbach 1986), first moments and inertias about the *joint* frame. Three things change what a
-user sees without changing the physics:
+(Atkeson, An and Hollerbach 1986), first moments and inertias about the *joint* frame. Three choices change the
+parameters without changing the physics:
 
 - another frame of a link: with the pseudo-inertia P = [[Σ, h], [hᵀ, m]] of a body, ``P_joint = H P_frame Hᵀ`` is
   linear in θ_frame, so ``Γ_frame = Γ_joint T`` with a 10 × 10 block T per link;

@@ -22,7 +22,7 @@ Span = tuple[int, int]
 
 @dataclass
 class Element:
-    """Where an element stands: its start tag and the whole of it, in bytes, and what of its content matters."""
+    """Where an element stands: its start tag and the whole of it, in bytes, its attributes and its children."""
 
     name: str
     attributes: dict[str, str]

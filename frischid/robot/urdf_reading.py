@@ -30,7 +30,7 @@ def robot_names() -> dict[str, Path]:
         share = metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")
         files += sorted(Path(str(share)).rglob("*.urdf"))
     except metadata.PackageNotFoundError:
-        pass  # the shipped robots still load by name, and every path does
+        pass  # the shipped robots load by name all the same, and so does every path
     stems = [p.stem for p in files]
     names: dict[str, Path] = {}
     for path in files:
