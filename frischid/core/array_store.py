@@ -67,7 +67,7 @@ class Store:
             return Stored(x.shape, x.dtype, _own(x))
         with self._lock:
             if self._file is None:
-                self._file = tempfile.TemporaryFile(prefix="frischid-", buffering=0)
+                self._file = tempfile.TemporaryFile(prefix="frischid-", buffering=0)  # noqa: SIM115 (open as long as the store)
                 weakref.finalize(self, self._file.close)
             place, self.written = self.written, self.written + x.nbytes
         self.write(x, place)
