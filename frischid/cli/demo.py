@@ -70,7 +70,7 @@ def run(seed: int, progress: Callable[[str], None] = lambda _: None) -> Demo:
     seed : int
         Of the motions and the noise.
     progress : callable
-        Told what is being done.
+        Called with the name of each step of the work.
     """
     robot = Robot.load("planar2")
     seconds, rate = 40.0, 200.0

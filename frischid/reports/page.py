@@ -55,7 +55,7 @@ def report(
     model_path : str
         Name of the model's file in the commands the page proposes.
     progress : callable
-        Told what is being done.
+        Called with the name of each step of the work.
 
     Returns
     -------
@@ -66,6 +66,17 @@ def report(
     ------
     InputError
         A log lacks a joint or its torque, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 10, seed=1), rate=50, noise=fr.Noise(tau=0.01))
+    >>> model = fr.identify(robot, [log], recursion="none").model
+    >>> diagnosis = fr.diagnose(model, [log], effects=["joint_spring"])  # leave it out to try the whole catalogue
+    >>> shown = fr.report(model, [log], "report.html", diagnosis=diagnosis)
+    >>> shown.warnings()[0]
+    'Every log here was used to fit the model: its error on new motion is larger than shown.'
     """
     check_writable(path)
     found = study(model, logs, diagnosis=diagnosis, situation=situation, truth=truth, progress=progress)
