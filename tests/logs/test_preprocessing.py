@@ -174,6 +174,8 @@ def test_lowpass_without_effect():
     assert LowPass(None).taps(0.01).tolist() == [1.0]
     assert LowPass(45.0).taps(0.01).tolist() == [1.0]
     assert LowPass(None).decimation(0.01) == LowPass(45.0).decimation(0.01) == 1
+    # the edge: 0.4 times the rate
+    assert len(LowPass(40.0).taps(0.01)) == 1 < len(LowPass(39.9).taps(0.01))
 
 
 @pytest.mark.parametrize("cutoff", [0.0, -1.0, np.nan, np.inf])
@@ -223,6 +225,14 @@ def test_stretches_shorter_than_the_filters_are_dropped_and_said():
     assert any("s trimmed at the ends" in n for n in prepared.notes)
     with pytest.raises(InputError, match=r"no stretch.*raise the cut-off"):
         prepare(log_of(T[:30], np.sin(T[:30])), LowPass(1.0))
+
+
+@pytest.mark.parametrize(("gap", "stretches"), [(0.045, 1), (0.08, 1), (0.12, 2)])
+def test_a_gap_is_longer_than_a_tenth_of_the_cutoffs_period(gap, stretches):
+    t = np.concatenate([T[:800], T[799] + gap + T[: T.size - 800]])
+    assert len(prepare(log_of(t, np.sin(t)), LowPass(1.0)).motions) == stretches
+    without = prepare(log_of(t, np.sin(t)), LowPass(None)).motions  # four steps are a gap
+    assert len(without) == 2
 
 
 def test_one_lost_sample_is_no_gap():
@@ -289,11 +299,11 @@ def test_standstill():
     still = find_standstill(q, v, np.gradient(v, 1 / RATE, axis=0), 1 / RATE)[:, 0]
     assert still[T < 4.7].all()
     assert still[T > 10.3].all()
-    assert not still[(T > 5.2) & (T < 9.8)].any(), "a reversal is no rest"
+    assert not still[(T > 5.2) & (T < 9.8)].any(), "a reversal is no standstill"
 
 
-def test_a_short_rest_before_a_joint_turns_is_rest():
-    move = np.clip(T - 2.0, 0, 1) - np.clip(T - 3.3, 0, 1)  # there, 0.3 s of rest, and back
+def test_a_short_pause_before_a_joint_turns_is_standstill():
+    move = np.clip(T - 2.0, 0, 1) - np.clip(T - 3.3, 0, 1)  # there, 0.3 s of standstill, and back
     q = (move**3 * (10 - 15 * move + 6 * move**2))[:, None]
     v = np.gradient(q, 1 / RATE, axis=0)
     still = find_standstill(q, v, np.gradient(v, 1 / RATE, axis=0), 1 / RATE)[:, 0]
@@ -310,6 +320,11 @@ def test_cutoff_follows_the_motion():
         chosen = choose_lowpass([log_of(np.arange(6000) / RATE, q)], ["j"])
         assert 7 * frequency < chosen.cutoff < 20 * frequency
         assert "bandwidth" in chosen.reason
+
+
+def test_cutoff_is_at_most_a_fifth_of_the_rate():
+    q = np.sin(2 * np.pi * RATE / 20 * np.arange(6000) / RATE)  # ten times its bandwidth is half the rate
+    assert choose_lowpass([log_of(np.arange(6000) / RATE, q)], ["j"]).cutoff == pytest.approx(RATE / 5)
 
 
 def test_cutoff_is_lower_where_the_torque_is_noisy():

@@ -343,6 +343,13 @@ def test_without_header(tmp_path, named):
     refused(["line 21, the last, holds 2 cells instead of 4"], path, mapping=mapping)
 
 
+@pytest.mark.parametrize(("unit", "per_second"), [("s", 1), ("ms", 1000), ("us", 1_000_000), ("ns", 1_000_000_000)])
+def test_stamps_of_every_unit_become_seconds(tmp_path, unit, per_second):
+    seconds = 3 + np.arange(N)
+    path = write_csv(tmp_path / "log.csv", {"t": per_second * seconds, "q_a": A})
+    np.testing.assert_array_equal(read_log(path, mapping={"file": {"time_unit": unit}}).t, seconds)
+
+
 def test_nanoseconds_since_1970(tmp_path):
     stamps = 1_700_000_000_000_000_001 + 10 * np.arange(N)
     for suffix in ("csv", "parquet"):
