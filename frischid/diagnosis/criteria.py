@@ -186,8 +186,8 @@ class DiagnosisCriteria:
     """Ratio of squared errors. A further term must bring the joint's error below this times the error before. By
     judgement."""
     dependence_samples: int = COMPARISON_CRITERIA.dependence_samples
-    """Samples a correlation time apart, as in a comparison. With fewer the dependence of a residual on a variable is not
-    tested, because the asymptotic p value of Chatterjee's ξ is not valid."""
+    """Samples a correlation time apart, as in a comparison. With fewer the dependence of a residual on a variable is
+    not tested, because the asymptotic p value of Chatterjee's ξ is not valid."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values, field by field."""
