@@ -59,7 +59,7 @@ class CrossValidator:
     spread : ndarray, shape (J,)
         Standard deviation of each joint's torque, N·m (N).
     known_residual : ndarray, shape (J,)
-        NRMSE that was there before, when only what is new counts as the change; zero: all of the error counts.
+        NRMSE of each joint that was there before and so cannot be the change; zero: all of the error counts.
     """
 
     fit: WeightedFit

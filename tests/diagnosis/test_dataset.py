@@ -1,4 +1,4 @@
-"""What a diagnosis keeps of its logs: the same wherever it is, from moments alone, and no more for longer logs."""
+"""The motion cache of a diagnosis: the same results in memory and in a file, and no more memory for longer logs."""
 
 import tracemalloc
 from functools import cache

@@ -120,7 +120,7 @@ def test_a_gain_that_does_not_pay_for_its_shapes_is_none():
     assert three.p_value(1) == 1.0
 
 
-# ---------------------------------------------------------------------- what an identification knows
+# ---------------------------------------------------------------------- certainty of an identification
 
 
 def with_slow_noise(log: Log, seed: int, correlation: float = 0.98, size: float = 0.1) -> Log:
