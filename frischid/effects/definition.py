@@ -87,7 +87,7 @@ def check_decorated(kind: type[Any]) -> None:
     lacking = [n for n in own_fields(kind) if n not in getattr(kind, "__dataclass_fields__", ())]
     if lacking:
         raise _wrong(
-            kind, f"has fields ({', '.join(lacking)}) but is no dataclass; write @dataclass(frozen=True) above it"
+            kind, f"has fields ({', '.join(lacking)}) but is no dataclass; put @dataclass(frozen=True) above it"
         )
 
 
@@ -137,11 +137,9 @@ def _check_shapes(kind: type[Any]) -> None:
         given = getattr(kind, key)
         if not isinstance(given, Mapping):
             raise _wrong(kind, f"{key} must be a dictionary from field to values, got {given!r}")
-        unknown = sorted(set(given) - fields)
+        unknown, known = sorted(set(given) - fields), ", ".join(sorted(fields)) or "none"
         if unknown:
-            raise _wrong(
-                kind, f"{key} names {', '.join(unknown)}; the fields are: {', '.join(sorted(fields)) or 'none'}"
-            )
+            raise _wrong(kind, f"{key} names {', '.join(unknown)}, which is no field; the fields are: {known}")
     for field, values in kind.shapes.items():
         numbers = isinstance(values, Iterable) and not isinstance(values, str) and all(map(is_number, values))
         if not numbers or not values or list(values) != sorted(set(values)):
