@@ -27,7 +27,7 @@ import numpy as np
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import CHANNELS
 
-ANGLE_UNITS = {"rad": 1.0, "m": 1.0, "deg": np.pi / 180}
+RADIANS_PER_UNIT = {"rad": 1.0, "m": 1.0, "deg": np.pi / 180}
 TICKS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
@@ -214,7 +214,7 @@ JOINT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, COLUMN_RULE) | {
     "torque_sign": SIGN_RULE,
     "current_gain": NONZERO_RULE,
     "tau_from": TAU_FROM_RULE,
-    "angle_unit": _one_of(*ANGLE_UNITS),
+    "angle_unit": _one_of(*RADIANS_PER_UNIT),
 }
 
 

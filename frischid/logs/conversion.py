@@ -1,0 +1,206 @@
+"""Columns of a table become the channels of a log: units, signs, gears, and torque from current.
+
+    q = sign · unit · raw / gear_ratio + offset        τ = sign · torque_sign · gear_ratio · raw, or current_gain · i
+
+`frischid.logs.mapping` defines the keys. Each conversion, and each column left out, is a note of the log.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.errors import InputError, close_names
+from frischid.logs.log import CHANNELS, Log, check_times, check_values, is_usable
+from frischid.logs.mapping import RADIANS_PER_UNIT, TICKS_PER_SECOND, JointMap, LogMap
+from frischid.logs.tables import Table
+
+SETPOINT = re.compile(r"(?:des|desired|ref|reference|cmd|command|target)_(.+)")
+"""A set point of a joint has such a name, and is no joint of its own."""
+
+
+def first_stamp(table: Table, form: LogMap) -> Any:
+    """First stamp as it stands in the file: stamps from which it is subtracted must keep every digit."""
+    name = _time_name(table, form)
+    return table.values(name)[:1]
+
+
+def log_of_table(
+    table: Table, form: LogMap, joints: Sequence[str] | None, start: Any, digest: str | None = None
+) -> Log:
+    """Convert the rows of a table to a log.
+
+    Parameters
+    ----------
+    table : Table
+    form : LogMap
+    joints : sequence of str, optional
+        The robot's joints, in the order wanted.
+    start : ndarray, shape (1,)
+        Stamp that is subtracted where the mapping sets `zero_time`; see `first_stamp`.
+    digest : str, optional
+        Hash of the file.
+
+    Raises
+    ------
+    InputError
+        A column or a value is not usable, or no joint of the robot has a position column.
+    """
+    notes = list(table.notes)
+    time, t = _time(table, form, start, notes)
+    mapped, ignored = _columns_of_joints(table, form, joints, notes)
+    channels = {channel: np.full((t.size, len(mapped)), np.nan) for channel in CHANNELS}
+    for j, (joint, columns) in enumerate(mapped.items()):
+        for channel, values in _convert(table, form, joint, columns, notes).items():
+            channels[channel][:, j] = values
+    converted = {note.partition(" = ")[0] for note in notes}
+    renamed = [
+        f"{channel}_{joint} = {name}"
+        for joint, columns in mapped.items()
+        for channel, name in columns.items()
+        if name != f"{channel}_{joint}" and f"{channel}_{joint}" not in converted
+    ]
+    if renamed:
+        notes.append(f"columns renamed: {', '.join(renamed[:3])}{f' and {len(renamed) - 3} more' * (len(renamed) > 3)}")
+    used = {time, *ignored}.union(*(columns.values() for columns in mapped.values()))
+    taken = {"t"} | {f"{channel}_{joint}" for channel in CHANNELS for joint in mapped}
+    extra = _extra(table, used, taken, notes)
+    return Log(t, tuple(mapped), **channels, extra=extra, source=table.source, sha256=digest, notes=tuple(notes))
+
+
+def _time_name(table: Table, form: LogMap) -> str:
+    if isinstance(form.time, str) and form.time not in table.names:
+        raise InputError(
+            f"{table.source}: no time column '{form.time}'; the columns are {', '.join(table.names)}; "
+            "rename one to 't', or name it as time = ... under [file] in a mapping file"
+        )
+    return table.find(form.time)
+
+
+def _time(table: Table, form: LogMap, start: Any, notes: list[str]) -> tuple[str, Array]:
+    """Name of the time column and the stamps [s]."""
+    name = _time_name(table, form)
+    raw = table.values(name)
+    # Nanoseconds since 1970 do not fit a double: the start is subtracted before integers become doubles.
+    t = np.asarray(raw - start if form.zero_time else raw, dtype=np.float64) / TICKS_PER_SECOND[form.time_unit]
+    check_times(t, table.source, table.place, name)
+    if form.zero_time or form.time_unit != "s" or name != "t":
+        zeroed = f", starting from zero ({start[0]} subtracted)" if form.zero_time else ""
+        notes.append(f"t = {name} [{form.time_unit}] in seconds{zeroed}")
+    return name, t
+
+
+def _columns_of_joints(
+    table: Table, form: LogMap, joints: Sequence[str] | None, notes: list[str]
+) -> tuple[dict[str, dict[str, str]], set[str]]:
+    """Column of each channel of each joint, and the columns of joints that the robot does not have."""
+    explicit = {
+        joint: {c: table.find(ref) for c in CHANNELS if (ref := getattr(entry, c)) is not None}
+        for joint, entry in form.joint.items()
+    }
+    claimed = [name for columns in explicit.values() for name in columns.values()]
+    if twice := sorted({name for name in claimed if claimed.count(name) > 1}):
+        raise InputError(f"{form.source}: column {', '.join(twice)} is given twice")
+    free = [name for name in table.names if name not in claimed]
+
+    def columns_of(joint: str) -> dict[str, str]:
+        named = {channel: form.default[channel].replace("{joint}", joint) for channel in CHANNELS}
+        return {channel: name for channel, name in named.items() if name in free} | explicit.get(joint, {})
+
+    head, tail = form.default["q"].split("{joint}")
+    inner = (n[len(head) : len(n) - len(tail)] for n in free if n.startswith(head) and n.endswith(tail))
+    found = dict.fromkeys(filter(None, [*inner, *(joint for joint in explicit if "q" in explicit[joint])]))
+    # q_des_<joint> is a set point of a joint, not a joint called des_<joint>.
+    known = {*found, *(joints or ())}
+    there = [j for j in found if j in (joints or ()) or not ((m := SETPOINT.fullmatch(j)) and m[1] in known)]
+    chosen = [joint for joint in (there if joints is None else joints) if joint in there]
+    for joint, columns in explicit.items():
+        if joint not in chosen and (columns or joints is None):
+            raise InputError(f"{form.source}: joint '{joint}' has no position column in {table.source}; name q")
+        if joint not in chosen:
+            notes.append(f"mapping of {joint} not used: the log has no position of it")
+    if not chosen:
+        raise InputError(f"{table.source}: {_no_joint(table, form, there, joints)}")
+    ignored = [joint for joint in there if joint not in chosen]
+    if ignored:
+        notes.append(f"left out, not joints of the robot: {', '.join(ignored)}")
+    left_out = {name for joint in ignored for name in columns_of(joint).values()}
+    return {joint: columns_of(joint) for joint in chosen}, left_out
+
+
+def _no_joint(table: Table, form: LogMap, there: Sequence[str], joints: Sequence[str] | None) -> str:
+    if not there or joints is None:
+        template = form.default["q"].replace("{joint}", "<joint>")
+        return (
+            f"no position column '{template}'; the columns are {', '.join(table.names)}; "
+            "say which is which in a mapping file"
+        )
+    close = [f"{name} for {joint}" for name in there for joint in close_names(name, joints, 1)]
+    hint = f" (perhaps {', '.join(close)})" if close else ""
+    return (
+        f"none of the joints in this log is a joint of the robot{hint}; the log has {', '.join(there)}; "
+        f"the robot has {', '.join(joints)}; rename the columns or say which is which in a mapping file"
+    )
+
+
+def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str], notes: list[str]) -> dict[str, Array]:
+    """Channels of one joint in its own unit, direction and side of the gear."""
+    entry = form.joint.get(joint, JointMap())
+    motion = entry.sign * RADIANS_PER_UNIT[entry.angle_unit or form.angle_unit] / entry.gear_ratio
+    effort = entry.sign * entry.torque_sign
+    factors = {"q": motion, "v": motion, "a": motion, "tau": effort * entry.gear_ratio, "current": effort}
+    channels: dict[str, Array] = {}
+    for channel, name in columns.items():
+        raw = np.asarray(table.values(name), dtype=np.float64)
+        if channel != "q" and np.isnan(raw).all():
+            notes.append(f"{name} left out: it is empty")
+            continue
+        check_values(name, raw, table.source, table.place)
+        factor, offset = factors[channel], entry.offset if channel == "q" else 0.0
+        channels[channel] = raw if factor == 1 and offset == 0 else factor * raw + offset
+        scaled = f"{factor:.6g} × {name}" if factor != 1 else name
+        if factor == 1 and not offset:
+            continue  # a mere name: one note for all of them
+        notes.append(f"{channel}_{joint} = {f'{scaled} {offset:+.6g}' if offset else scaled}")
+    gain, tau_from = entry.current_gain, entry.tau_from or form.tau_from
+    if tau_from == "current" and (gain is None or "current" not in channels):
+        raise InputError(
+            f'{form.source}: tau_from = "current" of joint {joint} needs a current_gain and a current column'
+        )
+    if gain is None:
+        return channels
+    if "current" in channels and (tau_from == "current" or (tau_from is None and "tau" not in channels)):
+        instead = f", instead of column {columns['tau']}" if "tau" in channels else ""
+        channels["tau"] = gain * channels["current"]
+        notes.append(f"tau_{joint} = {gain:.6g} N·m/A × current_{joint}{instead}")
+    else:
+        why = f"torque is column {columns['tau']}" if "tau" in channels else "there is no current to convert"
+        notes.append(f"current_gain of {joint} not used: {why}")
+    return channels
+
+
+def _extra(table: Table, used: set[str], taken: set[str], notes: list[str]) -> dict[str, Array]:
+    """Every other column of usable numbers; the rest is noted and left out, as no joint depends on it."""
+    extra: dict[str, Array] = {}
+    rest = [name for name in table.names if name not in used]
+    if rest and not table.named:
+        notes.append(f"columns without a name left out: {', '.join(rest)}")
+        return extra
+    for name in rest:
+        if name in table.unusable:
+            notes.append(f"{name} left out, not numeric: {table.unusable[name]}")
+            continue
+        values = np.asarray(table.values(name), dtype=np.float64)
+        usable = is_usable(values)
+        if not usable.all():
+            row = int(np.argmin(usable))
+            notes.append(f"{name} left out: {table.place(row)} holds {values[row]:g}")
+        elif name in taken:
+            notes.append(f"{name} left out: the mapping takes this quantity from another column")
+        else:
+            extra[name] = values
+    return extra
