@@ -44,8 +44,9 @@ from frischid.estimators.errors_in_variables import eiv
 from frischid.estimators.frisch import Box, simplex
 from frischid.estimators.instrumental_variables import iv
 from frischid.estimators.least_squares import Estimate, ols, wls
-from frischid.estimators.sensor_noise import noise_limits, samples, sensor_moments
+from frischid.estimators.sensor_noise import noise_limits, sensor_moments
 from frischid.estimators.sensorwise import sensorwise
+from frischid.estimators.state_samples import samples
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.motions.simulation import parameters_of, torque

@@ -28,7 +28,8 @@ from threadpoolctl import threadpool_limits
 
 import frischid as fr
 from frischid.core.types import Array
-from frischid.estimators.bbrf import bbrf, sample_extents
+from frischid.estimators.bbrf import bbrf
+from frischid.estimators.bbrf_windows import sample_extents
 from frischid.estimators.frisch import Box, simplex
 from frischid.motions.simulation import parameters_of
 from frischid.motions.trajectory import Trajectory

@@ -44,6 +44,8 @@ NUMERIC = (
     "estimators.frisch",
     "estimators.sensorwise",
     "estimators.bbrf",
+    "estimators.bbrf_windows",
+    "estimators.nominal_links",
     "estimators.box_qp",
     "estimators.physical_links",
     "estimators.drive_gain_ls",

@@ -184,7 +184,7 @@ def eiv(
     Parameters
     ----------
     stretches : iterable of Samples
-        From `sensor_noise.samples`; gone through once, and one of them in memory at a time (see `Store`).
+        From `state_samples.samples`; gone through once, and one of them in memory at a time (see `Store`).
     columns : sequence of Column
         The p base parameters.
     joints : sequence of str

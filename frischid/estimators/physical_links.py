@@ -29,42 +29,19 @@ from scipy.stats import chi2
 
 from frischid.core.types import Array
 from frischid.errors import FrischidError, InputError
+from frischid.estimators.nominal_links import Links, reference_inertias
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 
 PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 PRIOR_SLACK = 0.02  # of χ²'s mean p: what the prior may cost, beside what the estimate's own errors cost
 LEAST_LINK_SHARE = 1e-3  # least share of the nominal link in any direction: simulators refuse bodies that are flat
 SHARPEST = 1e5  # no combination counts as known to better than this inverse share of the nominal link
-THINNEST = 0.01  # m: a nominal link without extension is taken to have this radius of gyration
-LIGHTEST = 0.05  # a nominal link without mass is taken to have this share of the mean mass
 BOUND_CONFIDENCE = 0.999  # of the bounds a consistent robot must keep
 AT_BOUNDARY = 3.0  # × LEAST_LINK_SHARE: a link this close to it is called at the boundary
 
 
 class InfeasibleError(FrischidError):
     """No body satisfies what is demanded of a link; the message names the link and the constraint."""
-
-
-@dataclass(frozen=True, eq=False)
-class Links:
-    """What is believed and demanded of L links, each about a frame of its own.
-
-    Attributes
-    ----------
-    names : tuple of str
-        For messages.
-    nominal : ndarray, shape (L, 10)
-        m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
-    boxes : tuple of (ndarray (k, 3), ndarray (k,)) or None
-        Half spaces ``A c ≤ b`` the centre of mass c lies in, m.
-    known : ndarray, shape (L, 10)
-        Values given outright; NaN elsewhere.
-    """
-
-    names: tuple[str, ...]
-    nominal: Array
-    boxes: tuple[tuple[Array, Array] | None, ...]
-    known: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +147,7 @@ def consistent(theta: Array, information: Array, mapping: Array, links: Links, e
             f"{(len(theta), 10 * L + E)} and an information of {(len(theta),) * 2}, "
             f"got {mapping.shape} and {information.shape}"
         )
-    reference, notes = _reference(links)
+    reference, notes = reference_inertias(links)
     problem = _Problem(
         theta, information, mapping, links, extras, np.asarray(np.linalg.cholesky(reference), dtype=float)
     )
@@ -187,25 +164,6 @@ def consistent(theta: Array, information: Array, mapping: Array, links: Links, e
     divergence = spectrum.sum(axis=1) - np.log(np.maximum(spectrum, 1e-300)).sum(axis=1) - 4.0
     found = problem.active()
     return Consistent(values, mapping @ values, misfit, reproduces, spectrum[:, 0], divergence, found, blame, notes)
-
-
-def _reference(links: Links) -> tuple[Array, tuple[str, ...]]:
-    """Positive definite pseudo-inertias of the nominal links, (L, 4, 4), and which had to be changed for it."""
-    masses = links.nominal[:, 0]
-    usual = float(masses[masses > 0].mean()) if (masses > 0).any() else 1.0
-    out, notes = np.empty((len(masses), 4, 4)), []
-    for i, (name, P) in enumerate(zip(links.names, pseudo_inertia(links.nominal), strict=True)):
-        m, h = P[3, 3], P[:3, 3]
-        if m <= 0:
-            notes.append(f"{name}: the URDF gives it no mass; taken as {LIGHTEST * usual:.3g} kg as a prior")
-            m, h, P = LIGHTEST * usual, np.zeros(3), np.zeros((4, 4))
-        spread, axes = np.linalg.eigh(P[:3, :3] - np.outer(h, h) / m)
-        least = m * THINNEST**2
-        if spread[0] < -1e-9 * m and masses[i] > 0:
-            notes.append(f"{name}: the URDF's own inertia is not physical; the nearest that is was taken as the prior")
-        inner = (axes * np.maximum(spread, least)) @ axes.T + np.outer(h, h) / m
-        out[i] = np.block([[inner, h[:, None]], [h[None, :], np.array([[m]])]])
-    return out, tuple(notes)
 
 
 class _Problem:

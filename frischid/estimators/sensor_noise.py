@@ -18,9 +18,6 @@ low-pass, decimation, moments) gives
 Differences of *moments* hold the curvature of the columns too (see `sensorwise`), and of a velocity's sign,
 whose square is always one, only what the noise can really change. Without filter and derivatives w_k² = 1 makes this
 an exact second difference; with them, products of neighbouring errors w_k w_l cancel in the mean over the log.
-
-**States.** For errors-in-variables estimates `samples` gives the filtered states, the covariance of their errors, and
-the columns as a function of the state.
 """
 
 from __future__ import annotations
@@ -32,13 +29,10 @@ import numpy as np
 from scipy import signal
 
 from frischid.core.types import Array
-from frischid.errors import InputError
-from frischid.estimators.errors_in_variables import Samples
 from frischid.estimators.sensorwise import TORQUE, SensorMoments
 from frischid.logs.filters import LowPass, derivative_taps, noise_level
 from frischid.logs.preprocessing import Motion
 from frischid.regression.accumulation import accumulate
-from frischid.regression.block import Block
 from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
@@ -47,8 +41,6 @@ CHANNELS = ("q", "v", "a")
 PROBE_STEP = 0.03
 """Displacement of a sensor for differences, as a share of what its channels span: rms of q̇ and q̈, 1 rad (m) of q."""
 
-STRETCH_SAMPLES = 256
-"""Filtered samples that are corrected at once."""
 
 ONE_TAP = np.ones(1)
 SAME_CHANNEL = 2e-7  # relative difference of two channels that is rounding of the derivative's weights
@@ -252,130 +244,3 @@ def noise_limits(
     """
     levels = noise_levels(motions, robot, lowpass)
     return {name: (0.0, margin * level) for name, level in levels.items() if not name.startswith(TORQUE)}
-
-
-def samples(
-    regressor: Regressor,
-    motions: Iterable[Motion],
-    lowpass: LowPass,
-    joints: Sequence[str],
-    base: Sequence[int],
-    *,
-    sigma: Mapping[str, float] | None = None,
-) -> Iterator[Samples]:
-    """Filtered samples of motions with the errors of their states, for `frischid.estimators.errors_in_variables`.
-
-    Parameters
-    ----------
-    regressor : Regressor
-    motions : iterable of Motion
-        Gone through twice; one at a time is in memory.
-    lowpass : LowPass
-    joints : sequence of str
-        Joints whose torque rows are used.
-    base : sequence of int
-        Columns of the base parameters.
-    sigma : mapping of str to float
-        Standard deviations of unfiltered errors by sensor name (``"q joint1"``, ``"torque joint1"``), or by channel
-        (``"q"``, ``"v"``, ``"a"``, ``"torque"``) for all joints; what is not given is estimated by `noise_levels`.
-
-    Returns
-    -------
-    iterator of Samples
-        Of stretches of `STRETCH_SAMPLES` filtered samples or a few more, their states [q v a t].
-    """
-    robot = regressor.robot
-    levels = noise_levels(motions, robot, lowpass)
-    for name in sigma or {}:
-        if name not in levels and name not in {known.split()[0] for known in levels}:
-            raise InputError(f"noise is given for '{name}'; sensors of this log are {', '.join(levels)}")
-    given = {n: (sigma or {}).get(n, (sigma or {}).get(n.split()[0], level)) for n, level in levels.items()}
-    columns = list(base)
-    index = [robot.joints.index(n) for n in joints]
-    torque_given = all(f"{TORQUE} {n}" in (sigma or {}) or TORQUE in (sigma or {}) for n in joints)
-    dry_effects = {e.id for e in regressor.effects if e.dry}
-    dry = np.array([regressor.columns[i].effect in dry_effects for i in base])
-    static = Regressor(robot, [e for e in regressor.effects if not e.memory])
-    at = _Columns(static, tuple(regressor.columns[i].name for i in base), tuple(index))
-
-    def stretches() -> Iterator[Samples]:
-        for motion in motions:
-            taps = lowpass.taps(motion.step)
-            sensors = sensors_of(motion, robot, lowpass)
-            directions, ratios = _directions(sensors, given, taps, len(robot.joints))
-            torque = np.array([given[f"{TORQUE} {n}"] for n in joints]) * np.linalg.norm(taps)
-            for blocks in _stretches(regressor.blocks(motion, lowpass)):
-                state = [np.concatenate([b.q, b.v, b.a, b.t[:, None]], axis=1) for b in blocks]
-                Y = [np.concatenate([b.Y[:, columns], b.known[:, None]], axis=1)[:, :, index] for b in blocks]
-                tau = [(b.tau + b.known)[:, index] for b in blocks]
-                used = [b.used[:, index] for b in blocks]
-                yield Samples(
-                    at,
-                    np.concatenate(state),
-                    np.concatenate(Y),
-                    np.concatenate(tau),
-                    np.concatenate(used),
-                    directions,
-                    ratios,
-                    torque,
-                    dry,
-                    torque_given,
-                )
-
-    return stretches()
-
-
-def _stretches(blocks: Iterable[Block]) -> Iterator[list[Block]]:
-    """Consecutive blocks, `STRETCH_SAMPLES` samples together, the last ones fewer: at a high rate a block has few."""
-    kept: list[Block] = []
-    for block in blocks:
-        kept.append(block)
-        if sum(len(b.t) for b in kept) >= STRETCH_SAMPLES:
-            yield kept
-            kept = []
-    if kept:
-        yield kept
-
-
-@dataclass(frozen=True, eq=False)
-class _Columns:
-    """Base columns, and the torque of known parameters as a last one, at states [q v a t].
-
-    Columns that depend on more than the state stay zero: their change with the sensors' noise is not counted.
-    """
-
-    regressor: Regressor
-    base: tuple[str, ...]
-    index: tuple[int, ...]
-
-    def __call__(self, state: Array) -> Array:
-        q, v, a = np.split(state[:, :-1], 3, axis=1)
-        where = {c.name: i for i, c in enumerate(self.regressor.columns)}
-        Y = np.zeros((len(q), len(self.base), q.shape[1]))
-        kept = [(k, where[name]) for k, name in enumerate(self.base) if name in where]
-        Y[:, [k for k, _ in kept]] = self.regressor(state[:, -1], q, v, a)[:, [i for _, i in kept]]
-        known = self.regressor.robot.known_torque(q, v, a)
-        known = np.zeros_like(q) if known is None else known
-        return np.concatenate([Y, known[:, None, :]], axis=1)[:, :, list(self.index)]
-
-
-def _directions(sensors: Sequence[Sensor], sigma: Mapping[str, float], filtered: Array, J: int) -> tuple[Array, Array]:
-    """Root of the covariance of a filtered state's errors (D, 3J + 1), and the unfiltered variances' ratio to it."""
-    rows, ratios = [], []
-    for sensor in sensors:
-        if not sigma[sensor.name] > 0:
-            continue
-        length = max(len(t) for t in sensor.taps.values())
-        raw = np.zeros((3, length))
-        for channel, taps in sensor.taps.items():
-            cut = (length - len(taps)) // 2
-            raw[CHANNELS.index(channel), cut : length - cut] = taps
-        smooth = np.stack([np.convolve(r, filtered) for r in raw])
-        values, vectors = np.linalg.eigh(smooth @ smooth.T)
-        for value, vector in zip(values, vectors.T, strict=True):
-            if value > 1e-12 * values[-1]:
-                row = np.zeros((3, J))
-                row[:, sensor.joint] = sigma[sensor.name] * np.sqrt(value) * vector
-                rows.append(np.append(row, 0.0))  # time is exact
-                ratios.append(float(vector @ raw @ raw.T @ vector / value))
-    return np.array(rows).reshape(-1, 3 * J + 1), np.array(ratios)

@@ -15,7 +15,8 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
-from frischid.estimators.physical_links import Active, Consistent, Extras, Links, consistent
+from frischid.estimators.nominal_links import Links
+from frischid.estimators.physical_links import Active, Consistent, Extras, consistent
 from frischid.model.model import Model
 from frischid.motions.collision import body_boxes
 from frischid.regression.base_parameters import Reduction

@@ -17,7 +17,8 @@ from frischid.effects import Effect, Payload
 from frischid.effects.dynamics import random_states
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.least_squares import wls
-from frischid.estimators.physical_links import Extras, Links, consistent
+from frischid.estimators.nominal_links import Links
+from frischid.estimators.physical_links import Extras, consistent
 from frischid.export.consistency import link_mapping
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log

@@ -21,8 +21,9 @@ from frischid.estimators.errors_in_variables import eiv
 from frischid.estimators.frisch import Box, Simplex, simplex
 from frischid.estimators.instrumental_variables import iv
 from frischid.estimators.least_squares import Estimate
-from frischid.estimators.sensor_noise import noise_limits, samples, sensor_moments
+from frischid.estimators.sensor_noise import noise_limits, sensor_moments
 from frischid.estimators.sensorwise import sensorwise
+from frischid.estimators.state_samples import samples
 from frischid.logs.summary import moving_but_locked
 from frischid.model.identification_criteria import IdentificationCriteria
 from frischid.model.identification_stages import Fit

@@ -43,6 +43,7 @@ from frischid.model.model_file import (
     read_json,
     read_records,
     robot_dict,
+    robot_of,
     without_robot,
 )
 from frischid.model.model_records import ModelRecord
@@ -252,15 +253,13 @@ class Model:
 
     @cached_property
     def full_theta(self) -> Array:
-        """Value of every column of the full regressor: the physical one, or zero where it is no base parameter."""
+        """Value of every column of the full regressor: its physical one, or zero without a base parameter."""
         columns = columns_of(self.robot, self.effects)
         if self.standard is not None:
             return np.array([self.standard[c.name] for c in columns])
         theta = np.zeros(len(columns))
         theta[list(self.base)] = self.estimate.theta
         return theta
-
-    # ------------------------------------------------------------------ files
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain JSON values."""
@@ -302,18 +301,11 @@ class Model:
             Not a frischid model, of a schema this version does not read, or a field is wrong.
         """
         records = read_records(data, source)
-        robot = cls._robot(records[0], source)
+        robot = robot_of(records[0], source)
         model = cls._from_record(records[-1], robot, None, source)
         for record in reversed(records[:-1]):  # every step is of the same robot
             model = cls._from_record(record, robot, model, source)
         return model
-
-    @staticmethod
-    def _robot(record: ModelRecord, source: str) -> Robot:
-        try:
-            return Robot.from_dict(msgspec.to_builtins(record.robot))
-        except InputError as error:
-            raise damaged(source, f"{error} - at `robot`") from error
 
     @classmethod
     def _from_record(cls, record: ModelRecord, robot: Robot, previous: Model | None, source: str) -> Model:

@@ -173,6 +173,20 @@ def check_columns(record: ModelRecord, columns: Sequence[Column], joints: Sequen
             raise damaged(source, f"expected a value of {', '.join(absent)} - at `standard`")
 
 
+def robot_of(record: ModelRecord, source: str) -> Robot:
+    """The robot of a record.
+
+    Raises
+    ------
+    InputError
+        Its URDF or its settings are not usable.
+    """
+    try:
+        return Robot.from_dict(msgspec.to_builtins(record.robot))
+    except InputError as error:
+        raise damaged(source, f"{error} - at `robot`") from error
+
+
 def estimate_of(record: ModelRecord) -> Estimate:
     """The estimate of a record."""
     p = len(record.parameters)

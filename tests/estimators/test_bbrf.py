@@ -6,7 +6,8 @@ from scipy.signal import lfilter
 
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators import bbrf as module
-from frischid.estimators.bbrf import bbrf, window_moments
+from frischid.estimators.bbrf import bbrf
+from frischid.estimators.bbrf_windows import window_moments
 from frischid.estimators.frisch import simplex
 
 VARIANTS = ("strict", "undo", "calibrated")
@@ -64,7 +65,7 @@ def test_equals_the_direct_port(stride):
 
 @pytest.mark.parametrize(("window", "stride"), [(50, 1), (50, 7), (50, 50), (50, 90), (1000, 1)])
 def test_rolling_moments_equal_direct_sums(window, stride, monkeypatch):
-    monkeypatch.setattr(module, "BATCH", 16)
+    monkeypatch.setattr("frischid.estimators.bbrf_windows.BATCH", 16)
     rows = np.random.default_rng(0).normal(size=(1000, 4)) * np.geomspace(1, 100, 1000)[:, None]
     rolled = np.concatenate(list(window_moments(rows, window, stride)))
     direct = [rows[s : s + window].T @ rows[s : s + window] / window for s in range(0, 1001 - window, stride)]

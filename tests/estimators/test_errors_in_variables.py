@@ -7,7 +7,7 @@ import frischid as fr
 from frischid.core.types import Column
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.errors_in_variables import Samples, eiv
-from frischid.estimators.sensor_noise import samples
+from frischid.estimators.state_samples import samples
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.motions.simulation import parameters_of
@@ -138,7 +138,7 @@ def test_where_states_are_kept_changes_nothing(monkeypatch):
 
 def test_the_length_of_stretches_changes_nothing(monkeypatch):
     _, long = estimate(0.02, given=False)
-    monkeypatch.setattr("frischid.estimators.sensor_noise.STRETCH_SAMPLES", 1)
+    monkeypatch.setattr("frischid.estimators.state_samples.STRETCH_SAMPLES", 1)
     monkeypatch.setattr("frischid.regression.regressor.Regressor.blocks.__defaults__", (50,))
     _, short = estimate(0.02, given=False)
     np.testing.assert_allclose(short.theta, long.theta, rtol=1e-10)

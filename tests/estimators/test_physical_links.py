@@ -7,7 +7,8 @@ from cases import exact_log, made, quick, random_values, robot, states
 
 from frischid.effects import BASELINE
 from frischid.errors import InputError, UnknownNameError
-from frischid.estimators.physical_links import LEAST_LINK_SHARE, Extras, InfeasibleError, Links, consistent
+from frischid.estimators.nominal_links import Links
+from frischid.estimators.physical_links import LEAST_LINK_SHARE, Extras, InfeasibleError, consistent
 from frischid.export.consistency import as_identified, make_consistent
 from frischid.model.comparison import compare
 from frischid.model.model import Model

@@ -6,7 +6,8 @@ import pytest
 
 import frischid as fr
 from frischid.errors import InputError
-from frischid.estimators.sensor_noise import moved, noise_levels, samples, sensor_moments, sensors_of
+from frischid.estimators.sensor_noise import moved, noise_levels, sensor_moments, sensors_of
+from frischid.estimators.state_samples import samples
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion, prepare

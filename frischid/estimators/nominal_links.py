@@ -1,0 +1,55 @@
+"""Links as the URDF has them, made into bodies that can exist, for the divergence that `physical_links` minimises."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.robot.inertia import pseudo_inertia
+
+THINNEST = 0.01  # m: a nominal link without extension is taken to have this radius of gyration
+
+LIGHTEST = 0.05  # a nominal link without mass is taken to have this share of the mean mass
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """What is believed and demanded of L links, each about a frame of its own.
+
+    Attributes
+    ----------
+    names : tuple of str
+        For messages.
+    nominal : ndarray, shape (L, 10)
+        m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
+    boxes : tuple of (ndarray (k, 3), ndarray (k,)) or None
+        Half spaces ``A c ≤ b`` the centre of mass c lies in, m.
+    known : ndarray, shape (L, 10)
+        Values given outright; NaN elsewhere.
+    """
+
+    names: tuple[str, ...]
+    nominal: Array
+    boxes: tuple[tuple[Array, Array] | None, ...]
+    known: Array
+
+
+def reference_inertias(links: Links) -> tuple[Array, tuple[str, ...]]:
+    """Positive definite pseudo-inertias of the nominal links, (L, 4, 4), and which had to be changed for it."""
+    masses = links.nominal[:, 0]
+    usual = float(masses[masses > 0].mean()) if (masses > 0).any() else 1.0
+    out, notes = np.empty((len(masses), 4, 4)), []
+    for i, (name, P) in enumerate(zip(links.names, pseudo_inertia(links.nominal), strict=True)):
+        m, h = P[3, 3], P[:3, 3]
+        if m <= 0:
+            notes.append(f"{name}: the URDF gives it no mass; taken as {LIGHTEST * usual:.3g} kg as a prior")
+            m, h, P = LIGHTEST * usual, np.zeros(3), np.zeros((4, 4))
+        spread, axes = np.linalg.eigh(P[:3, :3] - np.outer(h, h) / m)
+        least = m * THINNEST**2
+        if spread[0] < -1e-9 * m and masses[i] > 0:
+            notes.append(f"{name}: the URDF's own inertia is not physical; the nearest that is was taken as the prior")
+        inner = (axes * np.maximum(spread, least)) @ axes.T + np.outer(h, h) / m
+        out[i] = np.block([[inner, h[:, None]], [h[None, :], np.array([[m]])]])
+    return out, tuple(notes)
