@@ -70,7 +70,7 @@ def _velocity(log: Log, moving: NDArray[np.bool_], notes: Notebook) -> None:
 
 
 def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes: Notebook) -> None:
-    """Dead, dead band, coarse, saturated, held."""
+    """Missing, dead, with a dead band; then its resolution."""
     values, present, name = getattr(log, channel), log.has(channel), {"tau": "torque"}.get(channel, channel)
     criteria = notes.criteria
     if not present.all():
@@ -102,8 +102,14 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
             "certain",
             "leave its torque row out (--torque-joints): most of what it should show is missing",
         )
+    _resolution(values, live & ~band, (name, unit), notes)
+
+
+def _resolution(values: Array, good: NDArray[np.bool_], quantity: tuple[str, str], notes: Notebook) -> None:
+    """Coarse, saturated, held; the quantity is its name and its unit."""
+    criteria, (name, unit) = notes.criteria, quantity
     levels = np.array([_levels(x, criteria) for x in values.T])
-    coarse = live & ~band & (levels < criteria.coarse_steps)
+    coarse = good & (levels < criteria.coarse_steps)
     if coarse.any():
         notes.add(
             "coarse torque",
@@ -112,7 +118,7 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
             "certain",
             "record it with more digits; as it is, errors below half a step are not noise and do not average out",
         )
-    share = np.array([_saturated(x, criteria) if ok else 0.0 for x, ok in zip(values.T, live & ~band, strict=True)])
+    share = np.array([_saturated(x, criteria) if ok else 0.0 for x, ok in zip(values.T, good, strict=True)])
     if (share > 0).any():
         extremes = np.abs(values[:, share > 0]).max(axis=0)
         notes.add(
@@ -123,7 +129,7 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
             "likely",
             "the drive or the recording is at its limit there: slow the motion down, or leave these stretches out",
         )
-    held = np.array([_held(x, criteria) if ok else 1 for x, ok in zip(values.T, live & ~band, strict=True)])
+    held = np.array([_held(x, criteria) if ok else 1 for x, ok in zip(values.T, good, strict=True)])
     if (held > 1).any():
         notes.add(
             "held torque",

@@ -103,10 +103,9 @@ class GainProblem:
         T[-1, -1] = 1.0
         return np.asarray(T.T @ gram.moments @ T)
 
-    # ------------------------------------------------------------------ three solutions
-
     @property
     def names(self) -> list[str]:
+        """Names of the unknowns: base parameters, the payload's, gains."""
         payload = [] if self.payload_reduction is None else [c.name for c in self.payload_reduction.base_columns()]
         return [
             *(c.name for c in self.reduction.base_columns()),

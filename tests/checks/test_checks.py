@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frischid.checks import inspect
+from frischid.checks import defects, inspect
 from frischid.checks.channels import quantum
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.cli.pages.checking import check as check_page
 from frischid.effects import BASELINE
 from frischid.errors import InputError
 from frischid.logs.log import Log
+from frischid.logs.mapping import LogMap
 from frischid.logs.readers import read_log
 from frischid.model.identification import identify
 from frischid.model.log_examination import check
@@ -245,6 +246,50 @@ def test_every_criterion_has_its_reason():
     folder = Path(inspect_source.getfile(CheckCriteria)).parent
     used = "".join(path.read_text(encoding="utf-8") for path in folder.glob("*.py") if path.stem != "check_criteria")
     assert [name for name in names if f".{name}" not in used] == []
+
+
+def test_a_torque_that_runs_ahead_is_not_called_late():
+    log = clean("ur10")
+    early = kinds(machine("ur10"), replace(log, tau=delayed(log, log.tau, -0.05)))["late torque"]
+    assert "runs ahead of the motion by 0.05" in early.what
+
+
+def test_blocking_issues_come_first():
+    log = clean("planar2")
+    damaged = replace(log, q=np.rad2deg(log.q), tau=column(log.tau, 1, lambda c: 0 * c + 3.0))
+    (report,) = check(machine("planar2"), [damaged])
+    blocks = [issue.blocks for issue in report.issues]
+    assert blocks == sorted(blocks, reverse=True)
+    assert blocks[0]
+    assert not blocks[-1]
+
+
+def test_parameters_that_a_log_cannot_see_are_named():
+    robot = machine("planar2")
+    (rich,) = check(robot, [clean("planar2")])
+    held = replace(clean("planar2"), q=column(clean("planar2").q, 1, lambda c: 1e-3 * c), v=None)
+    (poor,) = check(robot, [held])
+    assert rich.facts["unseen_parameters"] == []
+    assert any(name.endswith("2") for name in poor.facts["unseen_parameters"])
+
+
+def test_every_defect_of_a_file_is_told_at_once(tmp_path):
+    path = tmp_path / "log.csv"
+    rows = [[f"{0.01 * k:.2f}", "0.1", "0.2", "1", "2"] for k in range(300)]
+    rows[50][1] = "nan"
+    rows[80] = rows[80][:3]
+    rows[120][0] = "9e9"
+    rows[160][0] = rows[159][0]
+    del rows[200:220]
+    rows[-1] = rows[-1][:2]
+    head = "t,q_joint1,q_joint2,tau_joint1,tau_joint2"
+    path.write_text("\n".join([head, *map(",".join, rows)]) + "\n")
+    found = {issue.kind: issue.what for issue in defects(path, LogMap()).issues}
+    assert set(found) == {"truncated line", "ragged lines", "garbage rows", "time", "gap"}
+    assert "82" in found["ragged lines"]  # the header is line 1
+    assert "162" in found["time"]
+    path.write_text("\n".join([head, *map(",".join, rows[:40])]) + "\n")
+    assert defects(path, LogMap()) is None
 
 
 def test_quantum():
