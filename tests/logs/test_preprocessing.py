@@ -235,6 +235,15 @@ def test_a_gap_is_longer_than_a_tenth_of_the_cutoffs_period(gap, stretches):
     assert len(without) == 2
 
 
+def test_the_note_says_how_much_the_filters_do_not_see():
+    t, lowpass = np.concatenate([T[:800], T[800:] + 0.5]), LowPass(5.0)
+    prepared = prepare(log_of(t, np.sin(t)), lowpass)
+    step = T[1] - T[0]
+    seen = sum(len(m.t) - len(lowpass.taps(m.step)) + 1 for m in prepared.motions)
+    (said,) = (float(n.split(": ")[1].split(" s ")[0]) for n in prepared.notes if "trimmed" in n)
+    assert said == pytest.approx((len(t) - seen) * step, rel=0.1)
+
+
 def test_one_lost_sample_is_no_gap():
     t = np.delete(T, 500)
     prepared = prepare(log_of(t, np.sin(t)), LowPass(5.0))

@@ -60,6 +60,21 @@ def test_predicts_known_parameters_too():
     np.testing.assert_allclose(exact.inverse_dynamics(q, v, a), expected, atol=1e-4)
 
 
+def test_friction_is_what_the_friction_effects_say():
+    machine, effects = robot("planar2"), parse_effects("viscous, joint_spring, offset")
+    values = random_values(machine, effects)
+    seen = quick(machine, [exact_log(machine, effects, values)], effects=effects).model
+    q, v, _ = states(machine)
+    expected = v * [values["fv1"], values["fv2"]]
+    np.testing.assert_allclose(seen.friction(q, v), expected, atol=1e-4 * np.abs(expected).max())
+
+
+def test_a_model_was_fitted_to_the_logs_of_its_last_fit():
+    events = ({"action": "identify", "logs": [1]}, {"action": "add", "logs": [1, 2, 3]}, {"action": "consistent"})
+    assert replace(model(), history=events).fitted_to == 3
+    assert replace(model(), history=()).fitted_to == 0
+
+
 def test_one_sample_is_a_row():
     q, v, a = states(robot("planar2"), count=1)
     assert model().inverse_dynamics(q[0], v[0], a[0]).shape == (1, 2)
