@@ -11,11 +11,29 @@ from collections.abc import Iterable
 
 
 class FrischidError(Exception):
-    """Base of every error frischid raises on purpose."""
+    """Base of every error frischid raises on purpose.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> try:
+    ...     fr.Robot.load("panda2")
+    ... except fr.FrischidError as error:
+    ...     print(error)
+    unknown robot 'panda2'...
+    """
 
 
 class InputError(FrischidError):
-    """A file, a column, a value or an option is not usable; the message names it and says what to do."""
+    """A file, a column, a value or an option is not usable; the message names it and says what to do.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> fr.Noise(tau=-1.0)
+    Traceback (most recent call last):
+    frischid.errors.InputError: noise tau must be zero or a positive number, got -1.0
+    """
 
 
 class UnknownNameError(InputError):

@@ -28,3 +28,10 @@ def test_examples_of_a_module_run(name, tmp_path, monkeypatch):
     for test in tests:
         runner.run(test, out=printed.append)
     assert not runner.failures, "".join(printed)
+
+
+@pytest.mark.parametrize("name", [n for n in frischid.__all__ if not n.isupper() and n != "__version__"])
+def test_every_public_name_has_an_example(name):
+    text = getattr(frischid, name).__doc__
+    assert "Examples\n" in text, f"frischid.{name} has no Examples section"
+    assert ">>> " in text

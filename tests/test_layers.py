@@ -5,6 +5,7 @@ import subprocess
 import sys
 from functools import cache
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
@@ -174,6 +175,14 @@ def test_starting_is_light(start):
     assert done.stdout.strip() == ""
 
 
+def test_the_picture_of_the_folders_is_the_code():
+    script = PACKAGE.parent / "docs" / "architecture_picture.py"
+    spec = spec_from_file_location("architecture_picture", script)
+    drawn = module_from_spec(spec)
+    spec.loader.exec_module(drawn)
+    assert drawn.TARGET.read_text(encoding="utf-8") == drawn.picture(), "run python docs/architecture_picture.py"
+
+
 SCRIPTS = [path for folder in ("benchmarks", "docs") for path in sorted((PACKAGE.parent / folder).glob("*.py"))]
 
 
@@ -185,3 +194,21 @@ def test_scripts_import_names_that_exist(path):
             for alias in node.names:
                 if not hasattr(home, alias.name):
                     import_module(f"{node.module}.{alias.name}")
+
+
+def constants(path):
+    """Names in capitals that a module defines at its top level; imports do not count."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        for target in targets:
+            for name in target.elts if isinstance(target, ast.Tuple) else [target]:
+                if isinstance(name, ast.Name) and name.id.isupper():
+                    yield name.id
+
+
+def test_the_name_of_a_constant_means_one_thing():
+    found = {}
+    for module, path in modules().items():
+        for name in constants(path):
+            found.setdefault(name, set()).add(module)
+    assert not {name: homes for name, homes in found.items() if len(homes) > 1}

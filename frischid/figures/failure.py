@@ -8,8 +8,8 @@ import plotly.graph_objects as go
 from frischid.core.types import Array
 from frischid.figures.style import (
     SCALE,
+    VARIABLE_WORDS,
     VERMILION,
-    WORDS,
     Drawing,
     axis_of,
     drawing,
@@ -21,11 +21,8 @@ from frischid.figures.style import (
 )
 from frischid.model.comparison import Comparison
 from frischid.model.prediction import Prediction
+from frischid.model.residual_conditions import CONDITION_ORDER
 
-ORDER = (
-    "near reversal", "slow", "fast", "forwards", "backwards", "low angles", "middle angles", "high angles",
-    "high load", "high acceleration", "beginning", "end",
-)  # fmt: skip
 PHRASES = {
     "near reversal": "near reversals", "slow": "at low speed", "fast": "at high speed", "forwards": "going forwards",
     "backwards": "going backwards", "low angles": "at low angles", "middle angles": "at middle angles",
@@ -42,7 +39,7 @@ def matrix(comparison: Comparison) -> Drawing:
     """Joint by condition: error under it as a multiple of the joint's average, a star where it is more than chance."""
     joints = list(comparison.joints.names)
     found = {(c.joint, c.condition): c for c in comparison.residuals.conditions()}
-    order = [name for name in ORDER if any((j, name) in found for j in joints)]
+    order = [name for name in CONDITION_ORDER if any((j, name) in found for j in joints)]
     cells = [found.get((j, n)) for n in order for j in joints]
     text = ["" if c is None else f"{c.ratio:.1f}{'*' * (c.p_value < CERTAIN)}" for c in cells]
     ratio = np.array([np.nan if c is None else c.ratio for c in cells]).reshape(len(order), len(joints))
@@ -126,7 +123,7 @@ def against(prediction: Prediction, joint: str, variable: str, sliding: bool = F
             f"{times:.1f} × the usual."
         )
     return drawing(
-        f"Residual against {WORDS[variable]}", reading, figure, 250, showlegend=False,
+        f"Residual against {VARIABLE_WORDS[variable]}", reading, figure, 250, showlegend=False,
         margin={"l": 64, "r": 10, "t": 8, "b": 46},
     )  # fmt: skip
 

@@ -14,8 +14,8 @@ from frischid.figures.failure import binned
 from frischid.figures.style import (
     BLUE,
     MEASURED,
+    VARIABLE_WORDS,
     VERMILION,
-    WORDS,
     Drawing,
     axis_of,
     breaks,
@@ -54,7 +54,11 @@ def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = 
     elsewhere = "" if not joints or found.joint in joints else f", which it helps more than {listed(joints)}"
     share = f"{100 * max(found.explained, 0.0):.0f} % of the squared residual of {found.joint}{elsewhere}"
     reading = f"{how}: {title} explains {share}."
-    where = f"a stretch of {Path(found.stretch).name}" if found.stretch else f"residual against {WORDS[found.variable]}"
+    where = (
+        f"a stretch of {Path(found.stretch).name}"
+        if found.stretch
+        else f"residual against {VARIABLE_WORDS[found.variable]}"
+    )
     return drawing(f"{found.joint}: {where}", reading, figure, 300)
 
 

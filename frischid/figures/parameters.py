@@ -17,7 +17,7 @@ from frischid.core.types import Array
 from frischid.figures.style import BLUE, COLOURS, GREEN, INK, MEASURED, PURPLE, Drawing, drawing, number, plain
 from frischid.model.model import Model
 
-WORDS = {"frisch": "Classical Frisch", "bbrf": "BBRF", "sensorwise": "Sensor-wise Frisch"}
+BOUND_TITLES = {"frisch": "Classical Frisch", "bbrf": "BBRF", "sensorwise": "Sensor-wise Frisch"}
 LOOKS = {"frisch": ("#a6d5f5", 11.0), "bbrf": (COLOURS[4], 7.0), "sensorwise": (PURPLE, 5.0)}
 """Widest and lightest first, so that one lies on the other and they differ in grey too."""
 FURTHEST = 6.0  # decades of standard errors that are drawn
@@ -28,7 +28,7 @@ FAR = {"10": 1e1, "100": 1e2, "10⁴": 1e4, "10⁶": 1e6}
 
 def title(method: str) -> str:
     """Name of a method that gives bounds."""
-    return WORDS.get(method, method)
+    return BOUND_TITLES.get(method, method)
 
 
 def scaled(d: Array) -> Array:

@@ -36,7 +36,7 @@ POINTS = 1600
 """Samples drawn of one curve."""
 UNITS = {"q": "rad", "v": "rad/s", "a": "rad/s²", "load": "N·m", "t": "s"}
 SLIDING = {"q": "m", "v": "m/s", "a": "m/s²", "load": "N", "t": "s"}
-WORDS = {
+VARIABLE_WORDS = {
     "q": "position q", "v": "velocity q̇", "a": "acceleration q̈", "load": "load", "t": "time"
 }  # fmt: skip
 
@@ -152,7 +152,7 @@ def units_of(sliding: bool) -> dict[str, str]:
 
 def axis_of(variable: str, sliding: bool) -> str:
     """Title of an axis: the variable and its unit."""
-    return f"{EXPLAINED.get(variable, WORDS[variable])}, {units_of(sliding)[variable]}"
+    return f"{EXPLAINED.get(variable, VARIABLE_WORDS[variable])}, {units_of(sliding)[variable]}"
 
 
 def breaks(stretch: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -55,8 +55,8 @@ from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
 _FIRST_LOOKS = 32  # logs, spread over the fleet, from which the filter and the joints are taken
-_ROUNDS = 5  # of taking out robots that differ; each round is one pass over the moments
-_NEARLY_EVERY = 0.5  # share of those logs that must hold a joint or its torque; a log without it is skipped by name
+_EXCLUSION_ROUNDS = 5  # of taking out robots that differ; each round is one pass over the moments
+_LEAST_SHARE = 0.5  # share of those logs that must hold a joint or its torque; a log without it is skipped by name
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ def _job(
         raise InputError(
             f"none of {len(looks)} logs looked at can be read; the first: {looks[0].address}: {looks[0].reason}"
         )
-    most = _NEARLY_EVERY * len(good)
+    most = _LEAST_SHARE * len(good)
     held = [n for n in robot.joints if sum(n in x.joints for x in good) > most]
     if not held:
         raise InputError(
@@ -235,7 +235,7 @@ def _compared(pool: Workers, robots: Mapping[int, Any]) -> tuple[Gram, Estimate,
     """The fleet without the robots that differ, and every robot against the rest of it."""
     sums = dict(zip(robots, pool.map(moments, list(robots.values())), strict=True))
     outside: set[int] = set()
-    for _ in range(_ROUNDS):
+    for _ in range(_EXCLUSION_ROUNDS):
         inside = [k for k in robots if k not in outside]
         handle = pool.tree(add, [sums[k] for k in inside])
         (fleet,) = pool.gather([handle])

@@ -8,12 +8,12 @@ from typing import Literal, TypedDict
 
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.urdf_prior import PriorCriteria
+from frischid.logs.preprocessing import VELOCITIES
 from frischid.model.identification_criteria import IdentificationCriteria
 
 ESTIMATORS = ("wls", "ols", "frisch", "sensorwise", "eiv", "iv")
 PRIORS = ("auto", "none", "urdf")
 RECURSIONS = ("strict", "undo", "calibrated", "none")
-VELOCITIES = ("auto", "measured", "derived")
 Cutoff = float | Literal["auto"] | None
 
 

@@ -25,6 +25,12 @@ from frischid.regression.block import Block
 
 Flags = NDArray[np.bool_]
 
+CONDITION_ORDER = (
+    "near reversal", "slow", "fast", "forwards", "backwards", "low angles", "middle angles", "high angles",
+    "high load", "high acceleration", "beginning", "end",
+)  # fmt: skip
+"""Conditions in the order in which pages and figures show them."""
+
 
 @dataclass(frozen=True)
 class Condition:

@@ -27,7 +27,7 @@ from frischid.robot.urdf_reading import robot_names
 
 FLOOR_NAME = "floor"
 _POSES = 64
-_NEARLY_EVERY = 0.8
+_ALWAYS_SHARE = 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +254,7 @@ def _add_pairs(robot: Robot, geometry: Any) -> list[str]:
     for x in robot.configuration(poses):
         pin.computeCollisions(model, data, geometry, space, x, False)
         hits += [result.isCollision() for result in space.collisionResults]
-    always = [pair for pair, n in zip(list(geometry.collisionPairs), hits, strict=True) if n > _NEARLY_EVERY * _POSES]
+    always = [pair for pair, n in zip(list(geometry.collisionPairs), hits, strict=True) if n > _ALWAYS_SHARE * _POSES]
     names = [_pair_name(geometry, pair) for pair in always]
     for pair in always:
         geometry.removeCollisionPair(pair)

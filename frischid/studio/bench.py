@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # jobs load what they need: the first picture does not wait f
     from frischid.diagnosis.diagnosis import Diagnosis
     from frischid.diagnosis.findings import Finding
 
-PATIENCE = 1.0  # s before a diagnosis begins in the background
+DIAGNOSIS_DELAY = 1.0  # s before a diagnosis begins in the background
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +204,7 @@ class Bench:
                 self._put(replace(state, problem=message_of(error)), state.revision)
 
         # First the page draws what is new: the diagnosis would take the processor from it.
-        timer = threading.Timer(PATIENCE, work)
+        timer = threading.Timer(DIAGNOSIS_DELAY, work)
         timer.daemon = True
         timer.start()
 

@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from frischid.diagnosis.findings import Finding
     from frischid.studio.stage import Stage
 
-SHOWN = 6
-VARIABLES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "load", "time": "t"}
+FINDINGS_IN_PANEL = 6
+VARIABLE_CHOICES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "load", "time": "t"}
 EVERY = "every joint"
 NUMBERS = "On the buttons: NRMSE on data left out of each fit, without the effect → with it."
-BLINK, PATIENCE = 0.05, 3.0  # s
+BLINK, STORAGE_TIMEOUT = 0.05, 3.0  # s
 HIGH, HIGH_ON_PHONE = 0.95, 1.2  # of the height that a figure has in the report, in a panel and in the sheet
 
 
@@ -86,7 +86,7 @@ class Tab:
     def _come(self) -> None:
         """Wait until the browser has come to what was sent, and for a moment in which it may draw it."""
         with contextlib.suppress(RuntimeError, TimeoutError):  # it was closed, or keeps no storage, or is too busy
-            self.client.local_storage.get_item("frischid", timeout=PATIENCE)
+            self.client.local_storage.get_item("frischid", timeout=STORAGE_TIMEOUT)
         time.sleep(BLINK)
 
     # ------------------------------------------------------------------ what is on the page
@@ -123,7 +123,7 @@ class Tab:
                 self.use = gui.add_button("Add this formula", color="gray")
         with group.add_tab("Fails where") as fails:
             self.matrix = self._figure(gui, fails)
-            self.variable = gui.add_dropdown("Residual against", tuple(VARIABLES), initial_value="velocity")
+            self.variable = gui.add_dropdown("Residual against", tuple(VARIABLE_CHOICES), initial_value="velocity")
             self.against = self._figure(gui, fails)
         with group.add_tab("Keep"):
             self.save = gui.add_button("Save the model")
@@ -209,7 +209,7 @@ class Tab:
         self._show(self.torque, figures.measured(state.prediction, state.comparison, joint, contacts, unit))
 
     def _residual(self) -> None:
-        joint, variable = str(self.joint.value), VARIABLES[str(self.variable.value)]
+        joint, variable = str(self.joint.value), VARIABLE_CHOICES[str(self.variable.value)]
         self._show(self.against, figures.against(self.bench.state.prediction, joint, variable, self._sliding(joint)))
 
     def _show(self, place: _Place, drawing: Drawing) -> None:
@@ -244,7 +244,7 @@ class Tab:
             passing = [f for f in state.diagnosis.findings if f.significant and f.members]
             told = [f"{missing(state.diagnosis)}.", NUMBERS if passing else "", HOW_RANKED if len(passing) > 1 else ""]
             self._listed.append(self.client.gui.add_markdown(plain(" ".join(filter(None, told)))))
-            for finding in passing[:SHOWN]:
+            for finding in passing[:FINDINGS_IN_PANEL]:
                 self._offer(finding, state.revision)
 
     def _offer(self, finding: Finding, revision: int) -> None:

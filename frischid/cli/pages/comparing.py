@@ -6,11 +6,7 @@ from typing import Any
 
 from frischid.cli.pages.page import Page, depends, figure, table_of
 from frischid.model.comparison import Comparison
-
-ORDER = (
-    "near reversal", "slow", "fast", "forwards", "backwards", "low angles", "middle angles", "high angles",
-    "high load", "high acceleration", "beginning", "end",
-)  # fmt: skip
+from frischid.model.residual_conditions import CONDITION_ORDER
 
 
 def comparison(result: Comparison) -> Page:
@@ -48,7 +44,7 @@ def _where(result: Comparison) -> list[Any]:
     if not conditions:
         return []
     names = list(dict.fromkeys(c.condition for c in conditions))
-    order = [n for n in ORDER if n in names]
+    order = [n for n in CONDITION_ORDER if n in names]
     table = table_of(
         "joint", *order, title="where it fails: error under a condition / the joint's average (* p < 0.01)"
     )

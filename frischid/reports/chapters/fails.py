@@ -8,7 +8,7 @@ from frischid import figures
 from frischid.core.text import listed
 from frischid.reports.study import Study
 
-VARIABLES = ("q", "v", "a", "load", "t")
+AXES = ("q", "v", "a", "load", "t")
 DEPENDENT = 0.01  # p-value below which a residual is said to depend on a variable
 
 
@@ -19,9 +19,9 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     worst = max(shown.joints, key=lambda joint: joint.nrmse).name
     joints = []
     for name, fit in shown.joints.items():
-        on = [figures.style.WORDS[v] for v, p in structure[name].depends_on.items() if p < DEPENDENT]
+        on = [figures.style.VARIABLE_WORDS[v] for v, p in structure[name].depends_on.items() if p < DEPENDENT]
         slides = study.sliding(name)
-        drawings = [figures.against(study.prediction, name, v, slides) for v in VARIABLES]
+        drawings = [figures.against(study.prediction, name, v, slides) for v in AXES]
         drawings.append(figures.plane(study.prediction, name, slides))
         joints.append(
             {"name": name, "nrmse": fit.nrmse, "depends_on": listed(on), "drawings": drawings, "open": name == worst}

@@ -10,7 +10,7 @@ from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study
 
-HEADINGS = ("step", "action", "effects", "before", "after", "NRMSE measured on")
+HISTORY_HEADINGS = ("step", "action", "effects", "before", "after", "NRMSE measured on")
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
@@ -26,7 +26,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     caption = f"Steps of the model. {_shapes(study)}"
     return {
         "staircase": figures.staircase(study.model, floor),
-        "steps": Table(HEADINGS, rows, words=3, caption=caption),
+        "steps": Table(HISTORY_HEADINGS, rows, words=3, caption=caption),
     }
 
 

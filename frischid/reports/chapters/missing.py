@@ -14,13 +14,13 @@ from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study, missing, opened
 
-SHOWN = 6  # findings with a card; the others stand in the ranking
-CAPTION = (
+FINDING_CARDS = 6  # findings with a card; the others stand in the ranking
+RANK_CAPTION = (
     "NRMSE after: with this effect alone; explains: share of the error above the sensor noise on its joints; gain: "
     "of log likelihood; p: probability of such a gain by chance. Ranked by how much the error rises when one "
     "effect is taken out of a model that has all of them: what several effects explain equally well is not counted"
 )
-HEADINGS = ("effect", "where", "NRMSE after", "explains", "gain", "p", "confused with")
+RANK_HEADINGS = ("effect", "where", "NRMSE after", "explains", "gain", "p", "confused with")
 TINY = 1e-15  # probability below which only its bound is printed
 
 
@@ -40,8 +40,10 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "contacts": contacts,
         "notes": [note[:1].upper() + note[1:] for note in diagnosis.notes[1:]],
         "how_ranked": HOW_RANKED if len(significant) > 1 else "",
-        "cards": [_card(study, finding) for finding in significant[:SHOWN]],
-        "ranking": Table(HEADINGS, [_row(f) for f in diagnosis.findings if f.members], words=2, caption=CAPTION),
+        "cards": [_card(study, finding) for finding in significant[:FINDING_CARDS]],
+        "ranking": Table(
+            RANK_HEADINGS, [_row(f) for f in diagnosis.findings if f.members], words=2, caption=RANK_CAPTION
+        ),
     }
 
 

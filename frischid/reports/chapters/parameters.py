@@ -14,16 +14,16 @@ from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study
 
-ESTIMATORS = {
+ESTIMATOR_TITLES = {
     "wls": "weighted least squares", "ols": "least squares", "map": "least squares with the URDF as a prior",
     "frisch": "best point of the Frisch box", "sensorwise": "sensor-wise Frisch scheme", "eiv": "errors in variables",
     "iv": "instrumental variables",
 }  # fmt: skip
-RECURSIONS = {
+RECURSION_TITLES = {
     "strict": "the paper's Algorithm 1", "undo": "windows that would empty the box are left out",
     "calibrated": "every window's box is widened by its sampling error",
 }  # fmt: skip
-CAPTION = "Base parameters; R marks one that others are regrouped into; s.e. is the standard error"
+PARAMETERS_CAPTION = "Base parameters; R marks one that others are regrouped into; s.e. is the standard error"
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
@@ -32,7 +32,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     record = figures.parameters.recursion_of(model)
     return {
         "count": len(e.theta),
-        "estimator": ESTIMATORS.get(e.estimator, e.estimator),
+        "estimator": ESTIMATOR_TITLES.get(e.estimator, e.estimator),
         "condition": number(e.condition, 3),
         "weak": len(study.weak),
         "impossible": listed(study.impossible),
@@ -44,7 +44,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "correlation": figures.correlation(model),
         "regrouping": _regrouping(study),
         "recursion": record,
-        "recursion_means": "" if record is None else RECURSIONS.get(record["variant"], record["variant"]),
+        "recursion_means": "" if record is None else RECURSION_TITLES.get(record["variant"], record["variant"]),
         "refitted": model.recursion is None,
         "closing": figures.closing(model),
     }
@@ -64,7 +64,7 @@ def _values(study: Study) -> Table:
         rows.append([*row, *known, *boxes, ", ".join(flags), _sum(model.expressions[i])])
     boxed = [f"{figures.parameters.title(method)} box" for method in model.bounds]
     headings = ["parameter", "unit", "value", "± s.e.", *given, *boxed, "flags", "stands for"]
-    return Table(headings, rows, words=2, caption=CAPTION)
+    return Table(headings, rows, words=2, caption=PARAMETERS_CAPTION)
 
 
 def _sum(expression: str) -> str:

@@ -9,12 +9,22 @@ from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study
 
-CAPTION = (
+ERRORS_CAPTION = (
     "Errors joint by joint, over all logs. NRMSE is the rms error over the torque's standard deviation; so are the "
     "three columns after it: the error that the sensors' noise alone causes, and the errors of two simpler models. "
     "fit = 100 (1 − NRMSE)"
 )
-HEADINGS = ("joint", "unit", "rms error", "bias", "NRMSE", "noise floor", "URDF alone", "constant torque", "fit, %")
+ERROR_HEADINGS = (
+    "joint",
+    "unit",
+    "rms error",
+    "bias",
+    "NRMSE",
+    "noise floor",
+    "URDF alone",
+    "constant torque",
+    "fit, %",
+)
 ROUNDING = 1e-9  # share of the rms error below which a bias is a zero that was rounded
 
 
@@ -31,7 +41,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         for name in study.model.joints
     ]
     return {
-        "errors": Table(HEADINGS, rows, words=2, caption=CAPTION),
+        "errors": Table(ERROR_HEADINGS, rows, words=2, caption=ERRORS_CAPTION),
         "standstill": study.comparison.standstill,
         "nrmse_with_standstill": study.comparison.nrmse_with_standstill,
         "band": study.prediction.band,
