@@ -37,7 +37,7 @@ from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 
-CHANNELS = ("q", "v", "a")
+MOTION_CHANNELS = ("q", "v", "a")
 PROBE_STEP = 0.03
 """Displacement of a sensor for differences, as a share of what its channels span: rms of q̇ and q̈, 1 rad (m) of q."""
 
