@@ -14,7 +14,7 @@ import numpy as np
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.estimators.errors_in_variables import Samples
-from frischid.estimators.sensor_noise import CHANNELS, Sensor, noise_levels, sensors_of
+from frischid.estimators.sensor_noise import MOTION_CHANNELS, Sensor, noise_levels, sensors_of
 from frischid.estimators.sensorwise import TORQUE
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
@@ -140,7 +140,7 @@ def _directions(sensors: Sequence[Sensor], sigma: Mapping[str, float], filtered:
         raw = np.zeros((3, length))
         for channel, taps in sensor.taps.items():
             cut = (length - len(taps)) // 2
-            raw[CHANNELS.index(channel), cut : length - cut] = taps
+            raw[MOTION_CHANNELS.index(channel), cut : length - cut] = taps
         smooth = np.stack([np.convolve(r, filtered) for r in raw])
         values, vectors = np.linalg.eigh(smooth @ smooth.T)
         for value, vector in zip(values, vectors.T, strict=True):
