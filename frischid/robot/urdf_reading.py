@@ -13,6 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 from frischid.errors import InputError, UnknownNameError
+from frischid.robot.urdf_numbers import check_numbers
 
 
 def robot_names() -> dict[str, Path]:
@@ -82,7 +83,7 @@ def parse_urdf(text: str, source: str) -> ET.Element:
     Raises
     ------
     InputError
-        The text is no XML, has another root than ``<robot>``, or is a xacro file.
+        The text is no XML, has another root than ``<robot>``, is a xacro file, or holds a number nobody can read.
     """
     try:
         root = ET.fromstring(text)
@@ -92,6 +93,7 @@ def parse_urdf(text: str, source: str) -> ET.Element:
         raise InputError(f"{source}: the root element is <{root.tag}>, a URDF has <robot>")
     if any("xacro" in element.tag for element in root.iter()):
         raise InputError(f"{source}: this is a xacro file; expand it first (xacro FILE > robot.urdf)")
+    check_numbers(text, source)
     return root
 
 

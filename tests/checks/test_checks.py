@@ -14,6 +14,7 @@ import pytest
 from frischid.checks import defects, inspect
 from frischid.checks.channels import quantum
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
+from frischid.checks.log_issue import Notebook
 from frischid.cli.pages.checking import check as check_page
 from frischid.effects import BASELINE
 from frischid.errors import InputError
@@ -262,6 +263,27 @@ def test_blocking_issues_come_first():
     assert blocks == sorted(blocks, reverse=True)
     assert blocks[0]
     assert not blocks[-1]
+
+
+def test_of_issues_that_do_not_block_the_surest_comes_first():
+    notes = Notebook(("a", "b"))
+    for kind, sure, blocks in (("1", "possible", False), ("2", "certain", False), ("3", "likely", True)):
+        notes.add(kind, "", (), sure, "", blocks=blocks)
+    notes.add("4", "", (), "certain", "", blocks=True)
+    notes.add("5", "", (), "likely", "")
+    assert [issue.kind for issue in notes.report("log").issues] == ["4", "3", "2", "5", "1"]
+
+
+def test_the_longest_gap_of_a_file_is_told_with_its_line(tmp_path):
+    t = np.arange(300) * 0.01
+    t[100:] += 0.3
+    t[200:] += 0.2
+    path = tmp_path / "log.csv"
+    path.write_text("t,q_joint1,tau_joint1\n" + "".join(f"{x:.2f},0.1,{k}\n" for k, x in enumerate(t)) + "nan,0,0\n")
+    gap = {issue.kind: issue for issue in defects(path, LogMap()).issues}["gap"]
+    # the header is line 1, so the hundredth sample is line 101
+    assert gap.what == "2 gaps in the time stamps, the longest 0.31 s after line 101"
+    assert not gap.blocks
 
 
 def test_parameters_that_a_log_cannot_see_are_named():

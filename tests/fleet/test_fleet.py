@@ -16,7 +16,7 @@ from frischid.core.types import Column
 from frischid.errors import InputError
 from frischid.estimators.least_squares import wls
 from frischid.fleet.deviation import Null, changes, deviation
-from frischid.fleet.fleet import FleetOptions, identify_fleet
+from frischid.fleet.fleet import FleetOptions, _with_spread, identify_fleet
 from frischid.fleet.log_paths import LogPath, find_logs, local, robot_of
 from frischid.regression.moments import Gram, total
 
@@ -214,6 +214,25 @@ def test_a_robot_is_compared_with_the_others_alone():
     outside = deviation([robots[0]], others, wls([others]).theta, weights, included=False)
     assert inside.statistic == pytest.approx(outside.statistic, rel=1e-6)
     assert inside.shift == pytest.approx(np.ones(3), abs=0.02)
+
+
+def same_motion(theta, samples=1000):
+    """Moments of one joint that always moves alike, without noise."""
+    Y = np.random.default_rng(0).normal(size=(samples, len(theta)))
+    z = np.column_stack([Y, Y @ theta])
+    columns = tuple(Column(f"x{k}", "N·m", "elbow", f"effect {k}") for k in range(len(theta)))
+    return Gram(columns, ("elbow",), (z.T @ z)[None], z.sum(axis=0)[None], np.array([float(samples)]))
+
+
+@pytest.mark.parametrize("robots", [4, 10])
+def test_the_spread_of_robots_that_move_alike_is_that_of_a_mean(robots):
+    values = np.array([1.0, 2.0, 3.0]) + 0.1 * np.random.default_rng(1).normal(size=(robots, 3))
+    each = [same_motion(theta) for theta in values]
+    whole = total(each)
+    fitted = wls([whole])
+    found = [deviation([x], whole, fitted.theta, fitted.weights, included=True) for x in each]
+    spread = _with_spread(fitted, whole, found, Null.of(found))
+    np.testing.assert_allclose(spread.covariance, np.cov(values.T) / robots, rtol=1e-6)
 
 
 def test_a_local_cluster_listens_to_this_machine_only():

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from frischid.effects import BASELINE
 from frischid.errors import InputError
 from frischid.logs.cutoff_choice import choose_lowpass
-from frischid.logs.filters import LowPass, decimating_filter, derivative_taps, noise_level
+from frischid.logs.derivatives import Derivatives
+from frischid.logs.filters import LowPass, correlate, decimating_filter, derivative_taps, noise_level
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import prepare
 from frischid.logs.readers import read_log
@@ -291,6 +292,19 @@ def test_measured_acceleration_is_used_where_it_is_nearer_the_truth():
     assert (motion.a[:, 0] == np.interp(motion.t, T, -np.sin(T))).all()
 
 
+def test_of_two_accelerations_the_one_with_less_error_is_taken():
+    rng, sigma, count = np.random.default_rng(0), 1e-3, 20_000
+    truth = np.sin(2 * np.arange(count) / RATE)[:, None]
+    shares = np.array([0.4, 0.8, 1.25, 2.5])  # error of the measured acceleration over that of the derived one
+    q = truth + sigma * rng.normal(size=(count, len(shares)))
+    both = Derivatives(q, np.full_like(q, np.nan), 1 / RATE, LowPass(5.0))
+    smooth = both.lowpass.taps(both.step)
+    exact = -4 * truth[both.half : count - both.half]
+    derived = np.std(correlate(smooth, both.a - exact), axis=0)
+    measured = exact + rng.normal(size=both.a.shape) * shares * derived / np.linalg.norm(smooth)
+    assert both.better(measured).tolist() == [True, True, False, False]
+
+
 def test_unknown_choice_of_velocity():
     with pytest.raises(InputError, match="one of auto, measured, derived"):
         prepare(log_of(T, np.sin(T), v=np.cos(T)), NONE, velocity="best")
@@ -309,6 +323,15 @@ def test_standstill():
     assert still[T < 4.7].all()
     assert still[T > 10.3].all()
     assert not still[(T > 5.2) & (T < 9.8)].any(), "a reversal is no standstill"
+
+
+@pytest.mark.parametrize("step", [0.002, 0.01, 0.04])
+def test_a_joint_that_travels_a_millirad_in_half_a_second_holds_no_position(step):
+    t = np.arange(0, 10, step)
+    for travel, expected in ((0.8e-3, True), (1.25e-3, False)):  # rad within half a second
+        v = np.full((t.size, 1), travel / 0.5)
+        still = find_standstill(v * t[:, None], v, 0 * v, step)[:, 0]
+        assert (still == expected)[(t > 1) & (t < 9)].all()
 
 
 def test_a_short_pause_before_a_joint_turns_is_standstill():

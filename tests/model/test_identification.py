@@ -10,7 +10,7 @@ from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, Unk
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import cross_validated
 from frischid.logs.log import Log
-from frischid.logs.summary import moving_but_locked
+from frischid.logs.summary import moving_but_locked, summarise
 from frischid.model.identification import identify
 from frischid.model.identify_options import ESTIMATORS
 from frischid.model.log_examination import check
@@ -100,6 +100,16 @@ def test_columns_of_the_log_in_another_order():
     log = exact_log(UR10, BASELINE, random_values(UR10, BASELINE))
     first, second = quick(UR10, [log]), quick(UR10, [log.select(log.joints[::-1])])
     np.testing.assert_allclose(first.model.estimate.theta, second.model.estimate.theta, rtol=1e-9)
+
+
+def test_a_locked_joint_may_move_by_three_degrees():
+    robot = Robot.load("ur10", lock=["elbow_joint"])
+    log = exact_log(UR10, BASELINE)
+    column = log.joints.index("elbow_joint")
+    for travel, expected in ((0.045, {}), (0.055, {"elbow_joint": pytest.approx(0.055)})):
+        q = np.array(log.q)
+        q[:, column] = np.linspace(0.2, 0.2 + travel, len(q))
+        assert summarise(robot, [replace(log, q=q)], robot.joints).moving == expected
 
 
 def test_locked_joints_that_move_are_one_warning():

@@ -44,6 +44,24 @@ def test_standstill_near_the_end_of_a_chunk_counts_in_the_next_one():
         np.testing.assert_array_equal(used, whole.used)
 
 
+def test_torque_at_standstill_may_be_anything():
+    """Of all that the filter takes in, at most a hundredth may come from a joint at standstill; the rest counts."""
+    machine = robot("planar2")
+    motion = motion_of(machine)
+    still = np.zeros_like(motion.standstill)
+    still[200:260, 0] = True
+    motion, regressor = replace(motion, standstill=still), Regressor(machine, BASELINE)
+    (clean,) = regressor.blocks(motion, LOWPASS, 100_000)
+    (other,) = regressor.blocks(replace(motion, tau=motion.tau + still), LOWPASS, 100_000)
+    change = np.abs(other.tau - clean.tau)
+    assert change[clean.used].max() < 0.01 + 1e-9
+    assert change.max() > 0.9
+    assert clean.used[:, 1].all()
+    taps = LOWPASS.taps(motion.step)
+    touched = (clean.t > motion.t[200 - len(taps)]) & (clean.t < motion.t[260 + len(taps)])
+    assert clean.used[~touched].all()
+
+
 def test_what_is_known_is_taken_off_the_torque_and_told():
     machine = robot("planar2 far_end known")
     motion = motion_of(machine)

@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from cases import MIXED, ROBOTS, TIAGO, Reference, joint, link, made, robot, states, urdf
+from cases import LIMIT, MIXED, ROBOTS, TIAGO, Reference, joint, link, made, robot, states, urdf
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -73,6 +73,48 @@ def test_bad_files(tmp_path, content, words):
     path = tmp_path / "arm.urdf"
     path.write_bytes(content)
     refused([str(path), *words], path)
+
+
+WRONG_NUMBERS = {
+    "a mass of letters": ('<mass value="3.0"/>', '<mass value="a"/>', ["<mass>", "link 'upper'", 'value="a"']),
+    "a comma": ('<mass value="3.0"/>', '<mass value="10,5"/>', ["<mass>", 'value="10,5"', "10.5"]),
+    "nan": ('<mass value="3.0"/>', '<mass value="nan"/>', ["<mass>", 'value="nan"']),
+    "infinite": ('<mass value="3.0"/>', '<mass value="1e999"/>', ["<mass>", 'value="1e999"']),
+    "a space": ('<mass value="3.0"/>', '<mass value=" 3.0"/>', ["<mass>", 'value=" 3.0"']),
+    "nothing": ('<mass value="3.0"/>', "<mass/>", ["<mass> of link 'upper' has no value"]),
+    "a negative mass": ('<mass value="3.0"/>', '<mass value="-3.0"/>', ["<mass>", 'value="-3.0"', "negative"]),
+    "a letter behind": ('iyy="0.06"', 'iyy="0.23x"', ["<inertia> of link 'upper'", 'iyy="0.23x"']),
+    "no iyy": ('iyy="0.06"', "", ["<inertia> of link 'upper' has no iyy"]),
+    "two numbers": ('xyz="0.1 0.02 -0.03"', 'xyz="0.1 0.02"', ["<origin> of link 'upper'", 'xyz="0.1 0.02"', "3 "]),
+    "commas": ('xyz="0.1 0.02 -0.03"', 'xyz="0.1,0.02,-0.03"', ["<origin>", 'xyz="0.1,0.02,-0.03"', "spaces"]),
+    "a mimic multiplier": ('multiplier="2"', 'multiplier="two"', ["<mimic> of joint 'follows'", 'multiplier="two"']),
+    "a mimic offset": ('offset="0.3"', 'offset="0.3 rad"', ["<mimic> of joint 'follows'", 'offset="0.3 rad"']),
+    "an effort": ('effort="50"', 'effort="big"', ["<limit> of joint 'turns'", 'effort="big"']),
+    "an axis": ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 z"/>', ["<axis> of joint 'turns'", 'xyz="0 0 z"']),
+}
+
+
+@pytest.mark.parametrize("fault", WRONG_NUMBERS)
+def test_a_number_that_cannot_be_read_is_named_with_its_line(tmp_path, fault):
+    old, new, words = WRONG_NUMBERS[fault]
+    follows = joint("follows", "upper", "lower", inside=f'{LIMIT}<mimic joint="turns" multiplier="2" offset="0.3"/>')
+    parts = (link("base"), link("upper", 3.0), link("lower", 1.0), joint("turns", "base", "upper"), follows)
+    lines = urdf(*parts).replace("><", ">\n<")
+    path = tmp_path / "arm.urdf"
+    path.write_text(lines)
+    assert Robot.load(path).bodies == ("turns", "follows")
+    path.write_text(lines.replace(old, new, 1))
+    number = lines[: lines.index(old)].count("\n") + 1
+    refused([f"{path}, line {number}: ", *words], path)
+
+
+def test_numbers_in_every_form_of_digits_are_read(tmp_path):
+    path = tmp_path / "arm.urdf"
+    for mass, value in (("+3", 3.0), ("3.", 3.0), (".5", 0.5), ("3E-1", 0.3), ("0", 0.0)):
+        text = urdf(link("w"), link("a", 1.0), joint("j", "w", "a"))
+        path.write_text(text.replace('<mass value="1.0"/>', f'<mass value="{mass}"/>'))
+        loaded = Robot.load(path)
+        assert dict(zip(loaded.all_names, loaded.nominal, strict=True))["m1"] == pytest.approx(value)
 
 
 def test_missing_file_and_folder(tmp_path):
@@ -268,6 +310,14 @@ def test_limits_and_dynamics():
     bare = made(urdf(link("w"), link("a", 1.0), joint("j", "w", "a", "continuous", inside="")))
     assert bare.limits.velocity.tolist() == bare.limits.effort.tolist() == [np.inf]
     assert bare.dynamics == {"j": (0.0, 0.0)}
+
+
+@pytest.mark.parametrize(("written", "limit"), [("0", np.inf), ("1e9", np.inf), ("250", 250.0)])
+def test_placeholders_are_no_limits(written, limit):
+    inside = f'<limit lower="-2" upper="2" velocity="{written}" effort="{written}"/>'
+    limits = made(urdf(link("w"), link("a", 1.0), joint("j", "w", "a", inside=inside))).limits
+    assert limits.velocity.tolist() == limits.effort.tolist() == [limit]
+    assert (limits.lower.tolist(), limits.upper.tolist()) == ([-2.0], [2.0])
 
 
 # ---- saved and loaded

@@ -1,0 +1,108 @@
+"""Numbers of a URDF, read before the parser of the URDF reads them.
+
+    number = [+-] digits [. digits] [e [+-] digits]
+
+The parser behind Pinocchio drops a whole inertial of which it cannot read one number, and says so on the terminal only:
+the link then weighs nothing. So every number that makes the dynamics is read here first, and one that is not finite is
+an error that names its line. A mass must not be negative.
+
+Format: URDF, https://wiki.ros.org/urdf/XML.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from xml.parsers import expat
+
+from frischid.errors import InputError
+
+NUMBER_PATTERN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+"""A number as the parser behind Pinocchio reads it: in plain digits, without a space or a comma."""
+
+Quantities = Mapping[str, int]
+"""Attribute -> how many numbers the attribute holds."""
+
+_POSE: Quantities = {"xyz": 3, "rpy": 3}
+_NUMBERS: Mapping[tuple[str, ...], Quantities] = {
+    ("link", "inertial", "origin"): _POSE,
+    ("link", "inertial", "mass"): {"value": 1},
+    ("link", "inertial", "inertia"): dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
+    ("joint", "origin"): _POSE,
+    ("joint", "axis"): {"xyz": 3},
+    ("joint", "limit"): dict.fromkeys(("lower", "upper", "velocity", "effort"), 1),
+    ("joint", "dynamics"): {"damping": 1, "friction": 1},
+    ("joint", "mimic"): {"multiplier": 1, "offset": 1},
+}
+"""Elements below ``<robot>`` whose numbers make the dynamics."""
+_REQUIRED = {("link", "inertial", "mass"), ("link", "inertial", "inertia")}
+"""Elements of which no number may be missing: without one of them the whole inertial is dropped."""
+
+
+def check_numbers(text: str, source: str) -> None:
+    """Refuse a URDF that holds a number nobody can read, or a negative mass.
+
+    Parameters
+    ----------
+    text : str
+        A URDF that an XML parser has accepted.
+    source : str
+        Its name in messages.
+
+    Raises
+    ------
+    InputError
+        A number of an inertial or of a joint is none, is not finite or is missing, or a mass is negative. The message
+        names the file, the line, the element and the value.
+
+    Examples
+    --------
+    >>> from frischid.robot.urdf_numbers import check_numbers
+    >>> check_numbers('<robot><link name="arm"><inertial><mass value="10,5"/></inertial></link></robot>', "arm.urdf")
+    Traceback (most recent call last):
+    frischid.errors.InputError: arm.urdf, line 1: value="10,5" of <mass> of link 'arm' is not a finite number; ...
+    """
+    parser = expat.ParserCreate()
+    path: list[str] = []
+    owner = ""
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal owner
+        path.append(tag)
+        if len(path) == 2:
+            owner = f"{tag} '{attributes.get('name', '')}'"
+        place = tuple(path[1:])
+        if place in _NUMBERS:
+            where = f"{source}, line {parser.CurrentLineNumber}"
+            _check_element(_NUMBERS[place], attributes, place in _REQUIRED, (where, f"<{tag}> of {owner}"))
+
+    def end(_: str) -> None:
+        path.pop()
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.Parse(text, True)
+
+
+def _check_element(
+    quantities: Quantities, attributes: Mapping[str, str], required: bool, place: tuple[str, str]
+) -> None:
+    """Check the numbers of one element; `place` is the line and the element in words."""
+    line, element = place
+    for name, count in quantities.items():
+        written = attributes.get(name)
+        if written is None:
+            if required:
+                raise InputError(f"{line}: {element} has no {name}; the inertial would be left out: write the number")
+            continue
+        parts = [written] if count == 1 else written.split()
+        said = f'{line}: {name}="{written}" of {element}'
+        if len(parts) != count or not all(map(_is_number, parts)):
+            expected = "a finite number" if count == 1 else f"{count} finite numbers with spaces between them"
+            raise InputError(f"{said} is not {expected}; write digits with a point, for example 10.5, and no more")
+        if element.startswith("<mass>") and float(written) < 0:
+            raise InputError(f"{said} is negative; a mass is zero or more: correct the number")
+
+
+def _is_number(text: str) -> bool:
+    return NUMBER_PATTERN.fullmatch(text) is not None and math.isfinite(float(text))
