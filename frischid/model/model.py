@@ -21,7 +21,7 @@ import numpy as np
 from frischid.core.files import write_text
 from frischid.core.named_sequence import NamedSequence
 from frischid.core.types import Array
-from frischid.effects import Effect, columns_of, effect_from_dict
+from frischid.effects import Effect, columns_of
 from frischid.errors import InputError
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import Estimate
@@ -35,7 +35,7 @@ from frischid.model.model_file import (
     SCHEMA,
     boxes_of,
     check_columns,
-    damaged,
+    effects_of,
     estimate_of,
     parameter_dict,
     plain_numbers,
@@ -309,11 +309,7 @@ class Model:
 
     @classmethod
     def _from_record(cls, record: ModelRecord, robot: Robot, previous: Model | None, source: str) -> Model:
-        try:
-            effects = tuple(effect_from_dict(e) for e in record.effects)
-            columns = columns_of(robot, effects)
-        except (InputError, KeyError, TypeError, ValueError) as error:
-            raise damaged(source, f"{type(error).__name__} {error} - at `effects`") from error
+        effects, columns = effects_of(record, robot, source)
         check_columns(record, columns, robot.joints, source)
         return cls(
             robot=robot,

@@ -19,6 +19,7 @@ import msgspec
 import numpy as np
 
 from frischid.core.types import Array, Column
+from frischid.effects import EFFECTS, Effect, columns_of, effect_from_dict
 from frischid.errors import EmptyBoxError, InputError
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import Estimate
@@ -185,6 +186,27 @@ def robot_of(record: ModelRecord, source: str) -> Robot:
         return Robot.from_dict(msgspec.to_builtins(record.robot))
     except InputError as error:
         raise damaged(source, f"{error} - at `robot`") from error
+
+
+def effects_of(record: ModelRecord, robot: Robot, source: str) -> tuple[tuple[Effect, ...], tuple[Column, ...]]:
+    """The effects of a record, and the columns that they and the robot make.
+
+    Raises
+    ------
+    InputError
+        An effect comes from a package that is not installed, or an effect or its values are wrong.
+    """
+    for saved in record.effects:
+        if isinstance(saved.get("package"), Mapping):
+            try:
+                EFFECTS.of_package(str(saved.get("effect")), saved["package"])
+            except InputError as error:
+                raise InputError(f"{source}: {error}") from error
+    try:
+        effects = tuple(effect_from_dict(e) for e in record.effects)
+        return effects, tuple(columns_of(robot, effects))
+    except (InputError, KeyError, TypeError, ValueError) as error:
+        raise damaged(source, f"{type(error).__name__} {error} - at `effects`") from error
 
 
 def estimate_of(record: ModelRecord) -> Estimate:

@@ -67,6 +67,18 @@ def test_copies_of_every_row_are_no_further_information(fit, copies):
     assert (shares > 0.6).all()
 
 
+@pytest.mark.parametrize("count", [10, 20])
+def test_the_standard_error_of_a_mean_is_that_of_its_blocks(count):
+    tau = 2.0 + np.random.default_rng(0).normal(size=(count, EACH_BLOCK))
+    blocks = []
+    for values in tau:
+        z = np.column_stack([np.ones(EACH_BLOCK), values])
+        blocks.append(Gram(COLUMNS[:1], JOINTS[:1], (z.T @ z)[None], z.sum(axis=0)[None], np.array([len(z)])))
+    estimate = wls(blocks)
+    assert estimate.theta == pytest.approx(tau.mean())
+    assert estimate.covariance[0, 0] == pytest.approx(tau.mean(axis=1).var(ddof=1) / count, rel=1e-9)
+
+
 def test_cross_validation_is_a_refit_without_each_fifth():
     Y, tau = rows()
     parts = blocks_of(Y, tau)

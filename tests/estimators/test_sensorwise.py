@@ -54,6 +54,17 @@ def test_a_sensor_a_column_is_the_classical_scheme():
     assert found.hull.contains(THETA)
 
 
+@pytest.mark.parametrize("count", [8, 20])
+def test_of_a_noisy_torque_alone_the_standard_error_is_that_of_the_blocks(count):
+    tau = 2.0 + np.random.default_rng(0).normal(size=(count, 50))
+    rows = np.stack([np.ones_like(tau), tau], axis=2)
+    noise = np.zeros((2, count, 2, 2))
+    noise[0, :, 0, 0] = noise[1, :, 1, 1] = 50.0
+    found = sensorwise(SensorMoments(("a",), ("x", TORQUE), rows.swapaxes(1, 2) @ rows, noise), limits={"x": (0, 0)})
+    assert found.theta == pytest.approx(tau.mean())
+    assert found.covariance[0, 0] == pytest.approx(tau.mean(axis=1).var(ddof=1) / count, rel=1e-6)
+
+
 def test_limits_cut_the_set_down_to_the_truth():
     data = own_noise(*population([0.2, 0.1, 0.3]))
     free = sensorwise(data).hull

@@ -6,8 +6,9 @@ from functools import cache
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
-from cases import exact_log, quick, random_values, robot, states
+from cases import exact_log, joint, link, made, quick, random_values, robot, states, urdf
 from click.testing import CliRunner
 
 from frischid.cli import main
@@ -17,6 +18,7 @@ from frischid.export.consistency import as_identified, make_consistent
 from frischid.export.urdf import NotPhysicalError, export, urdf_source
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise
+from frischid.robot.inertia import dynamic_parameters
 from frischid.robot.robot import Robot
 from frischid.robot.urdf_edit import UrdfText
 
@@ -27,6 +29,13 @@ NAMES = ("planar2", "planar2 far_end known", "ur10 far_end tilted", "panda with 
 def identified(machine, effects=BASELINE):
     values = random_values(machine, effects)
     return quick(machine, [exact_log(machine, effects, values, noise=Noise(tau=0.01))], effects=effects).model
+
+
+def nominal(machine):
+    """The model of a robot whose links are those of its URDF."""
+    model = identified(machine)
+    standard = dict(as_identified(model).standard) | dict(zip(machine.all_names, machine.nominal.tolist(), strict=True))
+    return Model.from_dict({**model.to_dict(), "standard": standard})
 
 
 @cache
@@ -125,12 +134,34 @@ def test_a_hand_written_urdf_survives(tmp_path):
     assert again.dynamics["three"] == pytest.approx((model.parameter("fv3"), model.parameter("fc3")))
 
 
+def test_an_inertial_with_axes_of_its_own_is_read_as_pinocchio_reads_it():
+    inertial = (
+        '<inertial><origin xyz="0.1 -0.2 0.3" rpy="0.4 -0.9 2.2"/><mass value="3"/>'
+        '<inertia ixx="0.05" iyy="0.06" izz="0.07" ixy="0.001" ixz="-0.002" iyz="0.003"/></inertial>'
+    )
+    text = urdf(link("w"), link("a", extra=inertial), joint("j", "w", "a"))
+    expected = pin.buildModelFromXML(text).inertias[1].toDynamicParameters()
+    np.testing.assert_allclose(dynamic_parameters(UrdfText(text).pseudo_inertia("a")), expected, atol=1e-12)
+
+
+def test_links_fixed_to_one_another_keep_their_shares_whatever_their_axes():
+    """A body that is identified as the URDF has it leaves all of its links as they are."""
+    inertial = (
+        '<inertial><origin xyz="0 0.1 0" rpy="1 0 0.5"/><mass value="2"/>'
+        '<inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+    fixed = joint("weld", "a", "tool", "fixed", xyz="0.2 0 0.1", rpy="0.3 -0.8 1.1")
+    text = urdf(link("w"), link("a", 3.0), link("tool", extra=inertial), joint("j", "w", "a"), fixed)
+    before = UrdfText(text)
+    after = UrdfText(urdf_source(nominal(made(text))))
+    for name in ("a", "tool"):
+        share = before.pseudo_inertia(name)
+        np.testing.assert_allclose(after.pseudo_inertia(name), share, atol=1e-9)
+
+
 def test_exporting_the_nominal_model_changes_only_digits():
     machine = robot("panda with fingers")
-    names = (*machine.all_names,)
-    model = identified(machine)
-    standard = dict(as_identified(model).standard) | dict(zip(names, machine.nominal.tolist(), strict=True))
-    text = urdf_source(Model.from_dict({**model.to_dict(), "standard": standard}))
+    text = urdf_source(nominal(machine))
     again = Robot.from_dict({**machine.to_dict(), "urdf": text})
     np.testing.assert_allclose(again.nominal, machine.nominal, atol=1e-12)
 

@@ -15,7 +15,7 @@ from frischid.core.parallel import Dask, Here, workers
 from frischid.core.types import Column
 from frischid.errors import InputError
 from frischid.estimators.least_squares import wls
-from frischid.fleet.deviation import Null, changes, deviation
+from frischid.fleet.deviation import Deviation, Null, changes, deviation
 from frischid.fleet.fleet import FleetOptions, _with_spread, identify_fleet
 from frischid.fleet.log_paths import LogPath, find_logs, local, robot_of
 from frischid.regression.moments import Gram, total
@@ -214,6 +214,18 @@ def test_a_robot_is_compared_with_the_others_alone():
     outside = deviation([robots[0]], others, wls([others]).theta, weights, included=False)
     assert inside.statistic == pytest.approx(outside.statistic, rel=1e-6)
     assert inside.shift == pytest.approx(np.ones(3), abs=0.02)
+
+
+@pytest.mark.parametrize("robots", [10, 300])
+def test_a_fleet_of_equal_robots_hardly_ever_raises_an_alarm(robots):
+    rng, rank, zero = np.random.default_rng(0), 20, np.zeros(1)
+    alike = Null(1.0, None, 1.0)
+    alarms = 0
+    for _ in range(400):
+        largest = rng.chisquare(rank, size=robots).max()
+        found = Deviation(None, "", float(largest), rank, np.nan, zero, zero, zero, zero)
+        alarms += alike.p_value(found, robots) < 0.05
+    assert 8 <= alarms <= 32  # 5 % of 400 fleets
 
 
 def same_motion(theta, samples=1000):

@@ -19,7 +19,7 @@ from frischid.logs.filters import LowPass
 from frischid.logs.recording import Recording
 from frischid.model.identification import identify
 from frischid.model.model import Model
-from frischid.model.model_file import FIRST_SCHEMA, SCHEMA
+from frischid.model.model_file import FIRST_SCHEMA, SCHEMA, without_robot
 from frischid.motions.simulation import Noise
 from frischid.regression.regressor import nominal_parameters
 from frischid.robot.robot import Robot
@@ -200,6 +200,26 @@ def test_damaged_files(tmp_path):
     for key, value in {"robot": 3, "parameters": [{}], "joints": [3], "effects": [{}], "covariance": "none"}.items():
         path.write_text(json.dumps({**model().to_dict(), key: value}))
         refused(path)
+
+
+@pytest.mark.parametrize(
+    ("package", "words"),
+    [
+        ({"name": "my-effect", "version": "1.2"}, ["the package my-effect 1.2, which is not installed", "pip install"]),
+        ({"module": "bench"}, ["the module bench, which is not imported"]),
+    ],
+)
+def test_a_model_whose_effect_comes_from_a_missing_package_is_named_and_not_called_damaged(tmp_path, package, words):
+    path = tmp_path / "model.json"
+    data = model().to_dict()
+    foreign = {"effect": "detent", "joints": None, "package": package}
+    path.write_text(json.dumps({**data, "effects": [*data["effects"], foreign]}))
+    refused(path, "effect 'detent' comes from", *words)
+    with pytest.raises(InputError) as error:
+        Model.load(path)
+    assert "damaged" not in str(error.value)
+    path.write_text(json.dumps({**data, "previous": {**without_robot(data), "effects": [foreign]}}))
+    refused(path, "effect 'detent' comes from", *words)
 
 
 def changed(data, *path, to):
