@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
+from frischid.estimators.errors_in_variables import covariance_of
 from frischid.estimators.frisch import simplex
 from frischid.estimators.sensorwise import TORQUE, SensorMoments, compensated, sensorwise
 
@@ -64,6 +65,17 @@ def test_of_a_noisy_torque_alone_the_standard_error_is_that_of_the_blocks(count)
     assert found.theta == pytest.approx(tau.mean())
     # the variance that the torque keeps moves a little with each block, the mean hardly
     assert found.covariance[0, 0] == pytest.approx(tau.mean(axis=1).var(ddof=1) / count, rel=0.01)
+
+
+@pytest.mark.parametrize("count", [8, 20])
+def test_every_jackknife_gives_the_standard_error_of_a_mean(count):
+    tau = 2.0 + np.random.default_rng(1).normal(size=(count, 50))
+    rows = np.stack([np.ones_like(tau), tau], axis=2)
+    moments, expected = rows.swapaxes(1, 2) @ rows, tau.mean(axis=1).var(ddof=1) / count
+    theta, covariance = compensated(SensorMoments(("a",), (TORQUE,), moments, np.zeros((1, count, 2, 2))), {})
+    assert theta == pytest.approx(tau.mean())
+    assert covariance[0, 0] == pytest.approx(expected, rel=1e-9)
+    assert covariance_of(moments[:, :1], theta)[0, 0] == pytest.approx(expected, rel=1e-9)
 
 
 def test_limits_cut_the_set_down_to_the_truth():
