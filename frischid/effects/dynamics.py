@@ -1,12 +1,13 @@
-"""Rigid-body dynamics of reference parameters, and how its torque changes with the state and with gravity.
+"""Rigid-body torque of reference parameters, and its derivatives by the state and by gravity.
 
-A flexible joint, a gap or a tilted base move the links a little away from where they are measured. To first order
+A flexible joint, a gap or a tilted base moves the links by a small δ away from the measured positions. To first order
 
     Δτ = ∂τ/∂q δ + ∂τ/∂q̇ δ̇ + M δ̈,
 
 with the derivatives of inverse dynamics that Pinocchio has in closed form (Carpentier and Mansard 2018, RSS). The
-reference may be identified base parameters: links without mass that yet have first moments, which no Pinocchio model
-can hold. But torque is linear in θ, so with a point mass θ_c on every joint, large enough to keep all masses positive,
+reference may be identified base parameters. They contain links with first moments but without mass, and no Pinocchio
+model can hold such links. But torque is linear in θ. A point mass θ_c on every joint, large enough to keep all masses
+positive, gives
 
     τ(θ) = τ(θ + θ_c) − τ(θ_c),   and the same for every derivative.
 """
@@ -25,11 +26,11 @@ from numpy.typing import NDArray
 from frischid.core.types import Array
 from frischid.robot.robot import Robot
 
-LEAST_FELT = 1e-9  # a torque nobody feels is this small or smaller, N·m
+LEAST_FELT = 1e-9  # N·m; a torque up to this size counts as zero
 
 
 class Slopes(NamedTuple):
-    """Derivatives of the torque by position, velocity and acceleration, each (N, J, J): row, then joint moved."""
+    """Derivatives of the torque by position, velocity and acceleration, each (N, J, J): torque row, joint moved."""
 
     position: Array
     velocity: Array
@@ -52,7 +53,7 @@ class RigidDynamics:
 
     @classmethod
     def of(cls, robot: Robot, reference: Array | None = None) -> RigidDynamics:
-        """Dynamics of values of ``robot.columns`` (None: the URDF's own), and of what is known outright."""
+        """Dynamics with values of ``robot.columns`` (None: the URDF's values), and the robot's known parameters."""
         values = dict(zip(robot.all_names, robot.nominal, strict=True))
         if reference is not None:
             values |= dict(zip((c.name for c in robot.columns), reference, strict=True))
@@ -60,12 +61,12 @@ class RigidDynamics:
 
     @classmethod
     def generic(cls, robot: Robot) -> RigidDynamics:
-        """Dynamics of arbitrary parameters: what has no torque here has none for any parameters."""
+        """Dynamics of arbitrary parameters: a motion without torque here has no torque for any parameters."""
         return cls(robot, np.random.default_rng(0).normal(size=len(robot.all_names)))
 
     @cached_property
     def _models(self) -> tuple[tuple[float, Any], ...]:
-        """The two models whose difference has the parameters `theta`, with their signs."""
+        """The two models whose difference has the parameters `theta`, each with its sign."""
         blocks = self.theta.reshape(-1, 10)
         if self.robot.transforms is not None:
             blocks = (self.robot.transforms @ blocks[:, :, None])[:, :, 0]
@@ -79,7 +80,7 @@ class RigidDynamics:
 
     @cached_property
     def _followers(self) -> Array:
-        """Speed of every body's joint per speed of the independent ones, (L, J): mimic joints follow."""
+        """Speed of every body's joint per speed of each independent joint, (L, J): mimic joints follow."""
         robot = self.robot
         out = np.zeros((len(robot.bodies), len(robot.joints)))
         for row, name in enumerate(robot.bodies):
@@ -103,7 +104,7 @@ class RigidDynamics:
         return self._difference((len(G),), states, pin.rnea) @ G
 
     def gravity_torque(self, q: Array, gravity: Array) -> Array:
-        """Torque (N, J) that carries the arm at rest under a gravity vector in the base frame, m/s²."""
+        """Torque (N, J) that holds the arm still under a gravity vector in the base frame, m/s²."""
 
         def weight(model: Any, data: Any, x: Array) -> Any:
             model.gravity.linear = gravity
@@ -137,7 +138,7 @@ class RigidDynamics:
 
 
 def random_states(robot: Robot, count: int) -> tuple[Array, Array, Array]:
-    """Positions within the limits, velocities and accelerations, always the same ones; each (count, J)."""
+    """Random positions within the limits, velocities and accelerations, the same in every call; each (count, J)."""
     rng = np.random.default_rng(0)
     lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
     q = rng.uniform(lower, upper, (count, len(robot.joints)))
@@ -147,6 +148,6 @@ def random_states(robot: Robot, count: int) -> tuple[Array, Array, Array]:
 
 @lru_cache(maxsize=64)
 def felt_slopes(robot: Robot) -> NDArray[np.bool_]:
-    """Which joints' torque (rows) depends on which joints' positions (columns) at all, (J, J)."""
+    """Whether the torque of a joint (row) depends on the position of a joint (column), (J, J)."""
     slopes = RigidDynamics.generic(robot).slopes(*random_states(robot, 8))
     return np.asarray((np.abs(slopes.position) > LEAST_FELT).any(axis=0))

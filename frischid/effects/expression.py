@@ -3,9 +3,9 @@
     expression = number | pi | variable | function(expression) | -expression
                | expression (+ - * /) expression | expression ** number
 
-Python's grammar reads the text (``ast.parse``), a whitelist of node types checks it, and numpy evaluates the tree
-that is left. No Python is ever executed: there are no attributes, no indices, no calls but to the functions named
-here, and powers and lengths are bounded.
+Python's grammar reads the text (``ast.parse``). A whitelist of node types checks the tree. Then numpy evaluates the
+tree. No Python is ever executed: attributes and indices are refused, only the functions named here can be called, and
+powers and lengths are bounded.
 
 Source of the method: the ``ast`` module's documentation, https://docs.python.org/3/library/ast.html.
 """
@@ -42,7 +42,7 @@ ALLOWED_OPERATORS: dict[type[ast.operator], Callable[[Array, Array], Array]] = {
     ast.Pow: np.power,
 }
 QUANTITIES = ("q", "v", "a", "load", "tau_model", "temperature")
-"""Of a joint: its own (``v``) or that of the joint with a number (``v2``)."""
+"""Quantities of a joint: of the joint itself (``v``), or of the joint with a number (``v2``)."""
 VARIABLE_NAME = re.compile(rf"({'|'.join(QUANTITIES)})([0-9]*)|t")
 LONGEST_EXPRESSION = 300  # characters
 LARGEST_POWER = 8.0
@@ -62,7 +62,7 @@ class Expression:
     tree : ast.expr
         Its syntax tree, of whitelisted nodes only.
     variables : tuple of str
-        Names it uses, in order of appearance.
+        Names in the expression, in order of appearance.
     """
 
     text: str
@@ -76,13 +76,13 @@ class Expression:
         Raises
         ------
         InputError
-            It is not arithmetic, or too long; UnknownNameError when a name or function does not exist.
+            The text is not arithmetic, or is too long; UnknownNameError when a name or function does not exist.
         """
         if not isinstance(text, str) or not text.strip():
             raise InputError(f"formula: the expression must be a text such as sin(3*q2)*v1, got {text!r}")
         if len(text) > LONGEST_EXPRESSION:
             raise InputError(
-                f"formula: the expression has {len(text)} characters, at most {LONGEST_EXPRESSION} are read"
+                f"formula: the expression has {len(text)} characters; at most {LONGEST_EXPRESSION} are allowed"
             )
         try:
             with warnings.catch_warnings():
@@ -95,20 +95,20 @@ class Expression:
         return cls(text, tree, tuple(names))
 
     def __call__(self, values: Mapping[str, Array]) -> Array:
-        """Value for values of `variables`; may hold infinities where the expression has none."""
+        """Value for given values of `variables`; not finite where the expression is not defined."""
         with np.errstate(all="ignore"):
             return np.asarray(_value(self.tree, values), dtype=float)
 
 
 def _reason(error: Exception) -> str:
-    """What Python's parser objects to, without the file and line it takes a formula for."""
+    """Message of Python's parser, without the file name and line number that mean nothing for a formula."""
     if not isinstance(error, SyntaxError):
         return str(error)
     return f"{error.msg} at character {error.offset}" if error.offset else f"{error.msg} at its end"
 
 
 def _check(node: ast.expr, text: str, names: dict[str, None]) -> None:
-    """Refuse whatever is not in the language; collect the variables."""
+    """Refuse every node that is not in the language; collect the variables."""
     match node:
         case ast.Constant() if (number := _number(node)) is not None:
             if not abs(number) <= LARGEST_NUMBER:
@@ -140,7 +140,7 @@ def _check(node: ast.expr, text: str, names: dict[str, None]) -> None:
 
 
 def _check_power(node: ast.expr, text: str) -> None:
-    """An exponent is a plain number of moderate size."""
+    """Refuse an exponent that is not a plain number of moderate size."""
     signed = isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub)
     number = _number(node.operand if isinstance(node, ast.UnaryOp) and signed else node)
     if number is None or not abs(number) <= LARGEST_POWER:
@@ -148,7 +148,7 @@ def _check_power(node: ast.expr, text: str) -> None:
 
 
 def _number(node: ast.expr) -> float | None:
-    """The number a node is; None when it is anything else (a text, True, 2j)."""
+    """The number that a node stands for; None when the node is anything else (a text, True, 2j)."""
     value = node.value if isinstance(node, ast.Constant) else None
     return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 

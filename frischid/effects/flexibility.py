@@ -1,11 +1,11 @@
-"""Links that are not quite where the motor's encoder says: elastic joints and gears with play.
+"""Links that lag behind the motor's encoder: elastic joints and gears with play.
 
 The encoder sits on the motor, and the link lags behind by a deflection δ. To first order in δ the link needs
 
     τ = τ_rigid(q − δ e_j) ≈ τ_rigid − (∂τ/∂q_j δ + ∂τ/∂q̇_j δ̇ + M_j δ̈),
 
-and the motors of all joints feel the change. Dry friction f behind the gear follows the link's own speed, where the
-rigid model lets the friction follow the motor's. So the joint also feels f − f_c sign(q̇_j).
+and the motors of all joints feel the change. The dry friction f behind the gear follows the speed of the link, but in
+the rigid model it follows the speed of the motor. So the joint also feels f − f_c sign(q̇_j).
 `frischid.effects.link_lag` computes δ and f.
 
 Sources: Spong 1987, ASME J. Dynamic Systems, Measurement and Control 109(4); Nordin and Gutman 2002, "Controlling
@@ -28,7 +28,7 @@ from frischid.errors import InputError
 
 
 def require_share(effect: str, rubbing: float) -> None:
-    """Raise InputError unless this can be a share of the friction."""
+    """Raise InputError unless `rubbing` can be a share of the friction."""
     if not is_number(rubbing) or rubbing < 0:
         raise InputError(f"{effect}: rubbing must be a share of the friction, 0 or more, got {rubbing}")
 
@@ -43,7 +43,7 @@ def deflected(state: State, joint: int, lag: Lag) -> dict[int, Array]:
 
 @dataclass(frozen=True)
 class _Geared(Effect):
-    """What lies between motor and link: one column a joint, felt by all."""
+    """Transmission between motor and link: one column per joint, in the rows of all joints."""
 
     memory: ClassVar[bool] = True
     loaded: ClassVar[bool] = True
@@ -52,11 +52,11 @@ class _Geared(Effect):
 
     @abstractmethod
     def gear(self, joint: int) -> Gear:
-        """What a joint's link hangs on."""
+        """The gear or spring between the joint's motor and its link."""
 
     @classmethod
     def each(cls, effects: Sequence[Self], state: State) -> Iterator[list[Term]]:
-        """Columns of several effects over `state`, whose links move at once."""
+        """Columns of several effects over `state`; the motions of all links are computed at once."""
         acting = [effect.acts_on(state.robot) for effect in effects]
         found = lags(state, [e.gear(i) for e, where in zip(effects, acting, strict=True) for i, *_ in where])
         for effect, where in zip(effects, acting, strict=True):
@@ -69,7 +69,7 @@ class _Geared(Effect):
             ]
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint, felt by all."""
+        """One column per joint, in the rows of all joints."""
         return next(self.each([self], state))
 
 
@@ -80,7 +80,7 @@ class Elasticity(_Geared):
     Attributes
     ----------
     period : float
-        In which the link, in a pose of mean inertia, swings while the motor stands still, s; 0: it is too stiff to.
+        Period of the link's swing while the motor stands still, in a pose of mean inertia, s; 0: too stiff to swing.
     rubbing : float
         Share of the joint's dry friction that acts behind the transmission, on the link.
     """
@@ -92,9 +92,11 @@ class Elasticity(_Geared):
         "s the spring's torque: s + (∂τ/∂q·s + ∂τ/∂v·s′ + M·s″)/k = load + f"
     )
     sentence: ClassVar[str] = (
-        "{joint} gives way under its load: its transmission is elastic, and the link lags behind the motor's encoder"
+        "the transmission of {joint} is elastic: it bends under load, and the link lags behind the motor's encoder"
     )
-    looks_like: ClassVar[str] = "an error like the load's second derivative, largest where the motion is most sudden"
+    looks_like: ClassVar[str] = (
+        "an error like the second time derivative of the load, largest where the motion changes fastest"
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("backlash", "time_delay", "rotor_inertia")
     confirmed_by: ClassVar[str] = (
         "record fast oscillations up to the first resonance; or load the tip and measure how it sinks"
@@ -120,18 +122,19 @@ class Elasticity(_Geared):
     per: ClassVar[str] = "torque slope torque"
 
     def gear(self, joint: int) -> Gear:
-        """Spring that a joint's link hangs on."""
+        """The spring between the joint's motor and its link."""
         return Gear(joint, self.rubbing, period=self.period)
 
 
 @dataclass(frozen=True)
 class Backlash(_Geared):
-    """Play in a gear: when the load changes sides the link crosses the gap, and the motor loses its load meanwhile.
+    """Play in a gear: when the load changes its sign, the link crosses the gap, and the motor has no load meanwhile.
 
     Attributes
     ----------
     size : float
-        Half the play for which the link's fall is calculated, rad (m); the parameter, the play found, should agree.
+        Half the play for which the link's motion is calculated, rad (m). The parameter is half the play found; it
+        should be close to `size`.
     rubbing : float
         Share of the joint's dry friction that acts behind the gear, on the link.
     """
@@ -142,12 +145,12 @@ class Backlash(_Geared):
         "gap·((∂τ_rigid/∂δ)[−δ] + f − f_c·sign(v))/size,  M·δ″ = load + f while |δ| < size, else δ = ±size"
     )
     sentence: ClassVar[str] = (
-        "{joint} loses its load for a moment whenever the load changes sides, and is hit when it catches it again: "
-        "play in its gear"
+        "the gear of {joint} has play: when the load changes sign, the torque first drops, then jumps as the teeth "
+        "meet again"
     )
     looks_like: ClassVar[str] = "short pulses where the joint's load torque passes through zero, whatever the speed"
     confused_with: ClassVar[tuple[str, ...]] = ("elasticity", "hysteresis", "stribeck")
-    confirmed_by: ClassVar[str] = "hold the motor, push the link to and fro: it moves freely over the gap"
+    confirmed_by: ClassVar[str] = "hold the motor and push the link to and fro: the link moves freely over the gap"
     reference: ClassVar[str] = "Nordin and Gutman 2002, Automatica 38(10)"
 
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
@@ -168,5 +171,5 @@ class Backlash(_Geared):
     per: ClassVar[str] = "torque slope"
 
     def gear(self, joint: int) -> Gear:
-        """Gap that a joint's link crosses."""
+        """The gap that the joint's link crosses."""
         return Gear(joint, self.rubbing, gap=self.size)

@@ -2,8 +2,9 @@
 
     τ_j = c · expression(q, q̇, q̈, load, τ_model, temperature, t)
 
-written as ``formula("sin(3*q2)*v1")@shoulder``. Numbers after a quantity are joint numbers as in parameter names;
-without one it is the quantity of the joint acted on. See `frischid.effects.expression` for the language.
+written as ``formula("sin(3*q2)*v1")@shoulder``. A number after a quantity is a joint number as in parameter names. A
+quantity without a number belongs to the joint that the effect acts on. See `frischid.effects.expression` for the
+language.
 
 Source of the idea of a library of candidate functions: Brunton, Proctor and Kutz 2016, PNAS 113(15).
 """
@@ -41,7 +42,7 @@ class Formula(Effect):
     title: ClassVar[str] = "the user's own formula"
     equation: ClassVar[str] = "c·expression(q, v, a, load, tau_model, temperature, t)"
     sentence: ClassVar[str] = "{joint} needs torque that follows a formula of your own"
-    looks_like: ClassVar[str] = "whatever the formula says"
+    looks_like: ClassVar[str] = "a residual that follows the formula"
     confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "cogging", "quadratic_viscous")
     confirmed_by: ClassVar[str] = "record a motion on which the formula's variables change independently of one another"
     reference: ClassVar[str] = "Brunton, Proctor and Kutz 2016, PNAS 113(15)"
@@ -70,7 +71,7 @@ class Formula(Effect):
         return tuple(wanted)
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint: the value of the expression."""
+        """One column per joint: the value of the expression."""
         return [self._term(state, *joint) for joint in self.acts_on(state.robot)]
 
     def _term(self, state: State, i: int, name: str, number: str) -> Term:
@@ -88,7 +89,7 @@ class Formula(Effect):
 
 
 def _joint(robot: Robot, variable: str, own: int, expression: str) -> int:
-    """Index of the joint a variable is of."""
+    """Index of the joint that a variable belongs to."""
     found = VARIABLE_NAME.fullmatch(variable)
     number = found.group(2) if found else ""
     if not number:

@@ -2,12 +2,12 @@
 
     τ_f,j = fv_j q̇_j + fc_j tanh((q̇_j + T q̈_j) / w) + off_j
 
-The sign of the speed is smoothed over ±w, because at standstill the measured speed is noise and its sign a coin toss.
+The sign of the speed is smoothed over ±w, because at standstill the measured speed is noise and its sign is random.
 
-Where friction stops a joint before it turns round, the torque begins to change before the speed does. MuJoCo's
-``frictionloss`` is a constraint that wants ``q̈ = −q̇/T`` with T = timeconst · dmax / 2 (of ``solreffriction`` and
-``solimpfriction``; 9.5 ms by default) and cannot push harder than fc: with d the constraint's impedance and I the
-joint's inertia it is ``fc sat((q̇ + T q̈)/w)``, ``w = fc T (1 − d)/(I d)``.
+T is the lead. Where friction stops a joint before the joint turns round, the torque begins to change before the speed
+does. MuJoCo's ``frictionloss`` is a constraint. The constraint aims at ``q̈ = −q̇/T`` with T = timeconst · dmax / 2 (of
+``solreffriction`` and ``solimpfriction``; 9.5 ms by default), and its torque is at most fc. With d the impedance of the
+constraint and I the inertia of the joint, this friction is ``fc sat((q̇ + T q̈)/w)``, ``w = fc T (1 − d)/(I d)``.
 
 Sources: Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7); Todorov 2014, ICRA, "Convex and
 analytically-invertible dynamics with contacts and constraints".
@@ -38,7 +38,7 @@ class Viscous(Effect):
     title: ClassVar[str] = "viscous friction"
     equation: ClassVar[str] = "fv·v"
     sentence: ClassVar[str] = "{joint} needs torque in proportion to its speed: viscous friction"
-    looks_like: ClassVar[str] = "a straight line through zero when the residual is drawn against speed"
+    looks_like: ClassVar[str] = "the residual drawn against speed is a straight line through zero"
     confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "quadratic_viscous", "time_delay")
     confirmed_by: ClassVar[str] = "move the joint at several constant speeds, in both directions"
     reference: ClassVar[str] = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
@@ -47,7 +47,7 @@ class Viscous(Effect):
     code: ClassVar[Mapping[str, str]] = {"fv": "{v}"}
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint: its speed."""
+        """One column per joint: its speed."""
         return self.per_joint(state, "fv", "rate", lambda i: state.v[:, i], sign=1)
 
     def nominal(self, robot: Robot) -> list[float]:
@@ -71,7 +71,7 @@ class Coulomb(Effect):
     title: ClassVar[str] = "Coulomb (dry) friction"
     equation: ClassVar[str] = "fc·tanh((v + lead·a)/width)"
     sentence: ClassVar[str] = "{joint} needs a constant torque against its motion, whatever the speed: Coulomb friction"
-    looks_like: ClassVar[str] = "a step at zero when the residual is drawn against speed"
+    looks_like: ClassVar[str] = "the residual drawn against speed has a step at zero"
     confused_with: ClassVar[tuple[str, ...]] = ("viscous", "load_friction", "hysteresis")
     confirmed_by: ClassVar[str] = "move the joint slowly in both directions: the torque jumps by 2·fc at each reversal"
     reference: ClassVar[str] = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
@@ -93,7 +93,7 @@ class Coulomb(Effect):
             raise InputError(f"coulomb: lead must be a time in s, zero or more, got {self.lead}")
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint: the smoothed sign of its speed."""
+        """One column per joint: the smoothed sign of its speed."""
         return self.per_joint(state, "fc", "", partial(self.sign, state), sign=1)
 
     def sign(self, state: State, joint: int) -> Array:
@@ -108,21 +108,22 @@ class Coulomb(Effect):
 
 @dataclass(frozen=True)
 class Offset(Effect):
-    """Constant torque: a sensor's or current loop's zero, or friction that differs between the two directions."""
+    """Constant torque: the zero error of a sensor or current loop, or friction that differs between directions."""
 
     id: ClassVar[str] = "offset"
     title: ClassVar[str] = "torque offset"
     equation: ClassVar[str] = "off"
     sentence: ClassVar[str] = (
-        "the torque of {joint} is off by a constant: sensor or amplifier offset, or uneven dry friction"
+        "the torque of {joint} has a constant error: an offset of the sensor or amplifier, or dry friction that "
+        "differs between the two directions"
     )
-    looks_like: ClassVar[str] = "the whole residual lies above or below zero"
+    looks_like: ClassVar[str] = "the whole residual lies above zero or below zero"
     confused_with: ClassVar[tuple[str, ...]] = ("asymmetric_coulomb", "joint_spring")
-    confirmed_by: ClassVar[str] = "hold the robot still in several poses: the offset is the same in all"
+    confirmed_by: ClassVar[str] = "hold the robot still in several poses: the offset is the same in every pose"
     reference: ClassVar[str] = "Swevers, Verdonck and De Schutter 2007, IEEE Control Systems 27(5)"
 
     code: ClassVar[Mapping[str, str]] = {"off": "1.0"}
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint: one."""
+        """One column per joint: one."""
         return self.per_joint(state, "off", "", lambda i: np.ones(len(state.t)))

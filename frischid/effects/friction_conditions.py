@@ -1,9 +1,9 @@
-"""Friction that depends on more than the speed: on the load the gear carries, and on how warm it is.
+"""Friction that depends on more than the speed: on the load of the gear, and on its temperature.
 
     τ_f,j = fl_j |τ_rigid,j| tanh(q̇_j/w) + (fvt_j q̇_j + fct_j tanh(q̇_j/w)) ϑ(t)
 
-with ϑ = 1 − exp(−(t − t_start)/T) of a gearbox that warms up with a time constant T, or ϑ = temperature − reference
-where the log holds a temperature.
+Where the log holds no temperature, ϑ = 1 − exp(−(t − t_start)/T): the gearbox warms up with a time constant T. Where
+the log holds a temperature, ϑ = temperature − reference.
 
 Source: Bittencourt, Wernholt, Sander-Tavallaey and Brogårdh 2010, "An extended friction model to capture load and
 temperature effects in robot joints", IEEE/RSJ IROS.
@@ -40,8 +40,10 @@ class LoadFriction(Effect):
     id: ClassVar[str] = "load_friction"
     title: ClassVar[str] = "load-dependent friction"
     equation: ClassVar[str] = "fl·|τ_rigid|·tanh(v/width)"
-    sentence: ClassVar[str] = "{joint} rubs harder where it carries more: friction that grows with the load"
-    looks_like: ClassVar[str] = "a step at zero speed that is taller in poses and moments of high load"
+    sentence: ClassVar[str] = "the dry friction of {joint} grows with the load that the gear carries"
+    looks_like: ClassVar[str] = (
+        "the residual drawn against speed has a step at zero, and the step is larger where the load is high"
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "drive_gain", "hysteresis")
     confirmed_by: ClassVar[str] = (
         "record the same slow reversals with the arm stretched out and folded, or with a payload"
@@ -62,7 +64,7 @@ class LoadFriction(Effect):
         self.require_positive(width="speed in rad/s (m/s)")
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint: the size of its load, signed like its speed."""
+        """One column per joint: the size of its load times the smoothed sign of its speed."""
         return self.per_joint(
             state, "fl", "torque", lambda i: np.abs(state.load[:, i]) * np.tanh(state.v[:, i] / self.width), sign=1
         )
@@ -70,7 +72,7 @@ class LoadFriction(Effect):
 
 @dataclass(frozen=True)
 class ThermalDrift(Effect):
-    """Friction that changes as the joint warms up: by the clock, or by its measured temperature.
+    """Friction that changes as the joint warms up, as a function of time or of its measured temperature.
 
     Attributes
     ----------
@@ -88,12 +90,15 @@ class ThermalDrift(Effect):
     title: ClassVar[str] = "friction that changes with temperature"
     equation: ClassVar[str] = "(fvt·v + fct·tanh(v/width))·(1 − exp(−t/constant)), or ·(temperature − at)"
     sentence: ClassVar[str] = (
-        "the friction of {joint} at the end of the log is not what it was at the beginning: "
-        "warming up (or cooling down)"
+        "the friction of {joint} changes from the beginning of the log to its end: the joint warms up (or cools down)"
     )
-    looks_like: ClassVar[str] = "the friction's step and slope shrink (or grow) steadily from the beginning to the end"
+    looks_like: ClassVar[str] = (
+        "the step and the slope of the friction shrink (or grow) steadily from the beginning to the end"
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous", "coulomb")
-    confirmed_by: ClassVar[str] = "repeat one motion for half an hour from cold; better, log the joint's temperature"
+    confirmed_by: ClassVar[str] = (
+        "start cold and repeat one motion for half an hour; if possible, record the joint's temperature too"
+    )
     reference: ClassVar[str] = "Bittencourt, Wernholt, Sander-Tavallaey and Brogårdh 2010, IEEE/RSJ IROS"
 
     friction: ClassVar[bool] = True
@@ -122,7 +127,7 @@ class ThermalDrift(Effect):
 
     @classmethod
     def variants(cls, joints: tuple[str, ...] | None) -> list[Self]:
-        """By the clock with every time constant, and by the measured temperature."""
+        """Drift over time with every time constant, and drift with the measured temperature."""
         return [*super().variants(joints), cls(joints=joints, by="temperature")]
 
     @property
@@ -131,13 +136,13 @@ class ThermalDrift(Effect):
         return self.shapes if self.by == "time" else {}
 
     def channels(self, robot: Robot) -> tuple[str, ...]:
-        """``temperature_<joint>``, if it goes by temperature."""
+        """``temperature_<joint>``, if the friction depends on the measured temperature."""
         if self.by == "time":
             return ()
         return tuple(f"temperature_{name}" for _, name, _ in self.acts_on(robot))
 
     def terms(self, state: State) -> list[Term]:
-        """Two columns a joint: its speed and its smoothed sign, times how warm it is."""
+        """Two columns per joint: its speed and the smoothed sign of its speed, both times ϑ."""
         warmth = {i: self._warmth(state, name) for i, name, _ in self.acts_on(state.robot)}
         mark, per = ("t", "") if self.by == "time" else ("T", "kelvin")
         return [

@@ -1,10 +1,11 @@
-"""Friction whose curve over the speed is not a straight line and a step.
+"""Friction beyond the viscous line and the Coulomb step: other curves over the speed.
 
-    τ_f,j = fs_j tanh(q̇_j/w) exp(−(|q̇_j|/v_s)^δ) + fvv_j q̇_j|q̇_j| + fvvv_j q̇_j³ + fva_j |q̇_j| + fca_j tanh(|q̇_j|/w)
+    τ_f,j = fs_j tanh(q̇_j/w) exp(−(|q̇_j|/v_s)^δ) + fvv_j q̇_j|q̇_j| + fvvv_j q̇_j³ + fva_j |q̇_j| + fca_j
+    tanh(|q̇_j|/w)
 
-The first is what lubrication takes away as speed builds the film (Stribeck 1902; the exponential form is Bo and
-Pavelescu's); odd powers bend the viscous line, up with churning oil and down with shear thinning grease; the even terms
-are friction that differs between the two directions.
+The first term is Stribeck friction: it fades as the speed builds up the lubricant film (Stribeck 1902; the exponential
+form is from Bo and Pavelescu). The odd powers bend the viscous line: churning oil bends the line up, shear-thinning
+grease bends it down. The last two terms, even in the speed, are friction that differs between the two directions.
 
 Source: Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7).
 """
@@ -29,9 +30,9 @@ class Stribeck(Effect):
     Attributes
     ----------
     speed : float
-        Stribeck speed, at which 1/e of the extra friction is left, rad/s (m/s).
+        Stribeck speed, at which the extra friction has fallen to 1/e, rad/s (m/s).
     exponent : float
-        1: slow decay (Tustin); 2: a bell (Gauss).
+        1: slow decay (Tustin); 2: bell-shaped decay (Gauss).
     width : float
         Speed over which the sign is smoothed, rad/s (m/s).
     """
@@ -40,13 +41,15 @@ class Stribeck(Effect):
     title: ClassVar[str] = "Stribeck friction"
     equation: ClassVar[str] = "fs·tanh(v/width)·exp(−(|v|/speed)^exponent)"
     sentence: ClassVar[str] = (
-        "{joint} needs more torque just after it reverses than when it moves: Stribeck friction, a lubricant film that "
-        "builds up with speed"
+        "{joint} needs more torque just after a reversal than at higher speed: Stribeck friction, because the "
+        "lubricant film builds up with speed"
     )
-    looks_like: ClassVar[str] = "against speed, a peak on each side of zero that dies out within a tenth of a rad/s"
+    looks_like: ClassVar[str] = (
+        "the residual drawn against speed has a peak on each side of zero; the peak ends within a tenth of a rad/s"
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "quadratic_viscous", "cubic_viscous", "hysteresis")
     confirmed_by: ClassVar[str] = (
-        "record many slow constant speeds, from 0.01 to 0.5 rad/s: the torque falls before it rises"
+        "record many slow constant speeds, from 0.01 to 0.5 rad/s: with rising speed the torque first falls, then rises"
     )
     reference: ClassVar[str] = "Bo and Pavelescu 1982, Wear 82(3)"
 
@@ -70,7 +73,7 @@ class Stribeck(Effect):
         self.require_positive(speed="speed in rad/s (m/s)", exponent="number", width="speed in rad/s (m/s)")
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint: the smoothed sign of its speed, fading with the speed."""
+        """One column per joint: the smoothed sign of its speed, fading with the speed."""
 
         def column(i: int) -> np.ndarray:
             v = state.v[:, i]
@@ -81,16 +84,17 @@ class Stribeck(Effect):
 
 @dataclass(frozen=True)
 class QuadraticViscous(Effect):
-    """Friction with the square of the speed, ``fvv q̇|q̇|``."""
+    """Friction that grows with the square of the speed, ``fvv q̇|q̇|``."""
 
     id: ClassVar[str] = "quadratic_viscous"
     title: ClassVar[str] = "quadratic viscous friction"
     equation: ClassVar[str] = "fvv·v·|v|"
     sentence: ClassVar[str] = (
-        "the friction of {joint} does not grow in proportion to the speed but with its square: churning or "
-        "shear-thinning lubricant, or air drag"
+        "the friction of {joint} grows with the square of the speed: churning or shear-thinning lubricant, or air drag"
     )
-    looks_like: ClassVar[str] = "against speed, an S that bends the viscous line up (or down) at both ends"
+    looks_like: ClassVar[str] = (
+        "the residual drawn against speed is an S: at both ends the viscous line becomes steeper (or flatter)"
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("cubic_viscous", "viscous", "stribeck")
     confirmed_by: ClassVar[str] = "record constant speeds up to the joint's limit, in both directions"
     reference: ClassVar[str] = "Simoni, Beschi, Legnani and Visioli 2015, IEEE/RSJ IROS"
@@ -99,13 +103,13 @@ class QuadraticViscous(Effect):
     code: ClassVar[Mapping[str, str]] = {"fvv": "{v} * abs({v})"}
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint: speed times its size."""
+        """One column per joint: speed times its size."""
         return self.per_joint(state, "fvv", "rate^2", lambda i: state.v[:, i] * np.abs(state.v[:, i]))
 
 
 @dataclass(frozen=True)
 class CubicViscous(Effect):
-    """Friction with the third power of the speed, ``fvvv q̇³``."""
+    """Friction that grows with the third power of the speed, ``fvvv q̇³``."""
 
     id: ClassVar[str] = "cubic_viscous"
     title: ClassVar[str] = "cubic viscous friction"
@@ -113,7 +117,7 @@ class CubicViscous(Effect):
     sentence: ClassVar[str] = (
         "the friction of {joint} bends away from a straight line at high speed: cubic viscous friction"
     )
-    looks_like: ClassVar[str] = "against speed, a flat middle and steep ends"
+    looks_like: ClassVar[str] = "the residual drawn against speed is flat in the middle and steep at both ends"
     confused_with: ClassVar[tuple[str, ...]] = ("quadratic_viscous", "viscous", "stribeck")
     confirmed_by: ClassVar[str] = "record constant speeds up to the joint's limit, in both directions"
     reference: ClassVar[str] = "Taghirad and Bélanger 1998, ASME J. Dynamic Systems, Measurement and Control 120(4)"
@@ -122,7 +126,7 @@ class CubicViscous(Effect):
     code: ClassVar[Mapping[str, str]] = {"fvvv": "{v} * {v} * {v}"}
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint: the third power of its speed."""
+        """One column per joint: the third power of its speed."""
         return self.per_joint(state, "fvvv", "rate^3", lambda i: state.v[:, i] ** 3)
 
 
@@ -134,10 +138,12 @@ class AsymmetricViscous(Effect):
     title: ClassVar[str] = "direction-dependent viscous friction"
     equation: ClassVar[str] = "fva·|v|"
     sentence: ClassVar[str] = (
-        "{joint} is harder to move fast in one direction than in the other: its viscous friction "
-        "depends on the direction"
+        "{joint} needs more torque to move fast in one direction than in the other: its viscous friction depends on "
+        "the direction"
     )
-    looks_like: ClassVar[str] = "against speed, a V: both halves of the line tilt the same way"
+    looks_like: ClassVar[str] = (
+        "the residual drawn against speed is a V: with faster motion it rises (or falls) in both directions"
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("offset", "asymmetric_coulomb")
     confirmed_by: ClassVar[str] = "record the same constant speeds forward and backward through the same angles"
     reference: ClassVar[str] = "Armstrong-Hélouvry 1991, Control of Machines with Friction, Kluwer"
@@ -146,30 +152,32 @@ class AsymmetricViscous(Effect):
     code: ClassVar[Mapping[str, str]] = {"fva": "abs({v})"}
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint: the size of its speed."""
+        """One column per joint: the size of its speed."""
         return self.per_joint(state, "fva", "rate", lambda i: np.abs(state.v[:, i]))
 
 
 @dataclass(frozen=True)
 class AsymmetricCoulomb(Effect):
-    """Dry friction that differs between the two directions, ``fca tanh(|q̇|/width)``: an offset except at rest.
+    """Dry friction that differs between the two directions, ``fca tanh(|q̇|/width)``: an offset in motion.
 
     Attributes
     ----------
     width : float
-        Speed below which the joint counts as at rest, rad/s (m/s).
+        Speed below which the joint counts as standing still, rad/s (m/s).
     """
 
     id: ClassVar[str] = "asymmetric_coulomb"
     title: ClassVar[str] = "direction-dependent Coulomb friction"
     equation: ClassVar[str] = "fca·tanh(|v|/width)"
     sentence: ClassVar[str] = (
-        "the dry friction of {joint} is larger in one direction than in the other; in motion, that is a torque offset"
+        "the dry friction of {joint} is larger in one direction than in the other; in motion this looks like a torque "
+        "offset"
     )
-    looks_like: ClassVar[str] = "an offset that is there in motion and gone at rest"
+    looks_like: ClassVar[str] = "a torque offset in motion that vanishes at standstill"
     confused_with: ClassVar[tuple[str, ...]] = ("offset", "asymmetric_viscous")
     confirmed_by: ClassVar[str] = (
-        "hold still in several poses, approached from both sides: an offset stays, this does not"
+        "hold the joint still in several poses, approached from both sides: a torque offset stays, this friction "
+        "vanishes"
     )
     reference: ClassVar[str] = "Armstrong-Hélouvry 1991, Control of Machines with Friction, Kluwer"
 
@@ -187,5 +195,5 @@ class AsymmetricCoulomb(Effect):
         self.require_positive(width="speed in rad/s (m/s)")
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint: one while it moves."""
+        """One column per joint: one while the joint moves, zero at standstill."""
         return self.per_joint(state, "fca", "", lambda i: np.tanh(np.abs(state.v[:, i]) / self.width))

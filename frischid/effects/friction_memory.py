@@ -1,10 +1,10 @@
-"""Friction that remembers: before a joint slides, its surfaces bend like a spring.
+"""Friction with memory: before a joint slides, its surfaces bend like a spring.
 
-Dahl's presliding state z follows the path, whatever the speed,
+Dahl's presliding state z depends on the path and not on the speed,
 
     dz/dq = (1 − z sgn q̇) / distance   ⇒   z_k = s − (s − z_{k−1}) exp(−|Δq_k| / distance),   s = sgn Δq_k,
 
-exact from sample to sample. After a reversal the friction turns over within a few `distance`s instead of at once.
+exact from sample to sample. After a reversal the friction changes its sign within a few `distance`s, not at once.
 
 Source: Dahl 1968, "A solid friction model", Aerospace Corporation TOR-0158; Canudas de Wit, Olsson, Åström and
 Lischinsky 1995, IEEE Trans. Automatic Control 40(3) (the LuGre model, whose slow limit this is).
@@ -27,15 +27,16 @@ from frischid.effects.units import ANGLE_UNITS, SPEED_UNITS
 def presliding(t: Array, v: Array, distance: float) -> Array:
     """Dahl's state along a motion, between −1 and 1.
 
-    The path is the integral of the speed, which carries less noise than differences of positions. What was before the
-    log is unknown: until the joint first moves in earnest it is taken to come from far in that same direction.
+    The path is the integral of the speed, because the speed carries less noise than differences of positions. The
+    motion before the log is unknown. The joint is assumed to have come a long way in the direction of its first clear
+    motion.
 
     Parameters
     ----------
     t, v : ndarray, shape (N,)
         Time, s, and speed, rad/s (m/s).
     distance : float
-        Path over which the friction turns over, rad (m).
+        Path over which the friction changes its sign, rad (m).
 
     Returns
     -------
@@ -55,10 +56,10 @@ def presliding(t: Array, v: Array, distance: float) -> Array:
 
 @dataclass(frozen=True)
 class Hysteresis(Effect):
-    """Dahl friction in place of as much Coulomb friction, ``fh (z − tanh(q̇/width))``.
+    """Dahl friction that replaces an equal part of the Coulomb friction, ``fh (z − tanh(q̇/width))``.
 
-    With Coulomb friction in the model the two make ``fh z + (fc − fh) tanh(q̇/width)``: a part of the dry friction has
-    memory.
+    Together with the Coulomb friction of the model the sum is ``fh z + (fc − fh) tanh(q̇/width)``: a part fh of the dry
+    friction has memory.
 
     Attributes
     ----------
@@ -72,13 +73,15 @@ class Hysteresis(Effect):
     title: ClassVar[str] = "presliding friction with memory"
     equation: ClassVar[str] = "fh·(z − tanh(v/width)),  dz/dq = (1 − z·sgn v)/distance"
     sentence: ClassVar[str] = (
-        "the dry friction of {joint} does not turn over at once when the motion reverses but over some distance: "
+        "when {joint} reverses, its dry friction changes sign over some distance and not at once: "
         "presliding friction with memory"
     )
-    looks_like: ClassVar[str] = "after each reversal an error that depends on the path since, not on the speed"
+    looks_like: ClassVar[str] = (
+        "after each reversal, an error that depends on the path since the reversal and not on the speed"
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "coulomb", "backlash", "cable_hose")
     confirmed_by: ClassVar[str] = (
-        "record tiny slow back-and-forth motions of growing size: torque against angle makes loops"
+        "record tiny slow back-and-forth motions of growing size: the torque drawn against the angle forms loops"
     )
     reference: ClassVar[str] = "Dahl 1968, Aerospace Corporation TOR-0158; Canudas de Wit et al. 1995, IEEE TAC 40(3)"
 
@@ -98,7 +101,7 @@ class Hysteresis(Effect):
         self.require_positive(distance="distance in rad (m)", width="speed in rad/s (m/s)")
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint: what memory adds to the smoothed sign of the speed."""
+        """One column per joint: the state z less the smoothed sign of the speed."""
 
         def column(i: int) -> Array:
             v = state.v[:, i]
@@ -109,25 +112,25 @@ class Hysteresis(Effect):
 
 @dataclass(frozen=True)
 class CableHose(Effect):
-    """A dress pack that is bent along with the joint: a spring whose strands rub, ``kh q + fz z``.
+    """Cables and hoses that bend with the joint: a spring whose strands rub on each other, ``kh q + fz z``.
 
     Attributes
     ----------
     distance : float
-        Path over which the rubbing turns over, rad (m): far longer than a gear's.
+        Path over which the rubbing changes its sign, rad (m): far longer than in a gear.
     """
 
     id: ClassVar[str] = "cable_hose"
     title: ClassVar[str] = "cables and hoses: a spring with hysteresis"
     equation: ClassVar[str] = "kh·q + fz·z,  dz/dq = (1 − z·sgn v)/distance"
     sentence: ClassVar[str] = (
-        "{joint} is pulled back like by a spring, and more on the way out than on the way back: cables or hoses bend "
-        "with it"
+        "a torque like that of a spring pulls {joint} back, and is larger on the way out than on the way back: cables "
+        "or hoses bend with the joint"
     )
-    looks_like: ClassVar[str] = "against angle, a slanted loop"
+    looks_like: ClassVar[str] = "the residual drawn against angle is a slanted loop"
     confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis")
     confirmed_by: ClassVar[str] = (
-        "record slow sweeps over the whole range, out and back; once more with the cables taken off"
+        "record slow sweeps over the whole range, out and back, with the cables and without them"
     )
     reference: ClassVar[str] = "Wang, Gondokaryono, Munawar and Fischer 2019, IEEE Robotics and Automation Letters 4(4)"
     generalises: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis")
@@ -143,7 +146,7 @@ class CableHose(Effect):
         self.require_positive(distance="distance in rad (m)")
 
     def terms(self, state: State) -> list[Term]:
-        """Two columns a joint: its angle, and the state of the rubbing."""
+        """Two columns per joint: its angle, and the state z of the rubbing."""
         return [
             *self.per_joint(state, "kh", "position", lambda i: state.q[:, i], sign=1),
             *self.per_joint(state, "fz", "", lambda i: presliding(state.t, state.v[:, i], self.distance), sign=1),

@@ -4,14 +4,15 @@ Along the motor's measured motion, the link of joint j lags the motor by the def
 
     M_jj δ̈ + (∂τ_j/∂q̇_j + d) δ̇ + (∂τ_j/∂q_j + k) δ = load_j + f,    |δ| ≤ g,
 
-with k and d of its spring. A link that crosses a gap of ±g has neither spring nor damper, and stops at the gap's ends.
-f is the dry friction behind the gear. This friction follows the link's own speed. Where the motor turns back, friction
-holds the link until the spring is wound up the other way or the gap is crossed,
+with k and d the stiffness and the damping of its spring. A link that crosses a gap of ±g has neither spring nor damper,
+and stops at the ends of the gap.
+f is the dry friction behind the gear. This friction follows the link's own speed. Where the motor reverses, friction
+holds the link until the spring is wound in the other direction or the link has crossed the gap,
 
     f = f_c sign(q̇_j − δ̇),    |f| ≤ f_c where q̇_j = δ̇.
 
-The midpoint rule computes the motion. The rule takes no energy from the swing, and friction and stops are solved for
-within each step (Moreau 1988, "Unilateral contact and dry friction in finite freedom dynamics").
+The midpoint rule computes the motion. This rule takes no energy from the swing. Each step solves for friction and for
+the stops (Moreau 1988, "Unilateral contact and dry friction in finite freedom dynamics").
 
 Source: Nordin and Gutman 2002, "Controlling mechanical systems with backlash: a survey", Automatica 38(10).
 """
@@ -33,20 +34,20 @@ SWING_DAMPING = 0.05
 decides how long a swing rings."""
 
 STIFFNESS_LEFT = 0.1
-"""Share of a spring's stiffness that must be left when the weight of the link works against the spring. A spring with
-less would let the link fall."""
+"""Least share of a spring's stiffness that must remain when the weight of the link works against the spring. With a
+smaller share the link would fall."""
 
 SAMPLES_PER_SWING = 5.0
 """Samples per period of a swing. With fewer samples the swing does not show, and the spring counts as rigid."""
 
 TRAVEL_STEP = 0.004
-"""Step of the link's computed motion, s. Of a log that is sampled more finely, every n-th sample is used."""
+"""Step of the link's computed motion, s. From a log with a smaller step, every n-th sample is used."""
 
 START_WINDOW = 0.1
 """Time from a motion's first sample, s, over which the load on the link is averaged to find where the link starts."""
 
 TOGETHER_FROM = 9
-"""Number of links from which moving all at once as arrays is faster than moving each alone as numbers."""
+"""From this number of links on, moving all links at once as arrays is faster than moving each link as plain numbers."""
 
 NUMBERS_AT_ONCE = 1_000_000
 """Numbers in memory at once for links that move together, 8 MB per channel."""
@@ -54,15 +55,15 @@ NUMBERS_AT_ONCE = 1_000_000
 
 @dataclass(frozen=True)
 class Gear:
-    """What lies between a motor and its link.
+    """The transmission between a motor and its link.
 
     Attributes
     ----------
     joint : int
     rubbing : float
-        Share of the joint's dry friction that is behind the gear.
+        Share of the joint's dry friction that acts behind the gear.
     period : float
-        In which the link, in a pose of mean inertia, swings on the gear's spring while the motor stands still, s;
+        Period of the link's swing on the gear's spring while the motor stands still, in a pose of mean inertia, s;
         infinite where there is no spring.
     gap : float
         Half the play, rad (m); infinite where a spring carries the link.
@@ -76,15 +77,15 @@ class Gear:
 
 @dataclass(frozen=True, eq=False)
 class _Road:
-    """What links meet along a motion.
+    """Speeds, loads and inertias that drive the links along a motion.
 
     Attributes
     ----------
     t : ndarray, shape (G,)
         Grid of times, s.
     over : ndarray, shape (G - 1, 6, J)
-        Halfway between them: the motor's speed and its sign, the link's load, its inertia, and what drags it and pulls
-        it back of itself (∂τ_j/∂q̇_j, ∂τ_j/∂q_j).
+        Values halfway between the times: speed of the motor, smoothed sign of that speed, load on the link, inertia of
+        the link, and the derivatives ∂τ_j/∂q̇_j and ∂τ_j/∂q_j.
     """
 
     t: Array
@@ -92,7 +93,7 @@ class _Road:
 
     @classmethod
     def of(cls, state: State) -> _Road:
-        """Of a motion of at least two samples."""
+        """Compute it from a motion of at least two samples."""
         every = max(1, int(TRAVEL_STEP / np.median(np.diff(state.t))))
         grid = np.unique(np.append(np.arange(0, len(state.t), every), len(state.t) - 1))
         pull, drag, inertia = (np.diagonal(slope[grid], axis1=1, axis2=2) for slope in state.slopes)
@@ -104,10 +105,10 @@ class _Road:
 def _travel(
     road: Iterable[Any], steps: Iterable[float], links: Iterable[Any], least: Any, most: Any
 ) -> Iterator[tuple[Any, Any]]:
-    """Deflection at the end of each step, and friction within it beyond what the motor's speed would make of it.
+    """Deflection at the end of each step, and f − f_c sign(q̇_j) within the step.
 
-    Of one link, all being numbers, or of many, all being arrays; `least` and `most` give the smaller and the larger of
-    two numbers or arrays.
+    For one link, all values are numbers; for many links, all are arrays. `least` and `most` give the smaller and the
+    larger of two numbers or arrays.
     """
     deflection, rate, stiffness, damping, gap, dry = links
     for (speed, sign, load, inertia, drag, pull), h in zip(road, steps, strict=True):
@@ -124,14 +125,14 @@ def _travel(
 
 
 class Lag(NamedTuple):
-    """How a link lags behind its motor along a motion, per unit of the gear's parameter: compliance 1/k, half a gap g.
+    """Lag of a link behind its motor along a motion, per unit of the gear's parameter: compliance 1/k or half a gap g.
 
     Attributes
     ----------
     place, rate, acceleration : ndarray, shape (N,)
-        δ and its derivatives, times k or over g: of a spring, the torque it carries, N·m (N).
+        δ and its derivatives, times k or over g. For a spring, k δ is the torque that the spring carries, N·m (N).
     friction : ndarray, shape (N,)
-        What the motor feels of f − f_c sign(q̇), likewise.
+        f − f_c sign(q̇_j) as the motor feels it, also times k or over g.
     """
 
     place: Array
@@ -141,7 +142,7 @@ class Lag(NamedTuple):
 
 
 def lags(state: State, gears: Sequence[Gear]) -> Iterator[Lag]:
-    """How links lag behind their motors along a motion; each as if all other joints were rigid.
+    """Lags of links behind their motors along a motion; each link is computed as if all other joints were rigid.
 
     Parameters
     ----------
@@ -151,12 +152,12 @@ def lags(state: State, gears: Sequence[Gear]) -> Iterator[Lag]:
     Yields
     ------
     Lag
-        In the order of the gears; not a number where the link's weight overcomes the spring.
+        One per gear, in the order of the gears; NaN where the weight of the link overcomes the spring.
 
     Raises
     ------
     InputError
-        The samples are not in the order of time.
+        The samples are not in order of time.
     """
     state.require_times()
     count = len(state.t)
@@ -177,7 +178,7 @@ def _lags(state: State, road: _Road, gears: Sequence[Gear]) -> Iterator[Lag]:
     stiffness = omega**2 * inertia
     weak = stiffness + road.over[:, 5].min(axis=0)[joints] < STIFFNESS_LEFT * stiffness
     dry = np.array([gear.rubbing for gear in gears]) * (0.0 if state.dry is None else state.dry[joints])
-    # At first a link is where its load keeps it, and follows; which noise must not hide.
+    # A link starts at the deflection of its load. The mean over the first samples keeps noise out of this start.
     soon = np.flatnonzero(state.t <= max(state.t[0] + START_WINDOW, state.t[1]))
     carried = state.load[soon][:, joints] + dry * np.tanh(state.v[soon][:, joints] / SIGN_WIDTH)
     slope, first = np.polyfit(state.t[soon] - state.t[0], carried, 1)
@@ -203,12 +204,12 @@ def _lags(state: State, road: _Road, gears: Sequence[Gear]) -> Iterator[Lag]:
 
 
 def _at_samples(between: Array) -> Array:
-    """Values at the samples of a grid from those halfway between them."""
+    """Values at the samples of a grid, from the values halfway between the samples."""
     return np.asarray((np.append(between[0], between) + np.append(between, between[-1])) / 2)
 
 
 def _moved(road: _Road, joints: NDArray[np.intp], links: Array) -> Array:
-    """Travels of links, (G - 1, 2, links): at once where there are many, for a step of an array takes that of nine."""
+    """Travels of links, (G - 1, 2, links); many links move at once, because a step of arrays takes as long as nine."""
     steps = np.diff(road.t).tolist()
     if len(joints) < TOGETHER_FROM:
         each = [

@@ -1,11 +1,12 @@
-"""What the robot carries and how it stands: an unknown body at a link, and a base that is not level.
+"""Payload and mounting of the robot: an unknown body on a link, and a base that is not level.
 
-A payload adds to the inertial parameters of the link that holds it, so its columns are that link's own: on one log it
-cannot be told from the link, against a model of the robot without it, it can,
+A payload adds to the inertial parameters of the link that holds it, so the columns of the payload are the columns of
+that link. One log alone cannot separate the payload from the link. A model of the robot without the payload can,
 
     τ = τ_model + Γ_link Δθ_link.
 
-A base tilted by a small rotation φ sees gravity turned the other way, ``g' = g + g × φ``, and torque is linear in g.
+In the frame of a base that is tilted by a small rotation φ, gravity is turned the other way, ``g' = g + g × φ``. Torque
+is linear in g.
 
 Sources: Khalil, Gautier and Lemoine 2007, "Identification of the payload inertial parameters of industrial
 manipulators", IEEE ICRA; Hollerbach, Khalil and Gautier 2016, Springer Handbook of Robotics, chapter 6.
@@ -31,7 +32,7 @@ PAYLOAD_CHUNK = 1024  # samples of the whole regressor in memory at once
 
 @lru_cache(maxsize=16)
 def _all_unknown(robot: Robot) -> Robot:
-    """The same robot with nothing known outright, so that every rigid parameter has its column."""
+    """The same robot without known parameters, so that every rigid parameter has its column."""
     return Robot.from_dict({**robot.to_dict(), "known": {}})
 
 
@@ -50,13 +51,13 @@ def _link_columns(robot: Robot, joint: str, q: Array, v: Array, a: Array) -> Arr
 
 @lru_cache(maxsize=256)
 def _felt_parameters(robot: Robot, joint: str) -> NDArray[np.bool_]:
-    """Which inertial parameters of a link which joints feel, (10, J)."""
+    """Whether a joint (column) feels an inertial parameter of the link (row), (10, J)."""
     return np.asarray((np.abs(_link_columns(robot, joint, *random_states(robot, 8))) > LEAST_FELT).any(axis=0))
 
 
 @lru_cache(maxsize=64)
 def _felt_tilts(robot: Robot) -> tuple[int, ...]:
-    """Axes of the base about which a tilt is felt: not the one along gravity, and only if some link's weight turns."""
+    """Axes of the base about which a tilt changes some torque; never the axis along gravity."""
     gravity, axes = np.array(robot.gravity), np.eye(3)
     level = sorted(np.argsort(np.abs(gravity))[:2].tolist())
     q, body = random_states(robot, 8)[0], RigidDynamics.generic(robot)
@@ -65,25 +66,28 @@ def _felt_tilts(robot: Robot) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class Payload(Effect):
-    """An unknown rigid body on a link: mass and first moment, or all ten parameters; on the last joint's if none named.
+    """An unknown rigid body on a link: mass and first moment, or all ten parameters.
 
-    Its parameters are about the frame of the link's own (``Robot.frames``). Those that no joint feels are left out.
+    The body is on the last link if no joint is named. Its parameters are given in the frame of the link
+    (``Robot.frames``). Parameters that no joint feels are left out.
 
     Attributes
     ----------
     full : bool
-        True: the six inertias too.
+        True: the columns of the six inertias too.
     """
 
     id: ClassVar[str] = "payload"
     title: ClassVar[str] = "payload: an unknown body on a link"
-    equation: ClassVar[str] = "Γ_link·(dm, dmx, dmy, dmz)  (full: and the six inertias)"
+    equation: ClassVar[str] = "Γ_link·(dm, dmx, dmy, dmz)  (full: also the six inertias)"
     sentence: ClassVar[str] = (
-        "something hangs on the link behind {joint} that the model does not know: a payload or tool"
+        "the link behind {joint} carries a body that the model does not contain: a payload or tool"
     )
-    looks_like: ClassVar[str] = "errors that follow the pose on all joints up to that link, most on those nearest to it"
+    looks_like: ClassVar[str] = (
+        "errors that follow the pose on all joints up to that link, with the largest errors near the link"
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("gravity_tilt", "drive_gain", "encoder_zero", "joint_spring")
-    confirmed_by: ClassVar[str] = "record the same motion with and without it; or weigh it"
+    confirmed_by: ClassVar[str] = "record the same motion with the body and without it; or weigh the body"
     reference: ClassVar[str] = "Khalil, Gautier and Lemoine 2007, IEEE ICRA"
 
     single: ClassVar[bool] = True
@@ -93,16 +97,16 @@ class Payload(Effect):
 
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:
-        """On each link, a body small enough for its mass and first moment to say all, or a large one."""
+        """On each link, a small body (mass and first moment suffice) or a large one (all ten parameters)."""
         return [[cls((name,), full=full)] for name in robot.joints for full in (False, True)]
 
     def acts_on(self, robot: Robot) -> list[tuple[int, str, str]]:
-        """The joints named; the last one when none is."""
+        """The named joints; the last joint when none is named."""
         joints = super().acts_on(robot)
         return joints if self.joints is not None else joints[-1:]
 
     def terms(self, state: State) -> list[Term]:
-        """Four columns a link, or ten; felt by the joints that carry it."""
+        """Four or ten columns per link, in the rows of the joints that carry the link."""
         return [term for _, name, number in self.acts_on(state.robot) for term in self._of_link(state, name, number)]
 
     def _of_link(self, state: State, name: str, number: str) -> list[Term]:
@@ -120,15 +124,15 @@ class Payload(Effect):
 
 @dataclass(frozen=True)
 class GravityTilt(Effect):
-    """The base stands off level by small angles about two of its axes, those across gravity."""
+    """The base is tilted by small angles about its two axes that are perpendicular to gravity."""
 
     id: ClassVar[str] = "gravity_tilt"
     title: ClassVar[str] = "tilted base"
     equation: ClassVar[str] = "tilt_x·∂τ/∂g·(g × x) + tilt_y·∂τ/∂g·(g × y)"
     sentence: ClassVar[str] = (
-        "gravity pulls on {joint} from another direction than the model says: the base is mounted a little off"
+        "gravity acts on {joint} in another direction than in the model: the base is slightly tilted"
     )
-    looks_like: ClassVar[str] = "errors that follow the pose at any speed, also about a vertical first axis"
+    looks_like: ClassVar[str] = "errors that follow the pose at any speed, also on a first joint with a vertical axis"
     confused_with: ClassVar[tuple[str, ...]] = ("payload", "encoder_zero", "joint_spring", "offset")
     confirmed_by: ClassVar[str] = (
         "put a spirit level on the base; or turn the stretched arm slowly about its first axis"
@@ -139,7 +143,7 @@ class GravityTilt(Effect):
     candidate: ClassVar[Literal["joint", "robot", "never"]] = "robot"
 
     def terms(self, state: State) -> list[Term]:
-        """One column for each of the axes about which a tilt is felt, rad."""
+        """One column for each axis about which a tilt changes some torque, rad."""
         return [self._about(state, axis) for axis in _felt_tilts(state.robot)]
 
     def _about(self, state: State, axis: int) -> Term:

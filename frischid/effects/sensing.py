@@ -1,9 +1,9 @@
-"""Channels that do not show what they should: a torque's gain, a delay, an encoder's zero.
+"""Errors of measured channels: the gain of a torque, a delay, the zero of an encoder.
 
     τ_measured,j(t) = (1 + gain_j) τ_j(t − delay_j) ≈ τ_j + gain_j τ_j + delay_j (τ_j(t − size) − τ_j)/size
 
-with τ the torque of the reference parameters, and ``q_measured,j = q_j + zero_j``, so that the torque is that of
-another pose, ``τ(q) ≈ τ(q_measured) − ∂τ/∂q_j zero_j``.
+with τ the torque of the reference parameters. With ``q_measured,j = q_j + zero_j`` the arm stands in another pose than
+the log says, so ``τ(q) ≈ τ(q_measured) − ∂τ/∂q_j zero_j``.
 
 Sources: Gautier and Briot 2014, ASME J. Dynamic Systems, Measurement and Control 136(5); Leboutet, Roux, Janot,
 Guadarrama-Olvera and Cheng 2021, "Inertial parameter identification in robotics: a survey", Applied Sciences 11(9);
@@ -28,24 +28,24 @@ from frischid.robot.robot import Robot
 
 @dataclass(frozen=True)
 class DriveGain(Effect):
-    """A joint's torque channel mis-scaled by ``1 + gain``: a wrong motor constant or gear ratio."""
+    """A torque channel with a wrong scale, ``1 + gain``: a wrong motor constant or gear ratio."""
 
     id: ClassVar[str] = "drive_gain"
     title: ClassVar[str] = "mis-scaled torque channel"
     equation: ClassVar[str] = "gain·τ_model"
     sentence: ClassVar[str] = (
-        "the torque of {joint} is too large or too small by one factor throughout: the motor constant, current scale "
-        "or gear ratio is off"
+        "the torque of {joint} is too large or too small by a constant factor: the motor constant, the current scale "
+        "or the gear ratio is wrong"
     )
     looks_like: ClassVar[str] = "the residual is a copy of the torque itself, on this joint only"
     confused_with: ClassVar[tuple[str, ...]] = ("payload", "load_friction", "time_delay")
-    confirmed_by: ClassVar[str] = "put a known weight on the link: the torque must change by what it weighs"
+    confirmed_by: ClassVar[str] = "put a known weight on the link: the torque must change by the torque of that weight"
     reference: ClassVar[str] = "Gautier and Briot 2014, ASME J. Dynamic Systems, Measurement and Control 136(5)"
 
     loaded: ClassVar[bool] = True
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint: its torque."""
+        """One column per joint: its torque."""
         return self.per_joint(state, "gain", "torque", lambda i: state.torque[:, i])
 
 
@@ -56,7 +56,8 @@ class TimeDelay(Effect):
     Attributes
     ----------
     size : float
-        Delay for which the torque's change is calculated, s; the parameter, the delay found, should agree.
+        Delay for which the change of the torque is calculated, s. The parameter is the delay found; it should be close
+        to `size`.
     """
 
     id: ClassVar[str] = "time_delay"
@@ -65,9 +66,13 @@ class TimeDelay(Effect):
     sentence: ClassVar[str] = (
         "the torque of {joint} is recorded later (or earlier) than the position: the channels are shifted"
     )
-    looks_like: ClassVar[str] = "an error like the torque's slope, largest where the torque changes fastest"
+    looks_like: ClassVar[str] = (
+        "an error like the time derivative of the torque, largest where the torque changes fastest"
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("viscous", "elasticity", "rotor_inertia")
-    confirmed_by: ClassVar[str] = "record a sudden step of one joint: compare when the two channels move"
+    confirmed_by: ClassVar[str] = (
+        "record a sudden step of one joint and compare the times at which the two channels move"
+    )
     reference: ClassVar[str] = "Leboutet, Roux, Janot, Guadarrama-Olvera and Cheng 2021, Applied Sciences 11(9)"
 
     memory: ClassVar[bool] = True
@@ -85,11 +90,11 @@ class TimeDelay(Effect):
 
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:
-        """All joints by the same delay, or one joint alone."""
+        """The same delay on all joints, or a delay on one joint alone."""
         return [cls.variants(None), *(cls.variants((name,)) for name in robot.joints)]
 
     def terms(self, state: State) -> list[Term]:
-        """The torque's change over `size`, on all joints in one column, or one column for each joint named."""
+        """Change of the torque over `size`: all joints in one column, or one column for each joint named."""
         change = (state.earlier(state.torque, self.size) - state.torque) / self.size
         if self.joints is not None:
             return self.per_joint(state, "delay", "torque rate", lambda i: change[:, i])
@@ -99,15 +104,17 @@ class TimeDelay(Effect):
 
 @dataclass(frozen=True)
 class EncoderZero(Effect):
-    """A joint's encoder zero is off by a small angle: the arm stands in another pose than the log says."""
+    """An encoder zero with a small error: the arm stands in another pose than the log says."""
 
     id: ClassVar[str] = "encoder_zero"
     title: ClassVar[str] = "shifted encoder zero"
     equation: ClassVar[str] = "−zero·∂τ_rigid/∂q"
     sentence: ClassVar[str] = (
-        "the angle of {joint} is off by a constant: the encoder was zeroed, or slipped, by a small angle"
+        "the angle of {joint} has a constant error: the encoder was zeroed at a wrong angle, or slipped"
     )
-    looks_like: ClassVar[str] = "errors that follow the pose, on this joint and on those it turns against gravity"
+    looks_like: ClassVar[str] = (
+        "errors that follow the pose, on this joint and on the joints that it turns against gravity"
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("gravity_tilt", "payload", "offset")
     confirmed_by: ClassVar[str] = "drive the joint to its mechanical mark and read the angle"
     reference: ClassVar[str] = "Mooring, Roth and Driels 1991, Fundamentals of Manipulator Calibration, Wiley"
@@ -116,7 +123,7 @@ class EncoderZero(Effect):
     change: ClassVar[bool] = True
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint whose angle matters at all: less the torque's slope with it."""
+        """One column per joint whose angle changes some torque: minus the derivative of the torque by that angle."""
         slope, felt = state.slopes.position, felt_slopes(state.robot)
         return [
             Term(

@@ -2,14 +2,14 @@
 
     ks q_j;   bq q_j + bqq q_j² + bqqq q_j³;   bs sin q_j + bc cos q_j + bss sin 2q_j + bcc cos 2q_j
 
-A spring or hose that grows stiffer as it is stretched is a cubic. A spring between a link and its base pulls along a
-line whose lever arm changes with the angle; over a turn that is a periodic function, and two harmonics describe it well
-whatever the geometry. Where the geometry is known, a cylinder with its lever is exact: of the lengths ρ (between the
-axis and the rod's end, as a share of that to the cylinder's end) and ℓ = √(1 + ρ² − 2ρ cos(q − rest)),
+The cubic form describes a spring or hose that becomes stiffer as it stretches. The lever arm of a spring between a link
+and its base changes with the angle. Over a turn the torque of such a spring is periodic, and two harmonics describe it
+well for any geometry. Where the geometry of a cylinder on a lever is known, its torque is exact,
 
-    τ_j = cp sin(q_j − rest)/ℓ + cs sin(q_j − rest).
+    τ_j = cp sin(q_j − rest)/ℓ + cs sin(q_j − rest),    ℓ = √(1 + ρ² − 2ρ cos(q_j − rest)),
 
-Constant parts are an offset.
+with ρ the distance of the rod's end from the axis over the distance of the cylinder's end from the axis. All constant
+torques are in the torque offset.
 
 Source: Arakelian 2016, "Gravity compensation in robotics", Advanced Robotics 30(2).
 """
@@ -39,22 +39,24 @@ class JointSpring(Effect):
     Attributes
     ----------
     form : {"linear", "cubic", "periodic"}
-        ``"linear"``: ``ks q``, where it rests is in the torque offset: ``ks (q − q₀) = ks q + off``. ``"periodic"``:
-        two harmonics of the angle of a turning joint.
+        ``"linear"``: ``ks q``; the torque offset holds the angle q₀ without torque: ``ks (q − q₀) = ks q + off``.
+        ``"cubic"``: up to the third power of the angle. ``"periodic"``: two harmonics of the angle of a turning joint.
     """
 
     id: ClassVar[str] = "joint_spring"
     title: ClassVar[str] = "spring or counterbalance on a joint"
     equation: ClassVar[str] = (
-        "ks·q (it rests at −off/ks); cubic: bq·q + bqq·q² + bqqq·q³; "
+        "ks·q (no torque at q = −off/ks); cubic: bq·q + bqq·q² + bqqq·q³; "
         "periodic: bs·sin q + bc·cos q + bss·sin 2q + bcc·cos 2q"
     )
     sentence: ClassVar[str] = (
-        "{joint} is pulled by a torque that depends on its angle alone, at any speed: a spring or a counterbalance"
+        "a torque acts on {joint} that depends on the angle of the joint alone: a spring or a counterbalance"
     )
-    looks_like: ClassVar[str] = "a line or a smooth curve when the residual is drawn against the joint's angle"
+    looks_like: ClassVar[str] = "the residual drawn against the joint's angle is a line or a smooth curve"
     confused_with: ClassVar[tuple[str, ...]] = ("cable_hose", "payload", "gravity_tilt", "cogging", "offset")
-    confirmed_by: ClassVar[str] = "hold still all over the joint's range, with the other joints in different poses"
+    confirmed_by: ClassVar[str] = (
+        "hold the joint still at several angles over its range, with the other joints in different poses"
+    )
     reference: ClassVar[str] = "Arakelian 2016, Advanced Robotics 30(2)"
 
     code: ClassVar[Mapping[str, str]] = {
@@ -76,7 +78,7 @@ class JointSpring(Effect):
 
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:
-        """Every joint, in every form it can have."""
+        """Every joint, in every form that the joint can have."""
         slides = dict(zip(robot.joints, robot.prismatic, strict=True))
         return [
             [cls(joints=(name,), form=form) for form in SPRING_FORMS if not (slides[name] and form == "periodic")]
@@ -84,12 +86,12 @@ class JointSpring(Effect):
         ]
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint, its position; or three, or four.
+        """Columns per joint: one if linear (the position), three if cubic, four if periodic.
 
         Raises
         ------
         InputError
-            A joint slides, and cannot have a periodic spring.
+            The form is periodic and a joint slides.
         """
         if self.form == "linear":
             return self.per_joint(state, "ks", "position", lambda i: state.q[:, i])
@@ -103,7 +105,7 @@ class JointSpring(Effect):
 
 
 def _curves(q: Array, form: str) -> list[tuple[str, str, Array]]:
-    """Symbol, what it is made of, and values of each column."""
+    """Symbol, quantity and values of each column."""
     if form == "cubic":
         return [("bq", "position", q), ("bqq", "position^2", q**2), ("bqqq", "position^3", q**3)]
     harmonics = {"bs": np.sin(q), "bc": np.cos(q), "bss": np.sin(2 * q), "bcc": np.cos(2 * q)}
@@ -117,18 +119,24 @@ class Counterbalance(Effect):
     Attributes
     ----------
     ratio : float
-        Distance of the rod's end from the axis, over the cylinder's end's.
+        Distance of the rod's end from the axis, over the distance of the cylinder's end from the axis.
     rest : float
-        Angle at which both ends and the axis are in line, rad.
+        Angle at which both ends and the axis lie on one line, rad.
     """
 
     id: ClassVar[str] = "counterbalance"
     title: ClassVar[str] = "counterbalance of known geometry: a gas or hydraulic cylinder"
     equation: ClassVar[str] = "cp·sin(q − rest)/ℓ + cs·sin(q − rest),  ℓ = √(1 + ratio² − 2·ratio·cos(q − rest))"
-    sentence: ClassVar[str] = "{joint} is helped by a cylinder on a lever: a constant force and a spring's"
-    looks_like: ClassVar[str] = "a lopsided arch when the residual is drawn against the joint's angle, at any speed"
+    sentence: ClassVar[str] = (
+        "a cylinder on a lever carries part of the weight at {joint}, with a constant force and the force of a spring"
+    )
+    looks_like: ClassVar[str] = (
+        "the residual drawn against the joint's angle is an arch that is not symmetric, the same at every speed"
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "payload", "gravity_tilt")
-    confirmed_by: ClassVar[str] = "hold still all over the joint's range, with the links after it folded and stretched"
+    confirmed_by: ClassVar[str] = (
+        "hold the joint still at several angles over its range, with the links after it folded, then stretched"
+    )
     reference: ClassVar[str] = "Arakelian 2016, Advanced Robotics 30(2)"
 
     candidate: ClassVar[Literal["joint", "robot", "never"]] = "never"  # joint_spring's periodic form finds it
@@ -144,7 +152,7 @@ class Counterbalance(Effect):
             raise InputError(f"counterbalance: rest must be an angle in rad, got {self.rest}")
 
     def terms(self, state: State) -> list[Term]:
-        """Two columns a joint: the constant force's lever arm, and the spring's."""
+        """Two columns per joint: the lever arm of the constant force, and the lever arm of the spring."""
         columns = []
         for i, name, number in self.acts_on(state.robot):
             if state.robot.prismatic[i]:

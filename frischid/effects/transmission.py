@@ -1,12 +1,13 @@
-"""What the drive train adds between the motor and the joint.
+"""Torques of the drive train: rotor inertia, torque ripple, and one motor that turns with two joints.
 
-A rotor of inertia I_m behind a gear of ratio k turns k times as fast as its joint. Seen from the joint it weighs
-``Ia = k² I_m``, often more than the link itself. The full form also counts what the spinning rotor does to the
-link that carries it (see `frischid.robot.rotors`).
+A rotor of inertia I_m behind a gear of ratio k turns k times as fast as its joint. Seen from the joint, its inertia is
+``Ia = k² I_m``, often more than the inertia of the link itself. The full form adds the torque of the spinning rotor on
+the link that carries the motor (see `frischid.robot.rotors`).
 
-A motor pulls a little more in some positions of its magnets and teeth than in others, ``A sin(N q) + B cos(N q)``;
-and in a wrist one motor may turn with the sum of two joints, ``s = q_i + r q_j``, so that its friction and inertia
-load both,
+The torque of a motor ripples with the position of its magnets and of the gear's teeth, ``A sin(N q) + B cos(N q)``.
+
+In a wrist, one motor may turn with the sum of two joints, ``s = q_i + r q_j``. Its friction and inertia load both
+joints,
 
     τ_i = f(ṡ, s̈),   τ_j = r f(ṡ, s̈),   f = fvm ṡ + fcm tanh(ṡ/w) + Iam s̈.
 
@@ -38,8 +39,9 @@ class RotorInertia(Effect):
     Attributes
     ----------
     coupled : bool
-        False: ``Ia q̈`` on the joint's own row, with ``Ia`` on the joint's side. True: the full form of a motor carried
-        by the previous link, whose parameter ``Im`` is on the motor's side and which couples neighbouring rows.
+        False: ``Ia q̈`` on the joint's own row, with ``Ia`` on the joint's side of the gear. True: the full form of a
+        motor that the previous link carries. Its parameter ``Im`` is on the motor's side, and it couples neighbouring
+        rows.
     ratio : float
         Gear ratio (motor turns per joint turn); used by the full form only.
     """
@@ -47,11 +49,13 @@ class RotorInertia(Effect):
     id: ClassVar[str] = "rotor_inertia"
     title: ClassVar[str] = "reflected rotor inertia"
     equation: ClassVar[str] = "Ia·a  (coupled: Im·(ratio²·a + ratio·z·ω̇) and its reaction on the rows before)"
-    sentence: ClassVar[str] = "{joint} needs torque in proportion to its acceleration beyond its links': rotor inertia"
-    looks_like: ClassVar[str] = "a straight line through zero when the residual is drawn against acceleration"
+    sentence: ClassVar[str] = (
+        "{joint} needs torque in proportion to its acceleration, in addition to the torque for its links: rotor inertia"
+    )
+    looks_like: ClassVar[str] = "the residual drawn against acceleration is a straight line through zero"
     confused_with: ClassVar[tuple[str, ...]] = ("payload", "elasticity", "time_delay")
     confirmed_by: ClassVar[str] = (
-        "record fast oscillations of this joint alone, in poses with different link inertia about it"
+        "record fast oscillations of this joint alone, in poses with different inertia of the links about this joint"
     )
     reference: ClassVar[str] = "Sciavicco, Siciliano and Villani 1996, Robotica 14(4); Featherstone 2008, sec. 9.6"
 
@@ -65,7 +69,7 @@ class RotorInertia(Effect):
             raise InputError(f"rotor_inertia: ratio must be a finite number other than zero, got {self.ratio}")
 
     def terms(self, state: State) -> list[Term]:
-        """One column a joint: its acceleration, or the coupled form over all rows."""
+        """One column per joint: its acceleration, or the coupled form in all rows."""
         return [self._term(state, *joint) for joint in self.acts_on(state.robot)]
 
     def _term(self, state: State, i: int, name: str, number: str) -> Term:
@@ -84,18 +88,18 @@ class Cogging(Effect):
     Attributes
     ----------
     order : float
-        Ripples a turn of the joint (rad/m of a sliding joint).
+        Ripples per turn of the joint (rad/m for a sliding joint).
     """
 
     id: ClassVar[str] = "cogging"
     title: ClassVar[str] = "cogging and gear ripple"
     equation: ClassVar[str] = "A·sin(N·q) + B·cos(N·q)"
     sentence: ClassVar[str] = (
-        "the torque of {joint} ripples with the angle: cogging of the motor's magnets, or the teeth of the gear"
+        "the torque of {joint} ripples with the angle, because of the motor's magnets (cogging) or the gear's teeth"
     )
-    looks_like: ClassVar[str] = "a regular wave when the residual is drawn against angle, the same in both directions"
+    looks_like: ClassVar[str] = "the residual drawn against angle is a regular wave, the same in both directions"
     confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "payload")
-    confirmed_by: ClassVar[str] = "record one slow turn at constant speed, sampled well above N times the speed"
+    confirmed_by: ClassVar[str] = "record one slow turn at constant speed, with many samples per ripple"
     reference: ClassVar[str] = "Holtz and Springob 1996, IEEE Trans. Industrial Electronics 43(2)"
 
     code: ClassVar[Mapping[str, str]] = {"A": "sin({order} * {q})", "B": "cos({order} * {q})"}
@@ -109,10 +113,10 @@ class Cogging(Effect):
     order: float = 12.0
 
     def __post_init__(self) -> None:
-        self.require_positive(order="number of ripples a turn")
+        self.require_positive(order="number of ripples per turn")
 
     def terms(self, state: State) -> list[Term]:
-        """Two columns a joint: sine and cosine."""
+        """Two columns per joint: sine and cosine."""
         return [
             *self.per_joint(state, "A", "", lambda i: np.sin(self.order * state.q[:, i])),
             *self.per_joint(state, "B", "", lambda i: np.cos(self.order * state.q[:, i])),
@@ -121,16 +125,17 @@ class Cogging(Effect):
 
 @dataclass(frozen=True)
 class JointCoupling(Effect):
-    """A motor that turns with two joints at once, ``s = q_i + ratio q_j``: its friction and inertia load both.
+    """A motor that turns with two joints at once, ``s = q_i + ratio q_j``: its friction and inertia load both joints.
 
-    Acts on pairs: the two joints named; with more named, or none, on all that follow one another in the robot (turning
-    joints among themselves, sliding ones too).
+    The effect acts on pairs of joints. With two joints named, these are the pair. With more joints named, or none,
+    every two of them that follow one another in the robot are a pair (turning joints with turning, sliding with sliding
+    ones).
 
     Attributes
     ----------
     ratio : float
-        How much of the second joint's motion the motor makes per motion of the first: 1 in a wrist that adds, −1 in one
-        that subtracts.
+        Motion of the motor per motion of the second joint, over the same of the first joint: 1 in a wrist whose motor
+        turns with the sum of both, −1 in a wrist whose motor turns with their difference.
     """
 
     id: ClassVar[str] = "joint_coupling"
@@ -139,12 +144,14 @@ class JointCoupling(Effect):
         "f = fvm·ṡ + fcm·tanh(ṡ/width) + Iam·s̈ on joint i, ratio·f on joint j,  s = q_i + ratio·q_j"
     )
     sentence: ClassVar[str] = (
-        "{joints} feel each other's speed: a motor turns with both at once, as in many wrists, and brings its friction "
-        "and inertia to both"
+        "the torques of {joints} depend on the motion of both joints: one motor turns with both, as in many wrists, "
+        "and its friction and inertia load both"
     )
     looks_like: ClassVar[str] = "each of two joints needs torque when only the other moves"
     confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "rotor_inertia")
-    confirmed_by: ClassVar[str] = "move the second joint alone, hold the first: the first's torque follows that motion"
+    confirmed_by: ClassVar[str] = (
+        "hold the first joint and move the second: the torque of the first joint follows the motion of the second"
+    )
     reference: ClassVar[str] = "Janot, Vandanjon and Gautier 2014, IEEE Trans. Control Systems Technology 22(1)"
 
     dry: ClassVar[bool] = True
@@ -159,16 +166,18 @@ class JointCoupling(Effect):
         if not is_number(self.ratio) or self.ratio == 0:
             raise InputError(f"joint_coupling: ratio must be a finite number other than zero, got {self.ratio}")
         if self.joints is not None and len(self.joints) < 2:
-            raise InputError(f"joint_coupling: name the two joints it couples, got {' '.join(self.joints) or 'none'}")
+            raise InputError(
+                f"joint_coupling: name the two joints that the motor couples, got {' '.join(self.joints) or 'none'}"
+            )
         self.require_positive(width="speed in rad/s (m/s)")
 
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:
-        """Every two joints that follow one another, turning with their sum and with their difference."""
+        """Every two joints that follow one another: a motor for their sum, and a motor for their difference."""
         return [[cls(joints=pair, ratio=ratio)] for pair in _neighbours(robot) for ratio in (1.0, -1.0)]
 
     def pairs(self, robot: Robot) -> list[tuple[str, str]]:
-        """Which joints are coupled."""
+        """Names of the coupled joints, pair by pair."""
         names = [name for _, name, _ in self.acts_on(robot)]
         if self.joints is None or len(names) > 2:
             return [pair for pair in _neighbours(robot) if set(pair) <= set(names)]
@@ -178,7 +187,7 @@ class JointCoupling(Effect):
         return [(names[0], names[1])]
 
     def terms(self, state: State) -> list[Term]:
-        """Three columns a pair: speed, its smoothed sign, and acceleration of the motor."""
+        """Three columns per pair: the motor's speed, the smoothed sign of that speed, and the motor's acceleration."""
         return [term for pair in self.pairs(state.robot) for term in self._of_pair(state, *pair)]
 
     def _of_pair(self, state: State, first: str, second: str) -> list[Term]:
@@ -198,6 +207,6 @@ class JointCoupling(Effect):
 
 
 def _neighbours(robot: Robot) -> list[tuple[str, str]]:
-    """Joints of one kind that follow one another."""
+    """Every two joints that follow one another and both turn or both slide."""
     kinds = ([n for n, slides in zip(robot.joints, robot.prismatic, strict=True) if slides == k] for k in (False, True))
     return [pair for names in kinds for pair in pairwise(names)]
