@@ -86,7 +86,7 @@ def test_blocks_do_not_grow_with_the_logs():
 
 
 def test_blocks_are_their_grams_in_half_the_room(monkeypatch):
-    monkeypatch.setattr("frischid.regression.moments.LARGE", 0)
+    monkeypatch.setattr("frischid.regression.moments.PACKED_ABOVE", 0)
     robot, lowpass = fr.Robot.load("ur5"), LowPass(5.0)
     log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=100.0)
     regressor = Regressor(robot, fr.BASELINE)
@@ -172,7 +172,7 @@ def test_the_command_line_reads_long_files_in_pieces(tmp_path, monkeypatch):
     fr.write_log(log, tmp_path / "log.parquet")
     plain = [str(tmp_path / "log.parquet"), "--bbrf", "none", "--cutoff", "8", "--json"]
     whole = CliRunner().invoke(main, ["identify", "planar2", *plain])
-    monkeypatch.setattr("frischid.cli.arguments.IN_MEMORY", 0)
+    monkeypatch.setattr("frischid.cli.inputs.IN_MEMORY", 0)
     monkeypatch.setattr("frischid.logs.recording.RECORDING_CHUNK", 1000)
     pieces = CliRunner().invoke(main, ["identify", "planar2", *plain])
     assert whole.exit_code == pieces.exit_code == 0, pieces.output
