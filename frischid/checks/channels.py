@@ -1,4 +1,4 @@
-"""What each channel is able to show: noise, resolution, dead bands, saturation, degrees, rest."""
+"""Limits of each channel: noise, resolution, dead bands, saturation, degrees, standstill."""
 
 from __future__ import annotations
 
@@ -116,18 +116,18 @@ def _resolution(values: Array, good: NDArray[np.bool_], quantity: tuple[str, str
             f"the {name} takes {span(levels[coarse])} steps over the middle 90 % of its samples",
             notes.which(coarse),
             "certain",
-            "record it with more digits; as it is, errors below half a step are not noise and do not average out",
+            "record it with more digits; errors below half a step are not noise, and averaging does not reduce them",
         )
     share = np.array([_saturated(x, criteria) if ok else 0.0 for x, ok in zip(values.T, good, strict=True)])
     if (share > 0).any():
         extremes = np.abs(values[:, share > 0]).max(axis=0)
         notes.add(
             "saturated torque",
-            f"the {name} rests at its extreme ({span(extremes)} {unit}) in {span(100 * share[share > 0], ' %')} "
+            f"the {name} stays at its extreme ({span(extremes)} {unit}) in {span(100 * share[share > 0], ' %')} "
             "of the samples",
             notes.which(share > 0),
             "likely",
-            "the drive or the recording is at its limit there: slow the motion down, or leave these stretches out",
+            "there the drive or the recording is at its limit: slow the motion down, or leave these stretches out",
         )
     held = np.array([_held(x, criteria) if ok else 1 for x, ok in zip(values.T, good, strict=True)])
     if (held > 1).any():
@@ -137,12 +137,12 @@ def _resolution(values: Array, good: NDArray[np.bool_], quantity: tuple[str, str
             "the log's",
             notes.which(held > 1),
             "certain",
-            "record at the rate of the torque; as it is, it is late by half of that",
+            "record at the rate of the torque; a held torque is late by half the time between its changes",
         )
 
 
 def _dead_band(x: Array, zeros: float, criteria: CheckCriteria) -> bool:
-    """Whether zero is taken far more often than the values beside it: more than rounding to it explains."""
+    """Whether zero occurs far more often than the values beside it, more than rounding to zero explains."""
     if zeros < criteria.dead_band_share:
         return False
     step = quantum(x, criteria) or 1e-3 * float(np.ptp(x))
@@ -170,13 +170,13 @@ def _saturated(x: Array, criteria: CheckCriteria) -> float:
 
 
 def _held(x: Array, criteria: CheckCriteria) -> int:
-    """Samples between two changes of a channel that is updated more slowly than it is logged; else one."""
+    """Samples between two changes of a channel whose values change more slowly than the log's rate; else one."""
     changes = np.flatnonzero(np.diff(x) != 0)
     if len(changes) < criteria.held_changes or len(changes) > criteria.held_share * len(x):
         return 1
     sizes, gaps = np.abs(np.diff(x))[changes], np.diff(changes)
     usual = int(np.median(gaps))
-    # a coarse grid too makes a channel stand still, but then it moves by one step, and not in a rhythm
+    # a coarse grid also makes a channel stand still; but such a channel moves by one step and has no rhythm
     steps = np.median(sizes) / max(quantum(x, criteria), 1e-12)
     rhythm = np.mean(gaps % usual == 0)
     return usual if usual > 1 and steps > criteria.held_jump and rhythm > criteria.held_rhythm else 1
@@ -185,8 +185,9 @@ def _held(x: Array, criteria: CheckCriteria) -> int:
 def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
     """Positions that no joint can have in radians.
 
-    Much further out than the robot's limits, or much faster and over more than a turn; a degree is 57 times too large.
-    Simulated robots are often faster than their URDF allows, but then stay within a turn.
+    Such positions are far outside the robot's limits, or move much faster than the limits and over more than a turn:
+    degrees read as radians are 57 times too large. Simulated robots are often faster than their URDF allows, but they
+    stay within a turn.
     """
     limits, criteria = robot.limits, notes.criteria
     lower, upper = limits.lower, limits.upper

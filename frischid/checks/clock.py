@@ -1,13 +1,13 @@
-"""When the samples were really taken.
+"""Times at which the samples were really taken.
 
 The positions are a second clock. Between two samples they advance by ``Δq = q̇ Δt``, so with the speed known from the
 neighbourhood every pair of samples says how much time passed between them, in all moving joints at once:
 
     ε_k = Σ_j (Δq_jk v̄_jk / σ_j²) / Σ_j (v̄_jk² / σ_j²)
 
-(σ_j the noise of the positions: least squares). If the stamps are those of the measurement, ε follows their steps,
-slope one. If they are times of arrival at a computer, the stamps jitter and the positions do not: slope zero; or the
-positions stand still for a step and jump by two the next.
+(least squares, with σ_j the noise of the positions). If the stamps are the times of measurement, ε follows the steps of
+the stamps with slope one. If the stamps are times of arrival at a computer, the stamps jitter and the positions do not:
+the slope is zero. Or the positions stand still for one step and move by two steps in the next.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def _repeats(log: Log, criteria: CheckCriteria) -> np.ndarray:
 
 
 def _finest(x: Array) -> float:
-    """Smallest change there is: what a joint moves by must be more to be seen."""
+    """Smallest change in a channel; only a joint that moves by more is seen to move."""
     changes = np.abs(np.diff(x))
     return float(changes[changes > 0].min()) if changes.any() else np.inf
 
@@ -108,7 +108,7 @@ def _gaps(step: Array, usual: float, notes: Notebook) -> None:
 
 
 def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
-    """Whether the stamps are those of the measurement."""
+    """Whether the stamps are the times of measurement."""
     criteria, window = notes.criteria, notes.criteria.position_window
     inside = slice(window, -window)
     if len(log) < 10 * window:

@@ -67,7 +67,7 @@ def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, 
     notes.add(
         "late torque",
         f"the torque {'lags the motion' if sign > 0 else 'runs ahead of the motion'} by {by.lstrip('-')}: "
-        f"shifting it back removes {gone:.0%} of the squared error of the nominal model",
+        f"shifting it back explains {gone:.0%} of the squared error of the nominal model",
         where,
         "likely" if sure == "likely" else "possible",
         "record both with one clock and one filter, shift the columns, or add time_delay (frischid effects time_delay)",

@@ -1,4 +1,4 @@
-"""What a data check says: one issue, one log's report."""
+"""Results of data checks: one issue, and the report on one log."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ class LogIssue:
     Attributes
     ----------
     kind : str
-        What it is, in two or three words that do not change: ``"late velocity"``.
+        Name of the issue, two or three words that stay the same: ``"late velocity"``.
     what : str
         The evidence, with figures.
     where : tuple of str
         The joints concerned; empty when it is the whole log.
     sure : {"certain", "likely", "possible"}
-        Certain: nothing else looks like this. Likely: something rare would. Possible: the reader must judge.
+        Certain: nothing else looks like this. Likely: only a rare cause looks the same. Possible: the reader must
+        judge.
     advice : str
         What to do about it.
     blocks : bool

@@ -2,8 +2,9 @@
 
     τ − τ_nominal ≈ Γ_last(q, q̇, q̈) φ + friction,      φ = (m, mc, I) of the body
 
-One least-squares problem over all joints. The body is accepted when it removes nearly all of the nominal URDF's error
-and could be one: its mass positive, or negative and no larger than the last link's, its centre of mass within reach.
+One least-squares problem over all joints gives the body. The body is accepted when it explains nearly all of the
+nominal URDF's error and is possible: its mass is positive, or negative and no larger than the mass of the last link,
+and its centre of mass is within reach.
 """
 
 from __future__ import annotations
@@ -19,18 +20,18 @@ from frischid.core.types import Array
 
 @dataclass(frozen=True)
 class Body:
-    """What is best added to the last link.
+    """The body that fits best on the last link.
 
     Attributes
     ----------
     joint : str
-        Of the link that carries it.
+        Joint of the link that carries the body.
     mass : float
-        kg; negative when it is missing.
+        kg; negative when the URDF has a body that is missing on the robot.
     centre : ndarray, shape (3,)
         In the joint's frame, m.
     removed : float
-        Share of the nominal URDF's squared error that it removes; 0 when it could not be a body.
+        Share of the nominal URDF's squared error that the body explains; 0 when the body is not possible.
     """
 
     joint: str
@@ -67,12 +68,12 @@ def check_payload(sketch: Sketch, notes: Notebook) -> bool:
     body = payload_errors(sketch)
     if body.removed < notes.criteria.explained_share:
         return False
-    what = f"removes {body.removed:.0%} of the squared error of the nominal URDF"
+    what = f"explains {body.removed:.0%} of the squared error of the nominal URDF"
     at = ", ".join(f"{x:.2f}" for x in np.round(body.centre, 2) + 0.0)
     if body.mass > 0:
         notes.add(
             "payload",
-            f"a body of about {body.mass:.2g} kg at ({at}) m in its frame, which the URDF does not have, {what}",
+            f"a body of about {body.mass:.2g} kg at ({at}) m in the joint's frame, which is not in the URDF, {what}",
             (body.joint,),
             "likely",
             "use a URDF with the payload if it belongs to the robot; take it off if it does not",
@@ -80,9 +81,8 @@ def check_payload(sketch: Sketch, notes: Notebook) -> bool:
     else:
         notes.add(
             "missing hand",
-            f"about {-body.mass:.2g} kg of what the URDF has on the last link at ({at}) m were not there: without "
-            "it, the fit "
-            f"{what}",
+            f"about {-body.mass:.2g} kg that the URDF has on the last link at ({at}) m are missing on the robot: their "
+            f"absence {what}",
             (body.joint,),
             "likely",
             "use the URDF of the robot without the hand (or tool) it was measured without",

@@ -1,10 +1,10 @@
 """Whether the torques are those of this robot: wrong signs, exchanged columns, degrees, payloads, another robot.
 
-A log is accepted when the nominal URDF with fitted friction explains its torques. Where it does not, every simple
-mistake is undone in turn on the `Sketch`, and the simplest one that removes nearly all of the error is named. A
-payload, or a hand that is not there, is a body more or less on the last link (`frischid.checks.payload`). What
-remains may be the URDF of another robot: its rigid part then predicts nothing, while free parameters on the same
-joints would.
+A log is accepted when the nominal URDF with fitted friction explains its torques. Otherwise every simple mistake is
+undone in turn on the `Sketch`, and the simplest mistake that explains nearly all of the error is named. A payload, or
+a missing hand, is an additional or missing body on the last link (`frischid.checks.payload`). If no mistake explains
+the error, the URDF may be the URDF of another robot: its rigid part then predicts nothing, while free parameters on the
+same joints predict the torque.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from frischid.checks.sketch import Sketch, shared_fit
 from frischid.core.types import Array
 from frischid.robot.robot import Robot
 
-_MILD_KINDS = ("torque scale", "mounting")  # mistakes in spite of which an identification is worth something
+_MILD_KINDS = ("torque scale", "mounting")  # an identification is still useful in spite of these mistakes
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Fix:
     sketch : Sketch
         The log without it.
     touched : ndarray of bool, shape (R,), or None
-        The judged joints whose error it can change; None: all.
+        The judged joints whose error the mistake can change; None: all.
     order : int
         Simpler mistakes have lower ones.
     """
@@ -106,7 +106,7 @@ def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) ->
 
 
 def explanation(sketch: Sketch) -> list[Fix]:
-    """Fewest mistakes that account for what the nominal URDF does not; each with all before it undone."""
+    """Fewest mistakes that explain the error of the nominal URDF; each is found with all earlier ones undone."""
     before, criteria = sketch.asis, sketch.criteria
     enough, limit = criteria.explained_share, criteria.bad_nrmse
     whole = [fix for fix in global_fixes(sketch) if fix.removes(before) > enough]
@@ -123,7 +123,7 @@ def explanation(sketch: Sketch) -> list[Fix]:
             break
         local.append(_simplest(found, now))
         done = local[-1].sketch
-    # Torques off by several factors are not several mistakes but one of another kind, left unexplained here.
+    # Torques with several different factors are one mistake of another kind, and are left unexplained here.
     if sum(fix.kind == "torque scale" for fix in local) > 1:
         local, done = [], sketch
     if not whole:
@@ -147,7 +147,7 @@ def _simplest(fixes: Sequence[Fix], before: Array) -> Fix:
 
 
 def local_fixes(sketch: Sketch, bad: Sequence[int] | NDArray[np.intp]) -> Iterator[Fix]:
-    """Undo what concerns the torques of one joint or two: a sign, an exchange, a scale."""
+    """Undo mistakes in the torques of one joint or two: a sign, an exchange, a scale."""
     names = sketch.names
 
     def touched(*ks: int) -> NDArray[np.bool_]:
@@ -182,14 +182,14 @@ def _scale(sketch: Sketch, j: int) -> float:
 
 
 def _rescaled(sketch: Sketch, k: int, scale: float) -> Sketch:
-    """The sketch with one joint's nominal torque scaled, as if its sensor were."""
+    """The sketch with one joint's nominal torque scaled, as if the sensor had that scale."""
     nominal = sketch.nominal.copy()
     nominal[:, sketch.rows[k]] *= scale
     return sketch.with_(given_nominal=nominal)
 
 
 def global_fixes(sketch: Sketch) -> Iterator[Fix]:
-    """Undo what concerns the motion, and so all torques: turned and exchanged joints, degrees."""
+    """Undo mistakes in the motion, which concern all torques: turned and exchanged joints, degrees."""
     robot, J = sketch.robot, len(sketch.robot.joints)
     for j in range(J):
         turn = np.where(np.arange(J) == j, -1.0, 1.0)

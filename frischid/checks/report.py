@@ -1,4 +1,4 @@
-"""All checks of one log, in the order in which one makes the next meaningless."""
+"""All checks of one log. A fault that an early check finds can make the later checks meaningless."""
 
 from __future__ import annotations
 

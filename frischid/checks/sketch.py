@@ -1,8 +1,8 @@
-"""A log seen from afar: a thousand filtered samples on which hypotheses about it are cheap to try.
+"""A sketch of a log: a thousand filtered samples on which hypotheses about the log are cheap to try.
 
-What is grossly wrong with a log shows at low frequency. Motion and torque go through one low-pass, every n-th sample is
-kept, and each hypothesis ("joint 3's torque has the wrong sign", "a hand is missing") is one recursive Newton-Euler
-pass over them and one small least-squares problem a joint:
+Gross faults of a log show at low frequency. Motion and torque go through one low-pass, and every n-th sample is kept.
+Each hypothesis ("joint 3's torque has the wrong sign", "a hand is missing") costs one recursive Newton-Euler pass over
+these samples and one small least-squares problem per joint:
 
     τ_j ≈ τ_nominal,j(q, q̇, q̈) + fv_j q̇_j + fc_j sign q̇_j + off_j + Ia_j q̈_j,      fv, fc, Ia ≥ 0.
 
@@ -44,11 +44,12 @@ class Sketch:
     sign : ndarray, shape (M, J)
         Smoothed sign of the velocity, filtered like the torque.
     used : ndarray of bool, shape (M, J)
-        False where the joint rests.
+        False where the joint stands still.
     rows : ndarray of int
         Joints whose torque can be judged.
     noise : ndarray, shape (2, J)
-        Standard deviation of the white noise left on the torques and, from the positions, on the accelerations.
+        Standard deviation of the white noise after the filter, on the torques and (from the positions) on the
+        accelerations.
     ends : tuple of int
         Where each stretch without a gap ends.
     criteria : CheckCriteria
@@ -155,7 +156,7 @@ class Sketch:
 
     @cached_property
     def white(self) -> Array:
-        """NRMSE that white noise of torques and positions alone leaves on the judged joints, (R,)."""
+        """NRMSE that white noise of torques and positions alone causes on the judged joints, (R,)."""
         some = slice(None, None, max(1, len(self) // 20))
         q, v, a = self.q[some], self.v[some], self.a[some]
         base, variance = self.robot.inverse_dynamics(q, v, a), np.square(self.noise[0])
@@ -166,7 +167,7 @@ class Sketch:
 
     @cached_property
     def excess(self) -> Array:
-        """`asis` beyond what white noise leaves, (R,)."""
+        """`asis` beyond the error that white noise causes, (R,)."""
         return np.asarray(np.sqrt(np.maximum(self.asis**2 - self.white**2, 0.0)))
 
     def with_(self, **changes: Any) -> Sketch:
@@ -186,7 +187,7 @@ class Sketch:
         return slice(edges[k], edges[k + 1])
 
     def friction(self, j: int) -> Array:
-        """Columns of what a joint has of its own: fv, fc, Ia ≥ 0, and the offset in both signs, (M, 5)."""
+        """Columns of the joint's own parameters: fv, fc, Ia ≥ 0, and the offset in both signs, (M, 5)."""
         one = np.ones(len(self))
         return np.column_stack([self.v[:, j], self.sign[:, j], self.a[:, j], one, -one])
 
@@ -195,7 +196,7 @@ class Sketch:
         return np.array([self.error(j, self.tau[:, j] - torque[:, j]) for j in self.rows]) / self.spread
 
     def error(self, j: int, left: Array) -> float:
-        """RMS of what friction of joint j leaves of a torque, (M,), while it moves [N·m]."""
+        """RMS of a torque (M,) after friction of joint j is fitted, while the joint moves [N·m]."""
         use = self.used[:, j]
         if use.sum() < self.criteria.fewest_moving:  # a hypothesis gave it the motion of a joint at standstill
             return float(np.sqrt(np.mean(left**2)))
@@ -210,7 +211,7 @@ def shared_fit(sketch: Sketch, columns: Mapping[int, Array], left: Array) -> Arr
     ----------
     sketch : Sketch
     columns : mapping of int to ndarray, shape (M, P)
-        Joint -> what the shared parameters do to it.
+        Joint -> columns of the shared parameters in its torque.
     left : ndarray, shape (M, J)
         Torque to explain, N·m (N); each joint counts in units of its spread.
 
@@ -232,7 +233,7 @@ def shared_fit(sketch: Sketch, columns: Mapping[int, Array], left: Array) -> Arr
     acts = scale > 1e-9 * scale.max()
     free = np.concatenate([np.ones(P, bool), np.tile([False, False, False, True], R)])[acts]
     triangle = np.asarray(np.linalg.qr(np.column_stack([X[:, acts] / scale[acts], np.concatenate(y)]), mode="r"))
-    # what may have either sign is the difference of two that may not
+    # a parameter of unknown sign is the difference of two that are not negative
     A, b = triangle[:, :-1], triangle[:, -1]
     both, _ = nnls(np.column_stack([A, -A[:, free]]), b, maxiter=100 * A.shape[1])
     x = both[: A.shape[1]]

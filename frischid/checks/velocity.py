@@ -2,9 +2,9 @@
 
     v(t) ≈ s · q̇(t − d)
 
-d is where the cross-correlation with the derived velocity peaks, s the least-squares factor there. Filtered
-differences are late; a factor of 57.3 is a degree, -1 a sign, a gear's ratio a motor's side; and the column that
-correlates best may be another joint's.
+The cross-correlation with the derived velocity peaks at the delay d; s is the least-squares factor at that delay.
+Filtered differences are late. A factor of 57.3 means degrees, -1 means a wrong sign, and a gear ratio means that the
+velocity belongs to the motor. The column that correlates best may belong to another joint.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def _measured(log: Log) -> Array:
 def _both(log: Log, lowpass: LowPass, most: float | None) -> tuple[float, Array, Array, Array]:
     """Step, measured and derived velocity of the longest stretch without a gap, filtered alike.
 
-    Last, the share of the variance of each, (2, J), that is not white noise.
+    The last result is the share of each variance that is not white noise, (2, J).
     """
     breaks = np.flatnonzero(np.diff(log.t) > 0.1 + 4 * np.median(np.diff(log.t))) + 1
     edges = np.concatenate([[0], breaks, [len(log)]])
@@ -102,8 +102,8 @@ def _lags(v: Array, slope: Array, step: float, longest: float) -> tuple[Array, A
 def _aligned(v: Array, slope: Array, lag: Array, step: float) -> tuple[Array, Array]:
     """Factor of each measured velocity on its own slope, and its lag [s] to a fraction of a sample, (J,) each.
 
-    The peak of a correlation is flat; at the nearest sample the lag that is left follows from
-    ``v/s − q̇ ≈ −d q̈`` by least squares.
+    The peak of a correlation is flat. Beyond the nearest sample, the remaining lag follows from ``v/s − q̇ ≈ −d q̈`` by
+    least squares.
     """
     factors, lags = np.full((2, v.shape[1]), np.nan)
     for j, k in enumerate(np.round(lag / step).astype(int)):
@@ -168,7 +168,7 @@ def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
         (
             -1.0,
             "velocity sign",
-            "its sign is turned",
+            "it has the wrong sign",
             "correct it, or leave the column out: it is not used as it is",
             False,
         ),
@@ -189,11 +189,11 @@ def _say(
 
 
 def _unrelated(correlation: Array, bad: NDArray[np.bool_], seen: NDArray[np.bool_], notes: Notebook) -> None:
-    """Velocity columns that are not their joint's: another's, or nothing's."""
+    """Velocity columns that belong to another joint or to none."""
     for i in map(int, np.flatnonzero(bad)):
         j = int(np.argmax(np.where(seen, np.abs(correlation[i]), 0.0)))
         if j != i and abs(correlation[i, j]) > notes.criteria.related_correlation:
-            what, kind = f"the measured velocity is that of {notes.names[j]}", "exchanged velocity"
+            what, kind = f"the measured velocity belongs to {notes.names[j]}", "exchanged velocity"
         else:
             what = f"the measured velocity is not the slope of the position (correlation {correlation[i, i]:.2f})"
             kind = "unrelated velocity"

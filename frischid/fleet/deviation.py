@@ -1,16 +1,16 @@
 """Whether one robot differs from the others, from moments alone.
 
-With θ₀ and the joints' weights W fitted to all *other* robots, and one robot's own moments H = YᵀWY, the score
-s = YᵀW(τ − Yθ₀) says in which direction its parameters want to move, δ = H⁺s, and the squared error that this removes
-is the statistic
+The parameters θ₀ and the joints' weights W are fitted to all *other* robots. One robot's own moments are H = YᵀWY. Its
+score s = YᵀW(τ − Yθ₀) gives the change of parameters that fits this robot best, δ = H⁺s. The statistic is the squared
+error that this change explains,
 
     Λ = sᵀ H⁺ s   ~   κ χ²(ν)      if the robot is like the others.
 
-It needs no estimate of the robot by itself: what its motion never excited simply does not count (H⁺ leaves out such
-directions). In theory ν is the rank of H and κ = 1. But residuals are correlated in time (κ from the block jackknife),
-and robots are never quite alike, in a few parameters more than in others. In a fleet of a dozen or more κ and ν are
-therefore those that give the fleet's own median and upper quartile of Λ, the empirical null (Devlin and Roeder 1999,
-Biometrics 55(4); Efron 2004, JASA 99(465)): who is significant differs more than robots of this fleet do.
+The statistic needs no separate estimate of the robot: H⁺ leaves out the directions that its motion never excited. In
+theory ν is the rank of H and κ = 1. But residuals are correlated in time (κ from the block jackknife), and robots are
+never quite alike: some parameters vary more than others. So in a fleet of a dozen robots or more, κ and ν are chosen to
+match the fleet's own median and upper quartile of Λ. This is the empirical null (Devlin and Roeder 1999, Biometrics
+55(4); Efron 2004, JASA 99(465)). A robot is significant when it differs more than robots of this fleet usually do.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ class Deviation:
     own : Estimate or None
         Its own parameters; None when its logs do not determine all of them.
     reason : str
-        Why not.
+        Why its logs do not determine them.
     statistic : float
         Λ before κ.
     rank : int
-        Directions of the parameters its motion excited.
+        Number of parameter directions that its motion excited.
     inflation : float
         κ of its own residuals; NaN when it has too few blocks to tell.
     shift : ndarray, shape (p,)
@@ -51,7 +51,7 @@ class Deviation:
     error_fleet, error_own : ndarray, shape (J,)
         Rms residual with the parameters of the others, and with its own, over the torque's standard deviation.
     pull : ndarray, shape (p,)
-        What the fleet's parameters would change by without it: its part in their jackknife.
+        Change of the fleet's parameters when this robot is left out: its part in their jackknife.
     """
 
     own: Estimate | None
@@ -131,7 +131,7 @@ def _rms(whole: Gram, theta: Array) -> Array:
 
 @dataclass(frozen=True)
 class Null:
-    """How robots that are alike are spread: Λ per excited direction is ``scale χ²(freedom) / freedom``.
+    """Distribution of Λ among robots that are alike: Λ per excited direction is ``scale χ²(freedom) / freedom``.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ class Null:
     freedom : float or None
         ν; None: the rank of each robot's own moments.
     within : float
-        The part of κ that the correlation of residuals makes.
+        The part of κ that comes from the correlation of residuals.
     """
 
     scale: float
@@ -149,7 +149,7 @@ class Null:
 
     @classmethod
     def of(cls, found: Sequence[Deviation]) -> Null:
-        """From robots that are taken to be alike."""
+        """Estimate it from robots that are assumed to be alike."""
         known = [d.inflation for d in found if np.isfinite(d.inflation)]
         within = max(1.0, float(np.median(known))) if known else 1.0
         if len(found) < LEAST_ROBOTS:
@@ -161,12 +161,12 @@ class Null:
         return cls(max(1.0, float(median * freedom / stats.chi2.ppf(0.5, freedom))), freedom, within)
 
     def p_value(self, found: Deviation, robots: int) -> float:
-        """Of a Λ at least this large, corrected (Bonferroni) for all robots."""
+        """P value of a Λ at least this large, corrected (Bonferroni) for all robots."""
         freedom = self.freedom or found.rank
         return min(1.0, robots * float(stats.chi2.sf(freedom * self.excess(found), freedom)))
 
     def excess(self, found: Deviation) -> float:
-        """Λ as a multiple of what is usual in this fleet."""
+        """Λ as a multiple of the usual Λ in this fleet."""
         return found.statistic / max(found.rank, 1) / self.scale
 
 
@@ -180,7 +180,7 @@ class Change:
     values : dict of str to (float, float)
         Parameter -> value in the fleet, value in this robot.
     error_after : float
-        Mean NRMSE once they, and what was changed before them, are this robot's own.
+        Mean NRMSE once these parameters, and those of earlier changes, are this robot's own.
     """
 
     effect: str
@@ -190,10 +190,11 @@ class Change:
 
 
 def changes(whole: Gram, theta0: Array, weights: Array, inflation: float, most: int = 4) -> list[Change]:
-    """Which effects' parameters changed, the most telling first, each while it pays for its parameters.
+    """Effects whose parameters changed, the one with the largest gain in likelihood first.
 
-    Groups are (effect, joint) of everything but the rigid links, whose parameters change together and are for the
-    diagnosis to explain. A group must gain more log likelihood than ``½ k log n`` on n effectively independent samples.
+    A group is the parameters of one effect on one joint. The rigid links form no group: their parameters change
+    together, and the diagnosis explains them. A group of k parameters must gain more log likelihood than ``½ k log n``
+    on n effectively independent samples.
     """
     groups: dict[tuple[str, str], list[int]] = {}
     for i, column in enumerate(whole.columns):

@@ -259,7 +259,7 @@ def _with_spread(estimate: Estimate, fleet: Gram, inside: Sequence[Deviation], n
     R = len(pulls)
     covariance = (R - 1) / R * pulls.T @ pulls if len(estimate.joints) < R else estimate.covariance
     plain = fleet.weighted(1.0 / estimate.sigma**2)[:-1, :-1]
-    # Robots vary by (κ − κ_within) of what one robot's own data leave open: that is the prior for any one of them.
+    # Robots vary by (κ − κ_within) times the uncertainty from one robot's own data: the prior for any one of them.
     information = plain / (null.scale + R * max(0.0, null.scale - null.within))
     notes = () if len(estimate.joints) < R else ("too few robots: standard errors take residuals as uncorrelated",)
     return replace(estimate, covariance=covariance, information=information, notes=notes)
@@ -312,6 +312,6 @@ def _explained(
     how: Explaining,
     progress: Callable[[str], None],
 ) -> list[Any]:
-    """What changed on each robot that differs, in the order of the questions."""
+    """The change on each robot that differs, in the order of the questions."""
     asked = pool.map(explain, pool.pairs(paired, *questions), model.to_dict(), how)
     return pool.gather(asked, lambda done, of: progress(f"what changed on {done} of {of} robots"))

@@ -206,7 +206,7 @@ def add(a: Gram, b: Gram) -> Gram:
 
 
 def against(question: tuple[RobotMoments, bool], fleet: Gram, theta: Array, weights: Array) -> Deviation:
-    """One robot against the others; whether it is in their sum stands paired it."""
+    """One robot against the others; the flag paired with the robot says whether the sum includes it."""
     one, included = question
     return deviation(one.blocks, fleet, theta, weights, included)
 
@@ -234,7 +234,7 @@ class Explaining:
 def explain(
     question: tuple[RobotMoments, bool], model: Mapping[str, Any], how: Explaining
 ) -> tuple[list[Change], Finding | None, str]:
-    """What changed on a robot: parameters of the model, and, where it is to be diagnosed, the effect its logs show."""
+    """The change on a robot: parameters of the model and, if it is to be diagnosed, the effect that its logs show."""
     one, diagnosed = question
     fleet = Model.from_dict(model)
     whole = total(one.blocks)

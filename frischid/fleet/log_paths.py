@@ -44,7 +44,7 @@ def find_logs(patterns: Sequence[str]) -> list[LogPath]:
     Raises
     ------
     InputError
-        A pattern matches nothing, or a matched name does not say its robot.
+        A pattern matches nothing, or a matched name does not identify its robot.
 
     Examples
     --------
@@ -70,11 +70,11 @@ def find_logs(patterns: Sequence[str]) -> list[LogPath]:
 
 
 def robot_of(address: str, pattern: str) -> str:
-    """The robot that an address matched by a pattern is of."""
+    """Name of the robot of an address that a pattern matched."""
     if _ROBOT in pattern:
         match = re.fullmatch(_expression(pattern), address)
         if match is None:
-            raise InputError(f"{address}: cannot be told which robot it is of by the pattern {pattern}")
+            raise InputError(f"{address}: the pattern {pattern} does not say which robot recorded it")
         return match["robot"]
     fixed = pattern[: found.start()] if (found := _WILD.search(pattern)) else pattern
     below = PurePosixPath(address[len(fixed[: fixed.rfind("/") + 1]) :])

@@ -1,4 +1,4 @@
-"""What was found of a fleet: each robot, and all of them together."""
+"""Results of a fleet: each robot, and all robots together."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from frischid.model.model import Model
 SIGNIFICANCE = 0.01
 """p value, corrected for the number of robots, below which a robot differs: one false alarm in a hundred fleets."""
 SAME_ERROR = 1.1
-"""Parameters that the model has already explain a change if they leave at most this times a new effect's error."""
+"""The model's existing parameters explain a change if their error is at most this multiple of a new effect's error."""
 
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """What was found of one robot.
+    """Results of one robot.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Member:
 
     @property
     def effect(self) -> str:
-        """Name of what changed, ``effect@joint``; ``"unknown"`` when nothing explains it, empty when nothing did."""
+        """Name of the change, ``effect@joint``; ``"unknown"`` when nothing explains it, empty when nothing changed."""
         if not self.differs:
             return ""
         if self.parameters_explain:
