@@ -1,8 +1,10 @@
 """Which hidden effect is it? The diagnosis against a simulator that does not share its equations.
 
 Each case is a robot off its URDF with something hidden in it, small effects of other kinds beside it in half of the
-cases, real encoders' noise, one motion to fit and one held out (see `hidden_cases`). A case is a hit when the first
-finding names the truth, or is one finding for several effects that this log cannot tell apart, the truth among them.
+cases, real encoders' noise, one motion to identify from and a second one (see `hidden_cases`). The diagnosis gets both
+motions as logs that select, each predicted from the other: no motion is a test log, and the errors below are
+cross-validated. A case is a hit when the first finding names the truth, or is one finding for several effects that this
+log cannot tell apart, the truth among them.
 
 Needs MuJoCo for a fifth of the cases: ``pip install mujoco``.
 """
@@ -47,9 +49,9 @@ class Outcome:
     joints : tuple of tuple of str
         Joints of each finding.
     after : tuple of float
-        Held-out error with each finding added.
+        Cross-validated error with each finding added.
     error, floor : float
-        Held-out error before, and what the sensors alone would leave.
+        Cross-validated error before, and what the sensors alone would leave.
     added : tuple of tuple of str
         Effects named by each step of `improve`, where two are hidden.
     """
@@ -72,8 +74,9 @@ def diagnosed(case: Case) -> Outcome:
     from frischid.diagnosis.improvement import improve
 
     model = identify(case.robot, case.reference or case.fit, recursion="none").model
-    found = diagnose(model, case.fit, valid=case.valid)
-    steps = improve(model, case.fit, valid=case.valid, max_steps=STEPS)[0] if case.spec.kind == "pair" else []
+    logs = [*case.fit, *case.valid]
+    found = diagnose(model, logs)
+    steps = improve(model, logs, max_steps=STEPS)[0] if case.spec.kind == "pair" else []
     return Outcome(
         found.verdict,
         tuple(_names(f) for f in found.findings),
@@ -191,7 +194,7 @@ def tables(rows: Rows) -> dict[str, list[dict[str, Any]]]:
 
 
 def errors(rows: Rows) -> dict[str, str]:
-    """Median held-out error before, with the right effect added, and the noise floor, in percent."""
+    """Median cross-validated error before, with the right effect added, and the noise floor, in percent."""
     known = [r for r in rows if r["after"] is not None]
     if not known:
         return {"error % → floor": "–", "after / floor": "–"}

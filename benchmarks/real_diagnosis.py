@@ -1,9 +1,10 @@
 """What is missing from models of real robots: effects added one by one, error on logs that were not fitted.
 
-Needs FRISCHID_DATA. `improve` diagnoses and adds until nothing passes; the UR10e's second log (point to point) is never
-looked at by it. The loaded UR10e is diagnosed against the model of the unloaded one. Last, candidates that cannot be
-true (columns of noise with the spectrum of the motion, in place of an effect) are tried on measured and on healthy
-simulated logs: the share that is accepted is the false alarm rate of the whole chain of tests.
+Needs FRISCHID_DATA. `improve` diagnoses and adds until nothing passes, on the logs the model is made from; the
+validation log is a test log, and the errors printed are those on it. The loaded UR10e is diagnosed against the model of
+the unloaded one. Last, candidates that cannot be true (columns of noise with the spectrum of the motion, in place of an
+effect) are tried on measured and on healthy simulated logs, the validation log among them: the share that is accepted
+is the false alarm rate of the whole chain of tests.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ def improved(case: Case, folder: Path) -> tuple[list[dict[str, Any]], fr.Model, 
         assert finding is not None
         where = ", ".join(finding.joints) or "the robot"
         why = f"explains {finding.share:.0%} of the error above the sensor noise there, p {finding.p_value:.0e}"
-        rows.append(row(finding.effect, step.error_after, why, where=where))
+        assert step.test_after is not None
+        rows.append(row(finding.effect, step.test_after, why, where=where))
     final = steps[-1].model if steps else base
     last_error = compare(final, valid).nrmse
     rows.append(row("in all", last_error, f"{last_error / first - 1:+.0%}, {seconds:.0f} s"))
@@ -141,7 +143,7 @@ def main() -> None:
             before, after = (compare(model, other).nrmse for model in (base, final))
             stairs.append(row("point-to-point log", after, f"never looked at; {before:.4f} before"))
             payload = loaded(folder, case, base)
-    publish("real robots: effects added, held-out NRMSE", stairs, options.json)
+    publish("real robots: effects added, NRMSE on the test log", stairs, options.json)
     publish("the loaded UR10e against the model of the unloaded one", payload, None)
     publish("candidates that cannot be true", trials(validators, np.random.default_rng(0)), None)
 

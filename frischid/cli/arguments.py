@@ -85,7 +85,9 @@ scheduler_option = click.option(
 workers_option = click.option(
     "--workers", type=click.IntRange(min=1), help="Processes of a local cluster, one per core by default."
 )
-valid_option = click.option("--valid", multiple=True, help="Log to measure the error on; repeatable. Never fitted.")
+valid_option = click.option(
+    "--valid", multiple=True, help="Test log: the error on it is printed, and it decides nothing; repeatable."
+)
 
 
 def matching(text: str | None, valid: Sequence[str]) -> list[str] | None:

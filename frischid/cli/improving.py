@@ -42,7 +42,7 @@ def diagnose(
     workers: int | None,
     as_json: bool,
 ) -> None:
-    """Which physical effect the model is missing, by held-out evidence."""
+    """Which physical effect the model is missing, by cross-validated evidence."""
     from frischid.cli.pages import improving as show
     from frischid.diagnosis.diagnosis import diagnose as run
     from frischid.model.model import Model
@@ -101,10 +101,10 @@ def add(
     names = matching(joints, loaded.robot.joints)
     with working(as_json) as progress:
         progress("refitting")
-        data, held_out = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
+        data, test = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
         chosen = parse_effects(effect if names is None else f"{effect}@{'+'.join(names)}")
-        chosen = searched(loaded, chosen, effect, [*data, *held_out], situation)
-        step = run(loaded, chosen, data, valid=held_out, situation=situation)
+        chosen = searched(loaded, chosen, effect, data, situation)
+        step = run(loaded, chosen, data, valid=test, situation=situation)
     step.model.save(output)
     show_page(show.added(step, output), as_json)
 
@@ -128,7 +128,7 @@ def improve(
     output: str | None,
     as_json: bool,
 ) -> None:
-    """Diagnose and add until nothing passes; print how the error falls."""
+    """Diagnose and add until nothing passes; print how the error falls. A step that harms a joint is refused."""
     from frischid.cli.pages import improving as show
     from frischid.core.files import check_writable
     from frischid.diagnosis.improvement import improve as run
@@ -139,8 +139,8 @@ def improve(
     loaded = Model.load(model)
     with working(as_json) as progress:
         progress("reading logs")
-        data, held_out = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
-        steps, last = run(loaded, data, valid=held_out, situation=situation, max_steps=max_steps, progress=progress)
+        data, test = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
+        steps, last = run(loaded, data, valid=test, situation=situation, max_steps=max_steps, progress=progress)
     final = steps[-1].model if steps else loaded
     if output:
         final.save(output)

@@ -42,7 +42,7 @@ def block_gains(validator: CrossValidator, candidate: Candidate) -> Array | None
     found = [fit for fit in fits if fit is not None]
     if len(found) < data.folds:
         return None
-    theta = np.stack([validator.fit.systems[fold][1] for fold in range(data.folds)])
+    theta = validator.fit.fold_theta
     changed = theta + np.stack([fit.change for fit in found])
     beta = np.stack([fit.beta for fit in found])
     gain, there = np.zeros(data.cache.blocks), np.zeros(data.cache.blocks, bool)

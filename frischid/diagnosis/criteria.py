@@ -9,8 +9,8 @@ So the rates on seed 0 are optimistic; the README also gives those of seed 401. 
 field that has another origin names the experiment. "By judgement" means: no experiment is recorded.
 
 Words: a *share* is a fraction of 1. The *floor* is the NRMSE that sensor noise alone causes. *NRMSE* is the rms error
-of a joint over the standard deviation of its torque. *Explained* error is the fall of the summed squared held-out
-NRMSE.
+of a joint over the standard deviation of its torque. *Explained* error is the fall of the summed squared
+cross-validated NRMSE.
 """
 
 from __future__ import annotations
@@ -40,8 +40,9 @@ class DiagnosisCriteria:
     level; `benchmarks/real_diagnosis.py` measures the false alarm rate of the whole chain (1.4 % of 1,000 made-up
     columns pass)."""
     block_p_value: float = 0.05
-    """Probability. The held-out error must fall over blocks of time with this p value, so that no single moment makes a
-    finding. The usual level; the hidden hysteresis of 17 % that one bad second rejected set the form of the test."""
+    """Probability. The cross-validated error must fall over blocks of time with this p value, so that no single moment
+    makes a finding. The usual level; the hidden hysteresis of 17 % that one bad second rejected set the form of the
+    test."""
     block_seconds: float = 1.0
     """s. Shortest block of time of that test: longer than the residual's correlation, tenths of a second. By
     judgement."""
@@ -164,6 +165,19 @@ class DiagnosisCriteria:
     refit_factor: float = 1.5
     """Ratio of explained errors. A refit of all parameters is the answer only if it explains this times as much as the
     best effect: a refit can put any payload into the last link. Seed 0."""
+
+    # ---------------------------------------------------------------- steps of improve
+
+    harm_p_value: float = 0.05
+    """Probability. A step is refused when a joint's cross-validated error rises over blocks of time with a p value
+    below this, corrected for the joints (Bonferroni). The usual level; refusing too much costs one effect, accepting
+    too much costs the user's trust."""
+    harmless_rise: float = 0.01
+    """Share of a joint's squared error. A smaller rise is no harm: half a percent of the rms error, which no use of a
+    model feels. By judgement."""
+    sign_standard_errors: float = 2.0
+    """Standard errors. A coefficient of impossible sign by more than this refuses the step. The usual level; a report
+    warns at the same one."""
 
     # ---------------------------------------------------------------- unmodelled terms and descriptions
 

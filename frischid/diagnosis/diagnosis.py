@@ -1,4 +1,4 @@
-"""Which physical effect is missing from a model: candidates ranked by held-out evidence.
+"""Which physical effect is missing from a model: candidates ranked by cross-validated evidence.
 
 Every effect of the catalogue, on every joint and in every shape, is added to the model, refitted together with all base
 parameters, and scored on data it was not fitted to:
@@ -6,6 +6,10 @@ parameters, and scored on data it was not fitted to:
     τ = Γ(q, q̇, q̈) θ_rigid  +  Σ_effects  C_e θ_e  +  C_candidate β  +  noise.
 
 The stages are those of the package's docstring (`frischid.diagnosis`), and `diagnose` calls them in that order.
+
+A log has one of three roles. The logs given *fit* the parameters and *select* the effects: each part is predicted from
+the others (cross-validation). Logs given as ``valid`` only *test*: the model's error on them is stated, and no stage
+looks at them.
 
 Sources: Stone 1974, J. R. Stat. Soc. B 36(2), on cross-validation; Chen, Billings and Luo 1989, Int. J. Control 50(5),
 on stepwise selection.
@@ -33,6 +37,7 @@ from frischid.effects import EFFECTS
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording, check_logs
+from frischid.model.comparison import compare
 from frischid.model.model import Model
 from frischid.model.noise_floor import NoiseFloor
 
@@ -48,7 +53,9 @@ class Diagnosis:
     findings : tuple of Finding
         The whole ranking, best first.
     error, noise_floor : float
-        Held-out NRMSE of the model refitted without any finding, and that of the sensor noise alone.
+        Cross-validated NRMSE of the model refitted without any finding, and that of the sensor noise alone.
+    test_error : float or None
+        NRMSE on the test logs of the model as it is; None without test logs.
     joints : dict of str to dict
         The same for each joint.
     contacts : tuple of Contact
@@ -75,6 +82,7 @@ class Diagnosis:
     situation: Situation
     findings: tuple[Finding, ...]
     error: float
+    test_error: float | None
     noise_floor: float
     joints: dict[str, dict[str, float]]
     contacts: tuple[Contact, ...]
@@ -86,7 +94,7 @@ class Diagnosis:
     def __repr__(self) -> str:
         named = [f"{f.effect} on {', '.join(f.joints) or 'the robot'}" for f in self.findings if f.significant][:1]
         found = ": ".join([self.verdict, *named])
-        return f"Diagnosis({found}; held-out NRMSE {self.error:.4f}, noise floor {self.noise_floor:.4f})"
+        return f"Diagnosis({found}; cross-validated NRMSE {self.error:.4f}, noise floor {self.noise_floor:.4f})"
 
     @property
     def remainder(self) -> str:
@@ -103,6 +111,7 @@ class Diagnosis:
             "situation": self.situation,
             "noise_floor": self.noise_floor,
             "error": self.error,
+            "test_error": self.test_error,
             "joints": self.joints,
             "findings": [f.to_dict() for f in self.findings],
             "contacts": [vars(c) for c in self.contacts],
@@ -129,10 +138,10 @@ def diagnose(
     ----------
     model : Model
     logs : sequence of Log or Recording
-        Data that the model predicts badly.
+        Data that the model predicts badly. Each of several logs is predicted from the others; a single log is cut into
+        four, each stretch without a gap (each piece of a recording) by itself.
     valid : sequence of Log or Recording
-        More data of the same robot in the same state. Each of several logs is predicted from the others; a single log
-        is cut into four, each stretch without a gap (each piece of a recording) by itself.
+        Test logs of the same robot in the same state: the model's error on them is stated, nothing else uses them.
     situation : {"auto", "always", "changed"}
         Whether the effect was always there, or the robot changed since the model was identified. ``"auto"``: changed
         when the logs are not the model's own and a refit predicts them better than the model does.
@@ -152,8 +161,8 @@ def diagnose(
     Raises
     ------
     InputError
-        There is no log, one is both fitted and held out, one lacks a joint of the model or its torque, or a joint never
-        moves.
+        There is no log, one is both fitted and a test log, one lacks a joint of the model or its torque, or a joint
+        never moves.
     UnknownNameError
         An effect is not in the catalogue.
 
@@ -171,6 +180,8 @@ def diagnose(
     >>> found = fr.diagnose(model, logs[:1], valid=logs[1:], effects=["joint_spring"])
     >>> found.verdict, found.findings[0].effect, found.findings[0].joints
     ('effect', 'joint_spring', ('joint2',))
+    >>> found.test_error == fr.compare(model, logs[1:]).nrmse
+    True
     """
     if not logs:
         raise InputError("there is no log to diagnose")
@@ -178,15 +189,16 @@ def diagnose(
         if name not in EFFECTS:
             raise UnknownNameError("effect", name, EFFECTS)
     check_logs(logs, valid)
+    model.check([*logs, *valid])
     progress("reading logs")
-    validator, state = cross_validator(model, [*logs, *valid], situation, criteria=criteria, workers=workers)
+    validator, state = cross_validator(model, logs, situation, criteria=criteria, workers=workers)
     results = _stages(validator, state, _noise_floor(validator), effects, progress)
     verdict = decided(results)
     if state == "changed" and effects is None:
         refit = refit_finding(results.validator, results.floor)
         verdict, findings = with_refit(verdict, results.findings, refit)
         results = replace(results, findings=tuple(findings))
-    return _diagnosis(results, verdict)
+    return _diagnosis(results, verdict, compare(model, valid).nrmse if valid else None)
 
 
 def _noise_floor(validator: CrossValidator) -> Array:
@@ -218,7 +230,7 @@ def _stages(
     return StageResults(validator, situation, floor, tuple(contacts), tuple(findings), ranking, unmodelled)
 
 
-def _diagnosis(results: StageResults, verdict: Verdict) -> Diagnosis:
+def _diagnosis(results: StageResults, verdict: Verdict, test_error: float | None) -> Diagnosis:
     """The result, with a description of the residual where it is unknown."""
     validator, unmodelled = results.validator, results.unmodelled
     errors, floors = validator.base_nrmse(), results.floor / validator.spread
@@ -230,6 +242,7 @@ def _diagnosis(results: StageResults, verdict: Verdict) -> Diagnosis:
         situation=results.situation,
         findings=with_verdict(results.findings, verdict, error),
         error=error,
+        test_error=test_error,
         noise_floor=float(np.mean(floors)),
         joints={
             name: {"error": float(e), "noise_floor": float(f)}

@@ -16,7 +16,8 @@ constants of this module choose a picture. They decide nothing of the result.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -73,7 +74,7 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
     finding : Finding
         One of its findings.
     prediction : Prediction
-        Of the diagnosed model along the same logs in the same order (``logs`` then ``valid``).
+        Of the diagnosed model along the diagnosed logs in the same order; other logs may lie between them.
 
     Returns
     -------
@@ -85,6 +86,7 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
         return None
     candidate = validator.joined(validator.candidates(finding.members))
     fit = validator.fitted(candidate)
+    prediction = _along(prediction, set(validator.data.sources))
     if fit is None or sum(len(t) for t in validator.data.times) != len(prediction.t):
         return None
     curves = [_curve(validator, row, candidate, fit) for row in range(len(validator.joints))]
@@ -106,6 +108,13 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
     return Shape(
         finding.effect, joint, "t", t[part], residual[part], added[part], explained, prediction.sources[source]
     )
+
+
+def _along(prediction: Prediction, sources: Collection[str]) -> Prediction:
+    """The prediction along some of its logs."""
+    kept = np.isin(prediction.log, [k for k, source in enumerate(prediction.sources) if source in sources])
+    parts = ("log", "t", "q", "v", "a", "measured", "fitted", "lower", "upper", "used")
+    return replace(prediction, **{name: getattr(prediction, name)[kept] for name in parts})
 
 
 class _Curve(NamedTuple):

@@ -51,11 +51,11 @@ class Finding:
     joints : tuple of str
         Joints it acts on; empty for the whole robot.
     error_before, error_after : float
-        Held-out NRMSE, mean over the joints.
+        Cross-validated NRMSE, mean over the joints.
     gain : float
-        Log likelihood it adds on held-out data, less its price.
+        Log likelihood it adds on data it was not fitted to, less its price.
     removed : float
-        Fall of the sum of the joints' squared held-out NRMSE: the error it explains.
+        Fall of the sum of the joints' squared cross-validated NRMSE: the error it explains.
     share : float
         Share of the error above the sensor noise, on the joints it acts on, that it explains; zero where hardly any
         error is above the noise.

@@ -7,6 +7,9 @@ Every step is a model of its own,
 refitted as a whole, with the error before and after and the finding that proposed the effect. A step can be undone. The
 search is greedy forward selection over diagnoses: after each addition the residual is diagnosed again.
 
+The logs given fit the parameters and select the effects, by cross-validation. Logs given as ``valid`` only test: the
+error on them is stated after everything is decided.
+
 Source: Chen, Billings and Luo 1989, Int. J. Control 50(5).
 """
 
@@ -18,11 +21,13 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.text import listed
 from frischid.diagnosis.change_prior import load_reference
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
+from frischid.diagnosis.step_acceptance import impossible_coefficients, reason_against, worse_with_standstill
 from frischid.effects import Effect, columns_of
 from frischid.errors import InputError
 from frischid.estimators.least_squares import Estimate
@@ -43,11 +48,13 @@ class Step:
         With the effect.
     effect : Effect
     error_before, error_after : float
-        Mean NRMSE on the validation logs, or cross-validated on the logs themselves when there are none.
+        Mean NRMSE on the logs that select, as `measured_on` says.
     measured_on : str
-        Data that the errors are measured on.
+        How these errors are measured: cross-validated, or for a changed robot with the model as it was and as it is.
     finding : Finding or None
         The finding that proposed it, where a diagnosis did.
+    test_before, test_after : float or None
+        Mean NRMSE on the test logs, which decide nothing; None without test logs.
     """
 
     model: Model
@@ -56,6 +63,8 @@ class Step:
     error_after: float
     measured_on: str
     finding: Finding | None
+    test_before: float | None = None
+    test_after: float | None = None
 
     def __repr__(self) -> str:
         return f"Step({self.effect}: NRMSE {self.error_before:.4f} → {self.error_after:.4f}, {self.measured_on})"
@@ -79,9 +88,9 @@ def add(
     effects : sequence of Effect
         Effects to add.
     logs : sequence of Log or Recording
-        Data to fit.
+        Data to fit; the error is cross-validated on them.
     valid : sequence of Log or Recording
-        Data to measure the error on.
+        Test logs: the error on them is stated too, and nothing else uses them.
     situation : {"auto", "always", "changed"}
         ``"auto"`` is decided as by `diagnose`. ``"always"``: all parameters are fitted again. ``"changed"``: the
         model's own parameters are kept as a prior, so that the change ends up in the effect.
@@ -97,7 +106,7 @@ def add(
     Raises
     ------
     InputError
-        A log is both fitted and held out, or lacks a joint or its torque, or two effects describe the same thing.
+        A log is both fitted and a test log, or lacks a joint or its torque, or two effects describe the same thing.
 
     Examples
     --------
@@ -115,36 +124,8 @@ def add(
     model.check([*logs, *valid])
     check_logs(logs, valid)
     if situation == "auto":
-        situation = cross_validator(model, [*logs, *valid], criteria=criteria)[1]
-    together = (*model.effects, *effects)
-    columns_of(model.robot, together)  # two effects that describe the same thing are refused before any work
-    new = _refitted(model, together, logs, situation, criteria)
-    if valid or situation == "changed":
-        before, after = (compare(m, valid or logs).nrmse for m in (model, new))
-        measured_on = "held out" if valid else "the fitted logs, with the model as it was and as it is"
-    else:
-        known, after = _known_error(model, logs), _cross_validated(new)
-        before = (
-            _cross_validated(_refitted(model, model.effects, logs, situation, criteria)) if known is None else known
-        )
-        measured_on = "cross-validated on the fitted logs"
-    event: dict[str, Any] = {
-        "action": "add",
-        "effects": [str(e) for e in effects],
-        "situation": situation,
-        "error_before": before,
-        "error_after": after,
-        "measured_on": measured_on,
-        "sentence": "" if finding is None else finding.sentence,
-        "logs": [
-            {"source": log.source, "sha256": log.identity, "samples": sum(map(len, chunks_of(log)))} for log in logs
-        ],
-        "held_out_logs": [{"source": log.source, "sha256": log.identity} for log in valid],
-    }
-    if not valid and situation != "changed":
-        event["cross_validated_nrmse"] = after
-    new = replace(new, history=(*model.history, event), previous=model)
-    return Step(new, effects[0], before, after, measured_on, finding)
+        situation = cross_validator(model, logs, criteria=criteria)[1]
+    return _tested(model, _step(model, effects, logs, situation, finding, criteria), valid)
 
 
 def improve(
@@ -157,19 +138,26 @@ def improve(
     criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Step], Diagnosis]:
-    """Diagnose and add until no effect passes; an addition that does not lower the error is refused.
+    """Diagnose and add until no effect passes; an addition that does harm is refused.
+
+    A step stays only if the logs that select say so: the cross-validated error falls block by block on the joints the
+    effect acts on; no joint becomes significantly worse, also with samples at standstill; the mean log ratio of the
+    joints' errors falls, so that one noisy joint cannot pay for the others; the mean NRMSE falls; and no coefficient
+    has an impossible sign (`frischid.diagnosis.step_acceptance`). The last diagnosis notes what was refused, and why.
 
     Parameters
     ----------
     model : Model
-    logs, valid : sequence of Log or Recording
-        Data to fit, and data to measure the error on.
+    logs : sequence of Log or Recording
+        Data that fit the parameters and select the effects.
+    valid : sequence of Log or Recording
+        Test logs: the error on them is stated for each step, and nothing else uses them.
     situation : {"auto", "always", "changed"}
         As in `diagnose`; decided once, for all steps.
     max_steps : int
         Most effects to add.
     criteria : DiagnosisCriteria, optional
-        Every threshold that decides the diagnoses.
+        Every threshold that decides the diagnoses and the steps.
     progress : callable
         Called with a few words at each stage.
 
@@ -195,23 +183,113 @@ def improve(
     (0, 'none')
     """
     steps: list[Step] = []
-    refused: set[str] = set()
+    refused: dict[str, str] = {}
+    if not logs:
+        raise InputError("there is no log to diagnose")
+    model.check([*logs, *valid])
+    check_logs(logs, valid)
     if situation == "auto":
         progress("reading logs")
-        situation = cross_validator(model, [*logs, *valid], criteria=criteria)[1]
+        situation = cross_validator(model, logs, criteria=criteria)[1]
     while True:
         progress(f"diagnosis {len(steps) + 1}")
-        diagnosis = diagnose(model, logs, valid=valid, situation=situation, criteria=criteria, progress=progress)
-        passing = [f for f in diagnosis.findings if f.significant and f.members and f.effect not in refused]
-        if not passing or len(steps) == max_steps:
-            return steps, diagnosis
-        best = passing[0]
-        step = add(model, instances(best), logs, valid=valid, situation=situation, finding=best, criteria=criteria)
-        if step.error_after >= step.error_before:
-            refused.add(best.effect)
+        diagnosis = diagnose(model, logs, situation=situation, criteria=criteria, progress=progress)
+        step = _next_step(model, diagnosis, logs, refused) if len(steps) < max_steps else None
+        if step is None:
+            notes = [f"{effect} was not added: {reason}" for effect, reason in refused.items()]
+            test_error = compare(model, valid).nrmse if valid else None
+            return steps, replace(diagnosis, notes=(*diagnosis.notes, *notes), test_error=test_error)
+        steps.append(_tested(model, step, valid))
+        model = steps[-1].model
+
+
+def _next_step(
+    model: Model, diagnosis: Diagnosis, logs: Sequence[Log | Recording], refused: dict[str, str]
+) -> Step | None:
+    """The first finding that may stay, added; those that may not go to `refused` with the reason."""
+    for finding in diagnosis.findings:
+        if not (finding.significant and finding.members) or finding.effect in refused:
             continue
-        steps.append(step)
-        model = step.model
+        reason = reason_against(diagnosis.validator, finding.members)
+        if not reason:
+            step = _step(model, finding.members, logs, diagnosis.situation, finding, diagnosis.criteria)
+            reason = _reason_against_step(model, step, finding.members, logs, diagnosis.criteria)
+            if not reason:
+                return step
+        refused[finding.effect] = reason
+    return None
+
+
+def _reason_against_step(
+    model: Model,
+    step: Step,
+    effects: Sequence[Effect],
+    logs: Sequence[Log | Recording],
+    criteria: DiagnosisCriteria,
+) -> str:
+    """Why a refitted model may not stay; empty where it may."""
+    if step.error_after >= step.error_before:
+        return "the error of the refitted model does not fall"
+    impossible = impossible_coefficients(step.model, effects, criteria)
+    if impossible:
+        return f"the sign of {listed(impossible)} is physically impossible"
+    worse = worse_with_standstill(model, step.model, logs, criteria)
+    return f"{worse} would become worse where samples at standstill count" if worse else ""
+
+
+def _step(
+    model: Model,
+    effects: Sequence[Effect],
+    logs: Sequence[Log | Recording],
+    situation: Situation,
+    finding: Finding | None,
+    criteria: DiagnosisCriteria,
+) -> Step:
+    """Refit with some effects, and measure the error before and after on the logs that select."""
+    together = (*model.effects, *effects)
+    columns_of(model.robot, together)  # two effects that describe the same thing are refused before any work
+    new = _refitted(model, together, logs, situation, criteria)
+    if situation == "changed":
+        before, after = (compare(m, logs).nrmse for m in (model, new))
+        measured_on = "the fitted logs, with the model as it was and as it is"
+    else:
+        known, after = _known_error(model, logs), _cross_validated(new)
+        before = (
+            _cross_validated(_refitted(model, model.effects, logs, situation, criteria)) if known is None else known
+        )
+        measured_on = "cross-validated on the fitted logs"
+    event: dict[str, Any] = {
+        "action": "add",
+        "effects": [str(e) for e in effects],
+        "situation": situation,
+        "error_before": before,
+        "error_after": after,
+        "measured_on": measured_on,
+        "sentence": "" if finding is None else finding.sentence,
+        "logs": [
+            {"source": log.source, "sha256": log.identity, "samples": sum(map(len, chunks_of(log)))} for log in logs
+        ],
+    }
+    if situation != "changed":
+        event["cross_validated_nrmse"] = after
+    new = replace(new, history=(*model.history, event), previous=model)
+    return Step(new, effects[0], before, after, measured_on, finding)
+
+
+def _tested(before: Model, step: Step, valid: Sequence[Log | Recording]) -> Step:
+    """The step with its error on the test logs, also in the model's history."""
+    if not valid:
+        return step
+    errors = [compare(m, valid).nrmse for m in (before, step.model)]
+    *earlier, event = step.model.history
+    event = {
+        **event,
+        "test_before": errors[0],
+        "test_after": errors[1],
+        "test_logs": [{"source": log.source, "sha256": log.identity} for log in valid],
+    }
+    model = replace(step.model, history=(*earlier, event))
+    return replace(step, model=model, test_before=errors[0], test_after=errors[1])
 
 
 def searched(

@@ -102,6 +102,11 @@ class WeightedFit:
         return self.systems[-1][1]
 
     @property
+    def fold_theta(self) -> Array:
+        """Parameters fitted without each fold in turn, (folds, p)."""
+        return np.stack([theta for _, theta in self.systems[:-1]])
+
+    @property
     def information(self) -> Array:
         """Precision of the parameters given the data and the prior, (p, p)."""
         return np.asarray(np.einsum("j,fjab->ab", self.omega, self.columns.gram)[:-1, :-1] + self.prior.precision)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import plotly.graph_objects as go
 
+from frischid.diagnosis.history import selection_errors
 from frischid.figures.style import BLUE, GREEN, Drawing, drawing
 from frischid.model.model import Model
 
@@ -14,17 +15,17 @@ CROWD = 6
 def steps_of(model: Model) -> list[tuple[str, float | None, float]]:
     """What was done, and the error before and after it; steps without an error are passed over.
 
-    The first model's error is the one its first change was measured against: on the same data as what came of it.
+    The errors are those on the logs that select: every step has one, so they can be compared. The first model's error
+    is the one its first change was measured against: on the same data as what came of it.
     """
     found: list[tuple[str, float | None, float]] = []
     for event in model.history:
-        after = event.get("error_after", event.get("held_out_nrmse"))
-        after = event.get("cross_validated_nrmse") if after is None else after
+        before, after = selection_errors(event)
         if after is None:
             continue
         effects = event.get("effects", [])
         name = event["action"] if event["action"] == "identify" else " + ".join(_kinds(effects)) or event["action"]
-        found.append((name, event.get("error_before"), float(after)))
+        found.append((name, before, float(after)))
     if len(found) > 1 and (same_data := found[1][1]) is not None:
         found[0] = (*found[0][:2], same_data)
     return found
@@ -36,7 +37,7 @@ def _kinds(effects: list[str]) -> list[str]:
 
 
 def staircase(model: Model, floor: float) -> Drawing:
-    """Held-out error after each step, with the error the sensors alone would leave.
+    """Cross-validated error after each step, with the error the sensors alone would leave.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def staircase(model: Model, floor: float) -> Drawing:
             reading += " Where the stair is broken, the step before was measured on other data."
     else:
         reading = "Nothing has been added to this model yet: one step, and how far it is from the noise floor."
-        if model.history and model.history[0].get("held_out_nrmse") is None:
+        if steps:
             reading += " Measured on parts of the fitted logs that each fit left out."
     return drawing("Error after each step (NRMSE)", reading, figure, 330 if crowded else 230)
 

@@ -44,6 +44,7 @@ class Study:
     verdict : Comparison
         On the logs that were held out, where there are any; on all of them otherwise.
     diagnosis : Diagnosis or None
+        On the logs the model was fitted to, where there are any: the others test. On all logs otherwise.
     qualities : tuple of Quality
     reduction : Reduction or None
         Which parameters are identifiable; None when it is not that of the model (another version made it).
@@ -157,7 +158,7 @@ def study(
     logs : sequence of Log
         Those the model was fitted to are told from the others by its history.
     diagnosis : Diagnosis, optional
-        Of this model on these logs, when there is one already.
+        Of this model on those of these logs that are not held out, when there is one already.
     diagnosed : bool
         Whether to diagnose when there is none.
     situation : {"auto", "always", "changed"}
@@ -175,7 +176,8 @@ def study(
     comparison = compare(model, logs, [b for part in evaluated for b in part])
     prediction = predict(model, logs, evaluated)
     if diagnosis is None and diagnosed:
-        diagnosis = diagnose(model, logs, situation=situation, progress=progress)
+        own = [log for log in logs if model.made_from(log)]
+        diagnosis = diagnose(model, own or logs, valid=held if own else (), situation=situation, progress=progress)
     progress("parameters")
     reduction = _reduction(model)
     return Study(

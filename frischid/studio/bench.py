@@ -72,15 +72,15 @@ class Bench:
     ----------
     model : Model
     logs : sequence of Log
-        Those the model was fitted to are fitted again when an effect is added, the others measure the error. When it
-        was fitted to none of them, all are fitted.
+        Those the model was fitted to are fitted again when an effect is added, and decide what is missing. The others
+        only test. When it was fitted to none of them, all are fitted.
     output : Path
         Where `save` writes; `export` writes beside it.
 
     Attributes
     ----------
     fit, valid : list of Log
-        Those that are fitted again, and those that are not.
+        Those that are fitted again and decide, and those that only test.
     absent : int
         Number of logs that the model was fitted to and that are not here: new effects are fitted without them.
     """

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from frischid import figures
 from frischid.core.text import listed
+from frischid.diagnosis.history import test_errors
 from frischid.effects import EFFECTS
 from frischid.figures import Drawing
 from frischid.figures.history import steps_of
@@ -191,6 +192,7 @@ class Tab:
         if len(steps) > 1 and (before := steps[-1][1]) is not None:
             name = plain(steps[-1][0])
             fall = f"\n\nLast step, **{name}**: {before:.4f} → **{steps[-1][2]:.4f}** ({plain(_measured_on(state))})."
+            fall += _on_test_logs(state)
         self.frame.headline.content = (
             f"The model misses **{100 * state.error:.1f} %** of the torque's spread (NRMSE {state.error:.4f}, "
             f"{kind} logs; sensors alone {100 * state.comparison.noise_floor:.1f} %).{fall}{self._absent()}"
@@ -308,6 +310,12 @@ class Tab:
 
 def _measured_on(state: State) -> str:
     return str(state.model.history[-1].get("measured_on", "cross-validated"))
+
+
+def _on_test_logs(state: State) -> str:
+    """The last step's error on the logs that decide nothing; empty where there was none."""
+    errors = test_errors(state.model.history[-1])
+    return f" Not fitted: {errors[0]:.4f} → **{errors[1]:.4f}**." if len(errors) == 2 else ""
 
 
 def plain(text: str) -> str:

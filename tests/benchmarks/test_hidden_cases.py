@@ -118,7 +118,7 @@ def test_a_healthy_robot_in_mujoco_needs_no_effect():
     model = identify(case.robot, case.fit, recursion="none").model
     dry = next(e for e in model.effects if e.id == "coulomb")
     assert 0.007 < dry.lead < 0.012
-    assert diagnose(model, case.fit, valid=case.valid).verdict == "none"
+    assert diagnose(model, [*case.fit, *case.valid]).verdict == "none"
 
 
 def test_friction_has_memory():
@@ -133,7 +133,7 @@ def test_friction_has_memory():
 
 def test_play_with_friction_behind_it_is_named_and_measured():
     case = build(quick(first(kind="single", effects=("backlash",), grade=1)))
-    found = diagnose(identify(case.robot, case.fit, recursion="none").model, case.fit, valid=case.valid)
+    found = diagnose(identify(case.robot, case.fit, recursion="none").model, [*case.fit, *case.valid])
     best = found.findings[0]
     assert (found.verdict, best.effect, best.joints) == ("effect", "backlash", case.truth.joints[0])
     assert best.error_after < 0.2 * found.error, "0.4 if friction is taken to follow the motor"

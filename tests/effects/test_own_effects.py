@@ -186,11 +186,11 @@ def test_defaults_say_something_everywhere(catalogue):
 
 
 def test_diagnose_and_improve(hidden):
-    found = diagnose(hidden.model, hidden.logs[:1], valid=hidden.logs[1:])
+    found = diagnose(hidden.model, hidden.logs)
     best = found.findings[0]
     assert (found.verdict, best.effect, best.joints) == ("effect", "detent", ("joint2",))
     assert best.sentence == "joint2 needs torque that the effect detent describes: detent"
-    steps, _ = improve(hidden.model, hidden.logs[:1], valid=hidden.logs[1:])
+    steps, _ = improve(hidden.model, hidden.logs)
     assert [str(step.effect) for step in steps][:1] == ["detent@joint2"]
     step = add(hidden.model, parse_effects("detent@joint2"), hidden.logs[:1], valid=hidden.logs[1:])
     assert step.error_after < 0.2 * step.error_before

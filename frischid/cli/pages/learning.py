@@ -11,6 +11,7 @@ from frischid.cli.pages.comparing import comparison
 from frischid.cli.pages.fitting import identified, parameters, summary
 from frischid.cli.pages.improving import diagnosis
 from frischid.cli.pages.page import Page, change, quantities, table_of, warning_lines
+from frischid.diagnosis.improvement import Step
 from frischid.effects import EFFECTS, Effect
 
 
@@ -75,11 +76,20 @@ def _hidden(result: Demo) -> list[Any]:
     return [
         f"[bold]A hidden effect.[/bold] The same arm with {HIDDEN} ({values}) that the model knows nothing of. "
         "frischid diagnose:",
-        *diagnosis(result.diagnosis).parts[:2],
+        *diagnosis(result.diagnosis).parts[:3],
         f"{best.sentence}. Found: {found}.",
-        f"Added: held-out NRMSE {step.error_before:.4f} → {step.error_after:.4f} "
+        f"Added: cross-validated NRMSE {step.error_before:.4f} → {step.error_after:.4f} "
         f"({change(step.error_before, step.error_after)}), noise floor {result.diagnosis.noise_floor:.4f}.",
+        *_on_motion_b(step),
     ]
+
+
+def _on_motion_b(step: Step) -> list[str]:
+    """The fall of the error on the motion that decided nothing."""
+    if step.test_before is None or step.test_after is None:
+        return []
+    fall = change(step.test_before, step.test_after)
+    return [f"On motion B, which decided nothing: NRMSE {step.test_before:.4f} → {step.test_after:.4f} ({fall})."]
 
 
 def demo(result: Demo, output: str | None, page: str) -> Page:
@@ -107,5 +117,10 @@ def demo(result: Demo, output: str | None, page: str) -> Page:
     for row, true in zip(data["parameters"], result.truth, strict=True):
         row["true"] = float(true)
     data["report"] = page
-    data["hidden"] = {"truth": HIDDEN, "diagnosis": result.diagnosis.to_dict(), "error_after": result.step.error_after}
+    data["hidden"] = {
+        "truth": HIDDEN,
+        "diagnosis": result.diagnosis.to_dict(),
+        "error_after": result.step.error_after,
+        "test_after": result.step.test_after,
+    }
     return Page(data, parts)

@@ -6,11 +6,12 @@ import re
 from typing import Any
 
 from frischid import figures
+from frischid.diagnosis.history import measured_on, selection_errors, test_errors
 from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study
 
-HISTORY_HEADINGS = ("step", "action", "effects", "before", "after", "NRMSE measured on")
+HISTORY_HEADINGS = ("step", "action", "effects", "before", "after", "NRMSE measured on", "on test logs")
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
@@ -18,11 +19,10 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     floor = study.diagnosis.noise_floor if study.diagnosis is not None else study.verdict.noise_floor
     rows = []
     for i, event in enumerate(study.model.history):
-        after = event.get("error_after", event.get("held_out_nrmse"))
-        on = event.get("measured_on", "held out" if after is not None else "cross-validated on the fitted logs")
-        after = event.get("cross_validated_nrmse") if after is None else after
-        errors = ["–" if x is None else f"{x:.4f}" for x in (event.get("error_before"), after)]
-        rows.append([str(i), event["action"], rounded(", ".join(event.get("effects", ()))), *errors, on])
+        errors = ["–" if x is None else f"{x:.4f}" for x in selection_errors(event)]
+        test = " → ".join(f"{x:.4f}" for x in test_errors(event)) or "–"
+        effects = rounded(", ".join(event.get("effects", ())))
+        rows.append([str(i), event["action"], effects, *errors, measured_on(event), test])
     caption = f"Steps of the model. {_shapes(study)}"
     return {
         "staircase": figures.staircase(study.model, floor),

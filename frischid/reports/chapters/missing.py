@@ -71,9 +71,9 @@ def _card(study: Study, finding: Finding) -> dict[str, Any]:
     plan = f" To plan a motion that tells it from {other}:" if other else ""
     p = "below 10⁻¹⁵" if finding.p_value < TINY else number(finding.p_value, 2)
     evidence = (
-        f"held-out NRMSE {finding.error_before:.4f} → {finding.error_after:.4f}; explains {100 * finding.share:.0f} % "
-        f"of the error above the sensor noise on its joints; log likelihood gained {finding.gain:.0f}, probability by "
-        f"chance {p}"
+        f"cross-validated NRMSE {finding.error_before:.4f} → {finding.error_after:.4f}; explains "
+        f"{100 * finding.share:.0f} % of the error above the sensor noise on its joints; log likelihood gained "
+        f"{finding.gain:.0f}, probability by chance {p}"
     )
     card["facts"] = [
         ("Evidence", evidence),

@@ -1,0 +1,170 @@
+"""May a step of `improve` stay? It must help where it acts, harm no joint, and have possible signs.
+
+With ê_i and ê_i' the cross-validated residuals of a joint without and with the effect, block of time b has the rise
+
+    d_b = Σ_{i in b} (ê_i'² − ê_i²).
+
+*Harm*: a joint becomes worse when its d_b are positive on average (Student's t over blocks, one-sided, Bonferroni over
+the joints). *Help*: over the joints the effect acts on, the fall −Σ_j w_j d_b with w_j = 1 / Σ ê_j² is positive by the
+same test or by ranks. *Together*: the errors of J joints are combined by the mean log ratio
+
+    (1/J) Σ_j log(Σ ê_j'² / Σ ê_j²)  <  0,
+
+so that every joint counts by its own share. In the mean NRMSE the joint with the largest error counts most, and a
+noisy joint could pay for harm to all others.
+
+Blocks last about a second. A residual that is correlated for longer makes the test of harm strict: a step is refused
+too often rather than too rarely. All of it looks at the logs that select. Test logs have no part.
+
+Source: Wilcoxon 1945, "Individual comparisons by ranking methods", Biometrics Bulletin 1(6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy import stats
+
+from frischid.core.text import listed
+from frischid.core.types import Array
+from frischid.diagnosis.criteria import DiagnosisCriteria
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.effects import Effect
+from frischid.logs.log import Log
+from frischid.logs.recording import Recording
+from frischid.model.model import Model
+
+_LEAST_BLOCKS = 3  # for a variance with two degrees of freedom
+
+
+def reason_against(validator: CrossValidator, effects: Sequence[Effect]) -> str:
+    """Why the cross-validated errors speak against an addition; empty where they speak for it.
+
+    Parameters
+    ----------
+    validator : CrossValidator
+        Of the model without the effects, on the logs that select.
+    effects : sequence of Effect
+        The effects of one finding.
+    """
+    criteria = validator.criteria
+    candidate = validator.joined(validator.candidates(effects))
+    after = validator.extended(candidate)
+    sums = validator.base_sse().sum(axis=0), after.base_sse().sum(axis=0)
+    rises = [_rise(validator, after, row) for row in range(len(validator.joints))]
+    worse = worse_joints(rises, *sums, criteria)
+    if worse:
+        return f"{_named(validator.joints, worse, *sums)} would become worse"
+    ratio = np.log(np.maximum(sums[1], 1e-300) / np.maximum(sums[0], 1e-300))
+    fall = -np.sum([rises[row] / max(sums[0][row], 1e-300) for row in candidate.columns], axis=0)
+    if not _falls(fall, criteria):
+        return (
+            f"the error of {listed([validator.joints[row] for row in candidate.columns])} does not fall block by block"
+        )
+    return "" if ratio.mean() < 0 else "the errors of all joints together do not fall"
+
+
+def _rise(before: CrossValidator, after: CrossValidator, row: int) -> Array:
+    """Rise of a joint's squared cross-validated error in each block of time, (B,)."""
+    rise = np.zeros(before.data.cache.blocks)
+    for data in before.data.motions_of(row):
+        squares = [(data.tau - v.columns.predicted(data, v.fit.fold_theta)) ** 2 for v in (before, after)]
+        np.add.at(rise, data.block, squares[1] - squares[0])
+    return rise
+
+
+def _falls(fall: Array, criteria: DiagnosisCriteria) -> bool:
+    """Whether an error falls block by block, by mean or by ranks; blocks without rows do not count."""
+    fall = fall[fall != 0]
+    if len(fall) < _LEAST_BLOCKS or not fall.std() > 0:
+        return False
+    p = stats.ttest_1samp(fall, 0.0, alternative="greater").pvalue, stats.wilcoxon(fall, alternative="greater").pvalue
+    return bool(min(p) < criteria.block_p_value)
+
+
+def worse_joints(rises: Sequence[Array], before: Array, after: Array, criteria: DiagnosisCriteria) -> list[int]:
+    """Positions of the joints whose squared error rises significantly, and by more than a trifle.
+
+    Parameters
+    ----------
+    rises : sequence of ndarray, shape (B,)
+        For each joint the rise of its squared error in each block of time; blocks without rows hold zero.
+    before, after : ndarray, shape (J,)
+        Sums of squared errors.
+    criteria : DiagnosisCriteria
+    """
+    level = criteria.harm_p_value / len(rises)
+    found = []
+    for row, rise in enumerate(rises):
+        rise = rise[rise != 0]
+        if len(rise) < _LEAST_BLOCKS or after[row] <= (1 + criteria.harmless_rise) * before[row]:
+            continue
+        if stats.ttest_1samp(rise, 0.0, alternative="greater").pvalue < level:
+            found.append(row)
+    return found
+
+
+def _named(joints: Sequence[str], rows: Sequence[int], before: Array, after: Array) -> str:
+    """Joints with the ratio by which their rms error rises."""
+    return listed([f"{joints[row]} (error × {np.sqrt(after[row] / max(before[row], 1e-300)):.3g})" for row in rows])
+
+
+# ---------------------------------------------------------------- the refitted model
+
+
+def impossible_coefficients(model: Model, effects: Sequence[Effect], criteria: DiagnosisCriteria) -> list[str]:
+    """Coefficients of some effects whose known sign the estimate contradicts by more than its standard errors allow.
+
+    Parameters
+    ----------
+    model : Model
+        With the effects.
+    effects : sequence of Effect
+    criteria : DiagnosisCriteria
+    """
+    names = {column.name for effect in effects for column in effect.columns(model.robot)}
+    e, most = model.estimate, criteria.sign_standard_errors
+    return [
+        f"{column.name} = {x:.3g} ± {s:.2g}"
+        for column, x, s in zip(e.columns, e.theta, e.stderr, strict=True)
+        if column.name in names and column.sign * x < -most * s
+    ]
+
+
+def worse_with_standstill(
+    before: Model, after: Model, logs: Sequence[Log | Recording], criteria: DiagnosisCriteria
+) -> str:
+    """Joints that become worse when samples at standstill count too, in words; empty where there are none.
+
+    No model is fitted to samples at standstill, so their errors need no cross-validation. Errors in motion are those of
+    the fit, which favours the step: the test finds the harm that an effect does at standstill.
+
+    Parameters
+    ----------
+    before, after : Model
+        Without and with the effects, with the same filter.
+    logs : sequence of Log or Recording
+        Those that select.
+    criteria : DiagnosisCriteria
+    """
+    rises: list[Array] = []
+    sums = np.zeros((2, len(before.joints)))
+    for squares, block in _squares(before, after, logs, criteria.block_seconds):
+        sums += squares.sum(axis=1)
+        _, number = np.unique(block, return_inverse=True)
+        found = np.zeros((number.max(initial=-1) + 1, len(before.joints)))
+        np.add.at(found, number, squares[1] - squares[0])
+        rises.append(found)
+    worse = worse_joints(list(np.concatenate(rises).T), sums[0], sums[1], criteria) if rises else []
+    return _named(before.joints, worse, *sums) if worse else ""
+
+
+def _squares(
+    before: Model, after: Model, logs: Sequence[Log | Recording], seconds: float
+) -> Iterator[tuple[Array, Array]]:
+    """Squared errors without and with, (2, M, J), and the block of time of each sample, part by part of the logs."""
+    index = before.torque_index
+    for (part, one), (_, other) in zip(before.blocks(logs), after.blocks(logs), strict=True):
+        errors = np.stack([part.tau - one, part.tau - other])[:, :, index]
+        yield errors**2, np.floor(part.t / seconds)
