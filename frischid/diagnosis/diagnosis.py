@@ -173,8 +173,8 @@ def diagnose(
     >>> import frischid as fr
     >>> robot = fr.Robot.load("planar2")
     >>> hidden = (*fr.BASELINE, *fr.parse_effects("joint_spring@joint2"))
-    >>> motions = [fr.random_fourier(robot, 10, seed=seed) for seed in (1, 2)]
-    >>> logs = [fr.simulate(robot, motion, rate=100, effects=hidden, parameters={"ks2": 1.5}, noise=fr.Noise(tau=0.01))
+    >>> motions = [fr.random_fourier(robot, 30, seed=seed) for seed in (1, 2)]
+    >>> logs = [fr.simulate(robot, motion, rate=50, effects=hidden, parameters={"ks2": 1.5}, noise=fr.Noise(tau=0.01))
     ...         for motion in motions]
     >>> model = fr.identify(robot, logs[:1], recursion="none").model
     >>> found = fr.diagnose(model, logs[:1], valid=logs[1:], effects=["joint_spring"])

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ FAST = replace(DiagnosisCriteria(), shapes_screened=4)
 
 
 @cache
-def log_of(seed: int, effects: str = SPRING, seconds: float = 12.0, scale: float = 0.8, **values: float) -> Log:
+def log_of(seed: int, effects: str = SPRING, seconds: float = 30.0, scale: float = 0.8, **values: float) -> Log:
     """A noisy log of the planar arm with something hidden in it."""
     return simulate(
         PLANAR2,
@@ -54,7 +55,7 @@ def fitted() -> list[Log]:
 
 def of_test() -> list[Log]:
     """Test logs that have nothing in common: the same arm, and another motion of an arm with another effect."""
-    return [log_of(2, ks2=1.5), log_of(3, COGGING, 9.0, 0.4, A1=3.0)]
+    return [log_of(2, ks2=1.5), log_of(3, COGGING, 12.0, 0.4, A1=3.0)]
 
 
 @cache
@@ -103,8 +104,8 @@ def run_report(valid):
     return without_test(shown.diagnosis.to_dict()), shown.diagnosis.test_error
 
 
-def run_studio(valid, tmp_path="studio.json"):
-    bench = Bench(model(), [*fitted(), *valid], tmp_path)
+def run_studio(valid):
+    bench = Bench(model(), [*fitted(), *valid], Path("studio.json"))
     bench.diagnose()
     said = without_test(bench.state.diagnosis.to_dict())
     state = bench.add(bench.state.diagnosis.findings[0].members, 0, bench.state.diagnosis.findings[0])
@@ -157,7 +158,7 @@ def test_no_command_lets_the_test_log_decide(words, tmp_path):
 
 def test_what_is_planted_in_the_test_log_alone_is_not_found():
     healthy = [log_of(5, "joint_spring@joint2", ks2=0.0)]
-    planted = [log_of(6, COGGING, A1=3.0)]
+    planted = [log_of(6, COGGING, A1=1.0)]
     machine = identify(PLANAR2, healthy, recursion="none").model
     found = diagnose(machine, healthy, valid=planted, effects=["cogging"])
     assert found.verdict == "none"
@@ -166,9 +167,8 @@ def test_what_is_planted_in_the_test_log_alone_is_not_found():
     steps, last = improve(machine, healthy, valid=planted, max_steps=2)
     assert not steps
     assert last.test_error == found.test_error
-    assert diagnose(machine, [*healthy, *planted], effects=["cogging"]).findings[0].significant, (
-        "it is there to be found"
-    )
+    alone = diagnose(identify(PLANAR2, planted, recursion="none").model, planted, effects=["cogging"])
+    assert [str(e) for e in alone.findings[0].members] == [COGGING], "it is there to be found"
 
 
 def test_without_test_logs_nothing_is_called_held_out(tmp_path):
@@ -248,8 +248,8 @@ def test_a_coefficient_of_impossible_sign_is_named():
     assert impossible_coefficients(machine, friction, DiagnosisCriteria()) == []
     theta = np.array(machine.estimate.theta)
     names = [c.name for c in machine.estimate.columns]
-    theta[names.index("fv2")] *= -1
+    theta[names.index("fv2")] = -3.0 * machine.estimate.stderr[names.index("fv2")]
     wrong = replace(machine, estimate=replace(machine.estimate, theta=theta))
     (told,) = impossible_coefficients(wrong, friction, DiagnosisCriteria())
-    assert told.startswith("fv2 = -0.")
+    assert told.startswith("fv2 = -")
     assert impossible_coefficients(wrong, parse_effects("coulomb"), DiagnosisCriteria()) == []

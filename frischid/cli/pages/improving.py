@@ -120,7 +120,7 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
              "error_before": step.error_before, "error_after": step.error_after, "measured_on": step.measured_on,
              "test_before": step.test_before, "test_after": step.test_after}
         )  # fmt: skip
-    parts: list[Any] = [table] if steps else []
+    parts: list[Any] = [table] if steps else [f"no effect was added; cross-validated NRMSE {last.error:.4f}"]
     parts.append(f"noise floor {last.noise_floor:.4f}; {verdict_of(last)}")
     parts += [f"{note[:1].upper()}{note[1:]}." for note in last.notes if "was not added: " in note]
     if output:
