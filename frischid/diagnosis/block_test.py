@@ -19,7 +19,7 @@ from frischid.core.types import Array
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator
 
-_LEAST_BLOCKS = 3  # for a variance with two degrees of freedom
+LEAST_BLOCKS = 3  # for a variance with two degrees of freedom
 
 
 def block_test(validator: CrossValidator, candidate: Candidate) -> float:
@@ -28,8 +28,13 @@ def block_test(validator: CrossValidator, candidate: Candidate) -> float:
     The smaller p value of Student's t and Wilcoxon's signed ranks. An effect may act in some of the blocks only: the
     mean shows it. Or in all of them while one moment goes wrong for other reasons: the ranks show it.
     """
-    g = block_gains(validator, candidate)
-    if g is None or len(g) < _LEAST_BLOCKS or not g.std() > 0:
+    gains = block_gains(validator, candidate)
+    return 1.0 if gains is None else p_value_of(gains)
+
+
+def p_value_of(g: Array) -> float:
+    """P value that gains of blocks of time are positive, (B,): the smaller one of Student's t and Wilcoxon's ranks."""
+    if len(g) < LEAST_BLOCKS or not g.std() > 0:
         return 1.0
     t = float(stats.t.sf(g.mean() / (g.std(ddof=1) / np.sqrt(len(g))), len(g) - 1))
     return min(t, float(stats.wilcoxon(g, alternative="greater").pvalue))

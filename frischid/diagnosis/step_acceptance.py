@@ -28,14 +28,13 @@ from scipy import stats
 
 from frischid.core.text import listed
 from frischid.core.types import Array
+from frischid.diagnosis.block_test import LEAST_BLOCKS, p_value_of
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.effects import Effect
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
-
-_LEAST_BLOCKS = 3  # for a variance with two degrees of freedom
 
 
 def reason_against(validator: CrossValidator, effects: Sequence[Effect]) -> str:
@@ -58,7 +57,7 @@ def reason_against(validator: CrossValidator, effects: Sequence[Effect]) -> str:
         return f"{_named(validator.joints, worse, *sums)} would become worse"
     ratio = np.log(np.maximum(sums[1], 1e-300) / np.maximum(sums[0], 1e-300))
     fall = -np.sum([rises[row] / max(sums[0][row], 1e-300) for row in candidate.columns], axis=0)
-    if not _falls(fall, criteria):
+    if not p_value_of(fall[fall != 0]) < criteria.block_p_value:
         return (
             f"the error of {listed([validator.joints[row] for row in candidate.columns])} does not fall block by block"
         )
@@ -72,15 +71,6 @@ def _rise(before: CrossValidator, after: CrossValidator, row: int) -> Array:
         squares = [(data.tau - v.columns.predicted(data, v.fit.fold_theta)) ** 2 for v in (before, after)]
         np.add.at(rise, data.block, squares[1] - squares[0])
     return rise
-
-
-def _falls(fall: Array, criteria: DiagnosisCriteria) -> bool:
-    """Whether an error falls block by block, by mean or by ranks; blocks without rows do not count."""
-    fall = fall[fall != 0]
-    if len(fall) < _LEAST_BLOCKS or not fall.std() > 0:
-        return False
-    p = stats.ttest_1samp(fall, 0.0, alternative="greater").pvalue, stats.wilcoxon(fall, alternative="greater").pvalue
-    return bool(min(p) < criteria.block_p_value)
 
 
 def worse_joints(rises: Sequence[Array], before: Array, after: Array, criteria: DiagnosisCriteria) -> list[int]:
@@ -98,7 +88,7 @@ def worse_joints(rises: Sequence[Array], before: Array, after: Array, criteria: 
     found = []
     for row, rise in enumerate(rises):
         rise = rise[rise != 0]
-        if len(rise) < _LEAST_BLOCKS or after[row] <= (1 + criteria.harmless_rise) * before[row]:
+        if len(rise) < LEAST_BLOCKS or after[row] <= (1 + criteria.harmless_rise) * before[row]:
             continue
         if stats.ttest_1samp(rise, 0.0, alternative="greater").pvalue < level:
             found.append(row)
