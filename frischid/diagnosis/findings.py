@@ -1,8 +1,8 @@
 """Findings: scored effects with the error they explain, the effects they are confused with, and a sentence.
 
-An effect is *called missing* when it is more than chance, more than a trifle, and explains enough of the error above
-the sensor noise where it acts. With E and E' the joints' summed squared NRMSE without and with it, and N that of the
-noise,
+An effect is *called missing* when its gain is more than chance, the error it explains is more than a trifle, and the
+effect explains enough of the error above the sensor noise on its joints. With E and E' the summed squared NRMSE of
+these joints without and with the effect, and N the same sum for the noise,
 
     share = (E − E') / (E − N).
 

@@ -2,8 +2,9 @@
 
     τ = Σ_k h_k sign(q − e_k)
 
-The angles e_k come from a fine grid over the range of q, one after another, each the one that explains most beside
-those already taken (orthogonal least squares: Chen, Billings and Luo 1989, Int. J. Control 50(5)). The number of jumps
+The angles e_k come from a fine grid over the range of q. They are taken one after another; each next angle is the one
+that explains most error beside the angles already taken (orthogonal least squares: Chen, Billings and Luo 1989, Int. J.
+Control 50(5)). The number of jumps
 is the one with the smallest held-out error. Few jumps in the right places describe a damaged gear. They do not describe
 ripple. A torque that a continuous line with a dozen kinks describes nearly as well is a spring of some kind.
 """

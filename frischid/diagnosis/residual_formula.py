@@ -120,7 +120,7 @@ def _library(validator: CrossValidator, joint: str) -> list[str]:
 
 
 def coupling_expressions(validator: CrossValidator, joint: str) -> list[str]:
-    """Torques of other joints' motion on one joint that no effect of the catalogue contains."""
+    """Expressions for torques on one joint from the motion of other joints; no effect of the catalogue has them."""
     own, found = str(validator.model.robot.numbers[joint]), []
     for k in _others(validator, joint):
         found += [f"q{own}*q{k}", f"q{k}", f"sin(q{k})", f"cos(q{k})", f"tau_model{k}", f"v{own}*abs(v{k})"]

@@ -26,12 +26,12 @@ in on a wrong value. Hence three variants.
     Neighbouring rows are alike, so w rows are worth fewer than w: the variance is taken from the sums of IF
     over blocks of `correlation` rows (batch means), which are ``K G_b K`` of the blocks' moments G_b. The
     bounds move by t_{B−1}(1 − α / (2 p n)) standard errors, Bonferroni over n windows, p parameters and two
-    sides, for B blocks a window. The p + 1 vertices cost nothing: the bound can fail only where the
+    sides, for B blocks per window. The p + 1 vertices cost nothing: the bound can fail only where the
     population's extreme vertex does. A vertex whose denominator K_Lj cannot be told from zero may lie
     anywhere, and its window says nothing.
 
-What no variant can repair: the boxes bound the truth when the vertices share an orthant (Theorem 1).
-`Recursion` counts the windows in which they do.
+One limit holds for every variant: the boxes bound the truth only when the vertices share an orthant (Theorem 1).
+`Recursion` counts the windows whose vertices do.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ def bbrf(
     names : sequence of str
         The p parameters.
     window : int
-        Rows in a window, from p + 2 to M.
+        Rows per window, from p + 2 to M.
     stride : int, optional
         Rows from one window to the next. By default 1, and half a window when calibrated: windows that
         overlap more say little new, and each one counted widens all bounds.

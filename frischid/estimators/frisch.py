@@ -1,7 +1,7 @@
 """The Frisch scheme: which parameters are compatible with data in which *every* variable is noisy.
 
-Least squares blames all the misfit on the torque. Blaming it on another variable is just as legitimate, and
-gives another answer. With the second moments of the p + 1 variables z = [Y τ] (torque last, index L = p)
+Least squares assigns all the misfit to the torque. Another variable may carry the misfit just as well, and the
+solution is then another one. With the second moments of the p + 1 variables z = [Y τ] (torque last, index L = p)
 
     Σ = E[z zᵀ],   K = Σ⁻¹,   θ_ij = −K_ij / K_Lj   (i < p),   j = 0 … p,
 
@@ -36,7 +36,7 @@ CONDITION_LIMIT = 1e12
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Bounds ``lower ≤ θ ≤ upper``, one interval a parameter; infinite where nothing is known.
+    """Bounds ``lower ≤ θ ≤ upper``, one interval per parameter; infinite where nothing is known.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Box:
     EmptyBoxError
         Some lower bound lies above its upper bound.
     InputError
-        The bounds are not one number a parameter.
+        The bounds are not one number per parameter.
     """
 
     names: tuple[str, ...]

@@ -1,7 +1,7 @@
-"""The sensor-wise Frisch scheme: bounds from what is really noisy, the sensors.
+"""The sensor-wise Frisch scheme: bounds from the noise of the sensors.
 
-The classical scheme (`frisch`) lets every column of the regressor carry a noise of its own. No robot has
-that: all columns are functions of the same few sensors z = (q, q̇, q̈), and the torque. Let x = [y(z) τ] be a row,
+In the classical scheme (`frisch`) every column of the regressor has its own noise. No robot is like that: all columns
+are functions of the same few sensors z = (q, q̇, q̈), and the torque. Let x = [y(z) τ] be a row,
 with ``x θ̃ = 0`` for exact readings and θ̃ = [θ; −1], and let sensor s be off by independent errors of unknown
 variance σ_s². Taylor's formula, to second order in the errors, says what they add to the moments Σ = E[x xᵀ],
 
@@ -9,7 +9,7 @@ variance σ_s². Taylor's formula, to second order in the errors, says what they
 
 with x_s, x_ss the derivatives by z_s. The second half of S_s, the curvature, is of the same order as the first:
 leaving it out biases θ by ½ σ_q² from gravity alone. It also makes sense of the sign of a velocity: sgn² = 1 whatever
-the noise, so the infinite x_s x_sᵀ is cancelled by the curvature, and what is left is finite (`sensor_noise`
+the noise, so the curvature cancels the infinite x_s x_sᵀ, and the sum is finite (`sensor_noise`
 takes differences of moments, never of columns).
 
 **Statement.** Let V be the variances σ² ≥ 0, within a data sheet's limits if there is one, for which Σ − Σ_s σ_s² S_s
@@ -89,7 +89,7 @@ class SensorWise:
     theta : ndarray, shape (p,)
         The middle of V: every sensor explains an equal share of the residual.
     covariance : ndarray, shape (p, p)
-        Sampling covariance of `theta`; what is not known about the variances is in the box, not here.
+        Sampling covariance of `theta`; the box, not this covariance, holds the uncertainty about the variances.
     vertices : ndarray, shape (p, S)
         Solution in which the sensor explains as much as it may; NaN where its noise explains nothing.
     variances : ndarray, shape (S,)
@@ -309,7 +309,7 @@ class _Scheme:
         return found
 
     def _knapsack(self, here: _Point, gain: Array) -> Array:
-        """Maximise ``gain·x`` with the same residual explained; the torque gains nothing and takes what is left."""
+        """Maximise ``gain·x`` with the same residual explained; the torque gains nothing and takes the rest."""
         cost = np.maximum(here.cost, 1e-12 * here.cost.max())
         left = cost @ (here.x - self.lower)
         x = self.lower.copy()

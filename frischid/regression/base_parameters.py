@@ -36,7 +36,7 @@ from frischid.errors import IdentifiabilityError, InputError
 Indices = NDArray[np.intp]
 
 _EXHAUSTIVE = 20_000  # subsets of rows that are all tried before turning to exchanges
-_TIE = 1e-6  # relative difference below which two costs, or two coefficients, are the same number
+_TIE = 1e-6  # relative difference below which two costs or two coefficients count as equal
 _ROUNDING = 1e-7  # relative singular value that rounding, even of moments, does not reach
 _MISALIGNED = 100.0  # × tol: an exact relation is only so exact with an angle written 1.5708 (off by 3.7e-6 rad)
 

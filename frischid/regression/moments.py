@@ -1,4 +1,4 @@
-"""Second moments of the stacked regression, the one thing the numerical half needs to know about a log.
+"""Second moments of the stacked regression: the numerical half needs nothing else from a log.
 
 For every joint j the sums ``G_j = Σ_k z_jk z_jkᵀ`` with ``z_jk = [y_jk ; τ_jk]`` are kept, where ``y_jk`` is the
 regressor row of joint j at sample k. Sums add: a log in chunks, several logs, and a fleet of machines are the same
