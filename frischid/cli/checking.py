@@ -1,4 +1,4 @@
-"""Logs as they come: are they fit for an identification, what do their columns mean, where are public ones."""
+"""Logs before an identification: checks, the meaning of their columns, and public data sets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a joint's torque is per ampere."""
+"""Drive gains: torque of a joint per ampere."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from frischid.cli.output import show_page, working
 @main.command()
 @click.argument("robot")
 @click.option("--unloaded", multiple=True, required=True, help="Log without the payload; repeatable.")
-@click.option("--loaded", multiple=True, required=True, help="Log with it; repeatable.")
-@click.option("--payload", type=float, required=True, help="What the payload weighs, kg.")
+@click.option("--loaded", multiple=True, required=True, help="Log with the payload; repeatable.")
+@click.option("--payload", type=float, required=True, help="Mass of the payload, kg.")
 @click.option("--com", type=float, nargs=3, help="Its centre of mass in the carrying joint's frame, m, where known.")
-@click.option("--carrier", help="Joint behind which it hangs; the last by default.")
+@click.option("--carrier", help="Joint behind which the payload hangs; the last by default.")
 @click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
 @robot_options
 @effects_option

@@ -1,4 +1,4 @@
-"""What a model misses: diagnose, add, improve, and the history of it."""
+"""Effects that a model misses: diagnose, add, improve, and the history of these steps."""
 
 from __future__ import annotations
 

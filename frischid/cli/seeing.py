@@ -43,7 +43,7 @@ def report(model: str, logs: tuple[str, ...], mapping: str | None, situation: An
     "-o", "--output", type=click.Path(), help="Where the page saves the model; MODEL with -studio by default."
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
-@click.option("--port", default=8080, show_default=True, help="The next free one when it is taken.")
+@click.option("--port", default=8080, show_default=True, help="Port to listen on; the next free one when it is taken.")
 @json_option
 def studio(
     model: str,

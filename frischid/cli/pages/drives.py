@@ -33,7 +33,7 @@ def gains(found: Gains) -> Page:
     weak = [n for n, g, s in zip(found.joints, found.gains, found.stderr, strict=True) if s > UNCERTAIN_GAIN * abs(g)]
     parts: list[Any] = [table]
     if weak:
-        parts.append(f"hardly known from this payload (s.e. above {UNCERTAIN_GAIN:.0%}): {', '.join(weak)}")
+        parts.append(f"uncertain with this payload (s.e. above {UNCERTAIN_GAIN:.0%}): {', '.join(weak)}")
     cut = "unfiltered" if found.lowpass.cutoff is None else f"low-passed at {found.lowpass.cutoff:g} Hz"
     data: dict[str, Any] = {
         "channel": found.channel,
