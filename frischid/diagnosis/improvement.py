@@ -141,9 +141,10 @@ def improve(
     """Diagnose and add until no effect passes; an addition that does harm is refused.
 
     A step stays only if the logs that select say so: the cross-validated error falls block by block on the joints the
-    effect acts on; no joint becomes significantly worse, also with samples at standstill; the mean log ratio of the
-    joints' errors falls, so that one noisy joint cannot pay for the others; the mean NRMSE falls; and no coefficient
-    has an impossible sign (`frischid.diagnosis.step_acceptance`). The last diagnosis notes what was refused, and why.
+    effect acts on; no joint becomes significantly worse; the mean log ratio of the joints' errors falls, so that one
+    noisy joint cannot pay for the others, and it does not rise with samples at standstill; the mean NRMSE falls; and no
+    coefficient has an impossible sign (`frischid.diagnosis.step_acceptance`). The last diagnosis notes what was
+    refused, and why.
 
     Parameters
     ----------
@@ -234,7 +235,7 @@ def _reason_against_step(
     if impossible:
         return f"the sign of {listed(impossible)} is physically impossible"
     worse = worse_with_standstill(model, step.model, logs, criteria)
-    return f"{worse} would become worse where samples at standstill count" if worse else ""
+    return "the error would rise where samples at standstill count" if worse else ""
 
 
 def _step(

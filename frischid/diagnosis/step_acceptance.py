@@ -10,8 +10,8 @@ same test or by ranks. *Together*: the errors of J joints are combined by the me
 
     (1/J) Σ_j log(Σ ê_j'² / Σ ê_j²)  <  0,
 
-so that every joint counts by its own share. In the mean NRMSE the joint with the largest error counts most, and a
-noisy joint could pay for harm to all others.
+so that every joint counts by its own share. In the mean NRMSE the joint with the largest error counts most, and a noisy
+joint could pay for harm to all others. *Standstill*: this ratio must not rise significantly with those samples either.
 
 Blocks last about a second. A residual that is correlated for longer makes the test of harm strict: a step is refused
 too often rather than too rarely. All of it looks at the logs that select. Test logs have no part.
@@ -124,8 +124,8 @@ def impossible_coefficients(model: Model, effects: Sequence[Effect], criteria: D
 
 def worse_with_standstill(
     before: Model, after: Model, logs: Sequence[Log | Recording], criteria: DiagnosisCriteria
-) -> str:
-    """Joints that become worse when samples at standstill count too, in words; empty where there are none.
+) -> bool:
+    """Whether the error rises significantly when samples at standstill count too, all joints by their log ratio.
 
     No model is fitted to samples at standstill, so their errors need no cross-validation. Errors in motion are those of
     the fit, which favours the step: the test finds the harm that an effect does at standstill.
@@ -146,8 +146,10 @@ def worse_with_standstill(
         found = np.zeros((number.max(initial=-1) + 1, len(before.joints)))
         np.add.at(found, number, squares[1] - squares[0])
         rises.append(found)
-    worse = worse_joints(list(np.concatenate(rises).T), sums[0], sums[1], criteria) if rises else []
-    return _named(before.joints, worse, *sums) if worse else ""
+    sums = np.maximum(sums, 1e-300)
+    if not rises or np.log(sums[1] / sums[0]).mean() <= np.log1p(criteria.harmless_rise):
+        return False
+    return p_value_of((np.concatenate(rises) / sums[0]).sum(axis=1)) < criteria.harm_p_value
 
 
 def _squares(

@@ -59,7 +59,9 @@ def recorded(effects=(), extra=None, name="log", seed=0, robot="planar2", rate=1
 def spring(tmp_path_factory):
     """Report on an arm with a hidden spring, and what it shows."""
     hidden = parse_effects("joint_spring@joint2")
-    logs = [recorded(hidden, {"ks2": 4.0}, name, seed) for seed, name in enumerate(("fit <b>&", "held out"))]
+    logs = [
+        recorded(hidden, {"ks2": 4.0}, name, seed, seconds=40.0) for seed, name in enumerate(("fit <b>&", "held out"))
+    ]
     model = identify(Robot.load("planar2"), logs[:1]).model
     path = tmp_path_factory.mktemp("report") / "page.html"
     return path, report(model, logs, path, situation="always")
