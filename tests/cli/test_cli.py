@@ -231,7 +231,7 @@ def test_the_headline_error_is_one_number_everywhere(fitted, logs, tmp_path):
     assert reported["nrmse"] == pytest.approx(error, rel=1e-12)
     assert reported["held_out"]
     assert Model.load(path).history[0]["held_out_nrmse"] == pytest.approx(error, rel=1e-12)
-    assert f"mean NRMSE {error:.4f}" in run("compare", path, valid).stdout.replace("\n", " ")
+    assert f"mean NRMSE {error:.4f}" in " ".join(run("compare", path, valid).stdout.split())
     assert f"NRMSE {error:.4f} on logs it has never seen" in run("report", path, valid, "-o", page).stdout
     text = page.read_text(encoding="utf-8")
     assert f"(NRMSE {error:.4f}, mean over 2 joints)" in text

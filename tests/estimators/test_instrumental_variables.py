@@ -116,7 +116,7 @@ def test_what_cannot_be_used_is_said():
     with pytest.raises(InputError, match="2 references given for 1 motions"):
         both(clean, references=[trajectory, trajectory])
     part = slice(0, 15)
-    names = ("t", "q", "v", "a", "tau", "still")
+    names = ("t", "q", "v", "a", "tau", "standstill")
     short = replace(clean, **{n: getattr(clean, n)[part] for n in names})
     regressor, reduction, *_ = planar()
     start, _ = both(clean)
