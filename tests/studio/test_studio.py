@@ -47,7 +47,7 @@ def case():
     robot = Robot.load("planar2")
     logs = [
         simulate(
-            robot, random_fourier(robot, 20.0, seed=seed), rate=100.0, effects=(*BASELINE, *SPRING),
+            robot, random_fourier(robot, 40.0, seed=seed), rate=100.0, effects=(*BASELINE, *SPRING),
             parameters={"ks2": 4.0}, noise=Noise(q=1e-5, tau=0.01), channels=(), seed=seed, name=f"log {seed}",
         )
         for seed in (0, 1)
@@ -90,7 +90,7 @@ def test_add_undo_save_export(bench):
     assert best.effect == "joint_spring"
     after = bench.add(best.members, 0, best)
     assert after.error < 0.1 * before.error
-    assert after.model.history[-1]["error_after"] == pytest.approx(after.error)
+    assert after.model.history[-1]["test_after"] == pytest.approx(after.error)
     assert after.diagnosis is None
     undone = bench.undo(after.revision)
     assert undone.model is before.model
