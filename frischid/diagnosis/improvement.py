@@ -19,22 +19,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from frischid.core.text import listed
-from frischid.diagnosis.change_prior import load_reference
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.refit import cross_validated_error, known_error, refitted
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
 from frischid.diagnosis.step_acceptance import impossible_coefficients, reason_against, worse_with_standstill
 from frischid.effects import Effect, columns_of
 from frischid.errors import InputError
-from frischid.estimators.least_squares import Estimate
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording, check_logs, chunks_of
 from frischid.model.comparison import compare
-from frischid.model.identification import identify
 from frischid.model.model import Model
 
 
@@ -249,14 +245,14 @@ def _step(
     """Refit with some effects, and measure the error before and after on the logs that select."""
     together = (*model.effects, *effects)
     columns_of(model.robot, together)  # two effects that describe the same thing are refused before any work
-    new = _refitted(model, together, logs, situation, criteria)
+    new = refitted(model, together, logs, situation, criteria)
     if situation == "changed":
         before, after = (compare(m, logs).nrmse for m in (model, new))
         measured_on = "the fitted logs, with the model as it was and as it is"
     else:
-        known, after = _known_error(model, logs), _cross_validated(new)
+        known, after = known_error(model, logs), cross_validated_error(new)
         before = (
-            _cross_validated(_refitted(model, model.effects, logs, situation, criteria)) if known is None else known
+            cross_validated_error(refitted(model, model.effects, logs, situation, criteria)) if known is None else known
         )
         measured_on = "cross-validated on the fitted logs"
     event: dict[str, Any] = {
@@ -348,72 +344,3 @@ def undo(model: Model) -> Model:
     if model.previous is None:
         raise InputError("there is no step to undo: this model has only been identified")
     return model.previous
-
-
-def _cross_validated(model: Model) -> float:
-    return float(model.history[-1]["cross_validated_nrmse"])
-
-
-def _known_error(model: Model, logs: Sequence[Log | Recording]) -> float | None:
-    """Cross-validated error on these very logs, if the model's last step measured it there."""
-    last = model.history[-1] if model.history else {}
-    same = [x["sha256"] for x in last.get("logs", ())] == [log.identity for log in logs]
-    known = last.get("cross_validated_nrmse") if same and model.estimate.estimator == "wls" else None
-    return None if known is None else float(known)
-
-
-def _refitted(
-    model: Model,
-    effects: tuple[Effect, ...],
-    logs: Sequence[Log | Recording],
-    situation: Situation,
-    criteria: DiagnosisCriteria,
-) -> Model:
-    if situation == "changed":
-        return _changed(model, effects, logs, criteria)
-    found = identify(
-        model.robot,
-        logs,
-        effects=effects,
-        torque_joints=model.joints,
-        cutoff=model.lowpass.cutoff,
-        velocity=model.velocity,
-        estimator="wls",
-        recursion="none",
-        reference=load_reference(model, criteria),
-    )
-    return replace(found.model, lowpass=model.lowpass)
-
-
-def _changed(
-    model: Model, effects: tuple[Effect, ...], logs: Sequence[Log | Recording], criteria: DiagnosisCriteria
-) -> Model:
-    """The model with the columns of a change, and its own parameters as a prior."""
-    validator, _ = cross_validator(model, logs, "changed", criteria=criteria)
-    new = effects[len(model.effects) :]
-    columns = columns_of(model.robot, effects)
-    added = [c for e in new for c in e.columns(model.robot)]
-    for candidate in validator.candidates(new):
-        validator = validator.extended(candidate)
-    estimate, information = model.estimate, validator.fit.information
-    return replace(
-        model,
-        effects=effects,
-        base=(*model.base, *(next(i for i, c in enumerate(columns) if c.name == a.name) for a in added)),
-        expressions=(*model.expressions, *(c.name for c in added)),
-        estimate=Estimate(
-            (*estimate.columns, *added),
-            validator.theta,
-            np.asarray(np.linalg.pinv(information, hermitian=True), dtype=float),
-            estimate.joints,
-            validator.fit.sigma,
-            1.0 / validator.fit.sigma**2,
-            float(np.sqrt(np.linalg.cond(information))),
-            "map",
-            information,
-            ("values of a changed robot: the identified parameters were kept as a prior",),
-        ),
-        bounds={},
-        reference=load_reference(model, criteria),
-        standard=None,
-    )

@@ -1,0 +1,109 @@
+"""A model fitted again with further effects: all of it, or with its own parameters as a prior.
+
+A robot that was always as it is: every parameter is fitted to the logs anew. A robot that changed: the identified
+parameters θ̂ with their information Λ stay as a prior, and the change ends up in the columns C of the new effects,
+
+    minimise  ‖τ − Y θ − C β‖²_ω + (θ − θ̂)ᵀ Λ (θ − θ̂).
+
+Source: Theil and Goldberger 1961, International Economic Review 2(1), on a prior as further rows of data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from frischid.diagnosis.change_prior import load_reference
+from frischid.diagnosis.criteria import DiagnosisCriteria
+from frischid.diagnosis.situation import Situation, cross_validator
+from frischid.effects import Effect, columns_of
+from frischid.estimators.least_squares import Estimate
+from frischid.logs.log import Log
+from frischid.logs.recording import Recording
+from frischid.model.identification import identify
+from frischid.model.model import Model
+
+
+def cross_validated_error(model: Model) -> float:
+    """Cross-validated NRMSE that the model's last step measured."""
+    return float(model.history[-1]["cross_validated_nrmse"])
+
+
+def known_error(model: Model, logs: Sequence[Log | Recording]) -> float | None:
+    """Cross-validated error on these very logs, if the model's last step measured it there."""
+    last = model.history[-1] if model.history else {}
+    same = [x["sha256"] for x in last.get("logs", ())] == [log.identity for log in logs]
+    known = last.get("cross_validated_nrmse") if same and model.estimate.estimator == "wls" else None
+    return None if known is None else float(known)
+
+
+def refitted(
+    model: Model,
+    effects: tuple[Effect, ...],
+    logs: Sequence[Log | Recording],
+    situation: Situation,
+    criteria: DiagnosisCriteria,
+) -> Model:
+    """Fit a model again with other effects.
+
+    Parameters
+    ----------
+    model : Model
+    effects : tuple of Effect
+        The model's own, and those that are added behind them.
+    logs : sequence of Log or Recording
+        Data to fit.
+    situation : {"always", "changed"}
+        ``"changed"``: the model's own parameters are a prior.
+    criteria : DiagnosisCriteria
+    """
+    if situation == "changed":
+        return _changed(model, effects, logs, criteria)
+    found = identify(
+        model.robot,
+        logs,
+        effects=effects,
+        torque_joints=model.joints,
+        cutoff=model.lowpass.cutoff,
+        velocity=model.velocity,
+        estimator="wls",
+        recursion="none",
+        reference=load_reference(model, criteria),
+    )
+    return replace(found.model, lowpass=model.lowpass)
+
+
+def _changed(
+    model: Model, effects: tuple[Effect, ...], logs: Sequence[Log | Recording], criteria: DiagnosisCriteria
+) -> Model:
+    """The model with the columns of a change, and its own parameters as a prior."""
+    validator, _ = cross_validator(model, logs, "changed", criteria=criteria)
+    new = effects[len(model.effects) :]
+    columns = columns_of(model.robot, effects)
+    added = [c for e in new for c in e.columns(model.robot)]
+    for candidate in validator.candidates(new):
+        validator = validator.extended(candidate)
+    estimate, information = model.estimate, validator.fit.information
+    return replace(
+        model,
+        effects=effects,
+        base=(*model.base, *(next(i for i, c in enumerate(columns) if c.name == a.name) for a in added)),
+        expressions=(*model.expressions, *(c.name for c in added)),
+        estimate=Estimate(
+            (*estimate.columns, *added),
+            validator.theta,
+            np.asarray(np.linalg.pinv(information, hermitian=True), dtype=float),
+            estimate.joints,
+            validator.fit.sigma,
+            1.0 / validator.fit.sigma**2,
+            float(np.sqrt(np.linalg.cond(information))),
+            "map",
+            information,
+            ("values of a changed robot: the identified parameters were kept as a prior",),
+        ),
+        bounds={},
+        reference=load_reference(model, criteria),
+        standard=None,
+    )
