@@ -16,7 +16,7 @@ LIGHTEST = 0.05  # a nominal link without mass is taken to have this share of th
 
 @dataclass(frozen=True, eq=False)
 class Links:
-    """What is believed and demanded of L links, each about a frame of its own.
+    """Prior and bounds of L links, each about a frame of its own.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Standard parameters of links that could exist, as close to what is believed of them as the measurements allow.
+"""Standard parameters of links that could exist, as close to their prior as the measurements allow.
 
 A rigid body is a distribution of mass, and its ten parameters are that distribution's moments,
 
