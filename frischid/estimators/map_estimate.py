@@ -1,6 +1,6 @@
 """Maximum a posteriori parameters: a prior that is always on, and data that count for no more than their motion shows.
 
-    minimise  Σ_j κ / (n_j σ_j²) ‖τ_j − Y_j θ‖²  +  Σ_c (θ_c − μ_c)² / (s_l d_c)²   over   θ_c ≥ 0 where the sign is known
+    minimise  Σ_j κ / (n_j σ_j²) ‖τ_j − Y_j θ‖²  +  Σ_c (θ_c − μ_c)² / (s_l d_c)²   over   θ_c ≥ 0 of known sign
 
 *Data.* A model is never exact. Its error is a function of the motion, so the error does not average out: twice as long
 a log of the same motion repeats it. To second order in r effective shapes of the motion such an error can take
@@ -16,8 +16,8 @@ link's p_l parameters, ``s_l² = (Σ ((θ − μ)² + C_cc) / d² + ν) / (p_l +
 cross-validated fit with the unscaled prior has a smaller variance, σ_j² is that one.
 
 Sources: MacKay 1992, Bayesian interpolation, Neural Computation 4(3), for evidence and γ; Tipping 2001, Sparse Bayesian
-learning and the relevance vector machine, JMLR 1, for the scales; Stark and Parker 1995, Bounded-variable least squares,
-Computational Statistics 10, for the signs.
+learning and the relevance vector machine, JMLR 1, for the scales; Stark and Parker 1995, Bounded-variable least
+squares, Computational Statistics 10, for the signs.
 """
 
 from __future__ import annotations

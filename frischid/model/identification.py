@@ -17,11 +17,13 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.effects import Effect
+from frischid.errors import InputError
 from frischid.estimators.bbrf import Recursion
 from frischid.estimators.box_qp import Selection
 from frischid.estimators.frisch import Box, Simplex
 from frischid.estimators.least_squares import cross_validated
-from frischid.estimators.urdf_prior import PriorChoice
+from frischid.estimators.map_estimate import cross_validated_map
+from frischid.estimators.urdf_prior import UrdfPrior
 from frischid.logs.summary import Data
 from frischid.model.comparison import Comparison, compare
 from frischid.model.identification_bounds import Bounds, bound_parameters, recursion_record
@@ -42,8 +44,8 @@ class Identification:
     model : Model
     reduction : Reduction
         Which parameters the torque depends on, and how they combine.
-    simplex : Simplex
-        The p + 1 least-squares solutions.
+    simplex : Simplex or None
+        The p + 1 least-squares solutions; None where the logs alone do not determine the parameters.
     recursion : Recursion or None
         BBRF; None when not asked for, or when the log is too short for two windows.
     selection : Selection or None
@@ -58,8 +60,6 @@ class Identification:
         What was done to the data.
     warnings : tuple of str
         What should make the reader doubt.
-    prior : PriorChoice or None
-        Whether the URDF was used as a prior, and why; None when it was not considered.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class Identification:
 
     model: Model
     reduction: Reduction
-    simplex: Simplex
+    simplex: Simplex | None
     recursion: Recursion | None
     selection: Selection | None
     cross_validation: dict[str, float]
@@ -83,7 +83,6 @@ class Identification:
     samples: int
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
-    prior: PriorChoice | None = None
 
     def __repr__(self) -> str:
         error = "" if self.comparison is None else f", held-out NRMSE {self.comparison.nrmse:.4f}"
@@ -91,8 +90,17 @@ class Identification:
 
     @property
     def narrowest_box(self) -> Box:
-        """The narrowest box there is: BBRF's, or the one-shot Frisch box."""
-        return self.model.bounds.get("bbrf", self.model.bounds["frisch"])
+        """The narrowest box there is: BBRF's, or the one-shot Frisch box.
+
+        Raises
+        ------
+        InputError
+            The logs alone do not determine the parameters, so there are no Frisch bounds.
+        """
+        for kind in ("bbrf", "frisch"):
+            if kind in self.model.bounds:
+                return self.model.bounds[kind]
+        raise InputError("the logs alone do not determine the parameters, so there are no Frisch bounds")
 
 
 def identify(
@@ -160,21 +168,22 @@ def identify(
 def assess(bounds: Bounds) -> Identification:
     """Stage 6: the model, its error on stretches and logs that were left out, and its history."""
     fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
-    journal, choice, whole = data.journal, fit.choice, problem.whole
+    journal, whole = data.journal, problem.whole
     model = _model(bounds)
     journal.progress("comparison")
-    variance = cross_validated(problem.blocks, bounds.estimate, prior=fit.prior)
+    if fit.posterior is None:
+        variance = cross_validated(problem.blocks, bounds.estimate)
+    else:
+        variance = cross_validated_map(problem.blocks, problem.reduction.mapping, fit.posterior)
     cross_validation = dict(zip(data.joints, _nrmse(whole, variance), strict=True))
     comparison = compare(model, data.valid) if data.valid else None
-    if choice is not None and choice.sentence:
-        (journal.notes if choice.prior is None else journal.warnings).append(choice.sentence)
     limit = data.options.criteria.unexplained_nrmse
     warnings = tuple(dict.fromkeys([*_unexplained(cross_validation, limit), *journal.warnings]))
     notes = tuple(dict.fromkeys(journal.notes))
     event = _event(data, problem.effects, cross_validation, comparison)
     event |= {"notes": list(notes), "warnings": list(warnings)}
     if model.prior is not None:
-        event["prior"] = {"kind": "urdf", "strength": model.prior.strength}
+        event["prior"] = {"kind": "urdf", "rows": model.prior.rows, "scales": dict(model.prior.parameters.scales)}
     event["criteria"] = data.options.criteria_used
     return Identification(
         model=replace(model, history=(event,)),
@@ -187,7 +196,6 @@ def assess(bounds: Bounds) -> Identification:
         samples=int(whole.counts.max()),
         notes=notes,
         warnings=warnings,
-        prior=choice,
     )
 
 
@@ -206,7 +214,7 @@ def _model(bounds: Bounds) -> Model:
         bounds=bounds.boxes,
         reference=data.options.reference,
         recursion=recursion_record(bounds, data.options.criteria),
-        prior=None if fit.choice is None else fit.choice.prior,
+        prior=None if fit.posterior is None else UrdfPrior.of(fit.posterior, problem.whole),
     )
 
 

@@ -39,8 +39,8 @@ class Bounds:
     fit : Fit
     estimate : Estimate
         The model's values: least squares', or those of the estimator that was asked for.
-    simplex : Simplex
-        The p + 1 least-squares solutions.
+    simplex : Simplex or None
+        The p + 1 least-squares solutions; None where the logs alone do not determine the parameters.
     boxes : dict of str to Box
         Bounds by method: ``"frisch"``, ``"bbrf"``, ``"sensorwise"``.
     recursion : Recursion or None
@@ -50,7 +50,7 @@ class Bounds:
 
     fit: Fit
     estimate: Estimate
-    simplex: Simplex
+    simplex: Simplex | None
     boxes: Mapping[str, Box]
     recursion: Recursion | None
     selection: Selection | None
@@ -65,11 +65,11 @@ def bound_parameters(fit: Fit) -> Bounds:
         The estimator is ``"frisch"`` and the recursion contradicted itself.
     """
     whole, journal, options = fit.problem.whole, fit.problem.data.journal, fit.problem.data.options
-    moments = (whole.weighted(fit.estimate.weights) + (0.0 if fit.prior is None else fit.prior.moments)) / whole.rows
-    triangle = simplex(moments, whole.names)
-    boxes = {"frisch": triangle.box()}
+    moments = whole.weighted(fit.estimate.weights) / whole.rows
+    triangle = _simplex(fit, moments)
+    boxes = {} if triangle is None else {"frisch": triangle.box()}
     journal.progress("bounding-box recursion")
-    recursion = _recursion(fit)
+    recursion = None if triangle is None else _recursion(fit)
     if recursion is not None and recursion.box is not None:
         boxes["bbrf"] = recursion.box
     estimate, selection = fit.estimate, None
@@ -84,9 +84,26 @@ def bound_parameters(fit: Fit) -> Bounds:
     journal.warnings += [
         *estimate.notes,
         *moving_but_locked(fit.problem.data.summary.moving),
-        *_doubts(triangle, recursion),
+        *([] if triangle is None else _doubts(triangle, recursion)),
     ]
     return Bounds(fit, estimate, triangle, boxes, recursion, selection)
+
+
+def _simplex(fit: Fit, moments: Array) -> Simplex | None:
+    """The Frisch simplex of the logs alone: a prior has no part in bounds that only the data set.
+
+    Raises
+    ------
+    IdentifiabilityError
+        The logs do not determine the parameters, and no prior does.
+    """
+    try:
+        return simplex(moments, fit.problem.whole.names)
+    except IdentifiabilityError as error:
+        if fit.posterior is None:
+            raise
+        fit.problem.data.journal.notes.append(f"no Frisch bounds: without the URDF's prior, {error}")
+        return None
 
 
 def _recursion(fit: Fit) -> Recursion | None:

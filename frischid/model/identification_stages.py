@@ -18,8 +18,9 @@ import numpy as np
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError
 from frischid.estimators.friction_smoothing import baseline, dry_friction
-from frischid.estimators.least_squares import Estimate, Prior, ols, wls
-from frischid.estimators.urdf_prior import PriorChoice, choose_prior, urdf_priors
+from frischid.estimators.least_squares import Estimate, ols, wls
+from frischid.estimators.map_estimate import MapEstimate, ParameterPrior, map_estimate
+from frischid.estimators.urdf_prior import urdf_prior
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording, check_logs
@@ -135,37 +136,29 @@ class PriorSet:
     Attributes
     ----------
     problem : Problem
-    choice : PriorChoice or None
-        None: no prior was considered.
+    prior : ParameterPrior or None
+        Of all parameters; None: the logs alone.
     """
 
     problem: Problem
-    choice: PriorChoice | None
-
-    @property
-    def prior(self) -> Prior | None:
-        """Prior of the base parameters, if one is used."""
-        used = None if self.choice is None else self.choice.prior
-        return None if used is None else used.of_base(self.problem.reduction.mapping)
+    prior: ParameterPrior | None
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Stage 4: the least-squares estimate.
+    """Stage 4: the estimate.
 
     Attributes
     ----------
     problem : Problem
-    choice : PriorChoice or None
-    prior : Prior or None
-        Of the base parameters.
     estimate : Estimate
+    posterior : MapEstimate or None
+        Of all parameters, where there is a prior.
     """
 
     problem: Problem
-    choice: PriorChoice | None
-    prior: Prior | None
     estimate: Estimate
+    posterior: MapEstimate | None
 
 
 def read_logs(
@@ -256,43 +249,56 @@ def _default_effects(data: LogData) -> tuple[Effect, ...]:
 
 
 def set_prior(problem: Problem) -> PriorSet:
-    """Stage 3: decide by cross-validation whether the URDF is a prior, and how strong.
-
-    Raises
-    ------
-    IdentifiabilityError
-        The logs determine the parameters neither alone nor with the prior.
-    """
+    """Stage 3: the URDF as a prior, unless the user or the estimator wants the logs alone."""
     options = problem.data.options
-    problem.data.journal.progress("estimate")
-    if options.estimator != "wls" or options.prior == "none":
+    if not options.with_prior:
         return PriorSet(problem, None)
-    choice = choose_prior(
-        problem.blocks,
-        urdf_priors(problem.regressor, problem.reduction, problem.whole, options.prior_criteria),
-        problem.reduction.mapping,
-        always=options.prior == "urdf",
-        independent=problem.data.independent_rows,
-        criteria=options.prior_criteria,
-    )
-    return PriorSet(problem, choice)
+    return PriorSet(problem, urdf_prior(problem.regressor, problem.reduction, problem.whole, options.prior_criteria))
 
 
 def fit_parameters(given: PriorSet) -> Fit:
-    """Stage 4: least squares with standard errors; by a streaming QR where moments would lose digits.
+    """Stage 4: maximum a posteriori with a prior, least squares without.
 
     Raises
     ------
     IdentifiabilityError
         The logs do not determine the parameters.
     """
-    problem, prior, data = given.problem, given.prior, given.problem.data
-    estimate = ols(problem.blocks) if data.options.estimator == "ols" else wls(problem.blocks, prior=prior)
-    if estimate.condition > SAFE_CONDITION and prior is None:
-        data.journal.progress("streaming QR")
-        rows = streaming_qr(problem.regressor, data.motions, data.lowpass, data.joints, problem.reduction.base)
-        estimate = replace(estimate, theta=rows.solve(estimate.weights))
-        data.journal.notes.append(
-            f"condition number {estimate.condition:.1e}: solved by a streaming QR, moments would lose digits"
-        )
-    return Fit(problem, given.choice, prior, estimate)
+    problem, options = given.problem, given.problem.data.options
+    problem.data.journal.progress("estimate")
+    if given.prior is None:
+        return Fit(problem, _least_squares(problem), None)
+    mapping = problem.reduction.mapping
+    found = map_estimate(problem.blocks, mapping, given.prior, options.prior_criteria.scale_rule)
+    before = np.einsum("pc,c,pc->p", mapping, found.prior.total_spread**2, mapping)
+    return Fit(
+        problem,
+        Estimate(
+            problem.whole.columns,
+            found.theta,
+            found.covariance,
+            problem.whole.joints,
+            np.sqrt(found.variance),
+            1.0 / found.variance,
+            found.condition,
+            "map",
+            np.linalg.inv(found.covariance),
+            (),
+            np.clip(1.0 - np.diag(found.covariance) / before, 0.0, 1.0),
+        ),
+        found,
+    )
+
+
+def _least_squares(problem: Problem) -> Estimate:
+    """Least squares with standard errors; by a streaming QR where moments would lose digits."""
+    data = problem.data
+    estimate = ols(problem.blocks) if data.options.estimator == "ols" else wls(problem.blocks)
+    if estimate.condition <= SAFE_CONDITION:
+        return estimate
+    data.journal.progress("streaming QR")
+    rows = streaming_qr(problem.regressor, data.motions, data.lowpass, data.joints, problem.reduction.base)
+    data.journal.notes.append(
+        f"condition number {estimate.condition:.1e}: solved by a streaming QR, moments would lose digits"
+    )
+    return replace(estimate, theta=rows.solve(estimate.weights))

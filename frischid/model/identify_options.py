@@ -12,7 +12,7 @@ from frischid.logs.preprocessing import VELOCITIES
 from frischid.model.identification_criteria import IdentificationCriteria
 
 ESTIMATORS = ("wls", "ols", "frisch", "sensorwise", "eiv", "iv")
-PRIORS = ("auto", "none", "urdf")
+PRIORS = ("urdf", "none")
 RECURSIONS = ("strict", "undo", "calibrated", "none")
 Cutoff = float | Literal["auto"] | None
 
@@ -24,7 +24,7 @@ class IdentifyChoices(TypedDict, total=False):
     cutoff: Cutoff
     velocity: str
     estimator: str
-    prior: str
+    prior: str | None
     recursion: str
     window: int | None
     reference: Mapping[str, float] | None
@@ -49,10 +49,9 @@ class IdentifyOptions:
         Whose values become the model's. ``"frisch"`` takes the best point of the Frisch box, ``"sensorwise"`` adds the
         box of `frischid.estimators.sensorwise`, with the sensors' noise limited to the noise seen in the log;
         ``"eiv"`` and ``"iv"`` are errors-in-variables likelihood and instrumental variables.
-    prior : {"auto", "none", "urdf"}
-        ``"urdf"``: the URDF's parameters are a prior with a stated uncertainty, as strong as predicts best in
-        cross-validation. ``"auto"``: the same, if the logs are too short to determine the parameters alone and
-        cross-validation says that the prior helps. Only with the estimator ``"wls"``.
+    prior : {"urdf", "none"}, optional
+        ``"urdf"``: the URDF's links are a prior, each as good as the logs say (`frischid.estimators.urdf_prior`); only
+        with the estimator ``"wls"``, whose default it is. ``"none"``: the logs alone, the default of all others.
     recursion : {"strict", "undo", "calibrated", "none"}
         Variant of the bounding-box recursion (BBRF).
     window : int, optional
@@ -74,7 +73,7 @@ class IdentifyOptions:
     cutoff: Cutoff = "auto"
     velocity: str = "auto"
     estimator: str = "wls"
-    prior: str = "auto"
+    prior: str | None = None
     recursion: str = "strict"
     window: int | None = None
     reference: Mapping[str, float] | None = None
@@ -86,13 +85,18 @@ class IdentifyOptions:
         for kind, name, known in (
             ("estimator", self.estimator, ESTIMATORS),
             ("recursion", self.recursion, RECURSIONS),
-            ("prior", self.prior, PRIORS),
+            ("prior", self.prior or "none", PRIORS),
             ("velocity", self.velocity, VELOCITIES),
         ):
             if name not in known:
                 raise UnknownNameError(kind, name, known)
         if self.prior == "urdf" and self.estimator != "wls":
             raise InputError(f"a prior needs the estimator wls, not {self.estimator}; leave one of the two out")
+
+    @property
+    def with_prior(self) -> bool:
+        """Whether the URDF is a prior."""
+        return self.estimator == "wls" and self.prior != "none"
 
     @property
     def criteria_used(self) -> dict[str, object]:
