@@ -114,8 +114,8 @@ class UrdfPrior:
         mapping : ndarray, shape (p, C)
             Regrouping K of the parameters, ``θ_b = K θ`` (`Reduction.mapping`).
         share : float
-            Torque rows per joint over those they count for, n/κ: each torque row counts as κ/n of a row, and this is the
-            same to believe the prior n/κ times as much.
+            n/κ, torque rows per joint over the rows they count for. To count each row as κ/n of a row is the same as
+            to multiply the prior's precision by n/κ.
         """
         prior = gaussian(mapping @ self.parameters.mean, mapping * self.parameters.total_spread)
         return Prior(prior.mean, share * prior.precision)
