@@ -1,0 +1,348 @@
+"""Tests made at every identification and comparison, each with one sentence and one remedy.
+
+A model can be wrong where nobody looked. The alarms look there:
+
+- the fitted motion run twice as fast (q̇ × 2, q̈ × 4): where the logs alone and the logs with the URDF disagree about its
+  torque, the logs do not determine the model;
+- another log: the error to expect there is ``√(σ² + y C yᵀ)``, with the posterior covariance C, which holds the model's
+  own error. Far above the error on the fitted logs, it means extrapolation; far below the error that was measured, it
+  means that the robot or the sensors are not those of the fitted logs.
+
+An alarm never changes a number. It says which numbers not to trust.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from frischid.core.types import Array
+
+Severity = Literal["severe", "doubt"]
+
+
+@dataclass(frozen=True)
+class AlarmCriteria:
+    """Every number that decides whether an alarm is raised.
+
+    The experiment behind them: 26 pairs of measured logs of six robots (`benchmarks/trust.py`).
+
+    Attributes
+    ----------
+    faster : float
+        Factor on the speed of the fitted motion at which least squares and the fit with a prior are compared.
+    disagreement : float
+        Share of the torque's standard deviation (median joint) by which they may differ there. Logs that determine the
+        model: at most 0.16. Logs that do not: 0.31 to 0.68.
+    extrapolation : float
+        Expected error on a log over the error on the fitted logs (median joint). Ordinary pairs: at most 1.9.
+    surprise : float
+        Measured error over expected error of a joint. Ordinary pairs: at most 1.9; a tilted base or another day: 3.5 to
+        7.6.
+    held_out_ratio : float
+        Held-out over cross-validated NRMSE, for models without a prior, whose expected error is of noise alone.
+    outside_share : float
+        Share of samples whose speed or acceleration is outside the fitted range.
+    sign_errors : float
+        Standard errors by which a parameter may contradict its sign.
+    least_seconds : float
+        s. Logs shorter than this hold too few stretches to leave one out.
+    noisy_acceleration : float
+        Share of the acceleration's power that is position noise (median joint) at the filter's cut-off.
+    """
+
+    faster: float = 2.0
+    disagreement: float = 0.3
+    extrapolation: float = 2.0
+    surprise: float = 3.0
+    held_out_ratio: float = 4.0
+    outside_share: float = 0.3
+    sign_errors: float = 2.0
+    least_seconds: float = 4.0
+    noisy_acceleration: float = 0.5
+
+    def to_dict(self) -> dict[str, float]:
+        """Plain JSON values."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """One reason not to trust a model, or an error, as it stands.
+
+    Attributes
+    ----------
+    id : str
+        Kind of alarm, the same for every robot.
+    severity : {"severe", "doubt"}
+        ``"severe"``: do not use the model for this. ``"doubt"``: read the sentence first.
+    sentence : str
+        What was found.
+    remedy : str
+        What to do.
+    joints : tuple of str
+        Where; empty for the whole robot.
+    value, limit : float
+        The figure that was compared, and the bound that it exceeded.
+
+    Examples
+    --------
+    >>> from frischid.model.alarms import Alarm
+    >>> print(Alarm("log-too-short", "doubt", "The logs last 2 s.", "Record longer.", (), 2.0, 4.0))
+    The logs last 2 s. Record longer.
+    """
+
+    id: str
+    severity: Severity
+    sentence: str
+    remedy: str
+    joints: tuple[str, ...] = ()
+    value: float = 0.0
+    limit: float = 0.0
+
+    def __str__(self) -> str:
+        return f"{self.sentence} {self.remedy}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return asdict(self) | {"joints": list(self.joints)}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Alarm:
+        """Inverse of `to_dict`."""
+        return cls(**{**data, "joints": tuple(data["joints"])})
+
+
+def undetermined(disagreement: Array | None, joints: Sequence[str], criteria: AlarmCriteria) -> list[Alarm]:
+    """The logs alone do not determine the model.
+
+    Parameters
+    ----------
+    disagreement : ndarray, shape (J,), or None
+        Difference of the two fits' torques on the faster motion, over the torque's standard deviation; None: the logs
+        alone have no solution.
+    joints : sequence of str
+    criteria : AlarmCriteria
+    """
+    remedy = (
+        "Trust the model only on motions like the fitted ones; plan a motion that excites more (frischid excite) and "
+        "record it."
+    )
+    if disagreement is None:
+        return [
+            Alarm(
+                "log-leaves-open",
+                "severe",
+                "The logs do not determine the parameters: without the URDF's values there is no unique fit.",
+                remedy,
+                (),
+                float("inf"),
+                criteria.disagreement,
+            )
+        ]
+    middle = float(np.median(disagreement))
+    if middle <= criteria.disagreement:
+        return []
+    where = tuple(n for n, x in zip(joints, disagreement, strict=True) if x > criteria.disagreement)
+    return [
+        Alarm(
+            "log-leaves-open",
+            "severe",
+            f"The logs leave the model open: on the same motion {criteria.faster:g} times as fast, a fit to the logs "
+            f"alone and the fit with the URDF as prior differ by {middle:.0%} of the torque (median joint). There the "
+            "URDF decides, not the measurement.",
+            remedy,
+            where,
+            middle,
+            criteria.disagreement,
+        )
+    ]
+
+
+def wrong_signs(contradicted: Sequence[tuple[str, float]], criteria: AlarmCriteria) -> list[Alarm]:
+    """Parameters of known sign that the data would give the other sign.
+
+    Parameters
+    ----------
+    contradicted : sequence of (str, float)
+        Parameter, and by how many standard errors.
+    criteria : AlarmCriteria
+    """
+    bad = [(n, x) for n, x in contradicted if x > criteria.sign_errors]
+    if not bad:
+        return []
+    listed = ", ".join(f"{n} ({x:.1f} s.e.)" for n, x in bad)
+    return [
+        Alarm(
+            "impossible-sign",
+            "doubt",
+            f"The logs would give a negative value to parameters that cannot be negative: {listed}. The model holds them "
+            "at or near zero.",
+            "Check the signs of torque and motion of these joints (frischid check), then look for a missing effect "
+            "(frischid diagnose).",
+            (),
+            max(x for _, x in bad),
+            criteria.sign_errors,
+        )
+    ]
+
+
+def too_short(seconds: float, criteria: AlarmCriteria) -> list[Alarm]:
+    """The logs are too short for any error measured on them to mean much."""
+    if seconds >= criteria.least_seconds:
+        return []
+    return [
+        Alarm(
+            "log-too-short",
+            "severe",
+            f"The logs last {seconds:.1f} s in all: the cross-validated error says little.",
+            "Record at least ten seconds, better a minute.",
+            (),
+            seconds,
+            criteria.least_seconds,
+        )
+    ]
+
+
+def noisy_cutoff(share: Array, cutoff: float | None, criteria: AlarmCriteria) -> list[Alarm]:
+    """The filter lets position noise through that is as large as the acceleration.
+
+    Parameters
+    ----------
+    share : ndarray, shape (J,)
+        Power of the noise in the filtered acceleration over that of the filtered acceleration.
+    cutoff : float or None
+        Hz.
+    criteria : AlarmCriteria
+    """
+    middle = float(np.median(share)) if len(share) else 0.0
+    if not middle > criteria.noisy_acceleration:
+        return []
+    at = "no filter" if cutoff is None else f"a cut-off of {cutoff:g} Hz"
+    return [
+        Alarm(
+            "cut-off-admits-noise",
+            "severe",
+            f"With {at}, {middle:.0%} of the acceleration's power is noise of the positions (median joint).",
+            "Lower the cut-off (--cutoff, cutoff=), to a few times the motion's own frequencies.",
+            (),
+            middle,
+            criteria.noisy_acceleration,
+        )
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Elsewhere:
+    """A model on logs that it was not fitted to.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    fitted : ndarray, shape (J,)
+        Standard deviation σ of the residual on the fitted logs, N·m (N).
+    expected, measured : ndarray, shape (J,)
+        Root mean square error on these logs: to be expected from the model's uncertainty, and measured, N·m (N).
+    outside : ndarray, shape (J,)
+        Share of samples whose speed or acceleration the fitted logs do not reach.
+    nrmse, cross_validated, careful : float
+        Mean NRMSE on these logs; cross-validated on the fitted ones (NaN if unknown); of the URDF with fitted friction
+        on these logs (NaN if unknown).
+    """
+
+    joints: tuple[str, ...]
+    fitted: Array
+    expected: Array
+    measured: Array
+    outside: Array
+    nrmse: float
+    cross_validated: float
+    careful: float
+
+
+def elsewhere(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
+    """Alarms of a model on logs that it was not fitted to."""
+    found = [*_extrapolation(seen, criteria), *_surprise(seen, criteria)]
+    if seen.nrmse > seen.careful:
+        found.append(
+            Alarm(
+                "worse-than-urdf",
+                "severe",
+                f"On these logs the URDF with fitted friction does better: NRMSE {seen.careful:.4f}, the model "
+                f"{seen.nrmse:.4f}.",
+                "Do not use the model for such motions; identify from logs that hold them.",
+                (),
+                seen.nrmse,
+                seen.careful,
+            )
+        )
+    return found
+
+
+def _extrapolation(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
+    found = []
+    ratio = seen.expected / np.maximum(seen.fitted, 1e-300)
+    middle = float(np.median(ratio))
+    if middle > criteria.extrapolation:
+        found.append(
+            Alarm(
+                "extrapolation",
+                "severe",
+                f"These logs ask for more than the fitted ones showed: the error to expect here is {middle:.1f} times "
+                "the error on the fitted logs (median joint).",
+                "Identify from logs that hold such motions.",
+                tuple(n for n, x in zip(seen.joints, ratio, strict=True) if x > criteria.extrapolation),
+                middle,
+                criteria.extrapolation,
+            )
+        )
+    wide = float(np.median(seen.outside))
+    if wide > criteria.outside_share:
+        found.append(
+            Alarm(
+                "faster-than-fitted",
+                "doubt",
+                f"{wide:.0%} of the samples are faster, or accelerate more, than any sample that was fitted (median "
+                "joint).",
+                "Identify from logs as fast as these.",
+                tuple(n for n, x in zip(seen.joints, seen.outside, strict=True) if x > criteria.outside_share),
+                wide,
+                criteria.outside_share,
+            )
+        )
+    return found
+
+
+def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
+    ratio = seen.measured / np.maximum(seen.expected, 1e-300)
+    where = tuple(n for n, x in zip(seen.joints, ratio, strict=True) if x > criteria.surprise)
+    if where:
+        return [
+            Alarm(
+                "unlike-the-fitted-logs",
+                "severe",
+                f"The error on {', '.join(where)} is {float(ratio.max()):.1f} times as large as the model's uncertainty "
+                "allows: the robot, its base, its load or its sensors are not as they were.",
+                "Ask what changed: frischid diagnose on these logs names the effect.",
+                where,
+                float(ratio.max()),
+                criteria.surprise,
+            )
+        ]
+    if seen.nrmse > criteria.held_out_ratio * seen.cross_validated:
+        return [
+            Alarm(
+                "held-out-error",
+                "severe",
+                f"The error on these logs is {seen.nrmse / seen.cross_validated:.1f} times the cross-validated one "
+                f"({seen.nrmse:.4f} and {seen.cross_validated:.4f}).",
+                "Do not trust the cross-validated error; identify from logs like these, or with the URDF as prior.",
+                (),
+                seen.nrmse / seen.cross_validated,
+                criteria.held_out_ratio,
+            )
+        ]
+    return []
