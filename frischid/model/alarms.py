@@ -179,8 +179,8 @@ def wrong_signs(contradicted: Sequence[tuple[str, float]], criteria: AlarmCriter
         Alarm(
             "impossible-sign",
             "doubt",
-            f"The logs would give a negative value to parameters that cannot be negative: {listed}. The model holds them "
-            "at or near zero.",
+            f"The logs would give a negative value to parameters that cannot be negative: {listed}. The model holds "
+            "them at or near zero.",
             "Check the signs of torque and motion of these joints (frischid check), then look for a missing effect "
             "(frischid diagnose).",
             (),
@@ -324,8 +324,8 @@ def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
             Alarm(
                 "unlike-the-fitted-logs",
                 "severe",
-                f"The error on {', '.join(where)} is {float(ratio.max()):.1f} times as large as the model's uncertainty "
-                "allows: the robot, its base, its load or its sensors are not as they were.",
+                f"The error on {', '.join(where)} is {float(ratio.max()):.1f} times the error that the "
+                "model's uncertainty allows: the robot, its base, its load or its sensors are not as they were.",
                 "Ask what changed: frischid diagnose on these logs names the effect.",
                 where,
                 float(ratio.max()),

@@ -9,6 +9,7 @@ from typing import Literal, TypedDict
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.urdf_prior import PriorCriteria
 from frischid.logs.preprocessing import VELOCITIES
+from frischid.model.alarms import AlarmCriteria
 from frischid.model.identification_criteria import IdentificationCriteria
 
 ESTIMATORS = ("wls", "ols", "frisch", "sensorwise", "eiv", "iv")
@@ -31,6 +32,7 @@ class IdentifyChoices(TypedDict, total=False):
     force: bool
     criteria: IdentificationCriteria
     prior_criteria: PriorCriteria
+    alarm_criteria: AlarmCriteria
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,7 @@ class IdentifyOptions:
         Go on in spite of an issue of `frischid.checks` that is certain and makes the logs worthless.
     criteria : IdentificationCriteria
     prior_criteria : PriorCriteria
+    alarm_criteria : AlarmCriteria
 
     Raises
     ------
@@ -80,6 +83,7 @@ class IdentifyOptions:
     force: bool = False
     criteria: IdentificationCriteria = field(default_factory=IdentificationCriteria)
     prior_criteria: PriorCriteria = field(default_factory=PriorCriteria)
+    alarm_criteria: AlarmCriteria = field(default_factory=AlarmCriteria)
 
     def __post_init__(self) -> None:
         for kind, name, known in (
@@ -101,4 +105,8 @@ class IdentifyOptions:
     @property
     def criteria_used(self) -> dict[str, object]:
         """The numbers that decide as plain JSON values, for the history of a model."""
-        return {"identification": self.criteria.to_dict(), "prior": self.prior_criteria.to_dict()}
+        return {
+            "identification": self.criteria.to_dict(),
+            "prior": self.prior_criteria.to_dict(),
+            "alarms": self.alarm_criteria.to_dict(),
+        }
