@@ -88,6 +88,23 @@ class Estimate:
         """Standard error of each parameter, shape (p,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
+    def error_variance(self, Y: Array) -> Array:
+        """Expected squared error of torque rows, ``σ_j² + y C yᵀ``.
+
+        Parameters
+        ----------
+        Y : ndarray, shape (M, p, J)
+            Base columns of the fitted joints.
+
+        Returns
+        -------
+        ndarray, shape (M, J)
+            (N·m)² (N²). With a prior, C holds the model's own error, and the formula holds away from the fitted motion
+            too; without one, C is of noise alone.
+        """
+        spread = np.einsum("mpj,mpj->mj", Y, np.einsum("pr,mrj->mpj", self.covariance, Y, optimize=True))
+        return np.asarray(np.maximum(spread, 0.0) + self.sigma**2)
+
 
 @dataclass(frozen=True, eq=False)
 class Prior:

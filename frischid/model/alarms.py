@@ -116,6 +116,11 @@ class Alarm:
         return cls(**{**data, "joints": tuple(data["joints"])})
 
 
+def by_severity(alarms: Sequence[Alarm]) -> tuple[Alarm, ...]:
+    """Alarms, the severe ones first."""
+    return tuple(sorted(alarms, key=lambda alarm: alarm.severity != "severe"))
+
+
 def undetermined(disagreement: Array | None, joints: Sequence[str], criteria: AlarmCriteria) -> list[Alarm]:
     """The logs alone do not determine the model.
 
@@ -245,10 +250,11 @@ class Elsewhere:
     fitted : ndarray, shape (J,)
         Standard deviation σ of the residual on the fitted logs, N·m (N).
     expected, measured : ndarray, shape (J,)
-        Root mean square error on these logs: to be expected from the model's uncertainty, and measured, N·m (N).
+        Root mean square error on these logs: to be expected from the model's uncertainty (NaN for a model without a
+        prior, whose uncertainty is of noise alone), and measured, N·m (N).
     outside : ndarray, shape (J,)
         Share of samples whose speed or acceleration the fitted logs do not reach.
-    nrmse, cross_validated, careful : float
+    nrmse, cross_validated, urdf : float
         Mean NRMSE on these logs; cross-validated on the fitted ones (NaN if unknown); of the URDF with fitted friction
         on these logs (NaN if unknown).
     """
@@ -260,23 +266,23 @@ class Elsewhere:
     outside: Array
     nrmse: float
     cross_validated: float
-    careful: float
+    urdf: float
 
 
 def elsewhere(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
     """Alarms of a model on logs that it was not fitted to."""
     found = [*_extrapolation(seen, criteria), *_surprise(seen, criteria)]
-    if seen.nrmse > seen.careful:
+    if seen.nrmse > seen.urdf:
         found.append(
             Alarm(
                 "worse-than-urdf",
                 "severe",
-                f"On these logs the URDF with fitted friction does better: NRMSE {seen.careful:.4f}, the model "
+                f"On these logs the URDF with fitted friction does better: NRMSE {seen.urdf:.4f}, the model "
                 f"{seen.nrmse:.4f}.",
                 "Do not use the model for such motions; identify from logs that hold them.",
                 (),
                 seen.nrmse,
-                seen.careful,
+                seen.urdf,
             )
         )
     return found

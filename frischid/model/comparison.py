@@ -2,8 +2,9 @@
 
     RMSE = sqrt(mean (τ − τ̂)²),   NRMSE = RMSE / std(τ),   fit = 100 (1 − NRMSE) %
 
-Both torques have been through the model's filter. Two references stand beside every figure: the URDF's own nominal
-parameters, and a constant (the mean torque of the identification logs). A model that does not beat both is no model.
+Both torques have been through the model's filter. Two references stand beside every figure: the URDF's links with
+fitted friction, and a constant (the mean torque of the identification logs). A model that does
+not beat both is no model.
 """
 
 from __future__ import annotations
@@ -17,10 +18,13 @@ import numpy as np
 from frischid.core.named_sequence import NamedSequence
 from frischid.core.text import each_of
 from frischid.core.types import Array
+from frischid.effects import columns_of
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
+from frischid.model.alarms import Alarm, AlarmCriteria, Elsewhere, by_severity, elsewhere
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA
+from frischid.model.expected_error import ExpectedError
 from frischid.model.model import Model
 from frischid.model.noise_floor import NoiseFloor
 from frischid.model.residual_conditions import Residuals
@@ -46,7 +50,7 @@ class JointFit:
     """Errors of one joint; torques in N·m (N).
 
     ``nominal`` and ``constant`` are the NRMSE of the two references. ``noise_floor`` is the NRMSE that the noise of the
-    sensors alone would make.
+    sensors alone would make. ``expected`` is the NRMSE to expect from the model's own uncertainty.
     """
 
     name: str
@@ -58,6 +62,7 @@ class JointFit:
     nominal: float
     constant: float
     noise_floor: float
+    expected: float
     worst: Worst
 
 
@@ -77,6 +82,8 @@ class Comparison:
         Mean NRMSE when the samples at standstill are counted.
     sources : tuple of str
         The logs.
+    alarms : tuple of Alarm
+        Why the model, or these figures, should not be trusted; none on the model's own logs.
     residuals : Residuals
         Residuals and motion behind the figures: where the model fails, and the structure of the residual error. Of very
         long logs, `SAMPLES_KEPT` samples in stretches spread evenly.
@@ -99,6 +106,7 @@ class Comparison:
     standstill: float
     nrmse_with_standstill: float
     sources: tuple[str, ...]
+    alarms: tuple[Alarm, ...]
     residuals: Residuals = field(repr=False)
 
     def __repr__(self) -> str:
@@ -116,7 +124,7 @@ class Comparison:
 
     @property
     def nominal(self) -> float:
-        """Mean NRMSE of the URDF's nominal parameters."""
+        """Mean NRMSE of the URDF's links with friction fitted to the model's own logs."""
         return float(np.mean([j.nominal for j in self.joints]))
 
     @property
@@ -136,6 +144,7 @@ class Comparison:
             "standstill_share": self.standstill,
             "nrmse_with_standstill": self.nrmse_with_standstill,
             "logs": list(self.sources),
+            "alarms": [alarm.to_dict() for alarm in self.alarms],
             "conditions": self.residuals.to_dict(),
             "criteria": COMPARISON_CRITERIA.to_dict(),
             "joints": {
@@ -148,6 +157,7 @@ class Comparison:
                     "nominal_nrmse": j.nominal,
                     "constant_nrmse": j.constant,
                     "noise_floor": j.noise_floor,
+                    "expected_nrmse": j.expected,
                     "correlation_time": structure[name].correlation_time,
                     "white": structure[name].white,
                     "depends_on": dict(structure[name].depends_on),
@@ -198,7 +208,11 @@ class _Sums:
 
 
 def compare(
-    model: Model, logs: Sequence[Log | Recording], evaluated: Sequence[tuple[Block, Array]] | None = None
+    model: Model,
+    logs: Sequence[Log | Recording],
+    evaluated: Sequence[tuple[Block, Array]] | None = None,
+    *,
+    criteria: AlarmCriteria | None = None,
 ) -> Comparison:
     """Predict logs and measure the error.
 
@@ -209,6 +223,7 @@ def compare(
         At least one; each must hold position and torque of the model's joints.
     evaluated : sequence of (Block, ndarray), optional
         ``model.blocks(logs)``, where the caller has it already.
+    criteria : AlarmCriteria, optional
 
     Returns
     -------
@@ -235,7 +250,7 @@ def compare(
     index = model.torque_index
     model.check(logs)
     moving, everything, kept = _Sums(len(index)), _Sums(len(index)), Kept()
-    nominal = nominal_parameters(model.robot, model.effects)
+    nominal, expected = urdf_parameters(model), ExpectedError(model)
     noise = NoiseFloor(model)
     motions = noise.watch(model.motions(logs))
     pairs = model.evaluate(motions) if evaluated is None else evaluated
@@ -247,10 +262,13 @@ def compare(
         moving.add(*rows, used, block.source)
         everything.add(*rows, np.ones_like(used), block.source)
         kept.add(block, fitted)
+        expected.add(block)
     for _ in motions:  # those of blocks that the caller evaluated are still to be seen
         pass
     residuals = Residuals(model, kept.blocks)
-    return _summary(model, moving, everything, tuple(log.source for log in logs), noise, residuals)
+    summary = _summary(model, (moving, everything), tuple(log.source for log in logs), noise, expected, residuals)
+    own = all(model.made_from(log) for log in logs)
+    return summary if own else replace(summary, alarms=_alarms(model, summary, expected, criteria or AlarmCriteria()))
 
 
 class Kept:
@@ -285,9 +303,43 @@ class Kept:
             self.samples = sum(len(b.t) for b, _ in self.blocks)
 
 
+def urdf_parameters(model: Model) -> Array:
+    """Reference parameters, (C,): the URDF's links, with friction fitted to the model's own logs where it is known."""
+    if model.fitted is None:
+        rigid = [c.effect == "rigid" for c in columns_of(model.robot, model.effects)]
+        return np.asarray(np.where(rigid, nominal_parameters(model.robot, model.effects), 0.0))
+    theta = np.zeros(len(columns_of(model.robot, model.effects)))
+    theta[list(model.base)] = model.fitted.urdf
+    return theta
+
+
+def _alarms(model: Model, summary: Comparison, expected: ExpectedError, criteria: AlarmCriteria) -> tuple[Alarm, ...]:
+    """Alarms of a model on logs that it was not fitted to."""
+    rmse = np.array([j.rmse for j in summary.joints])
+    known = [event["cross_validated_nrmse"] for event in model.history if "cross_validated_nrmse" in event]
+    seen = Elsewhere(
+        joints=model.joints,
+        fitted=model.estimate.sigma,
+        expected=expected.rms if model.prior is not None else np.full(len(rmse), np.nan),
+        measured=rmse,
+        outside=expected.outside_share,
+        nrmse=summary.nrmse,
+        cross_validated=float(known[-1]) if known else np.nan,
+        urdf=summary.nominal if model.fitted is not None else np.nan,
+    )
+    return by_severity(elsewhere(seen, criteria))
+
+
 def _summary(
-    model: Model, sums: _Sums, everything: _Sums, sources: tuple[str, ...], noise: NoiseFloor, residuals: Residuals
+    model: Model,
+    both: tuple[_Sums, _Sums],
+    sources: tuple[str, ...],
+    noise: NoiseFloor,
+    expected: ExpectedError,
+    residuals: Residuals,
 ) -> Comparison:
+    """Figures from the sums over moving samples, and over all."""
+    sums, everything = both
     steady = sums.std <= 1e-7 * np.sqrt(sums.tau2 / np.maximum(sums.count, 1))
     flat = [name for name, n, same in zip(model.joints, sums.count, steady, strict=True) if n < 2 or same]
     if flat:
@@ -312,8 +364,9 @@ def _summary(
             nominal=float(nominal[j] / std[j]),
             constant=float(constant[j] / std[j]),
             noise_floor=float(floor[j] / std[j]),
+            expected=float(expected.rms[j] / std[j]),
             worst=worst,
         )
     standstill = 1.0 - float(n.sum() / everything.count.sum())
     with_standstill = float(np.mean(np.sqrt(everything.error2 / everything.count) / everything.std))
-    return Comparison(NamedSequence("joint", joints), sums.samples, standstill, with_standstill, sources, residuals)
+    return Comparison(NamedSequence("joint", joints), sums.samples, standstill, with_standstill, sources, (), residuals)

@@ -25,7 +25,9 @@ from frischid.estimators.least_squares import cross_validated
 from frischid.estimators.map_estimate import cross_validated_map
 from frischid.estimators.urdf_prior import UrdfPrior
 from frischid.logs.summary import Data
+from frischid.model.alarms import Alarm, by_severity
 from frischid.model.comparison import Comparison, compare
+from frischid.model.identification_alarms import fit_alarms, fit_record
 from frischid.model.identification_bounds import Bounds, bound_parameters, recursion_record
 from frischid.model.identification_stages import Journal, LogData, fit_parameters, form_moments, read_logs, set_prior
 from frischid.model.identify_options import IdentifyChoices, IdentifyOptions
@@ -60,6 +62,8 @@ class Identification:
         What was done to the data.
     warnings : tuple of str
         What should make the reader doubt.
+    alarms : tuple of Alarm
+        Of the fit, and of the model on the validation logs; most severe first.
 
     Examples
     --------
@@ -83,6 +87,7 @@ class Identification:
     samples: int
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    alarms: tuple[Alarm, ...]
 
     def __repr__(self) -> str:
         error = "" if self.comparison is None else f", held-out NRMSE {self.comparison.nrmse:.4f}"
@@ -176,7 +181,9 @@ def assess(bounds: Bounds) -> Identification:
     else:
         variance = cross_validated_map(problem.blocks, problem.reduction.mapping, fit.posterior)
     cross_validation = dict(zip(data.joints, _nrmse(whole, variance), strict=True))
-    comparison = compare(model, data.valid) if data.valid else None
+    measured = {"cross_validated_nrmse": float(np.mean(list(cross_validation.values())))}
+    comparison = compare(replace(model, history=(measured,)), data.valid) if data.valid else None
+    alarms = by_severity([*fit_alarms(fit), *(() if comparison is None else comparison.alarms)])
     limit = data.options.criteria.unexplained_nrmse
     warnings = tuple(dict.fromkeys([*_unexplained(cross_validation, limit), *journal.warnings]))
     notes = tuple(dict.fromkeys(journal.notes))
@@ -184,6 +191,7 @@ def assess(bounds: Bounds) -> Identification:
     event |= {"notes": list(notes), "warnings": list(warnings)}
     if model.prior is not None:
         event["prior"] = {"kind": "urdf", "rows": model.prior.rows, "scales": dict(model.prior.parameters.scales)}
+    event["alarms"] = [alarm.to_dict() for alarm in alarms]
     event["criteria"] = data.options.criteria_used
     return Identification(
         model=replace(model, history=(event,)),
@@ -196,6 +204,7 @@ def assess(bounds: Bounds) -> Identification:
         samples=int(whole.counts.max()),
         notes=notes,
         warnings=warnings,
+        alarms=alarms,
     )
 
 
@@ -215,6 +224,7 @@ def _model(bounds: Bounds) -> Model:
         reference=data.options.reference,
         recursion=recursion_record(bounds, data.options.criteria),
         prior=None if fit.posterior is None else UrdfPrior.of(fit.posterior, problem.whole),
+        fitted=fit_record(fit),
     )
 
 

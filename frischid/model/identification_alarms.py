@@ -7,8 +7,6 @@ parameters θ_LS of the logs alone and θ of the fit with the prior they differ 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -19,40 +17,14 @@ from frischid.estimators.map_estimate import MapEstimate, effects_alone, map_est
 from frischid.estimators.urdf_prior import urdf_prior
 from frischid.logs.filters import derivative_taps, noise_level
 from frischid.logs.preprocessing import Motion
-from frischid.model.alarms import Alarm, noisy_cutoff, too_short, undetermined, wrong_signs
+from frischid.model.alarms import Alarm, by_severity, noisy_cutoff, too_short, undetermined, wrong_signs
+from frischid.model.fit_record import FitRecord
 from frischid.model.identification_stages import Fit, Problem
 
 STATES = 400
 """States per motion along which two fits are compared: enough for a mean square, cheap to evaluate."""
 REACHED = 0.99
 """Share of the samples that lie within the fitted range: single jerks do not widen it."""
-
-
-@dataclass(frozen=True, eq=False)
-class FitRecord:
-    """What a model keeps of the logs it was fitted to, for the alarms of a comparison.
-
-    Attributes
-    ----------
-    velocity, acceleration : ndarray, shape (J,)
-        Largest speed and acceleration of the fitted joints that the logs reach, rad/s (m/s), rad/s² (m/s²).
-    careful : ndarray, shape (p,)
-        Base parameters of the URDF with friction and offsets fitted to the same logs: the reference that a model must
-        beat. A simulator's damping has no part in it.
-    """
-
-    velocity: Array
-    acceleration: Array
-    careful: Array
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return {k: [float(x) for x in getattr(self, k)] for k in ("velocity", "acceleration", "careful")}
-
-    @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> FitRecord:
-        """Inverse of `to_dict`."""
-        return cls(*(np.array(data[k], dtype=float) for k in ("velocity", "acceleration", "careful")))
 
 
 def fit_record(fit: Fit) -> FitRecord:
@@ -77,7 +49,7 @@ def fit_alarms(fit: Fit) -> tuple[Alarm, ...]:
         *too_short(problem.data.summary.seconds, criteria),
         *wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria),
     ]
-    return tuple(sorted(found, key=lambda a: a.severity != "severe"))
+    return by_severity(found)
 
 
 def _posterior(fit: Fit) -> MapEstimate:

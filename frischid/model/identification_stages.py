@@ -282,7 +282,7 @@ def fit_parameters(given: PriorSet) -> Fit:
             1.0 / found.variance,
             found.condition,
             "map",
-            np.linalg.inv(found.covariance),
+            np.asarray(np.linalg.inv(found.covariance), dtype=float),
             (),
             np.clip(1.0 - np.diag(found.covariance) / before, 0.0, 1.0),
         ),

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import metadata
 from pathlib import Path
+from statistics import NormalDist
 from typing import Any
 
 import msgspec
@@ -30,6 +31,7 @@ from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording
+from frischid.model.fit_record import FitRecord
 from frischid.model.log_requirements import check_logs_fit
 from frischid.model.model_file import (
     SCHEMA,
@@ -37,6 +39,7 @@ from frischid.model.model_file import (
     check_columns,
     effects_of,
     estimate_of,
+    fitted_of,
     parameter_dict,
     plain_numbers,
     prior_of,
@@ -89,6 +92,8 @@ class Model:
         (steps × p, null where open), ``emptied``; plain JSON values.
     prior : UrdfPrior, optional
         The prior the parameters were fitted with; None: the logs alone.
+    fitted : FitRecord, optional
+        The reach of the fitted logs, and the URDF with fitted friction; None: not known.
 
     Examples
     --------
@@ -117,6 +122,7 @@ class Model:
     previous: Model | None = None
     recursion: Mapping[str, Any] | None = None
     prior: UrdfPrior | None = None
+    fitted: FitRecord | None = None
 
     def __repr__(self) -> str:
         kinds = ", ".join(dict.fromkeys(e.id for e in self.effects))
@@ -152,6 +158,40 @@ class Model:
         known = self.robot.known_torque(q, v, a)
         torque = self.full_theta @ Y
         return np.asarray(torque if known is None else torque + known)
+
+    def predict(
+        self, q: Array, v: Array, a: Array, t: Array | None = None, *, interval: float = 0.9
+    ) -> tuple[Array, Array, Array]:
+        """Torque of the fitted joints, with the interval in which a measurement is to be expected.
+
+        The half width is ``z sqrt(σ² + y C yᵀ)``: the error on the fitted logs, and the parameters' uncertainty.
+
+        Parameters
+        ----------
+        q, v, a, t
+            As in `inverse_dynamics`.
+        interval : float
+            Share of measurements that the interval is to hold, between 0 and 1.
+
+        Returns
+        -------
+        torque, lower, upper : ndarray, shape (N, J) each
+            N·m (N), of the J joints in `joints`.
+
+        Raises
+        ------
+        InputError
+            The interval is not between 0 and 1.
+        """
+        if not 0 < interval < 1:
+            raise InputError(f"the interval is a share of the measurements between 0 and 1, got {interval}")
+        q, v, a = (np.atleast_2d(np.asarray(x, dtype=float)) for x in (q, v, a))
+        index = self.torque_index
+        Y = Regressor(self.robot, self.effects, self.reference)(np.zeros(len(q)) if t is None else t, q, v, a)
+        reach = NormalDist().inv_cdf(0.5 + 0.5 * interval)
+        half = reach * np.sqrt(self.estimate.error_variance(Y[:, list(self.base)][:, :, index]))
+        torque = self.inverse_dynamics(q, v, a, t)[:, index]
+        return torque, torque - half, torque + half
 
     def friction(self, q: Array, v: Array, a: Array | None = None, t: Array | None = None) -> Array:
         """Torque of the model's friction effects alone.
@@ -289,6 +329,7 @@ class Model:
             "previous": None if self.previous is None else without_robot(self.previous.to_dict()),
             "recursion": None if self.recursion is None else dict(self.recursion),
             "prior": None if self.prior is None else self.prior.to_dict(),
+            "fitted": None if self.fitted is None else self.fitted.to_dict(),
         }
 
     @classmethod
@@ -327,6 +368,7 @@ class Model:
             previous=previous,
             recursion=None if record.recursion is None else msgspec.to_builtins(record.recursion),
             prior=prior_of(record),
+            fitted=fitted_of(record),
         )
 
     def save(self, path: str | Path) -> None:

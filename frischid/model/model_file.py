@@ -24,6 +24,7 @@ from frischid.errors import EmptyBoxError, InputError
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import Estimate
 from frischid.estimators.urdf_prior import UrdfPrior
+from frischid.model.fit_record import FitRecord
 from frischid.model.model_records import ModelRecord
 from frischid.robot.robot import Robot
 
@@ -132,6 +133,11 @@ def _check_shapes(record: ModelRecord, place: str, source: str) -> None:
             if value in values[:k]:
                 where = f"joints[{k}].name" if kind == "joints" else f"parameters[{k}].column"
                 raise damaged(source, f"expected each {kind} once, got {value} again - at `{place}{where}`")
+    if record.fitted is not None:
+        lengths = (("velocity", len(record.joints)), ("acceleration", len(record.joints)), ("urdf", p))
+        for name, length in lengths:
+            if len(getattr(record.fitted, name)) != length:
+                raise damaged(source, f"expected {length} numbers - at `{place}fitted.{name}`")
     methods = set(record.parameters[0].bounds) if record.parameters else set()
     for k, parameter in enumerate(record.parameters):
         if set(parameter.bounds) != methods:
@@ -168,6 +174,8 @@ def check_columns(record: ModelRecord, columns: Sequence[Column], joints: Sequen
             raise damaged(
                 source, f"expected a joint of the robot ({', '.join(joints)}), got {joint.name} - at `joints[{k}]`"
             )
+    if record.prior is not None and [x.name for x in record.prior.parameters] != [c.name for c in columns]:
+        raise damaged(source, "expected the robot's and the effects' parameters in order - at `prior.parameters`")
     if record.standard is not None:
         absent = [c.name for c in columns if c.name not in record.standard]
         if absent:
@@ -251,10 +259,12 @@ def boxes_of(record: ModelRecord, source: str) -> dict[str, Box]:
 
 def prior_of(record: ModelRecord) -> UrdfPrior | None:
     """The prior of a record."""
-    if record.prior is None:
-        return None
-    names, values = tuple(record.prior.parameters), record.prior.parameters.values()
-    return UrdfPrior(names, _array([m for m, _ in values]), _array([s for _, s in values]), record.prior.strength)
+    return None if record.prior is None else UrdfPrior.from_dict(msgspec.to_builtins(record.prior))
+
+
+def fitted_of(record: ModelRecord) -> FitRecord | None:
+    """The record of the fitted logs."""
+    return None if record.fitted is None else FitRecord.from_dict(msgspec.to_builtins(record.fitted))
 
 
 def parameter_dict(estimate: Estimate, i: int, bounds: Mapping[str, Box]) -> dict[str, Any]:

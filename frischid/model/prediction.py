@@ -1,18 +1,19 @@
 """A model along some logs: measured torque, the model's, the band its bounds predict, and the motion they belong to.
 
-A torque row is linear in the parameters, so what is known of them carries over directly. For bounds l ≤ θ ≤ u and for a
-covariance C of the estimate,
+A torque row is linear in the parameters, so their bounds and their covariance carry over directly. For bounds
+l ≤ θ ≤ u, and for a covariance C of the estimate with residual variance σ²,
 
-    Σ_c min(y_c l_c, y_c u_c) ≤ y θ ≤ Σ_c max(y_c l_c, y_c u_c),        y θ̂ ± 1.96 sqrt(y C yᵀ).
+    Σ_c min(y_c l_c, y_c u_c) ≤ y θ ≤ Σ_c max(y_c l_c, y_c u_c),        y θ̂ ± 1.645 sqrt(σ² + y C yᵀ).
 
-The band says how far the *model* is to be trusted. It holds neither the sensors' noise nor what the model lacks: a
-measured torque that leaves it is evidence that something is missing.
+The first band holds the torque of the true parameters; neither noise nor a missing effect is in it. The second holds
+90 % of the measurements, if the robot is the one that was fitted: noise and the model's own error are in it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,8 @@ from frischid.logs.log import Log
 from frischid.model.model import Model
 from frischid.regression.block import Block
 
-NORMAL = 1.96  # standard errors that hold 95 %
+INTERVAL = 0.9
+"""Share of the measurements that the band of a covariance is to hold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,12 +119,12 @@ class _Band:
     """Lower and upper torque that the parameters' bounds allow."""
 
     def __init__(self, model: Model) -> None:
-        self.covariance = model.estimate.covariance
+        self.estimate, self.reach = model.estimate, NormalDist().inv_cdf(0.5 + 0.5 * INTERVAL)
         self.theta = model.estimate.theta
         box = model.bounds.get("sensorwise")
         whole = box is not None and bool(np.isfinite(box.lower).all() and np.isfinite(box.upper).all())
         self.box = box if whole else None
-        self.name = "sensor-wise Frisch bounds" if whole else "95 %, from the standard errors"
+        self.name = "sensor-wise Frisch bounds" if whole else "90 % of measurements"
 
     def __call__(self, Y: Array, fitted: Array) -> tuple[Array, Array]:
         """Band of rows Y (M, p, J) around their torque (M, J)."""
@@ -132,6 +134,5 @@ class _Band:
             centre = fitted + np.einsum("mpj,p->mj", Y, middle)
             reach = np.einsum("mpj,p->mj", np.abs(Y), half)
             return centre - reach, centre + reach
-        variance = np.einsum("mpj,mpj->mj", Y, np.einsum("pr,mrj->mpj", self.covariance, Y, optimize=True))
-        reach = NORMAL * np.sqrt(np.maximum(variance, 0.0))
-        return fitted - reach, fitted + reach
+        half = self.reach * np.sqrt(self.estimate.error_variance(Y))
+        return fitted - half, fitted + half

@@ -10,8 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from frischid.cli.pages.comparing import error_tables
-from frischid.cli.pages.page import Page, figure, plain, table_of, warning_lines
-from frischid.estimators.urdf_prior import PriorChoice
+from frischid.cli.pages.page import Page, alarm_lines, figure, table_of, warning_lines
 from frischid.model.identification import Identification
 from frischid.model.model import Model
 
@@ -19,7 +18,7 @@ from frischid.model.model import Model
 def identification(found: Identification, output: str | None) -> Page:
     """Parameters with bounds, and errors."""
     model = found.model
-    parts: list[Any] = [summary(found), *(f"  {escape(n)}" for n in found.notes), parameters(model)]
+    parts: list[Any] = [*alarm_lines(found.alarms), summary(found), *(f"  {escape(n)}" for n in found.notes), parameters(model)]
     parts += error_tables(found.comparison) if found.comparison else []
     parts += [cross_validation(found), *warning_lines(found.warnings)]
     if output:
@@ -41,8 +40,10 @@ def identified(found: Identification) -> dict[str, Any]:
         "condition": model.estimate.condition,
         "estimator": model.estimate.estimator,
         "parameters": content["parameters"],
-        "prior": None if found.prior is None else _prior(found.prior),
-        "frisch": {
+        "prior": content["prior"],
+        "frisch": None
+        if triangle is None
+        else {
             "same_orthant": triangle.same_orthant,
             "changing_sign": list(triangle.disagreeing),
             "exact": triangle.exact,
@@ -58,22 +59,17 @@ def identified(found: Identification) -> dict[str, Any]:
         "cross_validation": found.cross_validation,
         "cross_validated_nrmse": float(np.mean(list(found.cross_validation.values()))),
         "comparison": None if found.comparison is None else found.comparison.to_dict(),
+        "alarms": [alarm.to_dict() for alarm in found.alarms],
         "notes": list(found.notes),
         "warnings": list(found.warnings),
     }
-
-
-def _prior(choice: PriorChoice) -> dict[str, Any]:
-    """Whether a prior was used, and what cross-validation said of each strength."""
-    errors = {f"{strength:g}": plain(error) for strength, error in choice.errors.items()}
-    return {"used": choice.prior is not None, "strength": choice.strength, "cross_validated_nrmse": errors}
 
 
 def parameters(model: Model, truth: Sequence[float] | None = None) -> Table:
     """Table of base parameters: value, standard error, boxes, and the truth where it is known."""
     known = [] if truth is None else ["true"]
     e = model.estimate
-    shares = [] if e.from_data is None else ["from data"]
+    shares = [] if e.from_data is None else ["from logs"]
     boxed = (f"{k} box" for k in model.bounds)
     table = table_of("parameter", "stands for", "unit", *known, "value", "± s.e.", *shares, *boxed)
     for i, column in enumerate(e.columns):
