@@ -18,7 +18,12 @@ from frischid.model.model import Model
 def identification(found: Identification, output: str | None) -> Page:
     """Parameters with bounds, and errors."""
     model = found.model
-    parts: list[Any] = [*alarm_lines(found.alarms), summary(found), *(f"  {escape(n)}" for n in found.notes), parameters(model)]
+    parts: list[Any] = [
+        *alarm_lines(found.alarms),
+        summary(found),
+        *(f"  {escape(n)}" for n in found.notes),
+        parameters(model),
+    ]
     parts += error_tables(found.comparison) if found.comparison else []
     parts += [cross_validation(found), *warning_lines(found.warnings)]
     if output:

@@ -10,6 +10,8 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from frischid.model.alarms import Alarm
+
 
 @dataclass(frozen=True)
 class Page:
@@ -37,6 +39,15 @@ def depends(variables: Sequence[str]) -> str:
 def warning_lines(warnings: Sequence[str]) -> list[str]:
     """Warnings, one per line."""
     return [f"[yellow]warning:[/yellow] {escape(w)}" for w in warnings]
+
+
+def alarm_lines(alarms: Sequence[Alarm]) -> list[str]:
+    """Alarms, one per line, each with its remedy; nothing where there is none."""
+    colours = {"severe": "bold red", "doubt": "yellow"}
+    return [
+        f"[{colours[a.severity]}]ALARM {a.id}:[/{colours[a.severity]}] {escape(a.sentence)} {escape(a.remedy)}"
+        for a in alarms
+    ]
 
 
 def table_of(*columns: str, title: str | None = None) -> Table:
