@@ -358,7 +358,7 @@ def _known_error(model: Model, logs: Sequence[Log | Recording]) -> float | None:
     """Cross-validated error on these very logs, if the model's last step measured it there."""
     last = model.history[-1] if model.history else {}
     same = [x["sha256"] for x in last.get("logs", ())] == [log.identity for log in logs]
-    known = last.get("cross_validated_nrmse") if same and model.estimate.estimator == "wls" else None
+    known = last.get("cross_validated_nrmse") if same and model.estimate.estimator in {"wls", "map"} else None
     return None if known is None else float(known)
 
 
@@ -379,6 +379,7 @@ def _refitted(
         cutoff=model.lowpass.cutoff,
         velocity=model.velocity,
         estimator="wls",
+        prior="none" if model.prior is None else "urdf",
         recursion="none",
         reference=load_reference(model, criteria),
     )
@@ -416,4 +417,6 @@ def _changed(
         bounds={},
         reference=load_reference(model, criteria),
         standard=None,
+        prior=None if model.prior is None else model.prior.extended(added, validator.theta[-len(added) :]),
+        fitted=None if model.fitted is None else model.fitted.extended(len(added)),
     )

@@ -15,13 +15,13 @@ Source: Gautier, Janot and Vandanjon 2013, IEEE T-CST 21(2), on least squares fo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from frischid.core.types import Array
+from frischid.core.types import Array, Column
 from frischid.effects.dynamics import RigidDynamics, random_states
 from frischid.estimators.least_squares import Prior
 from frischid.estimators.map_estimate import MapEstimate, ParameterPrior, ScaleRule
@@ -119,6 +119,30 @@ class UrdfPrior:
         """
         prior = gaussian(mapping @ self.parameters.mean, mapping * self.parameters.total_spread)
         return Prior(prior.mean, share * prior.precision)
+
+    def extended(self, columns: Sequence[Column], values: Array) -> UrdfPrior:
+        """The same with further parameters, of which nothing was known before the log.
+
+        Parameters
+        ----------
+        columns : sequence of Column
+        values : ndarray, shape (k,)
+            Their values; the prior is ten times as wide.
+        """
+        prior, k = self.parameters, len(columns)
+        wide = 10.0 * np.maximum(np.abs(values), 1e-9)
+        wider = ParameterPrior(
+            (*prior.names, *(c.name for c in columns)),
+            np.append(prior.mean, np.zeros(k)),
+            np.append(prior.spread, wide),
+            (*prior.group, *[""] * k),
+            np.append(prior.nonnegative, [c.sign > 0 for c in columns]),
+            np.append(prior.negative, np.zeros(k)),
+            prior.scales,
+        )
+        return UrdfPrior(
+            wider, self.rows, self.samples, np.append(self.value, values), np.append(self.from_log, np.ones(k))
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
