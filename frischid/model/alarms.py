@@ -44,6 +44,10 @@ class AlarmCriteria:
         7.6.
     held_out_ratio : float
         Held-out over cross-validated NRMSE, for models without a prior, whose expected error is of noise alone.
+    worse_than_urdf : float
+        NRMSE over that of the URDF with fitted friction: less is no difference.
+    above_noise : float
+        NRMSE over the noise floor: below it the sensors' noise decides which model is better.
     outside_share : float
         Share of samples whose speed or acceleration is outside the fitted range.
     sign_errors : float
@@ -59,6 +63,8 @@ class AlarmCriteria:
     extrapolation: float = 2.0
     surprise: float = 3.0
     held_out_ratio: float = 4.0
+    worse_than_urdf: float = 1.1
+    above_noise: float = 1.5
     outside_share: float = 0.3
     sign_errors: float = 2.0
     least_seconds: float = 4.0
@@ -254,9 +260,12 @@ class Elsewhere:
         prior, whose uncertainty is of noise alone), and measured, N·m (N).
     outside : ndarray, shape (J,)
         Share of samples whose speed or acceleration the fitted logs do not reach.
-    nrmse, cross_validated, urdf : float
-        Mean NRMSE on these logs; cross-validated on the fitted ones (NaN if unknown); of the URDF with fitted friction
-        on these logs (NaN if unknown).
+    nrmse, noise_floor : float
+        Mean NRMSE on these logs, and of the sensors' noise alone.
+    cross_validated : float
+        Mean NRMSE, cross-validated on the fitted logs; NaN if unknown.
+    urdf : float
+        Mean NRMSE of the URDF with fitted friction on these logs; NaN if unknown.
     """
 
     joints: tuple[str, ...]
@@ -265,6 +274,7 @@ class Elsewhere:
     measured: Array
     outside: Array
     nrmse: float
+    noise_floor: float
     cross_validated: float
     urdf: float
 
@@ -272,7 +282,7 @@ class Elsewhere:
 def elsewhere(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
     """Alarms of a model on logs that it was not fitted to."""
     found = [*_extrapolation(seen, criteria), *_surprise(seen, criteria)]
-    if seen.nrmse > seen.urdf:
+    if seen.nrmse > max(criteria.worse_than_urdf * seen.urdf, criteria.above_noise * seen.noise_floor):
         found.append(
             Alarm(
                 "worse-than-urdf",

@@ -324,6 +324,7 @@ def _alarms(model: Model, summary: Comparison, expected: ExpectedError, criteria
         measured=rmse,
         outside=expected.outside_share,
         nrmse=summary.nrmse,
+        noise_floor=summary.noise_floor,
         cross_validated=float(known[-1]) if known else np.nan,
         urdf=summary.nominal if model.fitted is not None else np.nan,
     )
