@@ -99,7 +99,7 @@ def test_a_short_log_raises_alarms_before_any_other_log_is_seen():
     short = fr.simulate(robot, motion, rate=50.0, noise=fr.Noise(q=1e-4, tau=0.5))
     found = fr.identify(robot, [short], recursion="none")
     assert {"log-leaves-open", "log-too-short"} <= set(ids(found.alarms))
-    assert [a.severity for a in found.alarms][0] == "severe"
+    assert found.alarms[0].severity == "severe"
     assert found.model.history[0]["alarms"][0]["id"] == found.alarms[0].id
 
 
