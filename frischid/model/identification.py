@@ -257,5 +257,5 @@ def _event(
 
 
 def _nrmse(whole: Gram, variance: Array) -> list[float]:
-    spread = whole.torque_ss() / whole.counts
+    spread = np.maximum(whole.torque_ss() / np.maximum(whole.counts, 1.0), 1e-300)  # a torque that never changes
     return [float(np.sqrt(v / s)) for v, s in zip(variance, spread, strict=True)]

@@ -66,17 +66,20 @@ class Moved:
 
 def test_order_of_logs_does_not_matter():
     logs = [planar_log(seed, noise=Noise(tau=0.05)) for seed in (1, 2, 3)]
-    first, second = (quick(PLANAR, x, cutoff=5.0) for x in (logs, logs[::-1]))
+    first, second = (quick(PLANAR, x, cutoff=5.0, prior="none") for x in (logs, logs[::-1]))
     np.testing.assert_allclose(first.model.estimate.theta, second.model.estimate.theta, rtol=1e-9)
     np.testing.assert_allclose(first.model.estimate.covariance, second.model.estimate.covariance, rtol=1e-6, atol=1e-18)
     assert first.samples == second.samples
+    # folds of the cross-validation that bounds the noise are stretches in order: they are others, if hardly
+    first, second = (quick(PLANAR, x, cutoff=5.0) for x in (logs, logs[::-1]))
+    np.testing.assert_allclose(first.model.estimate.theta, second.model.estimate.theta, rtol=1e-2)
 
 
 def test_more_logs_give_smaller_errors():
     motions = [random_fourier(PLANAR, 20.0, seed=s) for s in range(8)]
     noise = Noise(tau=0.05)
     logs = [simulate(PLANAR, m, rate=100.0, parameters=VALUES, noise=noise, seed=s) for s, m in enumerate(motions)]
-    one, eight = quick(PLANAR, logs[:1], cutoff=5.0), quick(PLANAR, logs, cutoff=5.0)
+    one, eight = (quick(PLANAR, x, cutoff=5.0, prior="none") for x in (logs[:1], logs))
     assert np.median(eight.model.estimate.stderr / one.model.estimate.stderr) < 0.6
 
 
@@ -165,7 +168,7 @@ def test_no_log_and_a_log_of_another_robot():
 def test_fewer_samples_than_parameters():
     log = exact_log(UR10, BASELINE)
     with pytest.raises(IdentifiabilityError, match=r"torque rows cannot determine \d+ parameters; record longer"):
-        quick(UR10, [log.slice(100, 118)], torque_joints=["shoulder_pan_joint"])
+        quick(UR10, [log.slice(100, 118)], torque_joints=["shoulder_pan_joint"], prior="none")
     estimate = quick(PLANAR, [planar_log(seconds=5.0)]).model.estimate
     with pytest.raises(IdentifiabilityError, match=r"too short to hold any of it out.*record longer"):
         cross_validated([Gram.zeros(estimate.columns, estimate.joints)], estimate)
@@ -180,7 +183,9 @@ def test_a_joint_that_never_moves_names_its_parameters(effects):
     q, v, a = log.q.copy(), log.v.copy(), log.a.copy()
     q[:, 1], v[:, 1], a[:, 1] = 0.4, 0.0, 0.0
     with pytest.raises(IdentifiabilityError, match=r"fv2.*(move|motion)"):
-        quick(PLANAR, [replace(log, q=q, v=v, a=a)], effects=effects)
+        quick(PLANAR, [replace(log, q=q, v=v, a=a)], effects=effects, prior="none")
+    found = quick(PLANAR, [replace(log, q=q, v=v, a=a)], effects=effects)
+    assert "log-leaves-open" in [alarm.id for alarm in found.alarms]
 
 
 def test_parameters_a_motion_cannot_tell_apart_are_named():
@@ -190,7 +195,7 @@ def test_parameters_a_motion_cannot_tell_apart_are_named():
     q = 0.1 * np.exp(0.3 * t)[:, None]
     log = Log(t, machine.joints, q, v=0.3 * q, a=0.09 * q, tau=q + 0.01 * np.sin(9 * t)[:, None])
     with pytest.raises(IdentifiabilityError, match=r"cannot tell (Izz1R?, fv1|fv1, Izz1R?) apart"):
-        quick(machine, [log], effects=parse_effects("viscous"), velocity="measured")
+        quick(machine, [log], effects=parse_effects("viscous"), velocity="measured", prior="none")
 
 
 def test_no_motion():
@@ -301,7 +306,7 @@ def test_standard_errors_cover_the_truth_with_coloured_residuals():
 
 def test_cross_validation_is_worse_than_in_sample():
     log = planar_log(seconds=10.0, rate=50.0, noise=Noise(tau=0.2))
-    found = quick(PLANAR, [log], effects=parse_effects("viscous,coulomb,offset,rotor_inertia"))
+    found = quick(PLANAR, [log], effects=parse_effects("viscous,coulomb,offset,rotor_inertia"), prior="none")
     spread = log.tau.std(axis=0)
     inside = found.model.estimate.sigma / spread
     outside = np.array(list(found.cross_validation.values()))

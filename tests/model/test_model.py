@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from frischid.core.files import check_writable
-from frischid.effects import BASELINE, parse_effects
+from frischid.effects import BASELINE, columns_of, parse_effects
 from frischid.errors import InputError
 from frischid.estimators.frisch import Box
 from frischid.logs.filters import LowPass
@@ -321,13 +321,14 @@ def test_the_prior_is_saved_with_the_model(tmp_path):
     before = quick(robot("planar2"), [log], prior="urdf").model
     before.save(tmp_path / "model.json")
     after = Model.load(tmp_path / "model.json")
-    assert before.prior.names == after.prior.names
-    assert before.prior.strength == after.prior.strength
-    np.testing.assert_array_equal(after.prior.mean, before.prior.mean)
-    np.testing.assert_array_equal(after.prior.spread, before.prior.spread)
-    criteria = after.history[0]["criteria"]
-    assert criteria["prior"]["enough_rows"] == 10.0
-    assert criteria["identification"]["unexplained_nrmse"] == 0.8
+    assert after.prior.to_dict() == before.prior.to_dict()
+    assert after.fitted.to_dict() == before.fitted.to_dict()
+    assert after.prior.parameters.names == tuple(c.name for c in columns_of(after.robot, after.effects))
+    assert after.history[0]["criteria"]["identification"]["unexplained_nrmse"] == 0.8
+    damaged = json.loads((tmp_path / "model.json").read_text(encoding="utf-8"))
+    damaged["prior"]["parameters"].reverse()
+    with pytest.raises(InputError, match="in order - at `prior.parameters`"):
+        Model.from_dict(damaged, "model.json")
 
 
 def test_parameters_by_position_and_by_name():
