@@ -37,7 +37,7 @@ ROUNDS = 60
 """Most rounds of scales and noise; they settle in about ten."""
 SETTLED = 1e-3
 """Relative change of scales and noise below which the rounds end."""
-EXACT = 1e-14
+EXACT = 1e-10
 """Residual variance over the torque's power below which a joint fits exactly: rounding, not noise."""
 HELD = 1e-4
 """Share of its standard deviation within which a parameter is held; its inverse leaves a parameter free."""
