@@ -219,7 +219,7 @@ def _model(bounds: Bounds) -> Model:
         base=problem.reduction.base,
         expressions=tuple(problem.reduction.expressions()),
         estimate=bounds.estimate,
-        mean_torque=problem.whole.sums[:, -1] / problem.whole.counts,
+        mean_torque=problem.whole.sums[:, -1] / np.maximum(problem.whole.counts, 1.0),
         bounds=bounds.boxes,
         reference=data.options.reference,
         recursion=recursion_record(bounds, data.options.criteria),
