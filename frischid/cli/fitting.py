@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -22,6 +24,9 @@ from frischid.cli.group import main
 from frischid.cli.inputs import load, opened
 from frischid.cli.output import show_page, working
 from frischid.errors import InputError
+
+if TYPE_CHECKING:
+    from frischid.model.alarms import Alarm
 
 
 @main.command()
@@ -61,7 +66,11 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 @click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
 @click.option("--velocity", type=click.Choice(["auto", "measured", "derived"]), default="auto")
 @click.option("--estimator", default="wls", help="wls, ols, frisch (best point of the box), sensorwise, eiv, iv.")
-@click.option("--prior", default="auto", help="Use the URDF as a prior: auto (short logs), none, urdf.")
+@click.option(
+    "--prior",
+    type=click.Choice(["urdf", "none"]),
+    help="The URDF's links as a prior: on (urdf) by default with the estimator wls, off (none) with all others.",
+)
 @click.option("--bbrf", default="strict", help="Bounding-box recursion: strict, undo, calibrated, or none.")
 @click.option("--window", type=int, help="BBRF window, rows.")
 @click.option(
@@ -82,7 +91,7 @@ def identify(
     cutoff: str,
     velocity: str,
     estimator: str,
-    prior: str,
+    prior: str | None,
     bbrf: str,
     window: int | None,
     scheduler: str | None,
@@ -128,6 +137,7 @@ def identify(
     if output:
         found.model.save(output)
     show_page(show.identification(found, output), as_json)
+    exit_with(found.alarms)
 
 
 @main.command()
@@ -146,3 +156,10 @@ def compare(model: str, logs: tuple[str, ...], mapping: str | None, as_json: boo
         progress("comparing")
         comparison = run(loaded, opened(logs, loaded.robot, mapping))
     show_page(show.comparison(comparison), as_json)
+    exit_with(comparison.alarms)
+
+
+def exit_with(alarms: Sequence[Alarm]) -> None:
+    """End with exit code 1 where an alarm is severe: a script must not take the figures for granted."""
+    if any(alarm.severity == "severe" for alarm in alarms):
+        sys.exit(1)

@@ -1,7 +1,6 @@
 """Prior of the parameters before logs are diagnosed: the URDF, weakly, or the identification.
 
-A robot that was *always* as it is: the prior that the model was fitted with; for a model without one a weak URDF
-prior, carried to the base parameters θ_b = K θ,
+A robot that was *always* as it is: a weak URDF prior, carried to the base parameters θ_b = K θ,
 
     θ ~ N(θ_URDF, P),   P = diag(spread²);      θ_b ~ N(K θ_URDF, K P Kᵀ).
 
@@ -28,7 +27,6 @@ from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.effects import columns_of
 from frischid.effects.dynamics import RigidDynamics, random_states
 from frischid.estimators.least_squares import Prior
-from frischid.estimators.map_estimate import effective_rows
 from frischid.estimators.urdf_prior import gaussian, link_spread
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor, nominal_parameters
@@ -46,26 +44,6 @@ def weak_urdf_prior(model: Model, criteria: DiagnosisCriteria = DIAGNOSIS_CRITER
     """Weak URDF prior of the base parameters, for a robot that was always as it is."""
     mapping, mean, spread = _standard(model, criteria)
     return gaussian(mapping @ mean, mapping * spread)
-
-
-def own_prior(model: Model, gram: Array, effective: Array, criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA) -> Prior:
-    """Prior that the model itself was fitted with, for a robot that was always as it is; else the weak URDF prior.
-
-    Parameters
-    ----------
-    model : Model
-    gram : ndarray, shape (J, p + 1, p + 1)
-        Moments of [Y τ] over the base columns of the logs.
-    effective : ndarray, shape (J,)
-        Effectively independent rows of each joint. The model's error does not average out over them: they count as
-        the κ rows that the motion shows, so the prior counts n/κ times as much beside them.
-    criteria : DiagnosisCriteria, optional
-    """
-    if model.prior is None:
-        return weak_urdf_prior(model, criteria)
-    mapping, _, _ = _standard(model, criteria)
-    rows = effective_rows(mapping.T @ gram[:, :-1, :-1] @ mapping)
-    return model.prior.of_base(mapping, max(1.0, float(np.median(effective)) / rows))
 
 
 def likely_standard_parameters(model: Model, criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA) -> Mapping[str, float]:

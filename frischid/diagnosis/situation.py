@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from frischid.core.parallel import Workers
-from frischid.diagnosis.change_prior import identification_prior, own_prior, weak_urdf_prior
+from frischid.diagnosis.change_prior import identification_prior, weak_urdf_prior
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.logs.log import Log
@@ -59,7 +59,6 @@ def cross_validator(
         A log lacks a joint of the model or its torque, or a joint never moves.
     """
     validator = CrossValidator.of(model, logs, weak_urdf_prior(model, criteria), criteria=criteria, workers=workers)
-    validator = with_own_prior(validator)
     own = any(model.made_from(log) for log in logs)
     if situation == "auto":
         refit = float(validator.base_nrmse().mean())
@@ -71,12 +70,6 @@ def cross_validator(
         known = criteria.known_residual_factor * model.estimate.sigma / validator.spread
         validator = validator.with_known_residual(known)
     return validator, situation
-
-
-def with_own_prior(validator: CrossValidator) -> CrossValidator:
-    """The same data under the prior of the validator's model, for a robot that was always as it is."""
-    model, gram = validator.model, validator.columns.gram.sum(axis=0)
-    return validator.with_prior(own_prior(model, gram, validator.effective, validator.criteria))
 
 
 def _error_as_it_is(validator: CrossValidator) -> float:

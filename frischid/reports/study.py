@@ -15,6 +15,7 @@ from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.errors import FrischidError, InputError
 from frischid.export.consistency import Consistency, make_consistent
 from frischid.logs.log import Log
+from frischid.model.alarms import Alarm, by_severity
 from frischid.model.comparison import Comparison, compare
 from frischid.model.identification_criteria import IdentificationCriteria
 from frischid.model.log_quality import Quality, quality
@@ -88,6 +89,14 @@ class Study:
         e = self.model.estimate
         return [c.name for c, x, s in zip(e.columns, e.theta, e.stderr, strict=True) if s > HARDLY_KNOWN * abs(x)]
 
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Alarms of the identification and of these logs, the severe ones first."""
+        identified: Mapping[str, Any] = next((e for e in reversed(self.model.history) if "alarms" in e), {})
+        known = [Alarm.from_dict(alarm) for alarm in identified.get("alarms", ())]
+        here = self.verdict.alarms
+        return by_severity([*here, *(a for a in known if a.id not in {b.id for b in here})])
+
     def warnings(self) -> list[str]:
         """Reasons to doubt the model, most serious first."""
         found = []
@@ -102,7 +111,7 @@ class Study:
             )
         worse = [n for n, j in self.verdict.joints.items() if j.nominal < j.nrmse and n not in hopeless]
         if worse:
-            found.append(f"The URDF's own parameters predict {listed(worse)} better than this model does.")
+            found.append(f"The URDF with fitted friction predicts {listed(worse)} better than this model does.")
         if self.diagnosis is not None and self.diagnosis.verdict != "none":
             found.append(f"{missing(self.diagnosis)}.")
         if self.impossible:

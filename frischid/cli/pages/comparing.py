@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from frischid.cli.pages.page import Page, depends, figure, table_of
+from frischid.cli.pages.page import Page, alarm_lines, depends, figure, table_of
 from frischid.model.comparison import Comparison
 from frischid.model.residual_conditions import CONDITION_ORDER
 
 
 def comparison(result: Comparison) -> Page:
     """Errors of a model, joint by joint."""
-    parts: list[Any] = [*error_tables(result), *_where(result), *_residual_error(result)]
+    parts: list[Any] = [*alarm_lines(result.alarms), *error_tables(result), *_where(result), *_residual_error(result)]
     return Page(result.to_dict(), parts)
 
 
@@ -19,7 +19,7 @@ def error_tables(result: Comparison) -> list[Any]:
     """Errors joint by joint, and what was left out of them."""
     where = ", ".join(result.sources)
     table = table_of(
-        "joint", "RMSE", "NRMSE", "noise floor", "fit %", "bias", "nominal URDF", "constant", "worst error", "at",
+        "joint", "RMSE", "NRMSE", "noise floor", "fit %", "bias", "URDF + friction", "constant", "worst error", "at",
         title=f"measured against model on {where}: mean NRMSE {result.nrmse:.4f}",
     )  # fmt: skip
     for name, j in result.joints.items():

@@ -25,6 +25,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "worst_condition": figures.failure.worst(shown),
         "missing": "" if study.diagnosis is None else missing(study.diagnosis),
         "next": _next(study, model_path),
+        "alarms": study.alarms,
         "warnings": study.warnings(),
     }
 
