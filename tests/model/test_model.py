@@ -327,7 +327,7 @@ def test_the_prior_is_saved_with_the_model(tmp_path):
     assert after.history[0]["criteria"]["identification"]["unexplained_nrmse"] == 0.8
     damaged = json.loads((tmp_path / "model.json").read_text(encoding="utf-8"))
     damaged["prior"]["parameters"].reverse()
-    with pytest.raises(InputError, match="in order - at `prior.parameters`"):
+    with pytest.raises(InputError, match=r"in order - at `prior\.parameters`"):
         Model.from_dict(damaged, "model.json")
 
 
