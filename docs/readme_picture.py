@@ -1,4 +1,4 @@
-"""The README's picture: measured torque, the model's, and what is left, on a motion that was not fitted.
+"""The README's picture: measured torque, the model's, and the residual error, on a motion that was not fitted.
 
 Draws the UR10e's validation log when FRISCHID_DATA is set, the demonstration's planar arm otherwise.
 """

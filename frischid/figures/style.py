@@ -1,6 +1,6 @@
 """How every figure looks: colours, template, names, and how many points are drawn.
 
-Colours are Okabe and Ito's, told apart by the colour-blind; what must also be told apart in grey differs in dash,
+Colours are Okabe and Ito's, distinct to the colour-blind; lines that must be distinct in grey too differ in dash,
 marker or lightness too. Titles and readings are text beside the figure, not inside it, so that they wrap on a small
 screen. Display is thinned by min-max: of every stretch of samples the ones with the least and the largest value of
 each curve are kept, so that a peak of one sample is drawn however long the log.
