@@ -1,9 +1,9 @@
-"""Armature and damping of every joint of an arm whose links are known: mujoco.sysid against frischid.
+"""Armature and damping of every joint of an arm with known links: mujoco.sysid compared with frischid.
 
-One log, made by MuJoCo: torque sines on five joints, positions and velocities with noise. mujoco.sysid simulates the
-whole log for every parameter at every iteration and fits the trajectory; frischid solves one linear least-squares
-problem of the torques. Both start from the same log in one run; mujoco.sysid in a process of its own (give `--python`
-an interpreter that has it, `pip install "mujoco[sysid]"`). Times are processor time.
+MuJoCo simulates one log: torque sines on five joints, positions and velocities with noise. mujoco.sysid simulates the
+whole log for every parameter at every iteration and fits the trajectory. frischid solves one linear least-squares
+problem of the torques. Both get the same log. mujoco.sysid runs in a process of its own: `pip install "mujoco[sysid]"`
+in another environment, and pass its interpreter as `--python`. Times are processor time.
 """
 
 from __future__ import annotations
@@ -82,11 +82,11 @@ def worst(values: dict[str, float], symbol: str, truth: tuple[float, ...]) -> fl
 
 
 def identified(t: np.ndarray, control: np.ndarray, states: np.ndarray) -> dict[str, float]:
-    """What frischid finds."""
+    """Parameters that frischid finds."""
     robot = fr.Robot(name="arm", source="made up", urdf=urdf())
     known = dict(zip(robot.all_names, map(float, robot.nominal), strict=True))
     robot = fr.Robot(name="arm", source="made up", urdf=urdf(), known=known)
-    # A control acts from one sample to the next: the torque at a sample is the mean of the two around it.
+    # A control is constant from one sample to the next: the torque at a sample is the mean of the controls around it.
     tau = (control[1:] + control[:-1]) / 2
     log = Log(t[1:-1], robot.joints, states[1:-1, :5], tau=tau, source="made up")
     effects = fr.parse_effects("viscous, rotor_inertia")
@@ -109,7 +109,7 @@ def simulated(seconds: float, noise: float) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def mjcf(true: bool = False) -> str:
-    """The arm for MuJoCo, with the true armature and damping or with none."""
+    """The arm for MuJoCo, with the true armature and damping or without."""
     inner = ""
     for i in reversed(range(5)):
         extra = f'armature="{ARMATURE[i]}" damping="{DAMPING[i]}"' if true else ""

@@ -1,11 +1,16 @@
-"""Speed of the bounding-box recursion against a direct port of the published algorithm.
+"""Speed of the bounding-box recursion compared with a direct port of the published algorithm.
 
 Both slide a window by one row over the same rows of [Y τ] and leave out a window that would empty the box. The direct
-port does what Algorithm 1 and the authors' code say, window after window: moments of the window's rows; for each of
-the p + 1 variables the largest variance its noise can have, a ratio of two determinants; the null space of what is left
-by an SVD; the vertices' extent. It is timed over the first windows only and extrapolated (every window costs the same).
-frischid updates the moments and takes all p + 1 vertices from one inverse (`bbrf`); it is timed over all
-windows. Columns come at unit mean square, or the determinants would suffer.
+port follows Algorithm 1 and the authors' code. For each window it computes
+
+1. the moments of the window's rows;
+2. for each of the p + 1 variables the largest variance that the variable's noise can have, a ratio of two determinants;
+3. the null space of the moments less this variance, by an SVD;
+4. the extent of these p + 1 vertices.
+
+The direct port is timed over the first windows only and extrapolated, because every window costs the same. frischid
+updates the moments and computes all p + 1 vertices from one inverse (`bbrf`); it is timed over all windows. Columns are
+scaled to unit mean square, because the determinants would lose accuracy otherwise.
 """
 
 from __future__ import annotations
@@ -31,7 +36,7 @@ SIX_JOINTS, SIX_EFFECTS = "ur10", "viscous, rotor_inertia"
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Rows of [Y τ] of unit mean square, and how many windows the direct port is given."""
+    """Rows of [Y τ] of unit mean square, and the number of windows for the direct port."""
 
     name: str
     names: tuple[str, ...]
@@ -115,7 +120,7 @@ def direct(rows: Array, windows: int) -> tuple[Array, Array, int]:
 
 
 def extent_of(S: Array) -> tuple[Array, Array]:
-    """Vertex after vertex: take all the noise a variable can have out of the moments, and find their null vector."""
+    """Extent of all vertices: subtract the largest noise of one variable from the moments, and take the null vector."""
     n = len(S)
     vertices = np.empty((n - 1, n))
     whole = np.linalg.det(S)
@@ -129,7 +134,7 @@ def extent_of(S: Array) -> tuple[Array, Array]:
 
 
 def compared(problem: Problem, rounds: int) -> tuple[dict[str, object], str]:
-    """Time both, and see that they agree on the windows that both were given."""
+    """Time both, and compare their boxes on the windows that both were given."""
     count = len(problem.rows) - WINDOW + 1
     start = time.perf_counter()
     lower, upper, undone = direct(problem.rows, problem.windows)
@@ -143,8 +148,8 @@ def compared(problem: Problem, rounds: int) -> tuple[dict[str, object], str]:
         "robot": problem.name,
         "p": len(problem.names),
         "windows": count,
-        "direct port, µs a window": 1e6 * port,
-        "frischid, µs a window": 1e6 * ours,
+        "direct port, µs per window": 1e6 * port,
+        "frischid, µs per window": 1e6 * ours,
         "ratio": ratio,
         "target": TARGET,
         "reached": ratio >= TARGET,

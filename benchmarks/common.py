@@ -1,4 +1,4 @@
-"""What every benchmark script shares: its options, its table, and the same figures as JSON."""
+"""Functions that every benchmark script uses: options, a table, and the same figures as JSON."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def data_folder() -> Path | None:
 
 @contextmanager
 def pool(scheduler: str | None, count: int, *modules: ModuleType) -> Iterator[Workers]:
-    """Somewhere to do a benchmark's runs; one worker is this process. `modules` of the benchmark are sent along."""
+    """Workers for a benchmark's runs; one worker is this process. The workers receive `modules` of the benchmark."""
     with workers(scheduler or (HERE if count == 1 else None), count) as there:
         if isinstance(there, Dask):
             import cloudpickle  # comes with Dask
@@ -48,18 +48,18 @@ def pool(scheduler: str | None, count: int, *modules: ModuleType) -> Iterator[Wo
 
 
 class Worker:
-    """Another package doing the same job in an interpreter of its own, once for every line it is sent.
+    """Another package that does the same job in an interpreter of its own, once per line sent to it.
 
     Parameters
     ----------
     python : str
         Interpreter that has the package.
     script : Path
-        What it runs; it answers every line with one of JSON.
+        Script to run; it answers every line with a line of JSON.
     folder : str
-        Where inputs and answers are.
+        Folder of inputs and answers.
     install : str
-        How to get the package, for the error.
+        Command that installs the package, for the error message.
     """
 
     def __init__(self, python: str, script: Path, folder: str, install: str) -> None:
@@ -81,8 +81,8 @@ class Worker:
         line = self.process.stdout.readline()
         if not line:
             sys.exit(
-                f"error: {self.python} cannot do the other side's job; `{self.install}` in a venv of its own and pass "
-                "that venv's interpreter with --python"
+                f"error: {self.python} cannot run {self.script.name}; run `{self.install}` in a venv of its own and "
+                "pass that venv's interpreter with --python"
             )
         return dict(json.loads(line))
 
@@ -100,7 +100,7 @@ def publish(title: str, rows: Sequence[Mapping[str, Any]], path: Path | None, no
     ----------
     title : str
     rows : sequence of mapping
-        One a line; columns are the keys of the first.
+        One per line; columns are the keys of the first.
     path : Path or None
         JSON file to write.
     notes : sequence of str

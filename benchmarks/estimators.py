@@ -1,8 +1,8 @@
 """Every estimator of frischid on the same noisy logs: bias, error, joint coverage, width of the bounds, processor time.
 
-Two robots: the paper's planar arm along the authors' points (FRISCHID_DATA; a random Fourier motion of the same
-length without), and a UR10 along a random 20 s Fourier motion. White noise σ_q on q, 2σ_q on q̇ and q̈, 1 N·m on the
-torque. No run is discarded; a run in which a method gives no bounds counts as one that does not cover.
+Two robots: the paper's planar arm along the authors' points (or along a random Fourier motion of the same length if
+FRISCHID_DATA is not set), and a UR10 along a random 20 s Fourier motion. White noise σ_q on q, 2σ_q on q̇ and q̈, 1 N·m
+on the torque. No run is discarded; a run in which a method gives no bounds counts as one that does not cover.
 
 For each method, over the runs:
 
@@ -11,12 +11,12 @@ For each method, over the runs:
 - *cover*: share of runs in which the box, or the estimate ± Bonferroni t standard errors, holds all parameters at
   once;
 - *width*: median width of a friction parameter's bounds, as a multiple of its true value, mean over the parameters;
-- *gain*: the classical Frisch box's median width over the method's, in the friction parameter where that is least.
+- *gain*: the classical Frisch box's median width over the method's, for the friction parameter with the least ratio.
 
-``sensor-wise`` knows nothing of the noise; ``sensor-wise, log`` reads an upper limit of it off the log (one and a
-half times `noise_levels`); ``sensor-wise, data sheet`` is told the standard deviations of q, q̇, q̈ to within half
-and one and a half times. ``eiv`` is told them exactly, ``eiv, estimated`` reads them off the log. ``iv`` makes its
-reference from the log, ``iv, reference`` has the recorded one.
+``sensor-wise`` knows nothing about the noise; ``sensor-wise, log`` estimates an upper limit from the log (one and a
+half times `noise_levels`); ``sensor-wise, data sheet`` is given the standard deviations of q, q̇, q̈ as ranges from
+half to one and a half times the true ones. ``eiv`` is given them exactly; ``eiv, estimated`` estimates them from the
+log. ``iv`` makes its reference from the log; ``iv, reference`` has the recorded one.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def case_of(name: str, folder: Path | None, seed: int) -> Case:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What one method said of one log; bounds are None where it had none."""
+    """Result of one method on one log; bounds are None where the method gave none."""
 
     theta: Array
     box: Box | None
@@ -119,7 +119,7 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class Noisy:
-    """One noisy log, and what the methods share."""
+    """One noisy log, and the data that all methods use."""
 
     case: Case
     sigma: float
@@ -132,7 +132,7 @@ class Noisy:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """All joints have torques."""
+        """Joints with a torque: all."""
         return self.case.regressor.robot.joints
 
     @property
@@ -153,14 +153,14 @@ class Noisy:
 
 
 def noisy(case: Case, sigma: float, rng: np.random.Generator) -> Noisy:
-    """Record the motion once."""
+    """Record the motion with fresh noise."""
     m = case.clean
     q, v, a = (x + s * sigma * rng.normal(size=x.shape) for x, s in ((m.q, 1), (m.v, 2), (m.a, 2)))
     return Noisy(case, sigma, replace(m, q=q, v=v, a=a, tau=m.tau + TORQUE_NOISE * rng.normal(size=m.tau.shape)))
 
 
 def interval(log: Noisy, estimate: Estimate) -> tuple[Array, Box]:
-    """Estimate, and its standard errors made joint bounds."""
+    """Estimate, and joint bounds from its standard errors."""
     p, B = len(estimate.theta), len(log.blocks)  # type: ignore[attr-defined]
     reach = student.isf((1 - CONFIDENCE) / (2 * p), B - 1) * estimate.stderr
     return estimate.theta, Box(tuple(log.names), estimate.theta - reach, estimate.theta + reach)
@@ -195,14 +195,12 @@ def recursed(variant: str) -> Callable[[Noisy], tuple[Array, Box | None]]:
 
 
 def sensors(known: str) -> Callable[[Noisy], tuple[Array, Box | None]]:
-    """Sensor-wise scheme, with limits of the noise from nowhere, the log or a data sheet."""
+    """Sensor-wise scheme, with limits of the noise from a data sheet, from the log, or without any."""
 
     def run(log: Noisy) -> tuple[Array, Box | None]:
         case = log.case
-        weights = None if len(log.joints) == 2 else wls(log.blocks).weights  # type: ignore[attr-defined]
-        data = sensor_moments(
-            case.regressor, [log.motion], NOTHING, log.joints, case.base, names=log.names, weights=weights
-        )
+        start = ols(log.blocks) if len(log.joints) == 2 else wls(log.blocks)
+        data = sensor_moments(case.regressor, [log.motion], NOTHING, log.joints, case.base, start)
         limits: dict[str, tuple[float, float]] = {}
         if known == "log":
             limits = noise_limits([log.motion], case.regressor.robot, NOTHING)
@@ -216,7 +214,7 @@ def sensors(known: str) -> Callable[[Noisy], tuple[Array, Box | None]]:
 
 
 def likelihood(given: bool) -> Callable[[Noisy], tuple[Array, Box | None]]:
-    """Errors in variables, noise levels given or estimated."""
+    """Errors in variables, with noise levels that are given or estimated."""
 
     def run(log: Noisy) -> tuple[Array, Box | None]:
         sigma = log.levels if given else None
@@ -227,7 +225,7 @@ def likelihood(given: bool) -> Callable[[Noisy], tuple[Array, Box | None]]:
 
 
 def instruments(known: bool) -> Callable[[Noisy], tuple[Array, Box | None]]:
-    """Instrumental variables, reference recorded or made."""
+    """Instrumental variables, with a reference that is recorded or made from the log."""
 
     def run(log: Noisy) -> tuple[Array, Box | None]:
         references = [log.case.trajectory] if known else None
@@ -276,7 +274,7 @@ def answers(work: tuple[str, Path | None, int, float, Sequence[str], Sequence[in
 
 
 def summary(case: Case, name: str, sigma: float, runs: Sequence[dict[str, Answer]]) -> list[dict[str, Any]]:
-    """One row a method."""
+    """One row per method."""
     friction = case.friction
     reference = np.sqrt(np.mean([(r["ols"].theta - case.theta) ** 2 for r in runs], axis=0))
     classical = _median_width(runs, "frisch box")
@@ -315,7 +313,7 @@ def _median_width(runs: Sequence[dict[str, Answer]], method: str) -> Array:
 def main() -> None:
     """Run and print."""
     arguments = parser(__doc__)
-    arguments.add_argument("--runs", type=int, default=50, help="noisy logs a level (50; the targets are for 250)")
+    arguments.add_argument("--runs", type=int, default=50, help="noisy logs per level (50; the targets are for 250)")
     arguments.add_argument("--workers", type=int, default=2, help="processes (2); 1 stays in this one")
     arguments.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler to run on, tcp://host:8786")
     arguments.add_argument("--seed", type=int, default=0)
@@ -337,7 +335,7 @@ def main() -> None:
                 runs = [run for part in there.gather(there.map(answers, work)) for run in part]
                 rows += summary(case, name, sigma, runs)
     source = "the authors' points" if folder is not None else "a random Fourier motion (FRISCHID_DATA is not set)"
-    notes = [f"planar2 along {source}; {options.runs} runs a level, none discarded; nominal cover {CONFIDENCE:.0%}"]
+    notes = [f"planar2 along {source}; {options.runs} runs per level, none discarded; nominal cover {CONFIDENCE:.0%}"]
     publish("Estimators on the same noisy logs", rows, options.json, notes)
 
 

@@ -1,15 +1,15 @@
-"""How exciting the planned motions are, and what planning them costs.
+"""How well planned motions excite a robot, and the time that planning takes.
 
-The planar arm against the paper's cost (19) at 100 points a second apart: with the authors' bounds at the points only,
-where they report 13.57 after 399,671 evaluations, and with the same bounds at every instant between. The cost uses unit
-noise, drawn once, as the authors' code does; because a search can adapt to that very noise, the cost with fresh noise
-(mean of 200 draws) stands beside it, and with FRISCHID_DATA set the authors' own points are judged alike.
+First table: the planar arm and the paper's cost (19) at 100 points, one second apart. The motion keeps the authors'
+bounds either at the points only (the authors report 13.57 after 399,671 evaluations) or at every instant. The cost uses
+unit noise that is drawn once, like the authors' code. A search can adapt to that one draw, so the mean cost over 200
+fresh draws is given too. With FRISCHID_DATA set, the authors' own points are judged in the same way.
 
-Then 20 s for robots of six and seven joints: condition number of the base regressor with columns at unit norm, against
-the best of 1,000 random Fourier motions of the same harmonics, each grown until a limit stops it. Limits are 0.9 of the
-URDF's, full speed reached in 0.25 s. Both keep clear of themselves and the floor where the URDF has collision shapes: a
-random motion is shrunk until it does. "colliding" are the best of random motions that need not, an easier task than the
-planner's.
+Second table: motions of 20 s for robots of six and seven joints. The measure is the condition number of the base
+regressor with columns at unit norm, compared with the best of 1,000 random Fourier motions of the same harmonics, each
+enlarged until it reaches a limit. Limits are 0.9 of the URDF's; full speed is reached in 0.25 s. If the URDF has
+collision shapes, planned motions avoid collisions with the robot itself and with the floor, and random motions are
+shrunk until they do. The column "colliding" is the best of random motions that may collide, an easier task.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def authors_points() -> Array | None:
 
 
 def planar_rows(seed: int, budget: int) -> list[dict[str, Any]]:
-    """Cost (19): the paper's, the authors' points, and three plans."""
+    """Cost (19) of the paper's motion, of the authors' points, and of three plans."""
     robot, effects, bounds = planar()
     t = np.arange(100.0)
 
@@ -122,7 +122,7 @@ def random_best(robot: Robot, harmonics: int, count: int, seed: int, clearance: 
 
 
 def arm_row(name: str, robot: Robot, seed: int, budget: int | None, count: int) -> dict[str, Any]:
-    """One robot: planned against random."""
+    """One robot: the planned motion compared with random ones."""
     t = np.linspace(0.0, DURATION, 1000)
     options = {} if budget is None else {"budget": budget}
     start = time.process_time()
@@ -157,7 +157,7 @@ def main() -> None:
     rows: list[dict[str, Any]] = []
     if chosen.only != "arms":
         rows = planar_rows(chosen.seed, PAPER_EVALUATIONS // 10)
-        publish("Planar arm: cost (19) at 100 points, a second apart", rows, chosen.json)
+        publish("Planar arm: cost (19) at 100 points, one second apart", rows, chosen.json)
     if chosen.only == "planar":
         return
     arms = {

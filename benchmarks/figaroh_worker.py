@@ -1,7 +1,7 @@
-"""Figaroh's side of `against_figaroh.py`: runs in whichever interpreter has figaroh, knows nothing of frischid.
+"""The figaroh process of `against_figaroh.py`; it runs in an interpreter that has figaroh and does not use frischid.
 
-For every line on its input it does the job once with figaroh's own functions, in the order of its
-`BaseIdentification.solve` without decimation, and answers with the processor seconds. Not a benchmark by itself.
+For every line on its input, this script does the job once with figaroh's own functions, in the order of figaroh's
+`BaseIdentification.solve` without decimation. It answers with the processor seconds. It is no benchmark by itself.
 """
 
 import contextlib
@@ -30,7 +30,7 @@ CONFIG = {
 
 
 class Robot:
-    """What figaroh's regressor asks of a robot."""
+    """The attributes of a robot that figaroh's regressor reads."""
 
     def __init__(self, urdf):
         self.model = pin.buildModelFromXML(urdf)

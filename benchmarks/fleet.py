@@ -1,8 +1,8 @@
-"""A simulated fleet of which three robots are altered, identified in one process and on a local Dask cluster.
+"""A simulated fleet with three altered robots, identified in one process and on a local Dask cluster.
 
-Every robot is a UR5's first three joints with friction of its own (one percent from robot to robot), 60 s at 50 Hz, on
-a motion of its own. One carries a payload, one has more friction, one stands on a tilted base; one log is broken. On
-the cluster one worker is killed when half of the robots are done. All of it must give the same figures.
+Every robot has the first three joints of a UR5, friction of its own (it varies by one percent), and a motion of its own
+(60 s at 50 Hz). One robot carries a payload, one has more friction, one stands on a tilted base, and one log is broken.
+On the cluster, one worker is killed when half of the robots are done. Both ways must give the same figures.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def main() -> None:
         f"one process {seconds:.1f} s; {options.workers} workers, one of them killed: {elapsed:.1f} s (wall clock)",
         f"worker killed: {'yes' if killed else 'NO'}; largest relative difference of a fleet parameter "
         f"{difference:.1e} (target 1e-10), same ranking and names: {'yes' if same else 'NO'}",
-        f"moments of one robot: {8 * 3 * (p + 1) ** 2} bytes a block",
+        f"moments of one robot: {8 * 3 * (p + 1) ** 2} bytes per block",
     ]
     publish("a fleet with three altered robots", rows, options.json, notes)
     sys.exit(0 if correct and same and killed else 1)
@@ -116,7 +116,7 @@ def identified(robot: fr.Robot, pattern: list[str], pool: Workers, progress: Any
 
 
 def on_a_cluster(robot: fr.Robot, pattern: list[str], count: int, kill_at: int) -> tuple[Fleet, float, bool]:
-    """The same on processes, one of which is killed when so many robots are done."""
+    """The same on a local cluster; one of its processes is killed when `kill_at` robots are done."""
     from distributed import Client, LocalCluster
 
     killed = []

@@ -1,12 +1,13 @@
-"""Simulated robots with something hidden in them, and the truth about it.
+"""Simulated robots with a hidden effect, and the truth about it.
 
-`cases` draws what to simulate, `build` simulates it: the nominal robot its user would have, logs to fit, a log held
-out, a log from before the change where the effect is a change, and the truth. Everything follows from the seed.
+`cases` draws the cases, and `build` simulates one. A case has the nominal robot (the URDF that its user would have), a
+log to fit, a second log, the truth, and where the effect is a change, a log from before the change. Everything follows
+from the seed.
 
-The *size* of an effect is the rms of its torque (of a gear or a delay: of the torque error it makes) over the joint's
-standard deviation of torque without it, on those of both logs to diagnose that it acts on: 10 to 20 % in grade 1, 3 to
-10 % in grade 2, 1 to 3 % in grade 3. How much of it the baseline model cannot absorb (`Truth.visible`) is often much
-less: of v|v|, a tenth.
+The *size* of an effect is the rms of its torque over the standard deviation of the joint's torque without the effect.
+(For a gear or a delay, the torque error counts in place of the torque.) Only logs to diagnose in which the effect acts
+count. Grade 1 is 10 to 20 %, grade 2 is 3 to 10 %, grade 3 is 1 to 3 %. The part of an effect that the baseline model
+cannot absorb (`Truth.visible`) is often much smaller: for v|v|, one tenth.
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ CHANGES = ("payload", "gravity_tilt", *CHANNELS)
 EFFECTS = (*SMALL, *GEARS, *CHANGES)
 """Effects to find, by their names in the catalogue."""
 COUNTS = {"single": 5, "healthy": 40, "unknown": 20, "contact": 20, "pair": 40}
-"""Cases of each kind; of single effects, for each effect and grade."""
+"""Number of cases of each kind; for single effects, per effect and grade."""
 MUJOCO_SHARE = 0.2
 
 
 @dataclass(frozen=True)
 class CaseSpec:
-    """What to simulate: everything that is drawn before the simulation.
+    """Description of one case: everything that is drawn before the simulation.
 
     Attributes
     ----------
@@ -43,17 +44,17 @@ class CaseSpec:
     seed : tuple of int
     kind : {"single", "healthy", "unknown", "contact", "pair"}
     effects : tuple of str
-        Hidden effects, empty for a healthy robot; of unknown ones, their names in `hidden_unknown`.
+        Hidden effects, empty for a healthy robot; unknown effects by their names in `hidden_unknown`.
     grade : int
         0 for a healthy robot.
     background : float
-        Small effects of other kinds on every joint, share of its torque.
+        Size of small effects of other kinds on every joint, as a share of the joint's torque.
     arm : str
     simulator : {"rnea", "two_mass", "mujoco"}
     duration : float
         Seconds.
     families : tuple of str
-        Of the motion to fit, the one held out, and the one before the change.
+        Families of the motion to fit, of the second one, and of the one before the change.
     scale, bandwidth, pauses : float, float, int
         See `hidden_physics.motion`.
     sensors : Sensors
@@ -84,14 +85,15 @@ class Truth:
     effects : tuple of str
         Names in the catalogue, ``contact`` or ``unknown``; empty for a healthy robot.
     joints : tuple of tuple of str
-        Of each effect; empty for what acts on the whole robot.
+        Joints of each effect; empty for an effect on the whole robot.
     grade : int
     sizes, visible : tuple of float
-        Of each effect: all of it, and what the baseline model cannot absorb, on the joint where it is largest.
+        Size of each effect, and size of the part that the baseline model cannot absorb, on the joint where it is
+        largest.
     details : tuple of str
         Shape of each effect, for people.
     background, background_visible : float
-        The same of the background, on every joint and in the mean.
+        The same two sizes of the background: on every joint, and in the mean.
     background_effects : tuple of str
     arm, simulator : str
     channels : str
@@ -114,7 +116,7 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A robot as its user has it, its logs, and the truth; `reference` logs are from before a change."""
+    """The robot as its user knows it, its logs, and the truth; `reference` logs are from before a change."""
 
     spec: CaseSpec
     robot: Robot
@@ -131,9 +133,9 @@ def cases(seed: int = 0, count: int | None = None, only: str | None = None) -> l
     ----------
     seed : int
     count : int, optional
-        How many of the whole benchmark, spread evenly over its kinds; all by default.
+        Number of cases, spread evenly over the kinds; all by default.
     only : str, optional
-        An effect or a kind to keep.
+        An effect or a kind; other cases are left out.
     """
     wanted: list[tuple[str, tuple[str, ...], int, bool]] = []
     for k in range(COUNTS["single"]):
@@ -158,7 +160,7 @@ def cases(seed: int = 0, count: int | None = None, only: str | None = None) -> l
 
 
 def _pair(rng: np.random.Generator, k: int) -> tuple[str, str]:
-    """Two effects that were both there from the start, or two changes; at most one of them in a gear."""
+    """Two effects that were there from the start, or two changes; at most one of them is in a gear."""
     if k % 4 == 3:
         a, b = rng.choice(CHANGES, 2, replace=False)
     else:
@@ -169,7 +171,7 @@ def _pair(rng: np.random.Generator, k: int) -> tuple[str, str]:
 def _spec(seed: int, number: int, kind: str, effects: tuple[str, ...], grade: int, small: bool) -> CaseSpec:
     rng = np.random.default_rng([seed, number])
     geared = bool(set(effects) & set(GEARS))
-    # A gear needs fast motion to show, and play a load that changes its sign: not a pendulum's.
+    # A flexible gear shows in fast motion only; play shows where the load changes its sign, unlike a pendulum's.
     names = [a for a in ARMS if not (a == "planar2" and "backlash" in effects)]
     mujoco = not geared and rng.random() < MUJOCO_SHARE
     low, high = (1.0, 2.0) if geared else (0.4, 1.0)
@@ -244,7 +246,7 @@ def _worlds(spec: CaseSpec, robot: Robot, rng: np.random.Generator, count: int) 
     ]
     drive = Drive.plausible(rng, plans[0], rnea(model, robot, plans[0]))
     if spec.simulator == "mujoco":
-        from hidden_mujoco import followed  # MuJoCo is needed for these cases only
+        from hidden_mujoco import followed  # only these cases need MuJoCo
 
         stiff = spec.number % 2 == 1
         return [followed(model, robot, plan, drive, k, stiff=stiff) for k, plan in enumerate(plans)]

@@ -1,10 +1,10 @@
-"""Which hidden effect is it? The diagnosis against a simulator that does not share its equations.
+"""Does a diagnosis find a hidden effect? The simulator does not share the diagnosis' equations.
 
-Each case is a robot off its URDF with something hidden in it, small effects of other kinds beside it in half of the
-cases, real encoders' noise, one motion to identify from and a second one (see `hidden_cases`). The diagnosis gets both
-motions as logs that select, each predicted from the other: no motion is a test log, and the errors below are
-cross-validated. A case is a hit when the first finding names the truth, or is one finding for several effects that this
-log cannot tell apart, the truth among them.
+Each case is a robot that differs from its URDF and has a hidden effect; half of the cases have small effects of other
+kinds too. There is noise as of real encoders, one motion to identify from, and a second motion (see `hidden_cases`).
+The diagnosis gets both motions, and each is predicted by a fit to the other: no motion is a test log, and the errors
+below are cross-validated. A case is a hit when the first finding names the true effect. It is a hit too when the first
+finding names several effects that these logs cannot distinguish, and the true effect is one of them.
 
 Needs MuJoCo for a fifth of the cases: ``pip install mujoco``.
 """
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: processes share the cores
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # set before numpy is imported: several processes share the cores
 
 import json
 import time
@@ -34,26 +34,26 @@ from frischid.core.files import write_text
 from frischid.model.identification import identify
 
 STEPS = 3
-"""Steps `improve` may take to find both of two effects: a background has small ones that are truly there too."""
+"""Steps that `improve` may take to find two hidden effects: it may first add true small effects of the background."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a diagnosis said, without its types.
+    """Result of a diagnosis in plain values.
 
     Attributes
     ----------
     verdict : {"none", "effect", "contact", "unknown"}
     ranking : tuple of tuple of str
-        Effects named by each finding, best first; several where they are one finding.
+        Effects named by each finding, best first; several where a finding names effects that cannot be distinguished.
     joints : tuple of tuple of str
         Joints of each finding.
     after : tuple of float
         Cross-validated error with each finding added.
     error, floor : float
-        Cross-validated error before, and what the sensors alone would leave.
+        Cross-validated error before, and error of the sensor noise alone.
     added : tuple of tuple of str
-        Effects named by each step of `improve`, where two are hidden.
+        Effects named by each step of `improve`, where two effects are hidden.
     """
 
     verdict: str
@@ -69,7 +69,7 @@ Diagnose = Callable[[Case], Outcome]
 
 
 def diagnosed(case: Case) -> Outcome:
-    """Ask frischid: the only function that knows the diagnosis' interface."""
+    """Diagnose a case with frischid; no other function here uses the interface of the diagnosis."""
     from frischid.diagnosis.diagnosis import diagnose
     from frischid.diagnosis.improvement import improve
 
@@ -93,21 +93,21 @@ def _names(finding: Any) -> tuple[str, ...]:
 
 
 def score(kind: str, truth: Truth, said: Outcome) -> dict[str, Any]:
-    """Hold an outcome against the truth.
+    """Compare an outcome with the truth.
 
     Returns
     -------
     dict
-        ``first``: the right answer, for every kind; ``top``: among the first three; ``joints``: at the right joints
-        (None unless it is a hit on joints); ``said``: the answer in a word; ``after``: error once the right effect is
-        added.
+        ``first``: whether the answer is right; ``top``: whether the right answer is among the first three; ``joints``:
+        whether a hit names the right joints (None where there is nothing to name); ``said``: the answer in a word;
+        ``after``: error with the right effect added.
     """
     first = said.ranking[0] if said.verdict == "effect" and said.ranking else (said.verdict,)
     where = [k for k, names in enumerate(said.ranking) if set(names) & set(truth.effects)]
     result: dict[str, Any] = {"said": first[0], "top": bool(where and where[0] < 3), "joints": None, "after": None}
     if kind == "healthy":
-        # With a background something small is really there: naming it is no false alarm, nor is "unknown" where part of
-        # it is in no catalogue.
+        # With a background, small effects are really there: naming one is no false alarm. Nor is "unknown", if a part
+        # of the background is outside the catalogue.
         there = {"unknown" if name in UNKNOWN else name for name in truth.background_effects}
         result["first"] = said.verdict == "none" or bool(set(first) & there)
         return result
@@ -128,7 +128,7 @@ def score(kind: str, truth: Truth, said: Outcome) -> dict[str, Any]:
 
 
 def run(spec: CaseSpec, diagnose: Diagnose = diagnosed) -> dict[str, Any]:
-    """Simulate, diagnose and score one case; what goes wrong is part of the result."""
+    """Simulate, diagnose and score one case; an exception becomes part of the result."""
     start = time.perf_counter()
     case = build(spec)
     built = time.perf_counter()
@@ -154,13 +154,13 @@ Rows = Sequence[dict[str, Any]]
 
 
 def rate(rows: Rows, key: str = "first") -> str:
-    """Share of rows for which `key` is true, and how many there are."""
+    """Share of rows for which `key` is true, and the number of rows that have a value."""
     counted = [bool(r[key]) for r in rows if r[key] is not None]
     return f"{np.mean(counted):4.0%} of {len(counted)}" if counted else "–"
 
 
 def split(rows: Rows) -> dict[str, str]:
-    """First-place rates without background, with one at most half the effect, and with any."""
+    """Rates of right answers without background, with a background of at most half the effect, and with any."""
     clean = [r for r in rows if not r["truth"]["background"]]
     dirty = [r for r in rows if r["truth"]["background"]]
     strong = [r for r in dirty if min(r["truth"]["sizes"], default=0.0) >= 2 * r["truth"]["background"]]
@@ -168,7 +168,7 @@ def split(rows: Rows) -> dict[str, str]:
 
 
 def tables(rows: Rows) -> dict[str, list[dict[str, Any]]]:
-    """Everything the benchmark prints, by title."""
+    """All printed tables, by title."""
     single = [r for r in rows if r["kind"] == "single"]
     grades = [
         {"grade": str(g), **split(part), "top three": rate(part, "top"), "joints": rate(part, "joints"), **errors(part)}
@@ -188,8 +188,8 @@ def tables(rows: Rows) -> dict[str, list[dict[str, Any]]]:
         "Single effects by grade: named first": grades,
         "Single effects: named first": effects,
         "Healthy robots without alarm, contact and unknown recognised, both of two effects found": others,
-        "What was said instead": confusions([r for r in rows if r["kind"] != "pair"]),
-        "Seconds a case": seconds,
+        "Wrong answers": confusions([r for r in rows if r["kind"] != "pair"]),
+        "Seconds per case": seconds,
     }
 
 
@@ -208,7 +208,7 @@ def errors(rows: Rows) -> dict[str, str]:
 
 
 def confusions(rows: Rows) -> list[dict[str, Any]]:
-    """Truth -> what was said, with counts, right answers left out."""
+    """For each truth, the wrong answers and their counts."""
     result = []
     for truth, part in _by(rows, lambda r: (r["truth"]["effects"] or ("none",))[0]):
         wrong = Counter(r["said"] for r in part if not r["first"])
@@ -229,7 +229,7 @@ def main() -> None:
     options = parser(__doc__)
     options.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     options.add_argument("--seed", type=int, default=0)
-    options.add_argument("--count", type=int, help="so many cases, spread over all kinds")
+    options.add_argument("--count", type=int, help="number of cases, spread over all kinds")
     options.add_argument(
         "--only", metavar="EFFECT", help="an effect, or a kind: single, healthy, unknown, contact, pair"
     )

@@ -1,9 +1,12 @@
 """Motion from MuJoCo: forward dynamics under feedback, with MuJoCo's own friction.
 
-The true tree is written as MJCF, body by body, with ``armature``, ``damping`` and ``frictionloss`` (a constraint solved
-at every step, so that joints really stick: in half of the cases nearly at once, in the others as MuJoCo has it by
-default, when it brakes a joint over 10 ms before it turns). The controller is proportional-derivative feedback plus the
-gravity torque of the *nominal* URDF; nothing makes the arm follow exactly. MuJoCo: E. Todorov et al., IROS 2012.
+The true tree of bodies is written as MJCF, body by body, with ``armature``, ``damping`` and ``frictionloss``. Friction
+loss is a constraint that MuJoCo solves at every step, so that joints really stick. In half of the cases friction is
+nearly a step; in the others it has MuJoCo's default, which brakes a joint over 10 ms before the joint turns. The
+controller is proportional-derivative feedback plus the gravity torque of the *nominal* URDF, so the arm does not follow
+exactly.
+
+Source: E. Todorov, T. Erez and Y. Tassa, "MuJoCo: A physics engine for model-based control", IROS 2012.
 """
 
 from __future__ import annotations
@@ -17,9 +20,9 @@ from hidden_physics import SMOOTH, STEP, Array, Drive, Path, World, rnea
 from frischid.robot.robot import Robot
 
 BANDWIDTH = 2 * np.pi * 12.0
-"""Of the position control, rad/s."""
+"""Bandwidth of the position control, rad/s."""
 STIFF = 'solreffriction="0.002 1" solimpfriction="0.98 0.999 0.001"'
-"""Dry friction that is nearly a step."""
+"""Options for dry friction that is nearly a step."""
 
 
 def followed(model: Any, robot: Robot, plan: Path, drive: Drive, number: int, *, stiff: bool = True) -> World:
@@ -30,19 +33,19 @@ def followed(model: Any, robot: Robot, plan: Path, drive: Drive, number: int, *,
     model : pinocchio.Model
         True bodies.
     robot : Robot
-        The user's, for the controller's gravity torque.
+        The user's robot, for the controller's gravity torque.
     plan : Path
-        Motion wanted.
+        Desired motion.
     drive : Drive
     number : int
-        Of the motion.
+        Number of the motion.
     stiff : bool
-        Whether dry friction is nearly a step, or as MuJoCo has it by default.
+        Whether dry friction is nearly a step; otherwise it is MuJoCo's default.
 
     Returns
     -------
     World
-        Motion and torque as they came about.
+        The motion that results, and its torque.
     """
     import mujoco
     from mujoco import rollout
@@ -58,7 +61,7 @@ def followed(model: Any, robot: Robot, plan: Path, drive: Drive, number: int, *,
     states = np.concatenate([start[None], np.asarray(states)[0]])
     q, v = states[:-1, 1 : 1 + J], states[:, 1 + J : 1 + 2 * J]
     torque = kp * (control - q) - kd * v[:-1] + drive.offset
-    # A symplectic step leaves velocities half a step early: centre them on the positions and forces.
+    # A symplectic step gives velocities half a step early: they are shifted to the times of positions and forces.
     path = Path(plan.t, q, (v[1:] + v[:-1]) / 2, np.diff(v, axis=0) / STEP)
     return World(model, robot, path, drive, rnea(model, robot, path), torque, np.tanh(path.v / SMOOTH), number)
 

@@ -1,4 +1,4 @@
-"""Hidden effects at their size: drawn, scaled, and measured against what the baseline model absorbs."""
+"""Hidden effects of a given size: drawn, scaled, and compared with the part that the baseline model absorbs."""
 
 from __future__ import annotations
 
@@ -15,25 +15,26 @@ GEARS = ("elasticity", "backlash")
 CHANNELS = ("drive_gain", "time_delay")
 TRIES = 5
 LEAST_VISIBLE = 0.1
-"""Share of an effect that the baseline must leave over; of less, nothing is hidden, and another shape is drawn."""
+"""Share of an effect that the baseline model must not absorb; below this share, another shape is drawn."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A hidden effect at its size.
+    """A hidden effect of a given size.
 
     Attributes
     ----------
     joints : tuple of int
-        Where; empty for the whole robot.
+        Joints the effect acts on; empty for the whole robot.
     torque : list of ndarray, shape (N, J)
-        In every world.
+        Its torque in every world.
     extra : list of mapping of str to ndarray
         Further channels of every world.
     size, visible : float
-        Shares of the joint's torque: all of it, and what the baseline model cannot absorb of the motion to fit.
+        Size as a share of the joint's torque, and size of the part that the baseline model cannot absorb on the motion
+        to fit.
     detail : str
-        For people.
+        Description for people.
     """
 
     joints: tuple[int, ...]
@@ -50,15 +51,15 @@ def torque_scale(worlds: Sequence[World]) -> Array:
 
 
 def acting(torque: Sequence[Array]) -> Array:
-    """Rms of a torque over those of both logs to diagnose that it acts on, (J,)."""
+    """Rms of a torque over the logs to diagnose in which it acts, (J,)."""
     seen = [x for x in torque[:2] if x.any()]
     return rms(np.concatenate(seen or torque[:1]))
 
 
 class Baseline:
-    """What links, viscous and dry friction, offsets and rotors can take over of a torque, below 10 Hz.
+    """The baseline model (links, viscous and dry friction, offsets, rotors), fitted to a hidden torque below 10 Hz.
 
-    Of a change, the log from before it holds the parameters in their place.
+    If the effect is a change, the log from before the change is fitted too, which leaves the parameters less freedom.
 
     Parameters
     ----------
@@ -66,7 +67,7 @@ class Baseline:
     scale : ndarray, shape (J,)
         Standard deviation of each joint's torque.
     every : int
-        Samples a kept sample.
+        Every n-th sample is used.
     """
 
     def __init__(self, worlds: Sequence[World], scale: Array, every: int = 50) -> None:
@@ -78,7 +79,7 @@ class Baseline:
         self.span = U[:, S / S[0] > 1e-7]
 
     def left(self, torque: Array) -> Array:
-        """Share of each joint's torque that stays, (J,), of a torque on the motion to fit (N, J)."""
+        """Part of a torque (N, J) on the motion to fit that is not absorbed, over each joint's torque, (J,)."""
         slow = np.stack([in_band(x) for x in torque.T], axis=1)[:: self.every] / self.scale
         y = np.zeros(self.shape)
         y[: len(slow)] = slow
@@ -99,7 +100,7 @@ def _regressor(w: World, every: int) -> Array:
 def shape(
     name: str, worlds: Sequence[World], scale: Array, target: float, rng: np.random.Generator, baseline: Baseline
 ) -> Part:
-    """Draw an effect that is a torque along the motion, until the baseline leaves enough of it."""
+    """Draw an effect that is a torque along the motion, until the baseline does not absorb too much of it."""
     fit, best = worlds[0], None
     for _ in range(TRIES):
         joint = loaded_joint(rng, fit, scale) if name == "load_friction" else int(rng.integers(len(scale)))
@@ -113,7 +114,7 @@ def shape(
 
 
 def _scaled(hidden: Hidden, worlds: Sequence[World], scale: Array, target: float, baseline: Baseline) -> Part:
-    """Scale an effect and let it act on everything that is not from before the change."""
+    """Scale an effect, and apply it to all logs except those from before the change."""
     counted = [(hidden.size or hidden.torque)(w) for w in worlds[:2]]
     factor = target / float((acting(counted) / scale).max())
     torque = [factor * hidden.torque(w) if w.number < 2 else np.zeros_like(w.base) for w in worlds]
@@ -146,7 +147,7 @@ def channel(
     parts: Sequence[Part],
     baseline: Baseline,
 ) -> Part:
-    """Mis-scale one torque channel, or delay one or all of them."""
+    """Scale one torque channel wrongly, or delay one or all of them."""
     J = len(scale)
     whole = [w.base + sum((p.torque[k] for p in parts), np.zeros(1)) for k, w in enumerate(worlds)]
     j = int(rng.integers(J))
@@ -171,13 +172,13 @@ def channel(
 
 
 def _slow(torque: Sequence[Array], scale: Array) -> float:
-    """Largest share of a joint's torque, without what is faster than any identification looks at."""
+    """Largest share of a joint's torque, without frequencies above those of any identification."""
     slow = [np.stack([in_band(x) for x in part.T], axis=1) for part in torque]
     return float((acting(slow) / scale).max())
 
 
 def _late(w: World, torque: Array, joints: Array, delay: float) -> Array:
-    """What a delay of some joints' torque channel adds to them."""
+    """Torque error that a delay of some joints' torque channels causes."""
     out = np.zeros_like(torque)
     for j in joints:
         out[:, j] = np.interp(w.path.t - delay, w.path.t, torque[:, j]) - torque[:, j]

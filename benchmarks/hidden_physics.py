@@ -1,8 +1,8 @@
 """The simulated world of the hidden-effect benchmark: arms, motions, and torque along them.
 
-Nothing here uses frischid's regressor or its effects: rigid torques are Pinocchio's recursive Newton-Euler with
-inertial parameters that differ from the URDF's, dry friction is a sign that sticks at standstill, and motions are
-functions of time run through a clock that is late, early, or stops altogether.
+Nothing here uses frischid's regressor or its effects. Rigid torques are those of Pinocchio's recursive Newton-Euler
+algorithm with inertial parameters that differ from the URDF's. Dry friction is a sign that sticks at standstill.
+Motions are functions of time whose clock is late or early at times, or stops.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ STEP = 1e-3
 STICK = 5e-4
 """Speed below which a joint may stick, rad/s."""
 RESTING = 0.1
-"""Time for which it must be so slow to have come to rest, s."""
+"""Time that a joint must be so slow to count as at standstill, s."""
 SMOOTH = 4e-3
 """Speed over which dry friction changes its direction in a simulation that integrates it, rad/s."""
 
@@ -47,7 +47,7 @@ ELBOW = '<robot name="elbow">{}</robot>'.format(
         ]
     )
 )
-"""An arm with three joints, made up for this benchmark."""
+"""An arm with three joints, invented for this benchmark."""
 
 ARMS: dict[str, tuple[str, ...]] = {
     "planar2": (),
@@ -65,7 +65,7 @@ ARMS: dict[str, tuple[str, ...]] = {
 
 
 def arm(name: str) -> Robot:
-    """Load an arm as its user has it."""
+    """Load an arm as its user knows it."""
     if name == "elbow3":
         return Robot(name="elbow3", source="elbow3", urdf=ELBOW)
     if name == "tiago_no_hand":
@@ -74,10 +74,10 @@ def arm(name: str) -> Robot:
 
 
 def perturbed(model: Any, rng: np.random.Generator, lower: float = 0.05, upper: float = 0.2) -> Any:
-    """Copy a Pinocchio model and change every link by 5 to 20 %, physically consistent.
+    """Copy a Pinocchio model and change every link by 5 to 20 %; the links stay physical.
 
-    The density-weighted covariance about the centre of mass, ``Σ = tr(I)/2·1 − I``, is deformed as ``A Σ Aᵀ``: the
-    body's shape is stretched, so that no inertia can become impossible.
+    The density-weighted covariance about the centre of mass, ``Σ = tr(I)/2·1 − I``, is deformed as ``A Σ Aᵀ``: this
+    stretches the body, so that no inertia becomes impossible.
     """
     other = pin.Model(model)
 
@@ -108,7 +108,7 @@ class Path:
 
 
 def clock(rng: np.random.Generator, duration: float, pauses: int) -> tuple[Array, Array, Array, Array]:
-    """Time t and the motion's own time s(t) with two derivatives: tracking a little early and late, and pauses."""
+    """Time t, and the motion's own time s(t) with two derivatives: a little early and late, and with pauses."""
     t = np.arange(round(duration / STEP) + 1) * STEP
     frequency, phase = rng.uniform(0.3, 2.0, 3), rng.uniform(0, 2 * np.pi, 3)
     size = rng.uniform(0.0, 0.01, 3)
@@ -150,7 +150,7 @@ def point_to_point(robot: Robot, duration: float, seed: int, scale: float) -> Qu
 def motion(
     robot: Robot, family: str, duration: float, seed: int, scale: float, bandwidth: float = 0.4, pauses: int = 0
 ) -> Path:
-    """Random motion an arm can follow.
+    """Random motion that an arm can follow.
 
     Parameters
     ----------
@@ -160,11 +160,11 @@ def motion(
         Seconds.
     seed : int
     scale : float
-        Share of the limits used.
+        Share of the limits that is used.
     bandwidth : float
         Fastest harmonic, Hz.
     pauses : int
-        Times at which everything stands still for about a second.
+        Number of pauses, in which all joints stand still for about a second.
     """
     t, s, rate, slope = clock(np.random.default_rng([seed, 1]), duration, pauses)
     plan: Trajectory
@@ -189,7 +189,7 @@ class Drive:
 
     @classmethod
     def plausible(cls, rng: np.random.Generator, path: Path, load: Array) -> Drive:
-        """Each term some percent of the joint's torque in a motion; small joints have drives too."""
+        """Drives whose terms are each a few percent of the joint's torque in a motion."""
         spread = load.std(axis=0)
         size = np.sqrt(spread**2 + (0.03 * spread.max()) ** 2)
         J = len(size)
@@ -207,16 +207,16 @@ class Drive:
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A stretch of true motion with the torque it takes, hidden effects left out.
+    """A true motion and its torque, without hidden effects.
 
     Attributes
     ----------
     model : pinocchio.Model
         The true rigid bodies.
     robot : Robot
-        The user's, for names and the meaning of q.
+        The user's robot, for names and the meaning of q.
     path : Path
-        Motion as the motors' encoders see it.
+        Motion that the motors' encoders measure.
     drive : Drive
     load : ndarray, shape (N, J)
         Rigid-body torque, N·m.
@@ -225,7 +225,7 @@ class World:
     sign : ndarray, shape (N, J)
         Direction of dry friction, -1 to 1.
     number : int
-        0 for the motion to fit, 1 for the one held out, 2 for the one before the change.
+        0 for the motion to fit, 1 for the second one, 2 for the one before the change.
     """
 
     model: Any
@@ -252,7 +252,7 @@ def rnea(model: Any, robot: Robot, path: Path) -> Array:
 
 
 def direction(v: Array) -> Array:
-    """Sign of the speed; a joint that has come to rest keeps part of its last friction, until it breaks away."""
+    """Direction of dry friction; a joint at standstill keeps a part of its last friction until it moves again."""
     sign = np.tanh(v / STICK)
     for j in range(v.shape[1]):
         slow = np.abs(v[:, j]) < STICK
@@ -265,12 +265,12 @@ def direction(v: Array) -> Array:
 
 
 def prescribed(model: Any, robot: Robot, path: Path, drive: Drive, number: int, sign: Array | None = None) -> World:
-    """Motion that is given: the torque it takes, by inverse dynamics."""
+    """World of a given motion: its torque by inverse dynamics."""
     load = rnea(model, robot, path)
     way = direction(path.v) if sign is None else sign
     return World(model, robot, path, drive, load, load + drive.torque(path, way), way, number)
 
 
 def rms(x: Array) -> Array:
-    """Root mean square of every column, and no less than a very small number."""
+    """Root mean square of every column, at least a very small number."""
     return np.asarray(np.maximum(np.sqrt((x**2).mean(axis=0)), 1e-9))

@@ -1,4 +1,4 @@
-"""What the sensors make of a motion: rates, jitter, quantisation, noise, tachometers."""
+"""Sensors that record a motion: rates, jitter, quantisation, noise, tachometers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Sensors:
     rate : float
         Hz.
     bits : int
-        Of the encoders, for one turn of the joint.
+        Resolution of the encoders for one turn of the joint, bits.
     torque : float
         Noise of the torque channel, share of its standard deviation.
     coloured : float
@@ -31,9 +31,10 @@ class Sensors:
     tachometer : float
         Bandwidth of the velocity channel, Hz.
     noise : float
-        Of the velocity channel, share of its standard deviation; five times that of the acceleration channel.
+        Noise of the velocity channel, share of its standard deviation; the acceleration channel has five times this
+        share.
     jitter : float
-        Irregularity of the sampling, share of a step; time stamps know most of it.
+        Irregularity of the sampling, share of a step; the time stamps contain most of it.
     """
 
     rate: float
@@ -75,15 +76,15 @@ def record(
     ----------
     world : World
     torque : ndarray, shape (N, J)
-        All of it, hidden effects included.
+        Whole torque, hidden effects included.
     scale : ndarray, shape (J,)
-        What the torque noise is a share of, N·m.
+        Standard deviation of the torque, of which the torque noise is a share, N·m.
     sensors : Sensors
     rng : numpy.random.Generator
     extra : mapping of str to ndarray, shape (N,)
         Further channels.
     name : str
-        The log's.
+        Name of the log.
     """
     step = 1 / sensors.rate
     nominal = np.arange(1, int((world.path.t[-1] - 2 * step) * sensors.rate)) * step
@@ -99,7 +100,7 @@ def record(
     shape = q.shape
     white = rng.normal(size=shape)
     memory = 0.01
-    # The coloured part is made on the log's own samples: scale its time constant to their step.
+    # The coloured part is computed at the log's own samples, so its time constant is scaled to their step.
     coloured = np.stack([smooth(x, memory * STEP / step) for x in rng.normal(size=shape).T], axis=1)
     share = sensors.coloured
     tau = sampled(torque) + sensors.torque * scale * (np.sqrt(1 - share**2) * white + share * coloured)

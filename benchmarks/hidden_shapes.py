@@ -1,8 +1,8 @@
 """Hidden effects as torques along a motion, in shapes that are close to the catalogue's columns but not the same.
 
-A friction peak with another exponent, a counterbalance that is not quite a spring, ripple with a second harmonic,
-warmth with two time constants, friction with memory integrated in time. Every maker here draws an effect's shape at
-random and returns a `Hidden`: a torque of unit size, to be scaled.
+Examples are a friction peak with another exponent, a counterbalance that is not quite a spring, ripple with a second
+harmonic, warming with two time constants, and friction with memory, integrated in time. Every maker here draws an
+effect's shape at random and returns a `Hidden`: a torque of unit size, which is scaled later.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ Torque = Callable[[World], Array]
 
 @dataclass(frozen=True, eq=False)
 class Hidden:
-    """Something that acts on a robot and that the baseline model does not know.
+    """An effect that the baseline model does not have.
 
     Attributes
     ----------
     torque : callable
         World -> torque of unit size, (N, J).
     joints : tuple of int
-        Where; empty for the whole robot.
+        Joints the effect acts on; empty for the whole robot.
     detail : str
         Its shape, for people.
     size : callable, optional
-        World -> the part of the torque whose size counts; all of it by default.
+        World -> the part of the torque whose size counts; the whole torque by default.
     extra : callable, optional
         World -> further measured channels by name.
     """
@@ -44,11 +44,11 @@ class Hidden:
 
 
 Maker = Callable[[np.random.Generator, World, int], Hidden]
-"""Random numbers, the motion to fit, and a joint -> an effect on that joint (or, where it must be, on more)."""
+"""Random numbers, the motion to fit, and a joint -> an effect on that joint (or on several, where it needs several)."""
 
 
 def loaded_joint(rng: np.random.Generator, fit: World, scale: Array) -> int:
-    """Draw a joint whose torque owes something to links and gravity, not only to its own drive."""
+    """Draw a joint with a noticeable torque from links and gravity, not only from its own drive."""
     share = fit.load.std(axis=0) / scale
     good = np.flatnonzero(share > 0.3)
     return int(rng.choice(good)) if len(good) else int(np.argmax(share))
@@ -83,13 +83,13 @@ def asymmetric_viscous(rng: np.random.Generator, fit: World, j: int) -> Hidden:
 
 
 def load_friction(rng: np.random.Generator, fit: World, j: int) -> Hidden:
-    """Dry friction that grows with nearly the load."""
+    """Dry friction that grows nearly in proportion to the load."""
     power = rng.uniform(0.85, 1.1)
     return Hidden(lambda w: w.on(j, w.sign[:, j] * np.abs(w.load[:, j]) ** power), (j,), f"|load|^{power:.2g}")
 
 
 def hysteresis(rng: np.random.Generator, fit: World, j: int) -> Hidden:
-    """LuGre bristles; their size is what they differ from dry friction by."""
+    """LuGre bristles; their size is that of their difference from dry friction."""
     distance, peak, speed = rng.uniform(0.01, 0.06), rng.uniform(0.0, 0.05), 0.05
     return Hidden(
         lambda w: w.on(j, lugre(w.path.v[:, j], distance, peak, speed)),
@@ -100,7 +100,7 @@ def hysteresis(rng: np.random.Generator, fit: World, j: int) -> Hidden:
 
 
 def lugre(v: Array, distance: float, peak: float, speed: float, damping: float = 0.002) -> Array:
-    """Friction of unit size with internal state: ``ż = v − |v| z / g(v)``, integrated exactly for constant v a step.
+    """Friction of unit size with internal state: ``ż = v − |v| z / g(v)``, integrated exactly for v constant in a step.
 
     C. Canudas de Wit, H. Olsson, K. J. Åström and P. Lischinsky, "A new model for control of systems with friction",
     IEEE Trans. Automatic Control 40(3), 1995.
@@ -129,7 +129,7 @@ def cogging(rng: np.random.Generator, fit: World, j: int) -> Hidden:
 
 
 def joint_spring(rng: np.random.Generator, fit: World, j: int) -> Hidden:
-    """Spring that hardens, a hydraulic counterbalance with its geometry, or a hose that pulls one way."""
+    """A spring that hardens, a hydraulic counterbalance with its geometry, or a hose that pulls in one direction."""
     kind = int(rng.integers(3))
     q = fit.path.q[:, j]
     centre, reach = q.mean() + rng.uniform(-0.5, 0.5) * np.ptp(q), np.ptp(q) / 2
@@ -171,7 +171,7 @@ def joint_coupling(rng: np.random.Generator, fit: World, j: int) -> Hidden:
 
 
 def thermal_drift(rng: np.random.Generator, fit: World, j: int) -> Hidden:
-    """Friction that falls while the gear warms up, or grows, with two time constants; temperature sometimes known."""
+    """Friction that falls or grows while the gear warms up, with two time constants; temperature measured in some."""
     fast, slow, share = rng.uniform(3.0, 8.0), rng.uniform(15.0, 60.0), rng.uniform(0.4, 0.8)
     measured, falls = rng.random() < 0.35, rng.random() < 0.7
     viscous, coulomb = fit.drive.viscous[j], fit.drive.coulomb[j]
@@ -224,7 +224,7 @@ def tip(model: Any) -> Array:
 
 
 def gravity_tilt(rng: np.random.Generator, fit: World, j: int) -> Hidden:
-    """Gravity a little to the side; linear in the vector, so a unit is a small angle about a level axis."""
+    """Gravity turned by a small angle about a horizontal axis; the torque is proportional to the angle."""
     g = np.array(fit.model.gravity.linear)
     heading = rng.uniform(0, 2 * np.pi)
     aside = np.linalg.norm(g) * np.array([np.cos(heading), np.sin(heading), 0.0])
@@ -238,7 +238,7 @@ def gravity_tilt(rng: np.random.Generator, fit: World, j: int) -> Hidden:
 
 
 def contact(rng: np.random.Generator, fit: World, j: int) -> Hidden:
-    """Pushes against the tip, one to three in a log; sometimes in the held-out one too."""
+    """Pushes against the tip, one to three in a log; in some cases also in the second log."""
     seeds = rng.integers(2**31, size=3)
     touched = [True, bool(rng.random() < 0.3), False]
 
@@ -300,4 +300,4 @@ SMALL = (
     "joint_coupling",
     "thermal_drift",
 )
-"""What a background is made of, besides things outside the catalogue."""
+"""Effects of a background, which may also have torques outside the catalogue."""

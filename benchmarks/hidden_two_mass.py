@@ -1,12 +1,12 @@
-"""Elasticity and backlash: the motor and the link of one joint as two masses, simulated under feedback.
+"""Flexible gears and backlash: the motor and the link of one joint as two masses, simulated under feedback.
 
     link:   M(q) q̈ + h(q, q̇) + f_link(q̇) = τ_s
     motor:  Ia θ̈ + fv θ̇ + f_motor(θ̇) + off + τ_s = τ_m
     gear:   τ_s = k gap(θ − q, b) + d (θ̇ − q̇) while teeth touch;    gap(x, b) = x − clip(x, −b, b)
 
 τ_m is a feedforward of the rigid arm plus proportional-derivative feedback on θ. The encoder sits on the motor. All
-other joints follow their motion exactly and feel the link's true motion; the link's own torque is linear about a
-path close to it, which is exact to second order in the deflection.
+other joints follow their motion exactly; their torques include the reaction to the link's true motion. The link's own
+torque is linearised about a path close to the link's, with an error of second order in the deflection.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from scipy.signal import butter, sosfiltfilt
 
 SUBSTEPS = 4
 BANDWIDTH = 2 * np.pi * 8.0
-"""Of the position control, rad/s."""
+"""Bandwidth of the position control, rad/s."""
 
 
 @dataclass(frozen=True)
 class Gear:
-    """What lies between motor and link: stiffness (N·m/rad), half the gap (rad), damping, link's share of friction."""
+    """Gear between motor and link: stiffness (N·m/rad), half the gap (rad), damping, link's share of the friction."""
 
     stiffness: float
     gap: float = 0.0
@@ -42,16 +42,16 @@ def simulated(rigid: World, j: int, gear: Gear) -> tuple[World, Array]:
     Parameters
     ----------
     rigid : World
-        The motion wanted, and what it would take without the gear.
+        The desired motion, and its torque with a rigid gear.
     j : int
     gear : Gear
 
     Returns
     -------
     World
-        Motion as the encoders see it and the torque it would take if the gear were rigid.
+        Motion that the encoders measure, and its torque if the gear were rigid.
     ndarray, shape (N, J)
-        Torque beyond that.
+        Additional torque caused by the gear.
     """
     wanted = _smoothed(rigid)
     theta, link, motor = _two_masses(wanted, j, gear)
@@ -63,13 +63,13 @@ def simulated(rigid: World, j: int, gear: Gear) -> tuple[World, Array]:
 
 
 def _smoothed(rigid: World) -> World:
-    """The same world with dry friction as the integrator has it."""
+    """The same world with the smoothed dry friction of the integrator."""
     sign = np.tanh(rigid.path.v / SMOOTH)
     return replace(rigid, base=rigid.load + rigid.drive.torque(rigid.path, sign), sign=sign)
 
 
 def error_size(rigid: Sequence[World], j: int, gear: Gear) -> float:
-    """Size of what a gear adds to the torque of its own joint in some motions."""
+    """Size of the torque that a gear adds to its own joint in some motions."""
     added = []
     for world in rigid:
         theta, _, motor = _two_masses(_smoothed(world), j, gear)
@@ -91,12 +91,12 @@ def tuned(rigid: Sequence[World], j: int, gear: Gear, target: float, scale: floa
 
 
 def in_band(torque: Array) -> Array:
-    """Torque without a gear's ringing above 10 Hz, which any identification filters out, (N,)."""
+    """Torque without a gear's oscillation above 10 Hz, which any identification filters out, (N,)."""
     return np.asarray(sosfiltfilt(butter(4, 10.0, fs=1 / STEP, output="sos"), torque))
 
 
 def reversing(rigid: World, scale: Array, link_share: float = 0.5) -> NDArray[np.intp]:
-    """Joints through whose gears some torque passes that changes its sign often enough to show play."""
+    """Joints whose gear torque is large enough and changes its sign often enough to show play."""
     through = rigid.load + link_share * rigid.drive.coulomb * rigid.sign
     times = (np.diff(np.sign(through), axis=0) != 0).sum(axis=0)
     good = np.flatnonzero((times >= 6) & (through.std(axis=0) > 0.15 * scale))
@@ -104,7 +104,7 @@ def reversing(rigid: World, scale: Array, link_share: float = 0.5) -> NDArray[np
 
 
 def elastic(rigid: Sequence[World], j: int, target: float, scale: float) -> Gear:
-    """Flexible gear of a given size."""
+    """Flexible gear with an effect of a given size."""
     fit = rigid[0]
     fall = np.gradient(np.gradient(fit.load[:, j], STEP), STEP) * _inertia(fit, j).mean()
     stiffness = rms(fall) / (target * scale)
@@ -112,7 +112,7 @@ def elastic(rigid: Sequence[World], j: int, target: float, scale: float) -> Gear
 
 
 def loose(rigid: Sequence[World], j: int, target: float, scale: float) -> Gear:
-    """Stiff gear with play of a given size."""
+    """Stiff gear with play, with an effect of a given size."""
     fit = rigid[0]
     inertia, rotor = float(_inertia(fit, j).min()), float(fit.drive.rotor[j])
     stiffness = min(inertia * (2 * np.pi * 25.0) ** 2, rotor * 800.0**2)
@@ -148,7 +148,7 @@ Trace = tuple[Array, Array, Array]
 
 
 def _two_masses(wanted: World, j: int, gear: Gear) -> tuple[Trace, Trace, Array]:
-    """Integrate both masses; motor and link as (position, velocity, acceleration), and the motor's torque."""
+    """Integrate both masses: position, velocity and acceleration of motor and link, and the motor's torque."""
     path, drive = wanted.path, wanted.drive
     sag = wanted.load[:, j] / gear.stiffness if not gear.gap else np.zeros(len(path.t))
     speed = np.gradient(sag, STEP)

@@ -1,4 +1,4 @@
-"""What no catalogue lists: the right answer to these is "something is missing, and I do not know what"."""
+"""Torques outside the catalogue of effects: for these the right verdict of a diagnosis is "unknown"."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def other(rng: np.random.Generator, fit: World, j: int) -> int:
 
 
 def cable(rng: np.random.Generator, fit: World, j: int) -> Hidden:
-    """A cable stretched by two joints together."""
+    """A cable that two joints stretch together."""
     i = other(rng, fit, j)
     a, b = fit.path.q[:, j].mean(), fit.path.q[:, i].mean()
     return Hidden(lambda w: w.on(j, (w.path.q[:, j] - a) * (w.path.q[:, i] - b)), (j,), f"cable with joint {i + 1}")
@@ -47,7 +47,7 @@ def chirp(rng: np.random.Generator, fit: World, j: int) -> Hidden:
 
 
 def random_walk(rng: np.random.Generator, fit: World, j: int) -> Hidden:
-    """Torque that wanders, another way in every log, with a memory of about a second."""
+    """A slowly varying random torque with a correlation time of about a second, different in every log."""
     seed, memory = int(rng.integers(2**31)), rng.uniform(0.4, 1.5)
 
     def torque(w: World) -> Array:
@@ -58,7 +58,7 @@ def random_walk(rng: np.random.Generator, fit: World, j: int) -> Hidden:
 
 
 def product_rate(rng: np.random.Generator, fit: World, j: int) -> Hidden:
-    """Drag by another joint's motion, in proportion to both speeds."""
+    """Drag on a joint, proportional to its speed and to that of another joint."""
     i = other(rng, fit, j)
     speed = rms(fit.path.v)[i]
     return Hidden(

@@ -1,8 +1,8 @@
 """A joint-state stream of any size read in bounded memory: python benchmarks/long_bag.py [GiB]  (1 by default).
 
-Writes an MCAP file of a 7-joint arm at 1 kHz (not compressed, so that its size is that of the stream), reads it back in
-chunks and sums the moments of positions and torques. Prints the file's size, the time, and how far the process's
-resident memory rose while reading.
+The script writes an MCAP file of a 7-joint arm at 1 kHz, without compression, so that the file has the size of the
+stream. It reads the file in chunks and sums the moments of positions and torques. It prints the file's size, the time,
+and the rise of the process's resident memory while reading.
 """
 
 import itertools
@@ -48,7 +48,7 @@ def main() -> None:
         pieces = max(2, round(given.gib * 2**30 / path.stat().st_size))
         mcap_ros2(None, path, pieces=(piece(k) for k in range(pieces)), compressed=False)
         for _ in itertools.islice(read_chunks(path, JOINTS), 2):
-            pass  # what the libraries need to begin with is not what grows
+            pass  # the memory that the libraries need at the start does not count
         before, start = peak(), time.perf_counter()
         rows, moments = 0, np.zeros((14, 14))
         for log in read_chunks(path, JOINTS):
@@ -60,9 +60,9 @@ def main() -> None:
             "GiB": path.stat().st_size / 2**30,
             "messages": rows,
             "seconds": seconds,
-            "µs a message": 1e6 * seconds / rows,
+            "µs per message": 1e6 * seconds / rows,
             "memory before, MiB": before,
-            "risen by, MiB": peak() - before,
+            "rise, MiB": peak() - before,
             "moments off by": float(np.abs(moments / rows - np.eye(14)).max()),
         }
     publish("a long bag read in chunks", [row], given.json)

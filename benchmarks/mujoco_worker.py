@@ -1,7 +1,7 @@
-"""mujoco.sysid's side of `against_mujoco.py`: runs in whichever interpreter has it, knows nothing of frischid.
+"""The mujoco.sysid process of `against_mujoco.py`; it runs in an interpreter that has mujoco.sysid, without frischid.
 
-For every line on its input it fits armature and damping of every joint by `sysid.optimize` and answers with the
-processor seconds. Not a benchmark by itself.
+For every line on its input, this script fits armature and damping of every joint by `sysid.optimize` and answers with
+the processor seconds. It is no benchmark by itself.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ from mujoco import sysid
 
 
 def job(spec, model, state, control, sensors, guess):
-    """Fit; the start is `guess` for every parameter."""
+    """Fit once; every parameter starts at `guess`."""
     parameters = sysid.ParameterDict()
     for i in range(model.nv):
         name = model.joint(i).name

@@ -1,10 +1,10 @@
-"""Physically consistent export: what it costs in held-out error, and whether its bounds hold the truth.
+"""Physically consistent export: its price in held-out error, and whether the bounds contain the true parameters.
 
-Real logs (FRISCHID_DATA): a UR10e, a Panda, a TIAGo. Simulated: the planar arm and arms of example-robot-data, whose
-every link differs from the URDF (mass by up to 30 %, shape by up to 20 %, centre of mass by 1 cm) and whose friction
-the URDF does not know; torque noise 2 %, encoder noise 1e-5 rad, nothing measured but q and torque. Bounds: value ±
-Bonferroni t (95 %, all parameters at once) × s.e., so about one run in twenty should have a parameter outside: what is
-tested is that it is no more. Every URDF is written, loaded again and compared on random states.
+Real logs (FRISCHID_DATA): a UR10e, a Panda, a TIAGo. Simulated logs: the planar arm and arms of example-robot-data.
+Every simulated link differs from the URDF (mass by up to 30 %, shape by up to 20 %, centre of mass by 1 cm), and the
+URDF has no friction; torque noise is 2 %, encoder noise 1e-5 rad, and only q and the torque are measured. Bounds are
+value ± Bonferroni t (95 %, all parameters at once) × s.e., so about one run in twenty may have a parameter outside; the
+benchmark tests that there are not more. Every URDF is written, loaded again and compared on random states.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def other_robot(robot: fr.Robot, rng: np.random.Generator) -> dict[str, float]:
 
 
 def simulated(name: str, seed: int) -> tuple[fr.Robot, Sequence[fr.Log], Sequence[fr.Log], dict[str, float]]:
-    """A robot, a log to fit, one of 20 s to hold out, and the truth."""
+    """A robot, a log to fit, a held-out log of 20 s, and the truth."""
     robot = fr.Robot.load(name)
     truth = other_robot(robot, np.random.default_rng(seed))
 
@@ -89,7 +89,7 @@ def judged(
     }
     if truth is not None:
         base = found.reduction.mapping @ parameters_of(model.robot, model.effects, truth)
-        blocks = SECONDS  # of about a second each: what the jackknife behind the standard errors counts
+        blocks = SECONDS  # blocks of about a second, as in the jackknife of the standard errors
         limit = stats.t.ppf(1 - 0.025 / len(base), blocks - 1) * model.estimate.stderr
         row["truth in bounds"] = int((np.abs(done.model.estimate.theta - base) <= limit).sum())
     return row
@@ -109,7 +109,7 @@ def main() -> None:
     """Print the table."""
     options = parser(__doc__)
     options.add_argument("--robots", nargs="+", default=SIMULATED, help="robots to simulate")
-    options.add_argument("--runs", type=int, default=20, help="runs of each simulated robot, each another truth")
+    options.add_argument("--runs", type=int, default=20, help="runs of each simulated robot, each with another truth")
     arguments = options.parse_args()
     rows = []
     for place, name in enumerate(arguments.robots, start=1):

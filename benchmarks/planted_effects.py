@@ -1,14 +1,14 @@
-"""Effects planted in measured logs of real robots, to be named beside all that a real robot has of its own.
+"""Effects planted in measured logs of real robots, for the diagnosis to name beside the robots' own effects.
 
-Needs FRISCHID_DATA. Torque of a hidden effect (`hidden_shapes`, `hidden_unknown`: the same makers as in the simulated
-benchmark, along the measured motion) is added to what was measured, to logs of two kinds:
+Needs FRISCHID_DATA. The torque of a hidden effect (`hidden_shapes`, `hidden_unknown`: the same makers as in the
+simulated benchmark, along the measured motion) is added to the measured torque, in two ways:
 
-- *always*: to all of them; the model is made from all but the last, and diagnosed on all (all of them select);
-- *changed*: to the last one only, which is diagnosed against the model made from the others as they were measured.
+- *always*: to all logs. The model is identified from all logs but the last, and diagnosed on all of them.
+- *changed*: to the last log only. The model is identified from the other logs, and diagnosed on the last.
 
-Where nothing is planted, what is said is the robot's own. An effect counts as named when it is the first finding, or
-the first but for the one that comes first there. Gears are left out: they need a motion of their own. So are, of what
-was always there, a payload, a tilt, a gain and a delay: the model takes them in.
+Without a planted effect, the first finding is an effect of the robot itself. A planted effect counts as named when it
+is the first finding, or the second after that own one. Gears are left out, because they need a motion of their own. In
+the situation *always*, a payload, a tilt, a gain and a delay are left out too, because the model absorbs them.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ import frischid as fr
 from frischid.core.files import write_text
 
 SMOOTH = 8.0
-"""Hz; of a measured motion no more is taken for motion."""
+"""Hz. Of a measured motion, only lower frequencies count as motion."""
 STRANGE = [name for name in UNKNOWN if name != "random_walk"]
 KINDS = ("none", *(name for name in EFFECTS if name not in GEARS), "contact", *STRANGE)
 SITUATIONS = {"always": [k for k in KINDS if k not in EFFECTS or k in SMALL], "changed": list(KINDS)}
 DELAY = 0.1
-"""s of delay for each unit of size."""
+"""s of delay per unit of size."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """What is planted where; `size` is a share of the joint's torque."""
+    """The effect to plant and its place; `size` is a share of the joint's torque."""
 
     robot: int
     kind: str
@@ -75,7 +75,7 @@ def world(log: fr.Log, robot: fr.Robot, number: int, drive: Drive | None) -> Wor
 def planted(
     kind: str, size: float, logs: Sequence[fr.Log], robot: fr.Robot, fitted: Sequence[int], rng: np.random.Generator
 ) -> tuple[list[fr.Log], str]:
-    """Logs with something planted in them, and what it is."""
+    """Logs with a planted effect, and a description of the effect."""
     if kind == "none":
         return list(logs), "–"
     scale = np.full(len(robot.joints), np.inf)
@@ -106,7 +106,7 @@ def planted(
 def drawn(
     kind: str, size: float, worlds: Sequence[World], scale: Array, fitted: Sequence[int], rng: np.random.Generator
 ) -> tuple[Hidden, list[Array]]:
-    """An effect at its size on a joint whose torque was measured, drawn until enough of it is not absorbed."""
+    """An effect of the job's size on a joint with measured torque, drawn until the model does not absorb too much."""
     baseline, best = Baseline(worlds[:1], scale), (-1.0, None, list[Array]())
     for _ in range(TRIES):
         found = (SHAPES | UNKNOWN)[kind](rng, worlds[0], int(rng.choice(fitted)))
@@ -123,12 +123,12 @@ def drawn(
 
 
 def altered(log: fr.Log, added: Array) -> fr.Log:
-    """The log with some torque added to what was measured."""
+    """The log with some torque added to the measured one."""
     return replace(log, tau=log.tau + added, source=f"{log.source}, altered", sha256=None)
 
 
 def run(job: Job) -> dict[str, Any]:
-    """Plant, diagnose, and keep what was said."""
+    """Plant, diagnose, and keep the findings."""
     folder = data_folder()
     assert folder is not None
     case = CASES[job.robot]
@@ -165,7 +165,7 @@ def read(case: Case, folder: Path, robot: fr.Robot, paths: Sequence[str]) -> lis
 
 
 def place(row: dict[str, Any], own: Sequence[str]) -> int | None:
-    """How many findings that are not the robot's own come before the truth; None: it is not found."""
+    """Number of findings before the true one, the robot's own findings left out; None where the truth is not found."""
     before = 0
     for names in row["said"]:
         if row["truth"] in names:
@@ -218,7 +218,7 @@ def main() -> None:
                 for r in here
             ]
     publish(f"effects of {chosen.size:.0%} planted in measured logs", table, None)
-    publish("what was said", total, None)
+    publish("findings, planted effect by planted effect", total, None)
     if chosen.json is not None:
         content = {"schema": "frischid.planted/1", "size": chosen.size, "seed": chosen.seed, "cases": rows}
         write_text(chosen.json, json.dumps(content, indent=1, ensure_ascii=False) + "\n")

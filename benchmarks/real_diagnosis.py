@@ -1,10 +1,13 @@
-"""What is missing from models of real robots: effects added one by one, error on logs that were not fitted.
+"""Missing effects of models of real robots: effects are added one by one, and the error is measured on a test log.
 
-Needs FRISCHID_DATA. `improve` diagnoses and adds until nothing passes, on the logs the model is made from; the
-validation log is a test log, and the errors printed are those on it. The loaded UR10e is diagnosed against the model of
-the unloaded one. Last, candidates that cannot be true (columns of noise with the spectrum of the motion, in place of an
-effect) are tried on measured and on healthy simulated logs, the validation log among them: the share that is accepted
-is the false alarm rate of the whole chain of tests.
+Needs FRISCHID_DATA. Three tables:
+
+1. `improve` adds effects until none passes, on the logs the model was identified from. The validation log is a test
+   log; the printed errors are those on the test log.
+2. The loaded UR10e is diagnosed with the model of the unloaded one.
+3. Candidates that cannot be true (columns of noise with the spectrum of the motion) are tried on measured logs, the
+   validation log included, and on healthy simulated logs. The share that is accepted is the false alarm rate of the
+   whole chain of tests.
 """
 
 from __future__ import annotations
@@ -44,7 +47,7 @@ def row(added: str, error: float, why: str, *, robot: str = "", where: str = "")
 
 
 def improved(case: Case, folder: Path) -> tuple[list[dict[str, Any]], fr.Model, fr.Model]:
-    """The staircase of one robot."""
+    """The steps of one robot."""
     start = time.perf_counter()
     robot = fr.Robot.load(folder / case.urdf)
     fit, valid = read(case, folder, case.fit), read(case, folder, case.valid)
@@ -67,7 +70,7 @@ def improved(case: Case, folder: Path) -> tuple[list[dict[str, Any]], fr.Model, 
 
 
 def loaded(folder: Path, case: Case, base: fr.Model) -> list[dict[str, Any]]:
-    """The loaded UR10e against the model of the unloaded one."""
+    """The loaded UR10e, diagnosed with the model of the unloaded one."""
     logs = read(case, folder, ["ur10e/logs/loaded_2805g_50s_14harm.parquet"])
     found = fr.diagnose(base, logs)
     best = found.findings[0]
@@ -86,14 +89,14 @@ def irrelevant(validator: CrossValidator, rng: np.random.Generator) -> bool:
 
 
 def made_up(t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A random function of time as smooth as a robot's motion, or the sign of one, as friction would be."""
+    """A random function of time as smooth as a robot's motion, or the sign of such a function, similar to friction."""
     frequency, phase = rng.uniform(0.03, 1.0, 12), rng.uniform(0, 2 * np.pi, 12)
     x = (rng.normal(size=12) * np.sin(2 * np.pi * frequency * t[:, None] + phase)).sum(axis=1)
     return np.sign(x) if rng.random() < 0.5 else x
 
 
 def healthy(name: str, seed: int) -> CrossValidator:
-    """Cross-validator of a simulated robot that misses nothing."""
+    """Cross-validator of a simulated robot whose model misses no effect."""
     robot = fr.Robot.load(name)
     rng = np.random.default_rng(seed)
     dry = {f"{p}{k}": float(rng.uniform(0.5, 2.0)) for p in ("fv", "fc", "Ia") for k in robot.numbers.values()}
@@ -141,10 +144,10 @@ def main() -> None:
         if case.name == "ur10e":
             other = read(case, folder, ["ur10e/logs/valid_ptp_10_points.parquet"])
             before, after = (compare(model, other).nrmse for model in (base, final))
-            stairs.append(row("point-to-point log", after, f"never looked at; {before:.4f} before"))
+            stairs.append(row("point-to-point log", after, f"not used before; {before:.4f} without the effects"))
             payload = loaded(folder, case, base)
     publish("real robots: effects added, NRMSE on the test log", stairs, options.json)
-    publish("the loaded UR10e against the model of the unloaded one", payload, None)
+    publish("the loaded UR10e with the model of the unloaded one", payload, None)
     publish("candidates that cannot be true", trials(validators, np.random.default_rng(0)), None)
 
 

@@ -1,8 +1,8 @@
-"""Identification on measured logs of real robots, error on logs that were not fitted.
+"""Identification from measured logs of real robots; the error is measured on logs that were not fitted.
 
-Needs FRISCHID_DATA. NRMSE is rmse / std of the torque, per joint, both through the same filter, averaged over the
-joints;
-samples in which a joint rests are left out, because dry friction is undetermined there (the table says how many).
+Needs FRISCHID_DATA. NRMSE is the rms error of a joint's torque over its standard deviation, both through the same
+filter, averaged over the joints. Samples of a joint at standstill are left out, because dry friction is undetermined
+there; the table gives their share.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ TIAGO_ROWS = [f"arm_{i}_joint" for i in range(1, 5)]
 
 @dataclass(frozen=True)
 class Case:
-    """A robot, its logs, the error to reach, and the joints to leave out."""
+    """A robot, its logs, the target error, and the joints that are left out."""
 
     name: str
     urdf: str
@@ -106,8 +106,8 @@ def main() -> None:
                 "target": case.target,
                 "reached": result.nrmse <= case.target,
                 "cut-off Hz": found.model.lowpass.cutoff,
-                "with rest": result.nrmse_with_standstill,
-                "at rest %": 100 * result.standstill,
+                "with standstill": result.nrmse_with_standstill,
+                "standstill %": 100 * result.standstill,
                 "NRMSE at card's cut-off": at_card.nrmse,
                 "card's cut-off Hz": case.card_cutoff,
                 "cross-validated": cross_validated(found),

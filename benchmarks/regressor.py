@@ -1,6 +1,6 @@
 """Cost of the regressor and of its moments, as multiples of a bare Pinocchio loop that stores nothing.
 
-All variants run in turn, several times, in one process; the figures are medians of ratios within a round.
+All variants run in turn, for several rounds, in one process; the figures are medians of the ratios within a round.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def main() -> None:
         rows.append(
             {
                 "variant": name,
-                "µs a sample": 1e6 * statistics.median(seconds[1:]) / N,
+                "µs per sample": 1e6 * statistics.median(seconds[1:]) / N,
                 "ratio": statistics.median(ratios),
                 "target": "" if target is None else f"{target:g}",
                 "reached": "" if target is None else ("yes" if statistics.median(ratios) <= target else "NO"),

@@ -1,10 +1,10 @@
-"""Cost and memory of identify, compare and diagnose against the numbers of samples, joints and candidates.
+"""Time and memory of identify, compare and diagnose for growing numbers of samples, joints and candidates.
 
-Each case is a process of its own, so that its peak of resident memory is its own. The log is a recording that is made
-up while it is read: a periodic motion, its torque, and fresh noise on both, so nothing of its length is ever in memory
-or on a disk. Times are processor time, reading (making up) included; identify goes through the recording twice. To
-diagnose two recordings are given, one to predict the other from; the effects tried are the first of the catalogue.
-Estimators that know the sensors go through the recording several times.
+Each case runs in a process of its own, so that the peak of resident memory is that of the case. The log is a recording
+that is generated while it is read: a periodic motion, its torque, and fresh noise on both. So the whole log is never in
+memory or on a disk. Times are processor time and include the generation. `identify` reads the recording twice;
+estimators that use the sensors' noise read it several times. `diagnose` gets two recordings, each predicted by a fit to
+the other, and tries the first effects of the catalogue.
 """
 
 from __future__ import annotations
@@ -40,9 +40,11 @@ def main() -> None:
     arguments.add_argument("--joint-samples", type=float, default=1e5, help="samples of the robots of other sizes")
     arguments.add_argument("--candidates", type=int, nargs="*", default=[1, 5, 10, 0], help="effects tried, 0 for all")
     arguments.add_argument("--diagnosed", type=float, nargs="*", default=[1e4, 1e5], help="samples diagnosed")
-    arguments.add_argument("--estimators", nargs="*", default=["sensorwise", "eiv", "iv"], help="that know the sensors")
+    arguments.add_argument(
+        "--estimators", nargs="*", default=["sensorwise", "eiv", "iv"], help="that use the sensors' noise"
+    )
     arguments.add_argument("--estimated", type=float, nargs="*", default=[1e5, 3e5], help="samples they are given")
-    arguments.add_argument("--case", help="run one case, JSON [what, ...]; what the processes are started with")
+    arguments.add_argument("--case", help="run one case, JSON [kind, ...]; for the benchmark's own processes")
     options = arguments.parse_args()
     if options.case:
         what, first, samples = json.loads(options.case)
@@ -65,7 +67,7 @@ def main() -> None:
         publish("diagnose, UR10, two recordings", tried, path)
     if sensors:
         path = options.json and options.json.with_stem(options.json.stem + "_estimators")
-        publish("estimators that know the sensors, UR10", sensors, path)
+        publish("estimators that use the sensors' noise, UR10", sensors, path)
 
 
 def run(what: str, first: int | str, samples: float) -> dict[str, Any]:
@@ -78,7 +80,7 @@ def run(what: str, first: int | str, samples: float) -> dict[str, Any]:
 
 
 def case(joints: int, samples: int) -> dict[str, Any]:
-    """Identify and compare; µs a sample of each, and the peak of memory."""
+    """Identify and compare: µs per sample of each, and the peak of memory."""
     robot = fr.Robot.load(ROBOTS[joints]) if joints != 30 else chain(joints)
     robot = robot.keep(robot.joints[:joints])
     recording = made_up(robot, samples)
@@ -98,7 +100,7 @@ def case(joints: int, samples: int) -> dict[str, Any]:
         "joints": joints,
         "samples": samples,
         "base parameters": len(found.model.base),
-        "making up µs": 1e6 * reading / samples,
+        "generation µs": 1e6 * reading / samples,
         "identify µs": 1e6 * identified / samples,
         "compare µs": 1e6 * compared / samples,
         "NRMSE": error,
@@ -108,17 +110,22 @@ def case(joints: int, samples: int) -> dict[str, Any]:
 
 
 def estimated(estimator: str, samples: int) -> dict[str, Any]:
-    """Identify by an estimator that knows the sensors; µs a sample, and the peak of memory."""
+    """Identify by an estimator that uses the sensors' noise: µs per sample, and the peak of memory."""
     robot = fr.Robot.load(ROBOTS[6])
     start = time.process_time()
     options: dict[str, Any] = {"cutoff": CUTOFF, "recursion": "none", "estimator": estimator}
     fr.identify(robot, [made_up(robot, samples)], effects=fr.BASELINE, **options)
     seconds = time.process_time() - start
-    return {"estimator": estimator, "samples": samples, "µs a sample": 1e6 * seconds / samples, "peak MiB": resident()}
+    return {
+        "estimator": estimator,
+        "samples": samples,
+        "µs per sample": 1e6 * seconds / samples,
+        "peak MiB": resident(),
+    }
 
 
 def diagnosed(kinds: int, samples: int) -> dict[str, Any]:
-    """Diagnose with the first so many effects of the catalogue, all for 0; ms of each candidate, and the peak."""
+    """Diagnose with the first `kinds` effects of the catalogue (0: all): ms per candidate, and the peak of memory."""
     robot = fr.Robot.load(ROBOTS[6])
     first, second = (made_up(robot, samples // 2, seed) for seed in (0, 1))
     known = fr.identify(robot, [first], effects=fr.BASELINE, cutoff=CUTOFF, recursion="none").model
@@ -136,7 +143,7 @@ def diagnosed(kinds: int, samples: int) -> dict[str, Any]:
         "samples": samples,
         "verdict": found.verdict,
         "seconds": seconds,
-        "ms a place": 1e3 * seconds / places,
+        "ms per place": 1e3 * seconds / places,
         "peak MiB": resident(),
     }
 
@@ -147,7 +154,7 @@ def resident() -> float:
 
 
 def made_up(robot: fr.Robot, samples: int, seed: int = 0) -> fr.Recording:
-    """A recording that does not exist: one period of a motion over and over, with noise that is drawn anew."""
+    """A generated recording: one period of a motion again and again, each time with fresh noise."""
     count = round(PERIOD * RATE)
     t = np.arange(count) / RATE
     rng = np.random.default_rng(seed)
@@ -179,7 +186,7 @@ def made_up(robot: fr.Robot, samples: int, seed: int = 0) -> fr.Recording:
 
 
 def chain(joints: int) -> fr.Robot:
-    """An arm of so many equal links, axes turning by a right angle."""
+    """An arm of equal links; each axis is turned against the one before."""
     text = ['<?xml version="1.0"?><robot name="chain"><link name="l0"/>']
     for i in range(1, joints + 1):
         text.append(

@@ -1,7 +1,7 @@
-"""How long frischid takes to start, against what it cannot do without: whole processes, in turn, in one run.
+"""Start-up time of frischid compared with that of the libraries it needs: whole processes, in turn, in one run.
 
-The figure is the median over rounds of the ratio within a round; processor time, because it is less disturbed by
-other work on the machine than the clock is.
+The figure is the median over rounds of the ratio within a round. Times are processor time, which other work on the
+machine disturbs less than wall-clock time.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def main() -> None:
     arguments.add_argument("--rounds", type=int, default=7)
     options = arguments.parse_args()
     commands = {name: command for name, command, _, _ in CASES} | dict([PINOCCHIO, BOTH])
-    for command in commands.values():  # compiled modules and file caches are there for everybody
+    for command in commands.values():  # so that compiled modules and file caches exist for all rounds
         processor_time(command)
     times: dict[str, list[float]] = {name: [] for name in commands}
     for _ in range(options.rounds):
@@ -59,7 +59,7 @@ def processor_time(command: list[str]) -> float:
     """User and system seconds of a process and all its threads."""
     child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     _, _, usage = os.wait4(child.pid, 0)
-    child.returncode = 0  # it has been waited for
+    child.returncode = 0  # already waited for
     return usage.ru_utime + usage.ru_stime
 
 

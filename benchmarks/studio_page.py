@@ -1,9 +1,9 @@
-"""How long a user of the studio waits: from the command to the first view, from a click to the new error.
+"""Time that a user of the studio waits: from the command to the first view, and from a click to the new error.
 
-`frischid studio` runs as a process of its own on the UR10e's five identification logs (of the planar demonstration
-where FRISCHID_DATA is not set); a headless Chromium, which is open already, goes to its page as soon as it is served.
-Where there is no GPU, the browser draws the robot on the same processor that computes. Needs Chromium. The robot is
-seen in screenshots, which take time of their own.
+`frischid studio` runs as a process of its own, on the UR10e's five identification logs if FRISCHID_DATA is set, and
+otherwise on those of the planar demonstration. A headless Chromium, which is already open, loads the page as soon as it
+is served. Without a GPU, the browser draws the robot on the same processor that computes. Needs Chromium. Screenshots
+show when the robot is drawn; they take time themselves.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from browser import CHROMIUM, QUIET
 
 CURVES = "() => document.querySelectorAll('.js-plotly-plot .scatterlayer .trace path').length >= 2"
-PATIENCE = 300_000  # ms; a busy machine is slow, not wrong
+PATIENCE = 300_000  # ms; long, because a busy machine is slow
 SERVED, VERDICT, DRAWN, ROBOT, CLICK = "page served", "verdict", "curves", "curves and robot", "click to new error"
 ASKED = {SERVED: None, VERDICT: 5.0, DRAWN: 5.0, ROBOT: 5.0, CLICK: 3.0}
-MIDDLE = {"x": 560, "y": 300, "width": 160, "height": 300}  # of the page, where the robot stands
-SHADES = 20  # of grey, fewer than which are an empty scene
+MIDDLE = {"x": 560, "y": 300, "width": 160, "height": 300}  # part of the page in which the robot is drawn
+SHADES = 20  # shades of grey; a scene with fewer is empty
 
 
 def main() -> None:
@@ -56,7 +56,7 @@ def main() -> None:
             )
             rounds.append(waits(browser, arguments_of_studio, 8500 + 10 * i))
             browser.close()
-    del rounds[0]  # compiled modules and file caches are there for all others
+    del rounds[0]  # so that compiled modules and file caches exist for all counted rounds
     rows = []
     for name, asked in ASKED.items():
         seconds = [found[name] for found in rounds]
@@ -71,8 +71,8 @@ def main() -> None:
             }
         )
     notes = [
-        f"{options.rounds} rounds after one that is not counted; all but the click from the start of the command, "
-        "a new process every time"
+        f"{options.rounds} rounds after one that is not counted, each with a new process; all times but the last run "
+        "from the start of the command"
     ]
     publish(f"the studio on {shown}", rows, options.json, notes)
 
@@ -101,11 +101,12 @@ def waits(browser: Any, arguments: list[str], port: int) -> dict[str, float]:
     """Seconds of one session."""
     page = browser.new_page(viewport={"width": 1280, "height": 900})
     page.set_default_timeout(PATIENCE)
-    address = f"http://localhost:{port}"
     start = time.perf_counter()
     command = [sys.executable, "-m", "frischid", "studio", *arguments, "--port", str(port)]
-    running = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    running = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert running.stdout is not None
     try:
+        address = running.stdout.readline().split()[1]  # studio: http://localhost:8080/TOKEN (Ctrl-C ends it)
         while not served(address):
             time.sleep(0.01)
         found = {SERVED: time.perf_counter() - start}
@@ -131,12 +132,12 @@ def waits(browser: Any, arguments: list[str], port: int) -> dict[str, float]:
 
 
 def shades(png: bytes) -> int:
-    """How many greys there are in a picture."""
+    """Number of shades of grey in a picture."""
     return len(Image.open(io.BytesIO(png)).convert("L").getcolors() or ())
 
 
 def served(address: str) -> bool:
-    """Whether the page is there."""
+    """Whether the page is served."""
     try:
         with urllib.request.urlopen(address) as answer:
             return bool(answer.status == 200)

@@ -15,7 +15,7 @@ import frischid
 
 PACKAGE, TARGET = Path(frischid.__file__).parent, Path(__file__).with_name("architecture.svg")
 
-# Folder: row from the top, column from the middle, what it does.
+# Folder: row from the top, column from the middle, its task.
 PLACES: dict[str, tuple[int, float, str]] = {
     "errors": (0, 0.0, "messages that say what to do"),
     "core": (1, 0.0, "types, files, several cores"),
@@ -32,6 +32,7 @@ PLACES: dict[str, tuple[int, float, str]] = {
     "fleet": (9, -1.1, "many equal robots"),
     "figures": (9, 0.0, "numbers → pictures"),
     "reports": (10, 0.6, "one page to send"),
+    "paper": (11, -0.6, "the paper, computed again"),
     "studio": (11, 0.6, "one page to work in"),
     "cli": (12, 0.0, "arguments and printed pages"),
 }
@@ -79,7 +80,7 @@ def middle(name: str) -> tuple[float, float]:
 
 
 def arrow(used: str, user: str) -> str:
-    """From the lower edge of what is used to the upper edge of its user."""
+    """An arrow from the lower edge of the used folder to the upper edge of its user."""
     (x, y), (u, w) = middle(used), middle(user)
     y, w = y + HEIGHT / 2, w - HEIGHT / 2 - 3
     bend = (w - y) * (0.5 if w - y < ROW else 0.75)

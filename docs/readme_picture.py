@@ -65,7 +65,7 @@ def draw(found: fr.Identification, logs: list[fr.Log], output: Path) -> None:
         for axis in (upper, lower):
             axis.fill_between(t, 0, 1, where=~used[:, j], transform=axis.get_xaxis_transform(), color="0.93", lw=0)
     axes[0].legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
-    axes[-1].set_xlabel("time, s (grey: the joint rests, dry friction is undetermined)")
+    axes[-1].set_xlabel("time, s (grey: standstill, where dry friction is undetermined)")
     figure.align_ylabels()
     figure.tight_layout(h_pad=0.4)
     output.parent.mkdir(parents=True, exist_ok=True)

@@ -31,7 +31,7 @@ SHRUNK = (960, 675)
 
 
 def subject() -> tuple[fr.Model, list[fr.Log]]:
-    """A model and logs to show it on."""
+    """A model, and logs to show the model on."""
     folder = data_folder()
     if folder is None:
         shown = demo.run(0)
@@ -50,7 +50,7 @@ def keep(png: bytes, name: str) -> None:
 
 
 def main() -> None:
-    """Take both."""
+    """Take both screenshots."""
     model, logs = subject()
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "report.html"
@@ -78,7 +78,7 @@ def main() -> None:
 
 
 def _close_notice(page: object) -> None:
-    """Viser's notice that this machine has no GPU says nothing about frischid."""
+    """Close viser's notice that this machine has no GPU."""
     page.locator(".mantine-Notification-closeButton").first.click()  # type: ignore[attr-defined]
 
 

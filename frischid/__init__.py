@@ -1,4 +1,4 @@
-"""frischid: which dynamic parameters of a robot can be identified, their values, and how far to trust them.
+"""frischid: identifiable dynamic parameters of a robot, their values, and how far to trust them.
 
     >>> import frischid as fr
     >>> robot = fr.Robot.load("planar2")
@@ -7,9 +7,8 @@
     >>> found.model
     Model('planar2': 13 base parameters; viscous, coulomb, offset, rotor_inertia)
 
-The public names stand in one table, `__init__.pyi`: type checkers and editors read the table, and `lazy_loader` imports
-a name from it when the name is first used. So ``import frischid`` and ``frischid --help`` load neither NumPy nor
-Pinocchio.
+All public names are in one table, `__init__.pyi`. Type checkers and editors read the table, and `lazy_loader` imports a
+name when the name is first used. So ``import frischid`` and ``frischid --help`` load neither NumPy nor Pinocchio.
 """
 
 import lazy_loader

@@ -12,6 +12,7 @@ from .errors import FrischidError as FrischidError
 from .errors import InputError as InputError
 from .export.consistency import Consistency as Consistency
 from .export.consistency import make_consistent as make_consistent
+from .export.drive_gain_problem import KnownPayload as KnownPayload
 from .export.drive_gains import Gains as Gains
 from .export.drive_gains import find_gains as find_gains
 from .export.urdf import Export as Export
@@ -24,13 +25,18 @@ from .logs.readers import write_log as write_log
 from .logs.recording import Recording as Recording
 from .model.comparison import Comparison as Comparison
 from .model.comparison import compare as compare
+from .model.headline import Headline as Headline
+from .model.headline import headline as headline
 from .model.identification import Identification as Identification
 from .model.identification import identify as identify
 from .model.log_examination import check as check
 from .model.model import Model as Model
+from .model.own_logs import own_logs as own_logs
 from .motions.simulation import Noise as Noise
 from .motions.simulation import simulate as simulate
 from .motions.trajectory import Quintic as Quintic
 from .motions.trajectory import random_fourier as random_fourier
+from .paper.reproduction import Reproduction as Reproduction
+from .paper.reproduction import reproduce_paper as reproduce_paper
 from .reports.page import report as report
 from .robot.robot import Robot as Robot

@@ -1,7 +1,7 @@
-"""What can go wrong, in kinds a caller can tell apart.
+"""The errors of frischid, one class for each kind that a caller may want to handle.
 
-Every message says what was found, where it was found, and what to do about it. Nothing else in the package
-raises bare exceptions for bad input, and nothing asserts on it.
+Every message names the fault, its place, and the remedy. For bad input, the package raises only these errors; it never
+raises a bare exception and never uses an assertion.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 
 class FrischidError(Exception):
-    """Base of every error frischid raises on purpose.
+    """Base class of all errors that frischid raises on purpose.
 
     Examples
     --------
@@ -25,7 +25,7 @@ class FrischidError(Exception):
 
 
 class InputError(FrischidError):
-    """A file, a column, a value or an option is not usable; the message names it and says what to do.
+    """A file, a column, a value or an option is not usable; the message names it and the remedy.
 
     Examples
     --------
@@ -42,18 +42,18 @@ class UnknownNameError(InputError):
     Parameters
     ----------
     kind : str
-        What the name was meant to be, for example ``"joint"``.
+        Kind of the name, for example ``"joint"``.
     name : str
-        The name that was asked for.
+        The unknown name.
     valid : iterable of str
         The names that exist.
     where : str
-        Where the valid names come from, for example a file name.
+        Source of the valid names, for example a file.
     """
 
     def __init__(self, kind: str, name: str, valid: Iterable[str], where: str = "") -> None:
         options = sorted(set(valid))
-        close = close_names(name, options)
+        close = close_names(str(name), options)
         listing = ", ".join(close or options[:40]) or "(none)"
         more = f" (+{len(options) - 40} more)" if not close and len(options) > 40 else ""
         lead = "did you mean" if close else "the names are"
@@ -63,11 +63,11 @@ class UnknownNameError(InputError):
 
 
 class IdentifiabilityError(FrischidError):
-    """The data cannot determine what was asked (too few samples, no motion, a singular moment matrix)."""
+    """The data do not determine the wanted parameters (too few samples, no motion, a singular moment matrix)."""
 
 
 class EmptyBoxError(FrischidError):
-    """Bounds that contradict one another: some lower bound lies above its upper bound.
+    """Bounds contradict one another: some lower bound lies above its upper bound.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class EmptyBoxError(FrischidError):
     lower, upper : float
         The two bounds, in the parameter's unit.
     window : int or None
-        BBRF window at which it happened, ``None`` when the box was empty from the start.
+        BBRF window at which the interval became empty, ``None`` when the box was empty from the start.
     """
 
     def __init__(self, parameter: str, lower: float, upper: float, window: int | None = None) -> None:

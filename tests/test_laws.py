@@ -271,7 +271,7 @@ def test_every_estimator_recovers_the_truth(name, estimator):
     machine = robot(name)
     values = random_values(machine, BASELINE)
     log = exact_log(machine, BASELINE, values, rate=200.0)
-    found = quick(machine, [log], estimator=estimator)
+    found = quick(machine, [log], estimator=estimator, prior="none")
     assert found.simplex.exact
     assert found.model.estimate.estimator == estimator
     assert misfit(found, true_base(found, values)) < 1e-5
@@ -281,7 +281,7 @@ def test_every_estimator_recovers_the_truth(name, estimator):
 @every_robot
 def test_every_vertex_lies_in_its_box(name):
     machine = robot(name)
-    found = noisy(name)
+    found = noisy(name, prior="none")
     box = found.model.bounds["frisch"]
     assert not found.simplex.exact
     for vertex in found.simplex.vertices.T:
@@ -294,10 +294,10 @@ def test_every_vertex_lies_in_its_box(name):
 
 
 @cache
-def noisy(name):
+def noisy(name, prior="urdf"):
     machine = robot(name)
     noise = Noise(q=1e-4, v=1e-3, a=1e-2, tau=0.02)
-    return quick(machine, [exact_log(machine, BASELINE, random_values(machine, BASELINE), noise=noise)])
+    return quick(machine, [exact_log(machine, BASELINE, random_values(machine, BASELINE), noise=noise)], prior=prior)
 
 
 @every_robot
@@ -324,7 +324,7 @@ def with_effect(effect):
 @cache
 def rigid():
     machine = robot("mixed mimic")
-    return quick(machine, [exact_log(machine, (), noise=Noise(tau=0.01))], effects=()).model
+    return quick(machine, [exact_log(machine, (), noise=Noise(tau=0.01))], effects=(), prior="none").model
 
 
 @every_effect

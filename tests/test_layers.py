@@ -30,6 +30,7 @@ FOLDERS = (
     "fleet",
     "figures",
     "reports",
+    "paper",
     "studio",
     "cli",
 )
@@ -48,6 +49,7 @@ NUMERIC = (
     "estimators.bbrf_windows",
     "estimators.nominal_links",
     "estimators.box_qp",
+    "estimators.frisch_selection",
     "estimators.physical_links",
     "estimators.drive_gain_ls",
 )

@@ -18,7 +18,7 @@ class MagneticDetent(Effect):
     """Magnetic detent: two magnets pull the joint to one position."""
 
     id = "magnetic_detent"
-    sentence = "{joint} is pulled to one position and let go a little farther: a magnetic detent"
+    sentence = "{joint} is pulled towards one position, but only near that position: a magnetic detent"
     shapes: ClassVar = {"position": tuple(n / 10 for n in range(-31, 32)), "width": (0.1, 0.2, 0.4)}
     units: ClassVar = {"position": ("rad", "m"), "width": ("rad", "m")}
 

@@ -1,4 +1,4 @@
-"""Checks that find faults in a log: one family of checks per file, each with its principle.
+"""Checks that find faults in a log; each file is one family of checks and states its principle.
 
 `inspect` runs them all and returns a `LogReport` of figures and `LogIssue` objects; `defects` looks through a file that
 cannot be read. Nothing is repaired.

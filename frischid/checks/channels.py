@@ -14,7 +14,7 @@ from frischid.robot.robot import Robot
 
 
 def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = True) -> None:
-    """Dead, coarse, saturated and held channels; joints that do not move; noise of each channel as `figures`."""
+    """Report dead, coarse, saturated and held channels and joints that do not move; note each channel's noise."""
     moving = np.ptp(log.q, axis=0) >= STANDSTILL_SPAN
     notes.facts["channels"] = [c for c in ("v", "a", "tau", "current") if log.has(c).any()]
     for channel in ("q", "v", "tau", "current") if figures else ():
@@ -30,7 +30,7 @@ def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = T
     if not moving.all():
         notes.add(
             "no motion",
-            f"range below {STANDSTILL_SPAN:g} rad (m): nothing can be learnt about it",
+            f"range below {STANDSTILL_SPAN:g} rad (m): the log tells nothing about the parameters of this joint",
             notes.which(~moving),
             "certain",
             "move it, lock it (--lock), or check its position column",
@@ -42,12 +42,12 @@ def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = T
 
 
 def quantum(x: Array, criteria: CheckCriteria = DEFAULT_CRITERIA) -> float:
-    """Step of a channel whose values all lie on a grid, zero where there is none."""
+    """Step of a channel whose values all lie on a grid; zero where there is no grid."""
     levels = np.unique(x)
     if len(levels) < 2 or len(levels) > criteria.grid_share * len(x):
         return 0.0
     step = float(np.diff(levels).min())
-    # binary rounding of decimals makes neighbours of what is one level
+    # binary rounding of decimals splits one level into neighbouring numbers
     while step < 1e-9 * np.ptp(levels) and len(levels) > 2:
         levels = levels[np.append(True, np.diff(levels) > 1e-9 * np.ptp(levels))]
         step = float(np.diff(levels).min())
@@ -70,7 +70,7 @@ def _velocity(log: Log, moving: NDArray[np.bool_], notes: Notebook) -> None:
 
 
 def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes: Notebook) -> None:
-    """Missing, dead, with a dead band; then its resolution."""
+    """Report torques that are missing, dead or have a dead band; then check their resolution."""
     values, present, name = getattr(log, channel), log.has(channel), {"tau": "torque"}.get(channel, channel)
     criteria = notes.criteria
     if not present.all():
@@ -100,13 +100,13 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
             f"the {name} is exactly zero in {span(100 * zeros[band], ' %')} of the samples while the joint moves",
             notes.which(band),
             "certain",
-            "leave its torque row out (--torque-joints): most of what it should show is missing",
+            "leave its torque row out (--torque-joints): small torques are missing from it",
         )
     _resolution(values, live & ~band, (name, unit), notes)
 
 
 def _resolution(values: Array, good: NDArray[np.bool_], quantity: tuple[str, str], notes: Notebook) -> None:
-    """Coarse, saturated, held; the quantity is its name and its unit."""
+    """Report channels that are coarse, saturated or held; `quantity` is the name and the unit."""
     criteria, (name, unit) = notes.criteria, quantity
     levels = np.array([_levels(x, criteria) for x in values.T])
     coarse = good & (levels < criteria.coarse_steps)
@@ -116,7 +116,8 @@ def _resolution(values: Array, good: NDArray[np.bool_], quantity: tuple[str, str
             f"the {name} takes {span(levels[coarse])} steps over the middle 90 % of its samples",
             notes.which(coarse),
             "certain",
-            "record it with more digits; errors below half a step are not noise, and averaging does not reduce them",
+            "record it with more digits; rounding errors of half a step are not noise, and averaging does not reduce "
+            "them",
         )
     share = np.array([_saturated(x, criteria) if ok else 0.0 for x, ok in zip(values.T, good, strict=True)])
     if (share > 0).any():
@@ -137,12 +138,13 @@ def _resolution(values: Array, good: NDArray[np.bool_], quantity: tuple[str, str
             "the log's",
             notes.which(held > 1),
             "certain",
-            "record at the rate of the torque; a held torque is late by half the time between its changes",
+            "record at the rate at which the torque is measured; a held torque is late by half the time between its "
+            "changes",
         )
 
 
 def _dead_band(x: Array, zeros: float, criteria: CheckCriteria) -> bool:
-    """Whether zero occurs far more often than the values beside it, more than rounding to zero explains."""
+    """Whether zero occurs more often, compared with the levels beside it, than rounding to zero explains."""
     if zeros < criteria.dead_band_share:
         return False
     step = quantum(x, criteria) or 1e-3 * float(np.ptp(x))
@@ -151,13 +153,13 @@ def _dead_band(x: Array, zeros: float, criteria: CheckCriteria) -> bool:
 
 
 def _levels(x: Array, criteria: CheckCriteria) -> float:
-    """Steps of its grid that a channel spans most of the time; infinite without a grid."""
+    """Number of steps of its grid that a channel spans most of the time; infinite without a grid."""
     step, tail = quantum(x, criteria), criteria.tail_share
     return float(np.ptp(np.quantile(x, [tail, 1 - tail])) / step) if step else np.inf
 
 
 def _saturated(x: Array, criteria: CheckCriteria) -> float:
-    """Share of samples at the very extreme, where they are too many for a signal that turns round there."""
+    """Share of samples at the extreme value, where they are too many for a signal that just turns back; else zero."""
     worst = 0.0
     step = max(quantum(x, criteria), 1e-6 * float(np.ptp(x)))
     for y in (x, -x):
@@ -170,24 +172,24 @@ def _saturated(x: Array, criteria: CheckCriteria) -> float:
 
 
 def _held(x: Array, criteria: CheckCriteria) -> int:
-    """Samples between two changes of a channel whose values change more slowly than the log's rate; else one."""
+    """Samples between two changes of a channel that is recorded more often than it is measured; else one."""
     changes = np.flatnonzero(np.diff(x) != 0)
     if len(changes) < criteria.held_changes or len(changes) > criteria.held_share * len(x):
         return 1
     sizes, gaps = np.abs(np.diff(x))[changes], np.diff(changes)
     usual = int(np.median(gaps))
-    # a coarse grid also makes a channel stand still; but such a channel moves by one step and has no rhythm
+    # a channel with a coarse grid also stays constant at times, but it moves by one step and has no rhythm
     steps = np.median(sizes) / max(quantum(x, criteria), 1e-12)
     rhythm = np.mean(gaps % usual == 0)
     return usual if usual > 1 and steps > criteria.held_jump and rhythm > criteria.held_rhythm else 1
 
 
 def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
-    """Positions that no joint can have in radians.
+    """Report positions that cannot be in radians.
 
-    Such positions are far outside the robot's limits, or move much faster than the limits and over more than a turn:
-    degrees read as radians are 57 times too large. Simulated robots are often faster than their URDF allows, but they
-    stay within a turn.
+    Degrees read as radians are 57 times too large. Such positions are far outside the robot's limits, or they move much
+    faster than the limits allow and over more than a turn. Simulated robots are often faster than their URDF allows,
+    but they stay within a turn.
     """
     limits, criteria = robot.limits, notes.criteria
     lower, upper = limits.lower, limits.upper
@@ -210,7 +212,7 @@ def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
     evidence = "far outside the URDF's limits" if (far | fast).any() else "several full turns"
     notes.add(
         "degrees",
-        f"motion implausible in radians ({evidence}: {span(np.abs(log.q[:, found]).max(axis=0))} rad), it looks "
+        f"the motion is implausible in radians ({evidence}: {span(np.abs(log.q[:, found]).max(axis=0))} rad) and looks "
         "like degrees",
         notes.which(found),
         "likely" if turns[found].all() else "certain",

@@ -1,13 +1,15 @@
 """Times at which the samples were really taken.
 
-The positions are a second clock. Between two samples they advance by ``Δq = q̇ Δt``, so with the speed known from the
-neighbourhood every pair of samples says how much time passed between them, in all moving joints at once:
+The positions are a second clock. Between two samples they advance by ``Δq = q̇ Δt``. The speed q̇ is known from the
+samples around, as the mean v̄. So every pair of samples k tells the time ε_k that passed between them, from all moving
+joints j at once:
 
     ε_k = Σ_j (Δq_jk v̄_jk / σ_j²) / Σ_j (v̄_jk² / σ_j²)
 
 (least squares, with σ_j the noise of the positions). If the stamps are the times of measurement, ε follows the steps of
 the stamps with slope one. If the stamps are times of arrival at a computer, the stamps jitter and the positions do not:
-the slope is zero. Or the positions stand still for one step and move by two steps in the next.
+the slope is zero. If the samples were read from a buffer, the positions stand still for one step and move by two steps
+in the next.
 """
 
 from __future__ import annotations
@@ -56,14 +58,14 @@ def check_clock(log: Log, notes: Notebook) -> None:
 
 
 def _wrong_unit(rate: float, notes: Notebook) -> None:
-    """Say which unit would make the rate that of a robot."""
+    """Report a wrong unit of time, and the unit with which the rate would be that of a robot."""
     low, high = notes.criteria.likely_rates
     units = {name: rate * factor for name, factor in TICKS_PER_SECOND.items() if low <= rate * factor <= high}
     guess = ", ".join(f"{name} ({hz:.4g} Hz)" for name, hz in units.items())
     hint = f"; it looks like {guess}" if guess and rate < notes.criteria.slowest_rate else ""
     notes.add(
         "unit of time",
-        f"the stamps are {1 / rate:.4g} s apart, {rate:.3g} samples a second{hint}",
+        f"the stamps are {1 / rate:.4g} s apart, {rate:.3g} samples per second{hint}",
         (),
         "certain" if guess else "likely",
         'give the stamps in seconds, or say time_unit = "ms", "us" or "ns" under [file] in a mapping file',
@@ -72,7 +74,7 @@ def _wrong_unit(rate: float, notes: Notebook) -> None:
 
 
 def _repeats(log: Log, criteria: CheckCriteria) -> np.ndarray:
-    """Rows equal to the row before in every channel, although the joints are on their way, (N - 1,)."""
+    """Rows equal to the row before in every channel, although the joints are moving, (N - 1,)."""
     same = np.ones(len(log) - 1, bool)
     for channel in CHANNELS:
         values = getattr(log, channel)
@@ -84,7 +86,7 @@ def _repeats(log: Log, criteria: CheckCriteria) -> np.ndarray:
 
 
 def _finest(x: Array) -> float:
-    """Smallest change in a channel; only a joint that moves by more is seen to move."""
+    """Smallest change of a channel: a smaller motion of the joint cannot be seen."""
     changes = np.abs(np.diff(x))
     return float(changes[changes > 0].min()) if changes.any() else np.inf
 
@@ -108,7 +110,7 @@ def _gaps(step: Array, usual: float, notes: Notebook) -> None:
 
 
 def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
-    """Whether the stamps are the times of measurement."""
+    """Report stamps that are not the times of measurement."""
     criteria, window = notes.criteria, notes.criteria.position_window
     inside = slice(window, -window)
     if len(log) < 10 * window:
@@ -132,16 +134,16 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
         notes.facts |= {"stamps_follow": slope, "stamps_follow_error": error}
     advice = (
         "record the controller's own cycle count or time (header.stamp, not the time of arrival); if the controller's "
-        "cycle is known, rebuild the stamps from it. Until then derivatives carry the clock's noise"
+        "cycle is known, rebuild the stamps from it. Until then the clock's noise spoils the derivatives"
     )
     words = f"steps between {1e3 * step.min():.3g} and {1e3 * step.max():.3g} ms (usual {1e3 * usual:.3g} ms)"
     arrived = slope + criteria.significant_errors * error < criteria.host_slope
     if jitter > criteria.host_jitter and error < criteria.clear_slope_error and arrived:
         notes.add(
             "host clock",
-            f"{words}, a jitter of {jitter:.1%} of a step that the positions do not show (they follow it by "
-            f"{slope:.2f} ± "
-            f"{error:.2f}; 1 if it were real): the stamps are those of arrival",
+            f"{words}, a jitter of {jitter:.1%} of a step that the positions do not show (they follow the jitter by a "
+            f"factor of {slope:.2f} ± {error:.2f}; a real jitter has 1): the stamps are times of arrival, not of "
+            "measurement",
             (),
             "certain",
             advice,
@@ -151,8 +153,8 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
         notes.add(
             "host clock",
             f"{words}; the positions stand still over {still:.1%} of the steps and advance by two over "
-            f"{double:.1%}, whatever "
-            "the stamps say: samples were read from a buffer, not when they were measured",
+            f"{double:.1%}, and the stamps do not show this: samples were read from a buffer, not when they were "
+            "measured",
             (),
             "certain",
             advice,
@@ -160,7 +162,7 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
     elif jitter > criteria.unclear_jitter and error >= criteria.clear_slope_error:
         notes.add(
             "jitter",
-            f"{words}; whether the stamps are those of the measurement the positions cannot tell",
+            f"{words}; the positions cannot tell whether the stamps are the times of measurement",
             (),
             "possible",
             "prefer stamps made where the positions are measured",
@@ -168,7 +170,7 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
 
 
 def _told_by_positions(log: Log, window: int) -> tuple[Array, Array]:
-    """Time between samples as the positions tell it [s], and 1 / variance of it [1/s²], both (N - 1,)."""
+    """Time between samples computed from the positions [s], and 1 / variance of this time [1/s²], both (N - 1,)."""
     taps = signal.savgol_coeffs(window, 3, deriv=1, use="dot")
     slope = ndimage.correlate1d(log.q, taps, axis=0, mode="nearest")
     speed = slope / ndimage.correlate1d(log.t, taps, mode="nearest")[:, None]

@@ -1,7 +1,7 @@
-"""What is wrong with a CSV file that cannot be read, all of it at once.
+"""All faults of a CSV file that cannot be read, at once.
 
-Reading stops at the first fault. A recording that was cut, or in which memory was written out before it was filled,
-has many; the whole file is looked through line by line, and every kind of fault is told with its lines. Nothing is
+Reading stops at the first fault. But a recording that was cut, or that holds memory written before it was filled, has
+many faults. So the whole file is searched line by line, and every kind of fault is reported with its lines. Nothing is
 repaired.
 """
 
@@ -36,12 +36,15 @@ def defects(path: Path, form: LogMap) -> LogReport | None:
         if isinstance(form.time, int)
         else None
     )
-    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-        rows = [
-            (number, row)
-            for number, row in enumerate(csv.reader(file, delimiter=layout.delimiter), start=1)
-            if number > layout.skip and row
-        ]
+    try:
+        with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+            rows = [
+                (number, row)
+                for number, row in enumerate(csv.reader(file, delimiter=layout.delimiter), start=1)
+                if number > layout.skip and row
+            ]
+    except csv.Error:  # a cell longer than any number
+        return None
     if not rows:
         return None
     ragged = [number for number, row in rows if len(row) != width]
@@ -56,7 +59,7 @@ def defects(path: Path, form: LogMap) -> LogReport | None:
         notes.add("ragged lines", what, (), "certain", "correct or delete them", blocks=True)
     if garbage:
         what = f"{len(garbage)} lines hold no measurement (not a number, nan, or above {GARBAGE:g}): {_ranges(garbage)}"
-        advice = "delete these lines: memory written out before it was filled, as a rule"
+        advice = "delete these lines: usually they are memory that was written before it was filled"
         notes.add("garbage rows", what, (), "certain", advice, blocks=True)
     if time is not None:
         bad = {*ragged, *garbage}
@@ -75,7 +78,7 @@ def _numbers(row: Sequence[str]) -> np.ndarray:
 
 
 def _stamps(lines: Sequence[int], t: np.ndarray, notes: Notebook) -> None:
-    """Stamps that are none, that fall or repeat, and the gaps between those that are left."""
+    """Report stamps that are no times, stamps that fall or repeat, and the gaps between the others."""
     if len(t) < 3:
         return
     steps = np.diff(t)
@@ -86,7 +89,7 @@ def _stamps(lines: Sequence[int], t: np.ndarray, notes: Notebook) -> None:
     lost |= np.minimum(before, after) > jump
     if lost.any():
         where = _ranges([line for line, yes in zip(lines, lost, strict=True) if yes])
-        what = f"{int(lost.sum())} lines whose stamp is nowhere near those around it: {where}"
+        what = f"{int(lost.sum())} lines have a stamp far away from the stamps around it: {where}"
         notes.add("garbage rows", what, (), "certain", "delete these lines: they hold no measurement", blocks=True)
     kept, at = t[~lost], [line for line, yes in zip(lines, lost, strict=True) if not yes]
     steps = np.diff(kept)
@@ -107,7 +110,7 @@ def _stamps(lines: Sequence[int], t: np.ndarray, notes: Notebook) -> None:
 
 
 def _ranges(lines: Sequence[int], most: int = 6) -> str:
-    """Line numbers, neighbours as ranges."""
+    """Line numbers as text; neighbouring lines as a range."""
     groups: list[list[int]] = []
     for line in lines:
         if groups and line == groups[-1][1] + 1:

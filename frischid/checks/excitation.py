@@ -1,8 +1,8 @@
-"""What free parameters would explain, and which of them this log cannot see.
+"""The error of freely fitted base parameters, and the parameters that this log does not determine.
 
-The base parameters are fitted to the `Sketch`, cross-validated over five stretches of time. A parameter is unseen
-when its standard error is larger than what the URDF says of the terms it is made of: the URDF's own value, wrong by
-all of itself, would then be the better estimate.
+The base parameters are fitted to the `Sketch`, cross-validated over five stretches of time. A parameter counts as
+undetermined when its standard error is larger than its own size in the URDF (the sizes of the terms it is made of).
+Then the URDF's value is the better estimate, even if it is wrong by 100 %.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor, nominal_parameters
 
 _TORQUE_KINDS = ("late torque", "torque scale", "wrong robot", "unexplained torque")
-"""Issues that are reason enough for a bad fit."""
+"""Issues that are themselves a sufficient reason for a bad fit."""
 
 
 @dataclass(frozen=True, eq=False)
 class FreeFit:
-    """Base parameters fitted to a sketch.
+    """Fit of the base parameters to a sketch.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class FreeFit:
 
 
 def free_fit(sketch: Sketch, reduction: Reduction) -> FreeFit | None:
-    """Fit the base parameters of the baseline model; None when the sketch is too short for that."""
+    """Fit the base parameters of the baseline model; None when the sketch is too short for this."""
     criteria = sketch.criteria
     Y = Regressor(sketch.robot, BASELINE)(sketch.t, sketch.q, sketch.v, sketch.a)[:, list(reduction.base)]
     uses = [np.flatnonzero(sketch.used[:, j]) for j in sketch.rows]
@@ -50,7 +50,7 @@ def free_fit(sketch: Sketch, reduction: Reduction) -> FreeFit | None:
     norms = np.sqrt((X**2).sum(axis=0))
     scale = np.where(norms > 0, norms, 1.0)
     X = X / scale
-    ridge = 1e-10 * np.eye(X.shape[1])  # what no sample excites must not stop the rest from being judged
+    ridge = 1e-10 * np.eye(X.shape[1])  # parameters that no sample excites must not stop the fit
     fold = np.concatenate(uses) * criteria.excitation_folds // len(sketch)
     H, b = X.T @ X, X.T @ y
     left = np.empty_like(y)
@@ -62,7 +62,7 @@ def free_fit(sketch: Sketch, reduction: Reduction) -> FreeFit | None:
     variance = np.bincount(which, inside)[which] / np.maximum(np.bincount(which)[which] - X.shape[1] / len(uses), 1)
     inverse = np.linalg.inv(H + ridge)
     spread = np.einsum("ij,jk,ki->i", inverse, X.T @ (X * variance[:, None]), inverse)
-    # neighbours in a sketch are correlated: half a period of the cut-off counts once
+    # neighbouring samples of a sketch are correlated: half a period of the cut-off counts as one sample
     stderr = np.sqrt(np.maximum(spread, 0) * criteria.sketch_oversampling / 2) / scale
     errors = np.sqrt(np.bincount(which, left**2) / np.bincount(which))
     return FreeFit(errors, np.where(norms > 0, stderr, np.inf))
@@ -71,25 +71,26 @@ def free_fit(sketch: Sketch, reduction: Reduction) -> FreeFit | None:
 def check_excitation(
     sketch: Sketch, reduction: Reduction, fit: FreeFit | None, notes: Notebook, *, alone: bool
 ) -> None:
-    """Say which base parameters the log cannot see; that it is too weak only if it is `alone`."""
+    """Note the base parameters that the log does not determine; weak excitation is an issue only if it is `alone`."""
     sizes = np.abs(reduction.mapping) @ np.abs(nominal_parameters(sketch.robot, BASELINE))
     columns = reduction.base_columns()
     rigid = np.array([c.effect == "rigid" for c in columns]) & (sizes > 0)
     if fit is None:
         if alone:
             words = f"{len(sketch)} filtered samples of {len(sketch.rows)} joints for {len(columns)} base parameters"
-            notes.add("too short", words, (), "likely", "record longer, or several logs")
+            notes.add("too short", words, (), "likely", "record a longer log, or several logs")
         return
     unseen = [c.name for c, yes in zip(columns, rigid & (fit.stderr > sizes), strict=True) if yes]
     notes.facts |= {"rigid_parameters": int(rigid.sum()), "unseen_parameters": unseen}
-    free, nominal = (float(np.sqrt(np.mean(x**2))) for x in (fit.errors, sketch.asis))
+    # one joint whose sensors are as coarse as its motion says nothing of the others
+    free, nominal = (float(np.median(x)) for x in (fit.errors, sketch.asis))
     healthy = alone and not any(f.blocks or f.kind in _TORQUE_KINDS for f in notes.issues)
     if healthy and free > max(notes.criteria.weak_nrmse, notes.criteria.weak_ratio * nominal):
         notes.add(
             "weak excitation",
-            f"free parameters fitted to this log predict stretches left out with NRMSE {free:.2g}, the URDF's own "
-            f"with {nominal:.2g}; "
-            f"{len(unseen)} of {int(rigid.sum())} rigid base parameters have a standard error above their own size",
+            f"parameters fitted to a part of this log predict the rest with NRMSE {free:.2g}, the URDF's own "
+            f"parameters with {nominal:.2g}; {len(unseen)} of {int(rigid.sum())} rigid base parameters have a standard "
+            "error larger than the parameter itself in the URDF",
             (),
             "likely",
             "record a motion that excites more (frischid excite), add logs, or use a prior",

@@ -1,9 +1,9 @@
-"""How much later the torque was taken than the motion.
+"""The delay of the measured torque behind the measured motion.
 
     d = argmin_d  Π_j  Σ_k (τ_j(t_k + d) − τ_nominal,j(t_k) − friction_j(t_k))²
 
-over a common delay of all joints (the product is the likelihood of joints with noise of unknown size). A delay of the
-recording is common to all joints; joints that differ have their own filters, or friction that lags.
+over a common delay of all joints j (the product is the likelihood of joints with noise of unknown size). A delay of the
+recording is common to all joints. Joints with different delays have filters of their own, or friction that lags.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, 
     notes.add(
         "late torque",
         f"the torque {'lags the motion' if sign > 0 else 'runs ahead of the motion'} by {by.lstrip('-')}: "
-        f"shifting it back explains {gone:.0%} of the squared error of the nominal model",
+        f"shifting the torque back explains {gone:.0%} of the squared error of the URDF with fitted friction",
         where,
         "likely" if sure == "likely" else "possible",
         "record both with one clock and one filter, shift the columns, or add time_delay (frischid effects time_delay)",
@@ -87,7 +87,7 @@ def _costs(sketch: Sketch, part: slice, judged: list[int], delays: Array) -> Arr
         tau = make_interp_spline(t, sketch.tau[part, j])
         nominal, use = sketch.nominal[part, j][inner], sketch.used[part, j][inner]
         X = sketch.friction(j)[part][inner][use]
-        # with the signs of friction let go, one factorisation serves all delays
+        # with friction of either sign allowed, one factorisation serves all delays
         Q, _ = np.linalg.qr(X[:, :4])
         Y = np.column_stack([tau(t[inner] + d) - nominal for d in delays])[use]
         left = (Y - Q @ (Q.T @ Y)) ** 2
@@ -96,7 +96,7 @@ def _costs(sketch: Sketch, part: slice, judged: list[int], delays: Array) -> Arr
 
 
 def _best(delays: Array, cost: Array) -> tuple[float, float]:
-    """Delay of least summed cost, (D, Q), and its standard error from the quarters'."""
+    """Delay with the least cost summed over the quarters, and its standard error from the quarters; cost (D, Q)."""
     whole = _vertex(delays, cost.sum(axis=1))
     parts = [_vertex(delays, x) for x in cost.T]
     return whole, max(float(np.std(parts)) / np.sqrt(cost.shape[1] - 1), 0.01 * float(delays[1] - delays[0]))

@@ -17,21 +17,20 @@ Sureness = Literal["certain", "likely", "possible"]
 
 @dataclass(frozen=True)
 class LogIssue:
-    """Something in a log that needs a look.
+    """A fault, or a likely fault, in a log.
 
     Attributes
     ----------
     kind : str
-        Name of the issue, two or three words that stay the same: ``"late velocity"``.
+        Name of the issue, two or three fixed words: ``"late velocity"``.
     what : str
         The evidence, with figures.
     where : tuple of str
-        The joints concerned; empty when it is the whole log.
+        The joints concerned; empty when the issue concerns the whole log.
     sure : {"certain", "likely", "possible"}
-        Certain: nothing else looks like this. Likely: only a rare cause looks the same. Possible: the reader must
-        judge.
+        Certain: no other cause gives this evidence. Likely: only a rare cause does. Possible: the reader must judge.
     advice : str
-        What to do about it.
+        The remedy.
     blocks : bool
         Whether an identification from this log would be worthless.
     """
@@ -48,7 +47,7 @@ class LogIssue:
 
     @property
     def short(self) -> str:
-        """Without the advice, for the page of another command."""
+        """The issue without the advice, for the output of other commands."""
         place = f"{', '.join(self.where)}: " if self.where else ""
         return f"{place}{self.what} ({self.kind}, {self.sure})"
 
@@ -59,7 +58,7 @@ class LogIssue:
 
 @dataclass(frozen=True)
 class LogReport:
-    """What `frischid.checks.inspect` says of one log.
+    """Result of `frischid.checks.inspect`: the issues and figures of one log.
 
     Attributes
     ----------
@@ -68,9 +67,9 @@ class LogReport:
     facts : mapping of str to object
         Figures of the whole log, for example ``rate_hz``.
     joints : mapping of str to mapping of str to float
-        Figures of each joint, for example ``noise_q``; what could not be measured is missing.
+        Figures of each joint, for example ``noise_q``; a figure that could not be measured is missing.
     issues : tuple of LogIssue
-        Blocking ones first, then the surest.
+        Those that block an identification first, then the most certain.
     criteria : CheckCriteria
         The numbers that decided.
     """
@@ -83,7 +82,7 @@ class LogReport:
 
     @property
     def blocked(self) -> bool:
-        """Whether some issue makes the log worthless as it stands."""
+        """Whether an identification from this log would be worthless."""
         return any(issue.blocks for issue in self.issues)
 
     @property
@@ -94,7 +93,7 @@ class LogReport:
 
 @dataclass
 class Notebook:
-    """Where the checks write what they see; `LogReport` is its fair copy."""
+    """Collects the issues and figures that the checks find; `report` turns them into a `LogReport`."""
 
     names: Sequence[str]
     criteria: CheckCriteria = DEFAULT_CRITERIA
@@ -103,7 +102,7 @@ class Notebook:
     issues: list[LogIssue] = field(default_factory=list)
 
     def per_joint(self, quantity: str, values: Array) -> None:
-        """Note a figure of every joint, (J,); what is not finite is left out."""
+        """Note a figure of every joint, (J,); values that are not finite are left out."""
         for name, value in zip(self.names, values, strict=True):
             if np.isfinite(value):
                 self.joints.setdefault(name, {})[quantity] = float(value)
@@ -111,7 +110,7 @@ class Notebook:
     def add(
         self, kind: str, what: str, where: Iterable[str], sure: Sureness, advice: str, *, blocks: bool = False
     ) -> None:
-        """Add an issue; one that differs only in its joints joins the earlier one."""
+        """Add an issue; if it differs from an earlier issue only in the joints, the joints join the earlier one."""
         new = LogIssue(kind, what, tuple(where), sure, advice, blocks)
         for k, old in enumerate(self.issues):
             if new.where and replace(old, where=new.where) == new:
@@ -125,13 +124,13 @@ class Notebook:
         return tuple(name for name, yes in zip(self.names, chosen, strict=True) if yes)
 
     def report(self, source: str) -> LogReport:
-        """Everything noted, the gravest issue first."""
+        """The report of everything noted, the most severe issue first."""
         order = {"certain": 0, "likely": 1, "possible": 2}
         issues = sorted(self.issues, key=lambda f: (not f.blocks, order[f.sure]))
         return LogReport(source, self.facts, self.joints, tuple(issues), self.criteria)
 
 
 def span(values: Array, unit: str = "") -> str:
-    """Smallest to largest, in words."""
+    """The smallest and largest value as text, ``0.1 to 0.3 s``."""
     low, high = f"{np.min(values):.3g}", f"{np.max(values):.3g}"
     return f"{low}{unit}" if low == high else f"{low} to {high}{unit}"

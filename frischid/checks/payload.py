@@ -1,10 +1,10 @@
-"""A body more, or less, on the last link than the URDF has: a payload, or a hand that is not there.
+"""A body on the last link that the URDF lacks, or that the robot lacks: a payload, or a missing hand.
 
     τ − τ_nominal ≈ Γ_last(q, q̇, q̈) φ + friction,      φ = (m, mc, I) of the body
 
 One least-squares problem over all joints gives the body. The body is accepted when it explains nearly all of the
-nominal URDF's error and is possible: its mass is positive, or negative and no larger than the mass of the last link,
-and its centre of mass is within reach.
+nominal URDF's error and is possible. Its mass is positive, or negative and in size at most the mass of the last link;
+its centre of mass is within reach.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def payload_errors(sketch: Sketch) -> Body:
 
 
 def check_payload(sketch: Sketch, notes: Notebook) -> bool:
-    """Report a body more or less on the last link; whether there is one."""
+    """Report an additional or missing body on the last link; return whether there is one."""
     if len(sketch.rows) == 0 or sketch.asis.max() < notes.criteria.payload_nrmse:
         return False
     body = payload_errors(sketch)

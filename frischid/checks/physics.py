@@ -1,10 +1,10 @@
 """Whether the torques are those of this robot: wrong signs, exchanged columns, degrees, payloads, another robot.
 
-A log is accepted when the nominal URDF with fitted friction explains its torques. Otherwise every simple mistake is
-undone in turn on the `Sketch`, and the simplest mistake that explains nearly all of the error is named. A payload, or
-a missing hand, is an additional or missing body on the last link (`frischid.checks.payload`). If no mistake explains
-the error, the URDF may be the URDF of another robot: its rigid part then predicts nothing, while free parameters on the
-same joints predict the torque.
+A log is accepted when the nominal URDF with fitted friction explains its torques. Otherwise each simple mistake in the
+log is corrected in turn, on the `Sketch`. The simplest mistake whose correction explains nearly all of the error is
+named. A payload, or a missing hand, is an additional or missing body on the last link (`frischid.checks.payload`). If
+no mistake explains the error, the URDF may be that of another robot: then the URDF's rigid part predicts nothing, while
+freely fitted parameters of the same joints predict the torque.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ _MILD_KINDS = ("torque scale", "mounting")  # an identification is still useful 
 
 @dataclass(frozen=True)
 class Fix:
-    """A mistake undone.
+    """A possible mistake in the log, and the log with this mistake corrected.
 
     Attributes
     ----------
     kind, what, where, advice
         As in `LogIssue`.
     sketch : Sketch
-        The log without it.
+        The log with the mistake corrected.
     touched : ndarray of bool, shape (R,), or None
         The judged joints whose error the mistake can change; None: all.
     order : int
-        Simpler mistakes have lower ones.
+        Rank of the mistake; simpler mistakes have lower ranks.
     """
 
     kind: str
@@ -51,7 +51,7 @@ class Fix:
     order: int
 
     def removes(self, before: Array) -> float:
-        """Share of the squared error that is gone, of the joints touched."""
+        """Share of the touched joints' squared error that the correction explains."""
         touched = np.ones(len(before), bool) if self.touched is None else self.touched
         cap = self.sketch.criteria.nrmse_cap
         old, new = squared(before[touched], cap), squared(self.sketch.asis[touched], cap)
@@ -59,29 +59,30 @@ class Fix:
 
 
 def squared(errors: Array, cap: float) -> float:
-    """Sum of squared NRMSEs, none counted above a cap."""
+    """Sum of squared NRMSEs; an NRMSE above the cap counts as the cap."""
     return float(np.sum(np.minimum(errors, cap) ** 2))
 
 
 def _error(sketch: Sketch) -> float:
-    """Squared error of the URDF with fitted friction, all judged joints."""
+    """Squared error of the URDF with fitted friction, summed over all judged joints."""
     return squared(sketch.asis, sketch.criteria.nrmse_cap)
 
 
 def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) -> Sketch:
-    """Compare the torques with the nominal URDF, and explain what does not fit.
+    """Compare the torques with the nominal URDF, and name the mistakes that explain a bad fit.
 
     Parameters
     ----------
     sketch : Sketch
     free : callable
-        NRMSE of free base parameters on the judged joints, (R,), NaN where unknown; asked only when needed.
+        Returns the NRMSE of freely fitted base parameters on the judged joints, (R,), NaN where unknown; called only
+        when needed.
     notes : Notebook
 
     Returns
     -------
     Sketch
-        The log with the joints whose torques the URDF explains.
+        The log, reduced to the joints whose torques the URDF explains.
     """
     if not sketch.robot.nominal.any():
         notes.facts["nominal"] = "the URDF has no inertials: torques cannot be compared with it"
@@ -106,7 +107,7 @@ def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) ->
 
 
 def explanation(sketch: Sketch) -> list[Fix]:
-    """Fewest mistakes that explain the error of the nominal URDF; each is found with all earlier ones undone."""
+    """Fewest mistakes that explain the error of the nominal URDF; each is searched with all earlier ones corrected."""
     before, criteria = sketch.asis, sketch.criteria
     enough, limit = criteria.explained_share, criteria.bad_nrmse
     whole = [fix for fix in global_fixes(sketch) if fix.removes(before) > enough]
@@ -123,7 +124,7 @@ def explanation(sketch: Sketch) -> list[Fix]:
             break
         local.append(_simplest(found, now))
         done = local[-1].sketch
-    # Torques with several different factors are one mistake of another kind, and are left unexplained here.
+    # Several torques with different factors are a mistake of another kind, which stays unexplained here.
     if sum(fix.kind == "torque scale" for fix in local) > 1:
         local, done = [], sketch
     if not whole:
@@ -135,7 +136,7 @@ def explanation(sketch: Sketch) -> list[Fix]:
 
 
 def _simplest(fixes: Sequence[Fix], before: Array) -> Fix:
-    """Of the fixes nearly as good as the best, the simplest."""
+    """The simplest of the fixes that are nearly as good as the best."""
     criteria = fixes[0].sketch.criteria
     whole = squared(before, criteria.nrmse_cap)
     removed = [whole - _error(fix.sketch) for fix in fixes]
@@ -147,7 +148,7 @@ def _simplest(fixes: Sequence[Fix], before: Array) -> Fix:
 
 
 def local_fixes(sketch: Sketch, bad: Sequence[int] | NDArray[np.intp]) -> Iterator[Fix]:
-    """Undo mistakes in the torques of one joint or two: a sign, an exchange, a scale."""
+    """Correct mistakes in the torques of one joint or two: a sign, an exchange, a scale."""
     names = sketch.names
 
     def touched(*ks: int) -> NDArray[np.bool_]:
@@ -157,25 +158,25 @@ def local_fixes(sketch: Sketch, bad: Sequence[int] | NDArray[np.intp]) -> Iterat
         tau = sketch.tau.copy()
         tau[:, sketch.rows[k]] *= -1
         advice = "set torque_sign = -1 for it in a mapping file, or check the sign of its current gain"
-        what = "the torque has the wrong sign: turned, it is the model's"
+        what = "the torque has the wrong sign: with the sign changed, the model explains the torque"
         yield Fix("torque sign", what, (names[k],), advice, sketch.with_(tau=tau), touched(k), 0)
     for k, m in combinations(map(int, bad), 2):
         tau = sketch.tau.copy()
         tau[:, sketch.rows[[k, m]]] = sketch.tau[:, sketch.rows[[m, k]]]
-        what = "their torques are exchanged: each is the other's in the model"
+        what = "their torques are exchanged: the model of each joint explains the torque of the other"
         advice = "exchange the two torque columns in the mapping file"
         yield Fix("swapped torques", what, (names[k], names[m]), advice, sketch.with_(tau=tau), touched(k, m), 1)
     for k in map(int, bad):
         scale = _scale(sketch, int(sketch.rows[k]))
         tau = sketch.tau.copy()
         tau[:, sketch.rows[k]] = tau[:, sketch.rows[k]] / max(scale, 1e-6)
-        what = f"the load in its torque is {scale:.3g} times what the URDF predicts, beside friction that fits"
+        what = f"the load in its torque is {scale:.3g} times that of the URDF, while the friction fits"
         advice = "check its unit and its current gain; without a usable unit leave its torque row out (--torque-joints)"
         yield Fix("torque scale", what, (names[k],), advice, _rescaled(sketch, k, scale), touched(k), 3)
 
 
 def _scale(sketch: Sketch, j: int) -> float:
-    """Least-squares factor of the nominal torque in a joint's measured one, beside its friction."""
+    """Least-squares factor of the nominal torque in a joint's measured torque, fitted together with its friction."""
     use = sketch.used[:, j]
     X = np.column_stack([sketch.nominal[:, j], sketch.friction(j)])[use]
     return float(nnls(X, sketch.tau[use, j])[0][0])
@@ -189,12 +190,12 @@ def _rescaled(sketch: Sketch, k: int, scale: float) -> Sketch:
 
 
 def global_fixes(sketch: Sketch) -> Iterator[Fix]:
-    """Undo mistakes in the motion, which concern all torques: turned and exchanged joints, degrees."""
+    """Correct mistakes that concern all torques: turned or exchanged joints, gravity, scale, degrees."""
     robot, J = sketch.robot, len(sketch.robot.joints)
     for j in range(J):
         turn = np.where(np.arange(J) == j, -1.0, 1.0)
         for both in (True, False):
-            what = f"its positions{' and torques' * both} have the wrong sign: turned, the model explains the torques"
+            what = f"its positions{' and torques' * both} have the wrong sign: with it changed, the model fits"
             advice = f"set sign = -1{'' if both else ' and torque_sign = -1'} for it in a mapping file"
             yield Fix("position sign", what, (robot.joints[j],), advice, _moved(sketch, turn, None, both), None, 1)
     for i, j in combinations(range(J), 2):
@@ -204,27 +205,27 @@ def global_fixes(sketch: Sketch) -> Iterator[Fix]:
         for both in (True, False):
             kind = "swapped joints" if both else "swapped positions"
             what = (
-                f"their positions{' and torques' * both} are exchanged: the other way round the model explains "
-                "the torques"
+                f"their positions{' and torques' * both} are exchanged: with the columns exchanged back, the model "
+                "explains the torques"
             )
             yield Fix(
                 kind, what, pair, "exchange the columns in the mapping file", _moved(sketch, None, order, both), None, 2
             )
     gravity = _gravity(sketch)
     length = float(np.linalg.norm(robot.gravity))
-    # A direction is accepted when its length, which nothing forces, is that of gravity.
+    # The fit leaves the length of the vector free: a direction is accepted when the length is that of gravity.
     if length and abs(np.linalg.norm(gravity) / length - 1) < sketch.criteria.gravity_tolerance:
         turned = gravity / np.linalg.norm(gravity) * length
         other = Robot.from_dict({**robot.to_dict(), "gravity": turned.tolist()})
         at = ", ".join(f"{x:.3g}" for x in np.round(turned, 2) + 0.0)
-        advice = "say how the base is mounted (--base-rpy or --gravity)"
-        what = f"gravity points along ({at}) m/s² in the base frame: so turned, the model explains the torques"
+        advice = "state how the base is mounted (--base-rpy or --gravity)"
+        what = f"gravity points along ({at}) m/s² in the base frame: with this gravity the model explains the torques"
         yield Fix("mounting", what, (), advice, replace(sketch, robot=other), None, 3)
     scales = [_scale(sketch, int(j)) for j in sketch.rows]
     heard = [x for x, k in zip(scales, sketch.without > sketch.criteria.bad_nrmse, strict=True) if k and x > 0]
     if len(heard) > 1:
         common = float(np.median(heard))
-        what = f"all torques are about {common:.3g} times what the URDF predicts"
+        what = f"all torques are about {common:.3g} times those that the URDF predicts"
         advice = "check their unit and the current gains, or whether the URDF is of a smaller or larger robot"
         yield Fix("torque scale", what, sketch.names, advice, sketch.with_(tau=sketch.tau / common), None, 1)
     degrees = _moved(sketch, np.where(robot.prismatic, 1.0, np.deg2rad(1.0)), None, False)
@@ -233,7 +234,7 @@ def global_fixes(sketch: Sketch) -> Iterator[Fix]:
 
 
 def _moved(sketch: Sketch, factor: Array | None, order: NDArray[np.intp] | None, torque: bool) -> Sketch:
-    """Motions scaled and exchanged; torques with them, in sign and order, if wanted."""
+    """The sketch with motions scaled and reordered; if `torque`, the torques change sign and order with them."""
     J = sketch.q.shape[1]
     take = np.arange(J) if order is None else order
     by = np.ones(J) if factor is None else factor
@@ -245,7 +246,7 @@ def _moved(sketch: Sketch, factor: Array | None, order: NDArray[np.intp] | None,
 
 
 def _gravity(sketch: Sketch) -> Array:
-    """Gravity in the base frame that fits best, beside the nominal inertias and friction, m/s²."""
+    """Gravity in the base frame that fits best together with friction, for the nominal inertias, m/s²."""
     few = sketch.thinned(sketch.criteria.few_samples)
     zero = np.zeros_like(few.q)
     pull = []
@@ -258,7 +259,7 @@ def _gravity(sketch: Sketch) -> Array:
 
 
 def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebook) -> None:
-    """Joints that neither the URDF nor a simple mistake explains."""
+    """Report joints whose torque neither the URDF nor a simple mistake explains."""
     criteria, cap = sketch.criteria, sketch.criteria.nrmse_cap
     bad = sketch.excess > criteria.bad_nrmse
     if not bad.any():
@@ -277,7 +278,7 @@ def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebo
     if np.isfinite(free).all() and other and share < criteria.wrong_robot_share:
         notes.add(
             "wrong robot",
-            f"the URDF's inertials explain {max(share, 0):.0%} of what free parameters on the same joints do: "
+            f"the URDF's inertials explain {max(share, 0):.0%} of the error that freely fitted parameters explain: "
             f"{figures}",
             names,
             "likely" if share < criteria.likely_wrong_share else "possible",
@@ -291,5 +292,5 @@ def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebo
             f"the model hardly explains the torque: {figures}",
             names,
             "possible",
-            "check which columns are these joints', their signs and units, and what touched the robot",
+            "check the columns of these joints, their signs and units, and whether something touched the robot",
         )

@@ -28,7 +28,7 @@ from frischid.regression.base_parameters import Reduction
 from frischid.robot.robot import Robot
 
 _USELESS_TORQUE = {"dead band", "dead torque", "no torque", "saturated torque"}
-"""Issues after which a joint's torque says nothing about the physics."""
+"""Issues that make a joint's torque useless for the checks of the physics."""
 
 
 def inspect(
@@ -40,20 +40,20 @@ def inspect(
     prepared: tuple[LowPass, Sequence[Motion]] | None = None,
     criteria: CheckCriteria = DEFAULT_CRITERIA,
 ) -> LogReport:
-    """Everything that is suspicious in a log, and its figures.
+    """Run all checks on a log: its issues and its figures.
 
     Parameters
     ----------
     robot : Robot
-        Its joints are in the log.
+        The robot whose joints are in the log.
     log : Log
     reduction : callable
-        Gives the base parameters of the robot with the baseline effects (`frischid.model.identification.structure`), if
-        needed.
+        Returns the base parameters of the robot with the baseline effects (`frischid.model.identification.structure`);
+        called only if needed.
     alone : bool
         Whether no other log helps to identify the robot.
     prepared : LowPass and sequence of Motion, optional
-        The log prepared already: figures that no issue needs are then left out.
+        The log, if it is prepared already. Figures that no issue needs are then left out.
     criteria : CheckCriteria
         The numbers that decide.
 
@@ -79,7 +79,7 @@ def inspect(
     if any(f.blocks for f in notes.issues):
         return notes.report(log.source)
     if notes.facts.get("stamps_follow", 1.0) < criteria.untrusted_slope:
-        # Stamps of arrival are worse than none: what follows is judged on the mean step.
+        # Stamps of arrival are worse than even ones: the later checks use the mean step.
         log, prepared = replace(log, t=np.linspace(log.t[0], log.t[-1], len(log))), None
     lowpass = choose_lowpass([log], robot.joints) if prepared is None else prepared[0]
     coarse = LowPass(min(lowpass.cutoff or criteria.sketch_cutoff, criteria.sketch_cutoff))
@@ -87,7 +87,7 @@ def inspect(
     if not any(f.kind == "degrees" for f in notes.issues):
         check_degrees(robot, log, notes)
     if not any(f.blocks for f in notes.issues):
-        with suppress(InputError):  # a log too short for the filters is for `identify` to refuse
+        with suppress(InputError):  # `identify` refuses a log that is too short for the filters
             motions = prepare(log, coarse).motions if prepared is None else prepared[1]
             sketch = Sketch.of(robot, motions, coarse, _rows(log, notes), criteria)
             _dynamics(log, sketch, reduction, notes, alone, brief)
@@ -95,7 +95,7 @@ def inspect(
 
 
 def _rows(log: Log, notes: Notebook) -> list[str]:
-    """Joints whose torque can say something about the physics."""
+    """Joints whose torque the checks of the physics can use."""
     dead = {name for f in notes.issues if f.kind in _USELESS_TORQUE for name in f.where}
     return [n for n, yes in zip(log.joints, log.has("tau"), strict=True) if yes and n not in dead]
 

@@ -1,13 +1,13 @@
 """A sketch of a log: a thousand filtered samples on which hypotheses about the log are cheap to try.
 
-Gross faults of a log show at low frequency. Motion and torque go through one low-pass, and every n-th sample is kept.
-Each hypothesis ("joint 3's torque has the wrong sign", "a hand is missing") costs one recursive Newton-Euler pass over
-these samples and one small least-squares problem per joint:
+Gross faults of a log show at low frequency. Motion and torque pass the same low-pass filter, and every n-th sample is
+kept. Each hypothesis ("joint 3's torque has the wrong sign", "a hand is missing") costs one recursive Newton-Euler pass
+over these samples and one small least-squares problem per joint:
 
     τ_j ≈ τ_nominal,j(q, q̇, q̈) + fv_j q̇_j + fc_j sign q̇_j + off_j + Ia_j q̈_j,      fv, fc, Ia ≥ 0.
 
-The signs of friction and rotor inertia are physics that holds whatever the URDF says: a fit that needs a motor to be
-driven by its friction is no explanation.
+Friction coefficients and rotor inertia cannot be negative, whatever the URDF says: a hypothesis that needs negative
+friction is no explanation.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ class Sketch:
     robot : Robot
     t : ndarray, shape (M,)
     q, v, a, tau : ndarray, shape (M, J)
-        tau is NaN where not measured.
+        Positions, velocities, accelerations, torques: rad, rad/s, rad/s², N·m (m, ..., N). tau is NaN where not
+        measured.
     sign : ndarray, shape (M, J)
         Smoothed sign of the velocity, filtered like the torque.
     used : ndarray of bool, shape (M, J)
@@ -48,13 +49,13 @@ class Sketch:
     rows : ndarray of int
         Joints whose torque can be judged.
     noise : ndarray, shape (2, J)
-        Standard deviation of the white noise after the filter, on the torques and (from the positions) on the
-        accelerations.
+        Standard deviation of the white noise after the filter: of the torques, and of the accelerations (from the
+        positions).
     ends : tuple of int
-        Where each stretch without a gap ends.
+        Index after the last sample of each stretch without a gap.
     criteria : CheckCriteria
     given_nominal : ndarray, shape (M, J), or None
-        Rigid torque in the place of the URDF's, for a hypothesis about it.
+        Rigid torque that replaces the URDF's, for a hypothesis about the rigid torque.
     """
 
     robot: Robot
@@ -114,7 +115,7 @@ class Sketch:
         return sketch.thinned(criteria.sketch_samples)
 
     def thinned(self, most: int) -> Sketch:
-        """At most so many samples, evenly taken."""
+        """At most `most` samples, evenly spread."""
         every = -(-len(self.t) // most)
         if every == 1:
             return self
@@ -146,7 +147,7 @@ class Sketch:
 
     @cached_property
     def without(self) -> Array:
-        """NRMSE of friction, offset and rotor inertia alone, (R,)."""
+        """NRMSE of friction, offset and rotor inertia alone, without a rigid part, (R,)."""
         return self.errors(np.zeros_like(self.tau))
 
     @cached_property
@@ -171,7 +172,7 @@ class Sketch:
         return np.asarray(np.sqrt(np.maximum(self.asis**2 - self.white**2, 0.0)))
 
     def with_(self, **changes: Any) -> Sketch:
-        """Copy with some arrays exchanged; the rigid torque is computed anew unless it is one of them."""
+        """Copy with some arrays replaced; the rigid torque is computed anew unless it is one of them."""
         return replace(self, **{"given_nominal": None, **changes})
 
     @property
@@ -187,7 +188,7 @@ class Sketch:
         return slice(edges[k], edges[k + 1])
 
     def friction(self, j: int) -> Array:
-        """Columns of the joint's own parameters: fv, fc, Ia ≥ 0, and the offset in both signs, (M, 5)."""
+        """Columns of the joint's own parameters: fv, fc, Ia ≥ 0, and the offset with both signs, (M, 5)."""
         one = np.ones(len(self))
         return np.column_stack([self.v[:, j], self.sign[:, j], self.a[:, j], one, -one])
 
@@ -196,16 +197,16 @@ class Sketch:
         return np.array([self.error(j, self.tau[:, j] - torque[:, j]) for j in self.rows]) / self.spread
 
     def error(self, j: int, left: Array) -> float:
-        """RMS of a torque (M,) after friction of joint j is fitted, while the joint moves [N·m]."""
+        """RMS of a torque (M,) after the friction of joint j is fitted and subtracted, while the joint moves [N·m]."""
         use = self.used[:, j]
-        if use.sum() < self.criteria.fewest_moving:  # a hypothesis gave it the motion of a joint at standstill
+        if use.sum() < self.criteria.fewest_moving:  # the hypothesis gives the joint a motion at standstill
             return float(np.sqrt(np.mean(left**2)))
         _, norm = nnls(self.friction(j)[use], left[use])
         return float(norm / np.sqrt(use.sum()))
 
 
 def shared_fit(sketch: Sketch, columns: Mapping[int, Array], left: Array) -> Array:
-    """Least squares of a few parameters that all joints share, beside each joint's own friction.
+    """Least squares of a few parameters that all joints share, together with each joint's own friction.
 
     Parameters
     ----------
@@ -213,12 +214,12 @@ def shared_fit(sketch: Sketch, columns: Mapping[int, Array], left: Array) -> Arr
     columns : mapping of int to ndarray, shape (M, P)
         Joint -> columns of the shared parameters in its torque.
     left : ndarray, shape (M, J)
-        Torque to explain, N·m (N); each joint counts in units of its spread.
+        Torque to explain, N·m (N); each joint is weighted by one over its standard deviation.
 
     Returns
     -------
     ndarray, shape (P + 4 R,)
-        The shared parameters first; a parameter without effect is zero.
+        The shared parameters, then each joint's friction; a parameter without effect is zero.
     """
     R, P = len(sketch.rows), columns[int(sketch.rows[0])].shape[1]
     rows, y = [], []
@@ -233,7 +234,7 @@ def shared_fit(sketch: Sketch, columns: Mapping[int, Array], left: Array) -> Arr
     acts = scale > 1e-9 * scale.max()
     free = np.concatenate([np.ones(P, bool), np.tile([False, False, False, True], R)])[acts]
     triangle = np.asarray(np.linalg.qr(np.column_stack([X[:, acts] / scale[acts], np.concatenate(y)]), mode="r"))
-    # a parameter of unknown sign is the difference of two that are not negative
+    # a parameter of unknown sign is the difference of two non-negative ones
     A, b = triangle[:, :-1], triangle[:, -1]
     both, _ = nnls(np.column_stack([A, -A[:, free]]), b, maxiter=100 * A.shape[1])
     x = both[: A.shape[1]]

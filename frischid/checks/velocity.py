@@ -1,10 +1,11 @@
-"""The measured velocity against the slope of the position beside it.
+"""The measured velocity of a joint compared with the slope of its measured position.
 
     v(t) ≈ s · q̇(t − d)
 
-The cross-correlation with the derived velocity peaks at the delay d; s is the least-squares factor at that delay.
-Filtered differences are late. A factor of 57.3 means degrees, -1 means a wrong sign, and a gear ratio means that the
-velocity belongs to the motor. The column that correlates best may belong to another joint.
+The cross-correlation of the measured velocity v with the derived one q̇ peaks at the delay d; s is the least-squares
+factor at that delay. A delay comes from a filter in the drive. A factor of 57.3 means degrees, -1 means a wrong sign,
+and a gear ratio means that the velocity is that of the motor. If the slope of another joint's position correlates best,
+the velocity column belongs to that joint.
 """
 
 from __future__ import annotations
@@ -22,10 +23,12 @@ from frischid.logs.mapping import TICKS_PER_SECOND
 from frischid.logs.time_grid import uniform
 
 _DEGREES_PER_RADIAN = 180 / np.pi
+_LAG_ERRORS = 3.0
+"""A lag within so many standard errors of zero is noise."""
 
 
 def check_velocity(log: Log, lowpass: LowPass, notes: Notebook, most: float | None = None) -> None:
-    """Late, scaled, negated, exchanged and unrelated velocity columns, in at `most` so many seconds."""
+    """Report late, scaled, negated, exchanged and unrelated velocities, from at most `most` seconds of the log."""
     criteria = notes.criteria
     moving = np.ptp(log.q, axis=0) >= STANDSTILL_SPAN
     which = np.flatnonzero(log.has("v") & moving & (np.ptp(np.nan_to_num(_measured(log)), axis=0) > 0))
@@ -43,7 +46,9 @@ def check_velocity(log: Log, lowpass: LowPass, notes: Notebook, most: float | No
     good = seen & (np.abs(own) > criteria.related_correlation)
     notes.per_joint("velocity_lag", np.where(good, late, np.nan))
     notes.per_joint("velocity_factor", np.where(good, factor, np.nan))
-    _late(late, slope, step, good, notes)
+    independent = 2 * (lowpass.cutoff or 0.5 / step) * step * len(v)
+    scatter = np.sqrt((1 - reliability).sum(axis=0) / max(independent, 1.0))
+    _late(late, slope, step, good, scatter, notes)
     _scaled(factor, good, notes)
     _unrelated(correlation, seen & ~good, seen, notes)
 
@@ -53,9 +58,9 @@ def _measured(log: Log) -> Array:
 
 
 def _both(log: Log, lowpass: LowPass, most: float | None) -> tuple[float, Array, Array, Array]:
-    """Step, measured and derived velocity of the longest stretch without a gap, filtered alike.
+    """Time step, measured and derived velocity of the longest stretch without a gap, through the same filter.
 
-    The last result is the share of each variance that is not white noise, (2, J).
+    The last result is the share of the variance of each velocity that is not white noise, (2, J).
     """
     breaks = np.flatnonzero(np.diff(log.t) > 0.1 + 4 * np.median(np.diff(log.t))) + 1
     edges = np.concatenate([[0], breaks, [len(log)]])
@@ -100,10 +105,10 @@ def _lags(v: Array, slope: Array, step: float, longest: float) -> tuple[Array, A
 
 
 def _aligned(v: Array, slope: Array, lag: Array, step: float) -> tuple[Array, Array]:
-    """Factor of each measured velocity on its own slope, and its lag [s] to a fraction of a sample, (J,) each.
+    """Factor of each measured velocity over its own slope, and its lag [s] to a fraction of a sample, (J,) each.
 
-    The peak of a correlation is flat. Beyond the nearest sample, the remaining lag follows from ``v/s − q̇ ≈ −d q̈`` by
-    least squares.
+    The peak of a correlation is flat, so it gives the lag only to the nearest sample. The remaining lag d follows from
+    ``v/s − q̇ ≈ −d q̈`` by least squares.
     """
     factors, lags = np.full((2, v.shape[1]), np.nan)
     for j, k in enumerate(np.round(lag / step).astype(int)):
@@ -115,10 +120,15 @@ def _aligned(v: Array, slope: Array, lag: Array, step: float) -> tuple[Array, Ar
     return factors, lags
 
 
-def _late(lag: Array, slope: Array, step: float, good: NDArray[np.bool_], notes: Notebook) -> None:
+def _late(lag: Array, slope: Array, step: float, good: NDArray[np.bool_], scatter: Array, notes: Notebook) -> None:
+    """Report lags; `scatter` is the standard error that noise leaves in the error of each velocity, (J,)."""
     acceleration = np.gradient(slope, step, axis=0).std(axis=0)
     error = np.abs(lag) * acceleration / np.maximum(slope.std(axis=0), 1e-300)
-    late = good & (error > LATE_VELOCITY) & (np.abs(lag) > notes.criteria.late_velocity_steps * step)
+    late = (
+        good
+        & (error > np.maximum(LATE_VELOCITY, _LAG_ERRORS * scatter))
+        & (np.abs(lag) > notes.criteria.late_velocity_steps * step)
+    )
     if not late.any():
         return
     way = "lags its own position" if np.median(lag[late]) > 0 else "runs ahead of its own position"
@@ -133,7 +143,7 @@ def _late(lag: Array, slope: Array, step: float, good: NDArray[np.bool_], notes:
 
 
 def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
-    """Name the unit, the sign or the gear that a factor other than one stands for."""
+    """Report a factor other than one, with its likely cause: a unit, a sign or a gear."""
     near = notes.criteria.factor_tolerance
     odd = good & (np.abs(factor - 1) > near)
     everywhere = odd[good].all() and good.any()

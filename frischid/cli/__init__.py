@@ -1,10 +1,10 @@
-"""The command line: reads arguments, calls the library, prints. No mathematics.
+"""The command line: it reads arguments, calls the library and prints; it does no mathematics.
 
-Every command takes ``--json`` for machines. Heavy imports wait until a command runs, so ``--help`` is quick.
+Every command takes ``--json`` for machines. Heavy imports are done only when a command runs, so ``--help`` is quick.
 """
 
-# each adds its commands to the group
-from frischid.cli import checking, drives, exporting, fitting, fleets, improving, learning, motions, seeing
+# each module adds its commands to the group
+from frischid.cli import checking, drives, exporting, fitting, fleets, improving, learning, motions, paper, seeing
 from frischid.cli.group import main
 
 __all__ = [
@@ -17,5 +17,6 @@ __all__ = [
     "learning",
     "main",
     "motions",
+    "paper",
     "seeing",
 ]

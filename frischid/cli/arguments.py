@@ -1,4 +1,4 @@
-"""Options that commands share, and how their text is read."""
+"""Options that several commands share, and functions that read their text."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from typing import Any
 
 import click
 
+from frischid.cli.paths import InputPath
 from frischid.errors import InputError, UnknownNameError
 
 
 @dataclass(frozen=True)
 class RobotArguments:
-    """The options of `robot_options`, as they were written.
+    """The options of `robot_options`, as text.
 
     Attributes
     ----------
@@ -41,7 +42,7 @@ class RobotArguments:
 
 
 def robot_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options that say what robot is meant."""
+    """Options that describe the robot."""
     options = [
         click.option("--joints", help="Joints that move, comma separated; * and ? match. Others are locked."),
         click.option(
@@ -55,7 +56,7 @@ def robot_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="Frames of the link parameters: joint, far_end, or JOINT=URDF_FRAME,...",
         ),
         click.option(
-            "--known", multiple=True, metavar="NAME=VALUE", help="A rigid parameter known outright; repeatable."
+            "--known", multiple=True, metavar="NAME=VALUE", help="A known rigid parameter, not fitted; repeatable."
         ),
     ]
     for option in reversed(options):
@@ -64,7 +65,7 @@ def robot_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON for machines.")
-map_option = click.option("--map", "mapping", type=click.Path(), help="TOML file that explains the log's columns.")
+map_option = click.option("--map", "mapping", type=InputPath(), help="TOML file that explains the log's columns.")
 effects_option = click.option(
     "--effects",
     help="Effects besides the rigid links, for example 'viscous,coulomb(width=0.01),offset@joint1+joint2'.",
@@ -75,23 +76,26 @@ situation_option = click.option(
     "--situation",
     type=click.Choice(["auto", "always", "changed"]),
     default="auto",
-    help="Was the effect always there, or did the robot change since it was identified?",
+    help="always: the robot has not changed since it was identified; changed: it has; auto: decided from the logs.",
 )
 scheduler_option = click.option(
     "--scheduler",
     metavar="ADDRESS",
-    help="Where to work: the address of a Dask scheduler (tcp://host:8786), local (this machine's cores), or none.",
+    help="Compute on a Dask scheduler (tcp://host:8786), on this machine's cores (local), or in one process (none).",
 )
 workers_option = click.option(
     "--workers", type=click.IntRange(min=1), help="Processes of a local cluster, one per core by default."
 )
 valid_option = click.option(
-    "--valid", multiple=True, help="Test log: the error on it is printed, and it decides nothing; repeatable."
+    "--valid",
+    multiple=True,
+    type=InputPath(),
+    help="Test log: the model's error on this log is printed, and decides nothing; repeatable.",
 )
 
 
 def matching(text: str | None, valid: Sequence[str]) -> list[str] | None:
-    """Names in a comma separated list of names and patterns."""
+    """Valid names that match a comma separated list of names and patterns."""
     if text is None:
         return None
     found: list[str] = []
@@ -109,7 +113,7 @@ def pairs(items: Sequence[str]) -> dict[str, str]:
     for item in items:
         name, given, value = item.partition("=")
         if not (name and given and value):
-            raise InputError(f"'{item}' should be NAME=VALUE")
+            raise InputError(f"'{item}' must have the form NAME=VALUE")
         found[name.strip()] = value.strip()
     return found
 
@@ -137,7 +141,7 @@ def channels_of(text: str) -> list[str]:
 
 
 def effects_of(text: str | None) -> Any:
-    """Effects as written by the user; the baseline when nothing is said."""
+    """Effects as the user wrote them; the baseline when the option is not given."""
     from frischid.effects import BASELINE, parse_effects
 
     return BASELINE if text is None else parse_effects(text)

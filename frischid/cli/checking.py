@@ -1,4 +1,4 @@
-"""Logs before an identification: checks, the meaning of their columns, and public data sets."""
+"""The commands `check`, `map` and `fetch`: faults of logs, the meaning of their columns, public data sets."""
 
 from __future__ import annotations
 
@@ -12,19 +12,22 @@ from frischid.cli.arguments import RobotArguments, json_option, map_option, robo
 from frischid.cli.group import main
 from frischid.cli.inputs import load
 from frischid.cli.output import show_page, working
+from frischid.cli.paths import InputPath, OutputFolder, OutputPath
 from frischid.errors import InputError
 
 
 @main.command()
-@click.argument("robot")
-@click.argument("logs", nargs=-1, required=True)
+@click.argument("robot", type=InputPath())
+@click.argument("logs", type=InputPath(), nargs=-1, required=True)
 @robot_options
 @map_option
 @json_option
 def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool, **options: Any) -> None:
-    """What is suspicious in logs: clocks, channels, units, signs, payloads, the wrong robot.
+    """Find faults in logs.
 
-    Exit code 0: nothing, go on. 1: something to look at. 2: a log cannot be used at all.
+    Examples are wrong clocks, dead channels, units, signs, payloads, and the wrong robot.
+
+    Exit code 0: no issue. 1: an issue to look at. 2: a log cannot be used at all.
     """
     from frischid.checks import defects
     from frischid.cli.pages import checking as show
@@ -36,7 +39,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
         try:
             machine, data = load(robot, RobotArguments(**options), logs, mapping)
         except InputError:
-            # One error stops the reading. Where there is more to say, the page says it first.
+            # Reading stops at the first error. If the file has further faults, the page lists all of them first.
             form = LogMap.of(mapping)
             broken = [report for path in logs if (report := defects(Path(path), form)) is not None]
             if sum(len(report.issues) for report in broken) > 1:
@@ -50,11 +53,14 @@ def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool,
 
 @main.command()
 @click.argument("name", required=False)
-@click.option("-o", "--output", type=click.Path(), help="Folder for the files; the data set's name by default.")
-@click.option("--from", "source", type=click.Path(), help="Folder that holds the files already: nothing is downloaded.")
+@click.option("-o", "--output", type=OutputFolder(), help="Folder for the files; the data set's name by default.")
+@click.option("--from", "source", type=InputPath(), help="Folder that already holds the files; nothing is downloaded.")
 @json_option
 def fetch(name: str | None, output: str | None, source: str | None, as_json: bool) -> None:
-    """Fetch public logs of real robots, checked by checksum; without NAME, list them."""
+    """Fetch public logs of real robots; without NAME, list them.
+
+    Every file is verified by its checksum.
+    """
     from frischid.cli.pages import checking as show
     from frischid.logs import datasets
 
@@ -67,19 +73,20 @@ def fetch(name: str | None, output: str | None, source: str | None, as_json: boo
 
 
 @main.command("map")
-@click.argument("log")
-@click.argument("robot")
-@click.option("-o", "--output", type=click.Path(), help="Write the mapping file here (TOML).")
+@click.argument("log", type=InputPath())
+@click.argument("robot", type=InputPath())
+@click.option("-o", "--output", type=OutputPath(), help="Write the mapping file here (TOML).")
 @json_option
 def map_columns(log: str, robot: str, output: str | None, as_json: bool) -> None:
-    """Propose a mapping file for LOG: which column is which of ROBOT's joints, from names and magnitudes."""
+    """Propose a mapping file for the columns of LOG.
+
+    Names and magnitudes decide the column of each of ROBOT's joints.
+    """
     from frischid.cli.pages import checking as show
-    from frischid.core.files import check_writable, write_text
+    from frischid.core.files import write_text
     from frischid.logs.mapping_guess import propose
     from frischid.robot.robot import Robot
 
-    if output:
-        check_writable(output)
     machine = Robot.load(robot)
     found = propose(log, machine)
     if output:

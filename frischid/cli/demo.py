@@ -1,7 +1,7 @@
-"""The whole job on a robot whose truth is known: simulate, identify, look at the error on another motion.
+"""The whole procedure on a robot whose true parameters are known.
 
-Then the same arm with an effect hidden in it: the model fails, the diagnosis names the effect, it is added, the
-error falls.
+First part: simulate, identify, compare with another motion. Second part: the same arm with a hidden effect. The model
+fails, the diagnosis names the effect, the effect is added, and the error falls.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
 
 TRUTH = {"Ia1": 0.121, "Ia2": 0.2118, "off1": 0.4, "off2": -0.2}
-"""Absent from the planar arm's URDF: reflected rotor inertias (kg·m²) and torque offsets (N·m)."""
+"""Parameters that the planar arm's URDF lacks: reflected rotor inertias (kg·m²) and torque offsets (N·m)."""
 NOISE = Noise(q=2e-5, tau=0.01)
 HIDDEN, STRENGTH = "joint_spring@joint2", {"ks2": 1.5}
-"""The effect hidden in the second half: a cable that pulls joint 2 back, N·m/rad."""
+"""Strength of the effect hidden in the second part, a spring on joint 2, N·m/rad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +43,13 @@ class Demo:
     rate : float
         Samples per second, Hz.
     diagnosis : Diagnosis
-        Of the arm with the hidden effect.
+        Diagnosis of the arm with the hidden effect.
     step : Step
-        The effect that was found, added.
+        The step that added the effect found.
     model : Model
-        Of the arm with the hidden effect, before it was added.
+        Model of the arm with the hidden effect, before that step.
     logs : tuple of Log
-        Two motions of that arm; the second was held out.
+        Two motions of that arm; the model was not fitted to the second.
     """
 
     found: Identification
@@ -68,7 +68,7 @@ def run(seed: int, progress: Callable[[str], None] = lambda _: None) -> Demo:
     Parameters
     ----------
     seed : int
-        Of the motions and the noise.
+        Seed of the motions and the noise.
     progress : callable
         Called with the name of each step of the work.
     """

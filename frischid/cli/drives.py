@@ -1,4 +1,4 @@
-"""Drive gains: torque of a joint per ampere."""
+"""The command `gains`: drive gains, the torque of a joint per ampere."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from frischid.cli.arguments import (
 from frischid.cli.group import main
 from frischid.cli.inputs import load, read
 from frischid.cli.output import show_page, working
+from frischid.cli.paths import InputPath
 
 
 @main.command()
-@click.argument("robot")
-@click.option("--unloaded", multiple=True, required=True, help="Log without the payload; repeatable.")
-@click.option("--loaded", multiple=True, required=True, help="Log with the payload; repeatable.")
+@click.argument("robot", type=InputPath())
+@click.option("--unloaded", multiple=True, type=InputPath(), required=True, help="Log without the payload; repeatable.")
+@click.option("--loaded", multiple=True, type=InputPath(), required=True, help="Log with the payload; repeatable.")
 @click.option("--payload", type=float, required=True, help="Mass of the payload, kg.")
-@click.option("--com", type=float, nargs=3, help="Its centre of mass in the carrying joint's frame, m, where known.")
-@click.option("--carrier", help="Joint behind which the payload hangs; the last by default.")
+@click.option("--com", type=float, nargs=3, help="Payload's centre of mass in the carrying joint's frame, m, if known.")
+@click.option("--carrier", help="Joint whose link carries the payload; the last by default.")
 @click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
 @robot_options
 @effects_option
@@ -45,8 +46,12 @@ def gains(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Find drive gains from logs without and with a payload of known weight, and check those given in the mapping."""
+    """Find drive gains from logs with and without a known payload.
+
+    Gains given in the mapping file are checked.
+    """
     from frischid.cli.pages import drives as show
+    from frischid.export.drive_gain_problem import KnownPayload
     from frischid.export.drive_gains import find_gains
     from frischid.logs.mapping import LogMap
 
@@ -61,9 +66,7 @@ def gains(
             machine,
             without,
             carrying,
-            payload,
-            centre=com,
-            carrier=carrier,
+            KnownPayload(payload, com, carrier),
             given={n: given[n] for n in machine.joints if n in given} or None,
             effects=effects_of(effects),
             cutoff=cutoff_of(cutoff),

@@ -1,4 +1,4 @@
-"""Physical links behind a model, and the model taken home."""
+"""The commands `consistent` and `export`: physical links for a model, and the model as a file for other programs."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ import click
 
 from frischid.cli.arguments import json_option, number, pairs
 from frischid.cli.group import main
+from frischid.cli.inputs import model_of
 from frischid.cli.output import show_page, working
+from frischid.cli.paths import InputPath, OutputPath
 from frischid.errors import InputError
 
 Corners = tuple[list[float], list[float]]
 
 
 def box_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options that say where centres of mass may lie."""
+    """Options that limit where centres of mass may lie."""
     command = click.option(
         "--no-shapes", is_flag=True, help="Do not keep centres of mass within the URDF's own shapes."
     )(command)
@@ -25,25 +27,24 @@ def box_options(command: Callable[..., Any]) -> Callable[..., Any]:
         "box",
         multiple=True,
         metavar="JOINT=X,Y,Z:X,Y,Z",
-        help="Corners (m, in the joint's frame) of a box that holds the centre of mass of the body behind the joint.",
+        help="Two corners (m, in the joint's frame) of a box in which the centre of mass of the joint's link must lie.",
     )(command)
 
 
 @main.command()
-@click.argument("model")
+@click.argument("model", type=InputPath())
 @box_options
-@click.option("-o", "--output", type=click.Path(), help="Write the physical model here (JSON).")
+@click.option("-o", "--output", type=OutputPath(), help="Write the physical model here (JSON).")
 @json_option
 def consistent(model: str, box: tuple[str, ...], no_shapes: bool, output: str | None, as_json: bool) -> None:
-    """Find links that could exist (positive mass, physical inertia) and have the model's base parameters."""
-    from frischid.cli.pages import exporting as show
-    from frischid.core.files import check_writable
-    from frischid.export.consistency import make_consistent
-    from frischid.model.model import Model
+    """Find physical links that have a model's base parameters.
 
-    if output:
-        check_writable(output)
-    loaded = Model.load(model)
+    Physical means: positive mass, possible inertia, and the centre of mass within the link.
+    """
+    from frischid.cli.pages import exporting as show
+    from frischid.export.consistency import make_consistent
+
+    loaded = model_of(model)
     with working(as_json) as progress:
         progress("physical links")
         found = make_consistent(loaded, boxes=_corners(box), shapes=not no_shapes)
@@ -53,21 +54,22 @@ def consistent(model: str, box: tuple[str, ...], no_shapes: bool, output: str | 
 
 
 @main.command()
-@click.argument("model")
-@click.option("-o", "--output", type=click.Path(), required=True, help="robot.urdf, robot.xml (MJCF), x.c or x.py.")
+@click.argument("model", type=InputPath())
+@click.option("-o", "--output", type=OutputPath(), required=True, help="robot.urdf, robot.xml (MJCF), x.c or x.py.")
 @box_options
-@click.option("--force", is_flag=True, help="Export a model that no robot can have, as it was identified.")
+@click.option("--force", is_flag=True, help="Export the model as identified, even if it is not physical.")
 @json_option
 def export(model: str, box: tuple[str, ...], no_shapes: bool, output: str, force: bool, as_json: bool) -> None:
-    """Write a model as a URDF, an MJCF file, or a C or NumPy function for a control loop.
+    """Write a model as URDF, MJCF, or C or NumPy code.
 
-    The links are made physical first, unless they are (see `frischid consistent`), and it is said what that changed.
+    The code is a function for a control loop, without further dependencies.
+
+    Links that are not physical are made physical first (see `frischid consistent`); the changes are printed.
     """
     from frischid.cli.pages import exporting as show
     from frischid.export.urdf import export as run
-    from frischid.model.model import Model
 
-    loaded = Model.load(model)
+    loaded = model_of(model)
     with working(as_json) as progress:
         progress("physical links")
         done = run(loaded, output, force=force, boxes=_corners(box) or None, shapes=not no_shapes)
@@ -75,11 +77,11 @@ def export(model: str, box: tuple[str, ...], no_shapes: bool, output: str, force
 
 
 def _corners(items: tuple[str, ...]) -> dict[str, Corners]:
-    """JOINT=x,y,z:x,y,z pairs."""
+    """Boxes written as JOINT=x,y,z:x,y,z."""
     found = {}
     for joint, text in pairs(items).items():
         corners = [[number(f"--box {joint}", x) for x in corner.split(",")] for corner in text.split(":")]
         if [len(c) for c in corners] != [3, 3]:
-            raise InputError(f"--box {joint}: '{text}' should be two corners X,Y,Z:X,Y,Z in metres")
+            raise InputError(f"--box {joint}: '{text}' must be two corners X,Y,Z:X,Y,Z in metres")
         found[joint] = (corners[0], corners[1])
     return found

@@ -1,4 +1,4 @@
-"""From a robot and its logs to a model, and the model against further logs."""
+"""The commands `info`, `identify` and `compare`: a robot, its model from logs, and the model's error on other logs."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ from frischid.cli.arguments import (
 )
 from frischid.cli.fleets import FleetArguments, run_fleet
 from frischid.cli.group import main
-from frischid.cli.inputs import load, opened
+from frischid.cli.inputs import load, model_of, opened
 from frischid.cli.output import show_page, working
+from frischid.cli.paths import InputPath, OutputPath
 from frischid.errors import InputError
 
 
 @main.command()
-@click.argument("robot", required=False)
+@click.argument("robot", type=InputPath(), required=False)
 @robot_options
 @effects_option
 @json_option
 def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) -> None:
-    """What a robot is: joints, limits, and the parameters that can be identified.
+    """Describe a robot: joints, limits, identifiable parameters.
 
-    ROBOT is a URDF file or the name of one that example-robot-data ships; without it, the names are listed.
+    ROBOT is a URDF file or the name of a robot of example-robot-data; without ROBOT, these names are listed.
     """
     from frischid.cli.pages import robots as show
     from frischid.regression.regressor import Regressor
@@ -51,8 +52,8 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 
 
 @main.command()
-@click.argument("robot")
-@click.argument("logs", nargs=-1, required=True)
+@click.argument("robot", type=InputPath())
+@click.argument("logs", type=InputPath(), nargs=-1, required=True)
 @valid_option
 @robot_options
 @effects_option
@@ -60,17 +61,21 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 @click.option("--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default.")
 @click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
 @click.option("--velocity", type=click.Choice(["auto", "measured", "derived"]), default="auto")
-@click.option("--estimator", default="wls", help="wls, ols, frisch (best point of the box), sensorwise, eiv, iv.")
-@click.option("--prior", default="auto", help="Use the URDF as a prior: auto (short logs), none, urdf.")
+@click.option("--estimator", default="wls", help="wls, ols, frisch (eq. 24), frisch_squared, sensorwise, eiv, iv.")
+@click.option(
+    "--prior",
+    type=click.Choice(["urdf", "none"]),
+    help="Use the URDF's links as a prior (urdf) or not (none). Default: urdf with the estimator wls, else none.",
+)
 @click.option("--bbrf", default="strict", help="Bounding-box recursion: strict, undo, calibrated, or none.")
 @click.option("--window", type=int, help="BBRF window, rows.")
 @click.option(
     "--scheduler",
     metavar="ADDRESS",
-    help="Take the logs as those of a fleet and sum their moments there (a Dask address, local, or none): see fleet.",
+    help="Treat the logs as those of a fleet and sum their moments on a Dask scheduler (its address, local, or none).",
 )
 @click.option("--force", is_flag=True, help="Identify although the log check found errors.")
-@click.option("-o", "--output", type=click.Path(), help="Write the model here (JSON).")
+@click.option("-o", "--output", type=OutputPath(), help="Write the model here (JSON).")
 @json_option
 def identify(
     robot: str,
@@ -82,7 +87,7 @@ def identify(
     cutoff: str,
     velocity: str,
     estimator: str,
-    prior: str,
+    prior: str | None,
     bbrf: str,
     window: int | None,
     scheduler: str | None,
@@ -91,22 +96,22 @@ def identify(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Identify a robot's parameters from logs: values, bounds, and the error on logs that were not fitted."""
+    """Identify a robot's parameters from logs, with bounds.
+
+    Test logs (--valid) give the error on logs that were not fitted.
+    """
     if scheduler is not None:
         if valid or estimator != "wls" or window or bbrf not in {"strict", "none"}:
             raise InputError(
-                "--scheduler sums moments: it has no --valid, --estimator, --bbrf or --window; leave them out, or "
-                "identify on this machine without --scheduler"
+                "--scheduler sums moments and cannot be combined with --valid, --estimator, --bbrf or --window; leave "
+                "these out, or identify on this machine without --scheduler"
             )
         fleet = FleetArguments(effects, mapping, torque_joints, cutoff, velocity, output, scheduler)
         run_fleet(robot, RobotArguments(**options), logs, fleet, as_json)
         return
     from frischid.cli.pages import fitting as show
-    from frischid.core.files import check_writable
     from frischid.model.identification import identify as run
 
-    if output:
-        check_writable(output)
     with working(as_json) as progress:
         progress("reading logs")
         machine, data = load(robot, RobotArguments(**options), logs, mapping, whole=False)
@@ -131,18 +136,20 @@ def identify(
 
 
 @main.command()
-@click.argument("model")
-@click.argument("logs", nargs=-1, required=True)
+@click.argument("model", type=InputPath())
+@click.argument("logs", type=InputPath(), nargs=-1, required=True)
 @map_option
 @json_option
 def compare(model: str, logs: tuple[str, ...], mapping: str | None, as_json: bool) -> None:
-    """Measured torque against the model's, joint by joint."""
+    """Compare measured and predicted torque, joint by joint."""
     from frischid.cli.pages import comparing as show
     from frischid.model.comparison import compare as run
-    from frischid.model.model import Model
+    from frischid.model.headline import headline
 
-    loaded = Model.load(model)
+    loaded = model_of(model)
     with working(as_json) as progress:
         progress("comparing")
-        comparison = run(loaded, opened(logs, loaded.robot, mapping))
-    show_page(show.comparison(comparison), as_json)
+        data = opened(logs, loaded.robot, mapping)
+        comparison = run(loaded, data)
+        error = headline(loaded, data, comparison)
+    show_page(show.comparison(comparison, error), as_json)

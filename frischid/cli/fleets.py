@@ -1,4 +1,4 @@
-"""Many robots at once, on one machine or on a cluster."""
+"""The command `fleet`: many robots at once, on one machine or on a cluster."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ from frischid.cli.arguments import (
 from frischid.cli.group import main
 from frischid.cli.inputs import load
 from frischid.cli.output import show_page, working
+from frischid.cli.paths import InputPath, OutputPath, check_found
 
-DIAGNOSED = 20  # robots of a fleet that differ most, whose missing effect is looked for by default
+DIAGNOSED = 20  # robots that are diagnosed by default, those that differ most from the fleet
 
 
 @main.command()
-@click.argument("robot")
-@click.argument("logs", nargs=-1, required=True)
+@click.argument("robot", type=InputPath())
+@click.argument("logs", type=InputPath(), nargs=-1, required=True)
 @robot_options
 @effects_option
 @map_option
@@ -39,9 +40,9 @@ DIAGNOSED = 20  # robots of a fleet that differ most, whose missing effect is lo
 @workers_option
 @click.option("--strict", is_flag=True, help="Stop at a log that cannot be used instead of skipping it.")
 @click.option(
-    "--diagnosed", default=DIAGNOSED, show_default=True, help="Of the robots that differ, how many to diagnose."
+    "--diagnosed", default=DIAGNOSED, show_default=True, help="Most robots to diagnose, of those that differ."
 )
-@click.option("-o", "--output", type=click.Path(), help="Write the model of the fleet here (JSON).")
+@click.option("-o", "--output", type=OutputPath(), help="Write the model of the fleet here (JSON).")
 @json_option
 def fleet(
     robot: str,
@@ -59,10 +60,13 @@ def fleet(
     output: str | None,
     **options: Any,
 ) -> None:
-    """Identify many equal robots: each alone, all together, and which differ from the others.
+    """Identify many equal robots, and find those that differ.
+
+    Robots are identified each alone and all together.
 
     LOGS are quoted patterns or addresses: 'logs/**/*.parquet', 'logs/{robot}_*.parquet', 's3://bucket/{robot}/*'.
-    A robot is what {robot} stands for, else the first folder below the pattern's fixed part, else the file.
+    The name of a log's robot is the text at {robot}; without {robot}, the first folder below the pattern's fixed part;
+    without folders, the file's name.
     """
     arguments = FleetArguments(
         effects, mapping, torque_joints, cutoff, velocity, output, scheduler, workers, strict, diagnosed
@@ -72,7 +76,7 @@ def fleet(
 
 @dataclass(frozen=True)
 class FleetArguments:
-    """The options of `fleet`, as they were written.
+    """The options of `fleet`, as text.
 
     Attributes
     ----------
@@ -85,7 +89,7 @@ class FleetArguments:
     strict : bool
         Whether a log that cannot be used stops the work.
     diagnosed : int
-        How many of the robots that differ are diagnosed.
+        Most robots to diagnose, of those that differ.
     """
 
     effects: str | None
@@ -105,16 +109,14 @@ def run_fleet(
 ) -> None:
     """Identify a fleet and print the result; also the work of `frischid identify --scheduler`."""
     from frischid.cli.pages import fleets as show
-    from frischid.core.files import check_writable
     from frischid.core.parallel import workers
     from frischid.fleet.fleet import FleetOptions, identify_fleet
     from frischid.fleet.log_paths import find_logs
     from frischid.logs.mapping import LogMap
 
     output = arguments.output
-    if output:
-        check_writable(output)
     found = find_logs(logs)
+    check_found([path.address for path in found])
     machine, _ = load(robot, options)
     with working(as_json) as progress, workers(arguments.scheduler, arguments.workers) as pool:
         joints = matching(arguments.torque_joints, machine.joints)

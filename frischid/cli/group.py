@@ -1,30 +1,47 @@
-"""The group all commands join, and how frischid's own errors are shown."""
+"""The group of all commands, which also prints frischid's own errors."""
 
 from __future__ import annotations
 
+import errno
 import sys
 from typing import Any
 
 import click
 
+from frischid.cli.output import prepare_streams
+from frischid.cli.paths import Command
 from frischid.errors import FrischidError
 
 
 class _Commands(click.Group):
-    """Turns frischid's own errors into one line on stderr and exit code 2."""
+    """Turns errors of the input, of a file and of memory into one line on stderr and exit code 2."""
+
+    command_class = Command
+
+    def main(self, *args: Any, **options: Any) -> Any:
+        """Run the command line."""
+        prepare_streams()
+        return super().main(*args, **options)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
         except FrischidError as error:
-            click.echo(f"error: {error}", err=True)
-            sys.exit(2)
+            message = str(error)
+        except MemoryError as error:
+            message = f"this needs more memory than there is ({error}); give shorter logs, or fewer at a time"
+        except OSError as error:
+            if error.errno == errno.EPIPE:  # the reader has seen enough: click ends quietly
+                raise
+            message = f"{error.filename or 'the output'}: {error.strerror or error}"
+        click.echo(f"error: {message}", err=True)
+        sys.exit(2)
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="frischid")
 def main() -> None:
-    """Identify the dynamic parameters of a robot from its URDF and what was measured on it.
+    """Identify the dynamic parameters of a robot from its URDF and measured logs.
 
     Try `frischid demo`, then `frischid info ROBOT` with your own URDF or a name such as panda.
     """

@@ -1,4 +1,4 @@
-"""Effects that a model misses: diagnose, add, improve, and the history of these steps."""
+"""The commands `diagnose`, `add`, `improve` and `history`: missing effects, and the steps that add them to a model."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from frischid.cli.arguments import (
     workers_option,
 )
 from frischid.cli.group import main
-from frischid.cli.inputs import opened
+from frischid.cli.inputs import model_of, opened
 from frischid.cli.output import elsewhere, show_page, working
+from frischid.cli.paths import InputPath, OutputPath
 from frischid.errors import InputError
 
 
 @main.command()
-@click.argument("model")
-@click.argument("logs", nargs=-1, required=True)
+@click.argument("model", type=InputPath())
+@click.argument("logs", type=InputPath(), nargs=-1, required=True)
 @valid_option
 @map_option
 @situation_option
@@ -42,12 +43,14 @@ def diagnose(
     workers: int | None,
     as_json: bool,
 ) -> None:
-    """Which physical effect the model is missing, by cross-validated evidence."""
-    from frischid.cli.pages import improving as show
-    from frischid.diagnosis.diagnosis import diagnose as run
-    from frischid.model.model import Model
+    """Find the physical effect that a model is missing.
 
-    loaded = Model.load(model)
+    Effects are ranked by cross-validated evidence.
+    """
+    from frischid.cli.pages import improving as show
+    from frischid.diagnosis.roles import diagnose_in_roles as run
+
+    loaded = model_of(model)
     with working(as_json) as progress, elsewhere(scheduler, workers) as pool:
         progress("reading logs")
         found = run(
@@ -63,14 +66,14 @@ def diagnose(
 
 
 @main.command()
-@click.argument("model")
+@click.argument("model", type=InputPath())
 @click.argument("effect")
-@click.argument("logs", nargs=-1, required=True)
-@click.option("--joints", help="Joints it acts on, comma separated; * and ? match. All by default.")
+@click.argument("logs", type=InputPath(), nargs=-1, required=True)
+@click.option("--joints", help="Joints the effect acts on, comma separated; * and ? match. Default: all.")
 @valid_option
 @map_option
 @situation_option
-@click.option("-o", "--output", type=click.Path(), required=True, help="Write the new model here (JSON).")
+@click.option("-o", "--output", type=OutputPath(), required=True, help="Write the new model here (JSON).")
 @json_option
 def add(
     model: str,
@@ -83,21 +86,18 @@ def add(
     output: str,
     as_json: bool,
 ) -> None:
-    """Add an effect to a model, refit, and show the error before and after.
+    """Add an effect to a model, refit, and show the errors.
 
     EFFECT is written as for `identify --effects`: stribeck(v_s=0.1)@joint3.
     """
     from frischid.cli.pages import improving as show
-    from frischid.core.files import check_writable
     from frischid.diagnosis.improvement import add as run
-    from frischid.diagnosis.improvement import searched
+    from frischid.diagnosis.shape_choice import searched
     from frischid.effects import parse_effects
-    from frischid.model.model import Model
 
-    check_writable(output)
     if joints is not None and "@" in effect:
-        raise InputError(f"'{effect}' says where it acts, and so does --joints {joints}; give one of them")
-    loaded = Model.load(model)
+        raise InputError(f"'{effect}' names its joints, and so does --joints {joints}; name them only once")
+    loaded = model_of(model)
     names = matching(joints, loaded.robot.joints)
     with working(as_json) as progress:
         progress("refitting")
@@ -110,13 +110,13 @@ def add(
 
 
 @main.command()
-@click.argument("model")
-@click.argument("logs", nargs=-1, required=True)
+@click.argument("model", type=InputPath())
+@click.argument("logs", type=InputPath(), nargs=-1, required=True)
 @valid_option
 @map_option
 @situation_option
 @click.option("--max-steps", default=8, show_default=True, help="Largest number of effects to add.")
-@click.option("-o", "--output", type=click.Path(), help="Write the final model here (JSON).")
+@click.option("-o", "--output", type=OutputPath(), help="Write the final model here (JSON).")
 @json_option
 def improve(
     model: str,
@@ -128,15 +128,14 @@ def improve(
     output: str | None,
     as_json: bool,
 ) -> None:
-    """Diagnose and add until nothing passes; print how the error falls. A step that harms a joint is refused."""
-    from frischid.cli.pages import improving as show
-    from frischid.core.files import check_writable
-    from frischid.diagnosis.improvement import improve as run
-    from frischid.model.model import Model
+    """Add missing effects one by one until none is found.
 
-    if output:
-        check_writable(output)
-    loaded = Model.load(model)
+    A step that harms a joint is refused, with the reason.
+    """
+    from frischid.cli.pages import improving as show
+    from frischid.diagnosis.improvement import improve as run
+
+    loaded = model_of(model)
     with working(as_json) as progress:
         progress("reading logs")
         data, test = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
@@ -148,17 +147,16 @@ def improve(
 
 
 @main.command()
-@click.argument("model")
+@click.argument("model", type=InputPath())
 @click.option("--undo", is_flag=True, help="Take the last step back.")
-@click.option("-o", "--output", type=click.Path(), help="Where to write the model without its last step.")
+@click.option("-o", "--output", type=OutputPath(), help="Where to write the model without its last step.")
 @json_option
 def history(model: str, undo: bool, output: str | None, as_json: bool) -> None:
-    """What was done to a model, step by step; any step can be undone."""
+    """List the steps of a model, or take the last one back."""
     from frischid.cli.pages import improving as show
     from frischid.diagnosis.improvement import undo as run
-    from frischid.model.model import Model
 
-    loaded = Model.load(model)
+    loaded = model_of(model)
     if undo:
         if not output:
             raise InputError("--undo needs -o FILE, the model to write")

@@ -1,4 +1,4 @@
-"""A robot and its logs, read as the command line describes them."""
+"""Read a robot and its logs as the options of the command line describe them."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from frischid.cli.arguments import RobotArguments, matching, number, pairs
+from frischid.cli.paths import check_found
 
 if TYPE_CHECKING:
     from frischid.logs.log import Log
+    from frischid.model.model import Model
     from frischid.robot.robot import Robot
 
 IN_MEMORY = 32 * 2**20
-"""Size of all files together, in bytes, up to which they are read as a whole."""
+"""Bytes of all files together, up to which they are read into memory as a whole."""
 
 
 def load(
@@ -21,8 +23,8 @@ def load(
 ) -> tuple[Robot, list[Any]]:
     """The robot as the options describe it, and its logs.
 
-    A joint that is locked without an angle takes its median in the first log. If not `whole`, logs that are long
-    together come as recordings, which are read chunk by chunk.
+    A joint that is locked without an angle is locked at its median position in the first log. If not `whole`, logs that
+    are too large for memory together become recordings, which are read chunk by chunk.
     """
     from statistics import median
 
@@ -30,6 +32,7 @@ def load(
     from frischid.robot.robot import Robot
 
     nominal = Robot.load(robot)
+    check_found(lambda: files_of(nominal))
     logs = (read if whole else opened)(paths, nominal, mapping)
     locks: dict[str, float] = {}
     for item in arguments.lock:
@@ -57,11 +60,12 @@ def load(
 
 
 def read(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Log]:
-    """Logs of a robot, through a mapping when there is one."""
+    """Logs of a robot; a mapping file, if given, explains their columns."""
     from frischid.logs.mapping import LogMap
     from frischid.logs.readers import read_log
 
-    # A mapping may name joints that are locked in this robot; they are read and then not used.
+    check_found(paths)
+    # A mapping may name joints that are locked in this robot; their columns are read but not used.
     form = LogMap.of(mapping)
     return [read_log(path, (*robot.joints, *robot.locked), form) for path in paths]
 
@@ -71,8 +75,33 @@ def opened(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Any]
     from frischid.logs.mapping import LogMap
     from frischid.logs.recording import Recording
 
+    check_found(paths)
     sizes = [path.stat().st_size for path in map(Path, paths) if path.is_file()]
     if len(sizes) == len(paths) and sum(sizes) <= IN_MEMORY:
         return list(read(paths, robot, mapping))
     form = LogMap.of(mapping)
     return [Recording.open(path, (*robot.joints, *robot.locked), form) for path in paths]
+
+
+def model_of(path: str) -> Model:
+    """The model of a file."""
+    from frischid.model.model import Model
+    from frischid.model.own_logs import paths_of
+
+    model = Model.load(path)
+    check_found(lambda: [*meshes_of(model.robot), *paths_of(model)])
+    return model
+
+
+def files_of(robot: Robot) -> list[Path]:
+    """The URDF of a robot, and its meshes."""
+    from frischid.robot.urdf_reading import robot_names
+
+    return [robot_names().get(robot.source, Path(robot.source)), *meshes_of(robot)]
+
+
+def meshes_of(robot: Robot) -> list[Path]:
+    """The meshes of a robot that are on this machine."""
+    from frischid.motions.collision import mesh_files
+
+    return mesh_files(robot)

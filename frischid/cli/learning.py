@@ -1,4 +1,4 @@
-"""The catalogue of effects, and the whole job on a simulated arm."""
+"""The commands `effects` and `demo`: the catalogue of effects, and the whole procedure on a simulated arm."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import click
 from frischid.cli.arguments import json_option
 from frischid.cli.group import main
 from frischid.cli.output import show_page, working
+from frischid.cli.paths import OutputPath
 from frischid.errors import UnknownNameError
 
 
@@ -14,7 +15,7 @@ from frischid.errors import UnknownNameError
 @click.argument("name", required=False)
 @json_option
 def effects(name: str | None, as_json: bool) -> None:
-    """The catalogue of physical effects, or the page of one of them."""
+    """List the catalogue of effects, or show the page of one."""
     from frischid.cli.pages import learning as show
     from frischid.effects import EFFECTS
 
@@ -24,21 +25,21 @@ def effects(name: str | None, as_json: bool) -> None:
 
 
 @main.command()
-@click.option("--seed", default=0, show_default=True, help="Of the motions and the noise.")
-@click.option("-o", "--output", type=click.Path(), help="Write the model here (JSON).")
+@click.option("--seed", default=0, show_default=True, help="Seed of the motions and the noise.")
+@click.option("-o", "--output", type=OutputPath(), help="Write the model here (JSON).")
 @click.option(
-    "--report", "page", type=click.Path(), default="frischid-demo.html", show_default=True, help="Where the page goes."
+    "--report", "page", type=OutputPath(), default="frischid-demo.html", show_default=True, help="Report to write."
 )
 @json_option
 def demo(seed: int, output: str | None, page: str, as_json: bool) -> None:
-    """The whole job on a simulated planar arm: simulate, identify, compare with the truth, write the report."""
+    """Run the whole procedure on a simulated planar arm.
+
+    Simulate, identify, compare with the truth, find a hidden effect, and write a report.
+    """
     from frischid.cli.demo import run
     from frischid.cli.pages import learning as show
-    from frischid.core.files import check_writable
     from frischid.reports.page import report
 
-    for path in filter(None, (output, page)):
-        check_writable(path)
     with working(as_json) as progress:
         result = run(seed, progress)
         report(result.model, result.logs, page, diagnosis=result.diagnosis, truth=result.truth, progress=progress)

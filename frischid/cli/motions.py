@@ -1,4 +1,4 @@
-"""Logs of simulated robots, and motions to run on real ones."""
+"""The commands `simulate` and `excite`: logs of simulated robots, and motions to run on real robots."""
 
 from __future__ import annotations
 
@@ -21,16 +21,17 @@ from frischid.cli.arguments import (
 from frischid.cli.group import main
 from frischid.cli.inputs import load
 from frischid.cli.output import elsewhere, show_page, working
+from frischid.cli.paths import InputPath, OutputPath
 from frischid.errors import InputError
 
 
 @main.command()
-@click.argument("robot")
-@click.option("-o", "--output", type=click.Path(), required=True, help="Log to write: .parquet, .csv or .npz.")
+@click.argument("robot", type=InputPath())
+@click.option("-o", "--output", type=OutputPath(), required=True, help="Log to write: .parquet, .csv or .npz.")
 @click.option("--duration", default=30.0, show_default=True, help="Seconds.")
 @click.option("--rate", default=100.0, show_default=True, help="Samples per second.")
 @click.option(
-    "--points", type=click.Path(), help="Log of points (t, q, v, a) to join by quintics, instead of a random motion."
+    "--points", type=InputPath(), help="File of points (t, q, v, a) to join by quintics, instead of a random motion."
 )
 @robot_options
 @effects_option
@@ -38,10 +39,10 @@ from frischid.errors import InputError
 @click.option("--noise-q", default=0.0, help="Noise of the positions, rad (m).")
 @click.option("--noise-v", default=0.0, help="Noise of the velocities.")
 @click.option("--noise-a", default=0.0, help="Noise of the accelerations.")
-@click.option("--noise-tau", default=0.0, help="Noise of the torques, as a share of each joint's spread.")
+@click.option("--noise-tau", default=0.0, help="Noise of the torques over each joint's standard deviation.")
 @click.option("--quantum", default=0.0, help="Resolution of the encoders, rad (m).")
-@click.option("--channels", default="v,a", help="Derivatives the log holds: v,a or v or none.")
-@click.option("--seed", default=0, show_default=True, help="Of the motion and the noise.")
+@click.option("--channels", default="v,a", help="Derivatives in the log: v,a or v or none.")
+@click.option("--seed", default=0, show_default=True, help="Seed of the motion and the noise.")
 @json_option
 def simulate(
     robot: str,
@@ -56,15 +57,13 @@ def simulate(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Record a log of a simulated robot, with noise, for trying things out."""
+    """Write a log of a simulated robot, with noise if wanted."""
     from frischid.cli.pages import motions as show
-    from frischid.core.files import check_writable
     from frischid.logs.readers import read_log, write_log
     from frischid.motions.simulation import Noise
     from frischid.motions.simulation import simulate as run
     from frischid.motions.trajectory import Quintic, random_fourier
 
-    check_writable(output)
     names = {"noise_q": "q", "noise_v": "v", "noise_a": "a", "noise_tau": "tau", "quantum": "quantum"}
     noise = Noise(**{short: options.pop(long) for long, short in names.items()})
     machine, _ = load(robot, RobotArguments(**options))
@@ -92,8 +91,8 @@ def simulate(
 
 
 @main.command()
-@click.argument("robot")
-@click.option("-o", "--output", type=click.Path(), required=True, help="Where the motion (t, q, v, a) goes.")
+@click.argument("robot", type=InputPath())
+@click.option("-o", "--output", type=OutputPath(), required=True, help="Write the motion (t, q, v, a) here.")
 @click.option("--duration", default=20.0, show_default=True, help="Seconds.")
 @click.option("--rate", default=100.0, show_default=True, help="Samples per second.")
 @click.option("--family", default="fourier", show_default=True, help="fourier, bspline, or points (quintics).")
@@ -101,14 +100,14 @@ def simulate(
 @click.option("--limits", default=0.9, show_default=True, help="Share of the URDF's limits to use.")
 @click.option("--budget", default=30_000, show_default=True, help="Evaluations of the criterion.")
 @click.option("--seed", default=0, show_default=True, help="The same seed gives the same motion.")
-@click.option("--starts", default=1, show_default=True, help="Searches from different beginnings; the best is taken.")
+@click.option("--starts", default=1, show_default=True, help="Searches from different starts; the best is kept.")
 @scheduler_option
 @workers_option
-@click.option("--picture", type=click.Path(), help="Draw the motion and the falling cost here (HTML).")
+@click.option("--picture", type=OutputPath(), help="Draw the motion and the falling cost here (HTML).")
 @click.option(
     "--separate",
     metavar="A,B",
-    help="Tell these two effects apart instead, for example stribeck@joint2,hysteresis@joint2.",
+    help="Plan for these two effects: estimate both well, e.g. stribeck@joint2,hysteresis@joint2.",
 )
 @robot_options
 @effects_option
@@ -132,16 +131,16 @@ def excite(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Plan a motion that tells the parameters apart, within the robot's limits everywhere."""
+    """Plan a motion that determines all parameters well.
+
+    The motion keeps the robot's limits at all times.
+    """
     from frischid.cli.pages import motions as show
-    from frischid.core.files import check_writable
     from frischid.effects import parse_effects
-    from frischid.motions.discrimination import separate as tell_apart
+    from frischid.motions.discrimination import separate as plan_separation
     from frischid.motions.plan import plan
     from frischid.motions.plan_options import PlanOptions
 
-    for path in filter(None, (output, picture)):
-        check_writable(path)
     if budget < 1:
         raise InputError(f"--budget must be at least one evaluation, got {budget}")
     if not rate > 0:
@@ -168,7 +167,7 @@ def excite(
             "progress": lambda share, best: progress(f"planning: {share:.0%} of the budget, cost {best:.4g}"),
         }
         if pair:
-            apart = tell_apart(machine, pair[0], pair[1], effects_of(effects), wanted, **told)
+            apart = plan_separation(machine, pair[0], pair[1], effects_of(effects), wanted, **told)
             planned = apart.plan
         else:
             planned = plan(machine, effects_of(effects), wanted, **told)

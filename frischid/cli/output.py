@@ -1,8 +1,10 @@
-"""How results and progress are shown, and where work is done."""
+"""Output of results and progress, and the choice of the processes that do the work."""
 
 from __future__ import annotations
 
+import io
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,12 +15,31 @@ import click
 if TYPE_CHECKING:
     from frischid.core.parallel import Workers
 
-PIPE_WIDTH = 140  # columns of a table that goes to a pipe, which has no width of its own; 80 would cut tables
+PIPE_WIDTH = 140  # characters per line of output to a pipe, which has no width of its own; 80 would cut tables
+
+
+def prepare_streams() -> None:
+    """Make every stream one that can be written to.
+
+    A closed stream becomes ``/dev/null``; otherwise the next file that is opened would take its number, and whatever a
+    library prints would go into that file. A stream that cannot write every letter (ASCII) shows ``?`` instead.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest number that is free: this one
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123 (open to the end)
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 @contextmanager
 def working(quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Show on stderr the present step of the work, when a person is watching."""
+    """Show the present step of the work on stderr, if stderr is a terminal."""
     if quiet or not sys.stderr.isatty():
         yield lambda _: None
         return
@@ -30,7 +51,7 @@ def working(quiet: bool) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def elsewhere(scheduler: str | None, count: int | None) -> Iterator[Workers | None]:
-    """Workers, if the user asked for some; otherwise None, which is this process."""
+    """Workers, if the user asked for them; otherwise None, which means this process."""
     if scheduler is None and count is None:
         yield None
         return
@@ -41,12 +62,21 @@ def elsewhere(scheduler: str | None, count: int | None) -> Iterator[Workers | No
 
 
 def show_page(page: Any, as_json: bool) -> None:
-    """Print a page: ``.data`` for machines, ``.parts`` for people."""
+    """Print a page: ``.data`` for machines, all else for people. A severe alarm ends the command with exit code 1."""
     if as_json:
-        click.echo(json.dumps(page.data, indent=1, ensure_ascii=False, allow_nan=False))
-        return
+        plain = not (sys.stdout.encoding or "").lower().startswith("utf")  # escapes lose nothing, ? would
+        click.echo(json.dumps(page.data, indent=1, ensure_ascii=plain, allow_nan=False))
+    else:
+        _print(page)
+    if page.exit_code:
+        sys.exit(page.exit_code)
+
+
+def _print(page: Any) -> None:
     from rich.console import Console
 
+    from frischid.cli.pages.page import alarm_lines
+
     console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
-    for part in page.parts:
+    for part in (*alarm_lines(page.alarms), *page.parts):
         console.print(part)

@@ -1,4 +1,4 @@
-"""A model to look at: the report that is sent to a colleague, the studio to work in."""
+"""The commands `report` and `studio`: a page to send to a colleague, and a page to work in."""
 
 from __future__ import annotations
 
@@ -8,26 +8,27 @@ import click
 
 from frischid.cli.arguments import json_option, map_option, situation_option
 from frischid.cli.group import main
-from frischid.cli.inputs import read
+from frischid.cli.inputs import model_of, read
 from frischid.cli.output import show_page, working
+from frischid.cli.paths import InputPath, OutputPath, also_written
 
 
 @main.command()
-@click.argument("model")
-@click.argument("logs", nargs=-1, required=True)
+@click.argument("model", type=InputPath())
+@click.argument("logs", type=InputPath(), nargs=-1, required=True)
 @map_option
 @situation_option
-@click.option("-o", "--output", type=click.Path(), default="report.html", show_default=True, help="The HTML file.")
+@click.option("-o", "--output", type=OutputPath(), default="report.html", show_default=True, help="The HTML file.")
 @json_option
 def report(model: str, logs: tuple[str, ...], mapping: str | None, situation: Any, output: str, as_json: bool) -> None:
-    """One HTML page that opens offline: how good the model is, where it fails, what is missing, what to do."""
+    """Write one HTML page about a model, which opens offline.
+
+    It shows the model's errors, where the model fails, missing effects, and the next step.
+    """
     from frischid.cli.pages import seeing as show
-    from frischid.core.files import check_writable
-    from frischid.model.model import Model
     from frischid.reports.page import report as run
 
-    check_writable(output)
-    loaded = Model.load(model)
+    loaded = model_of(model)
     with working(as_json) as progress:
         progress("reading logs")
         data = read(logs, loaded.robot, mapping)
@@ -36,14 +37,14 @@ def report(model: str, logs: tuple[str, ...], mapping: str | None, situation: An
 
 
 @main.command()
-@click.argument("model")
-@click.argument("logs", nargs=-1, required=True)
+@click.argument("model", type=InputPath())
+@click.argument("logs", type=InputPath(), nargs=-1, required=True)
 @map_option
 @click.option(
-    "-o", "--output", type=click.Path(), help="Where the page saves the model; MODEL with -studio by default."
+    "-o", "--output", type=OutputPath(), help="Where the page saves the model; MODEL with -studio by default."
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
-@click.option("--port", default=8080, show_default=True, help="Port to listen on; the next free one when it is taken.")
+@click.option("--port", default=8080, show_default=True, help="Port to listen on, or the next free one.")
 @json_option
 def studio(
     model: str,
@@ -54,26 +55,32 @@ def studio(
     port: int,
     as_json: bool,
 ) -> None:
-    """A page to work in: the robot moves along the log, a click adds what is missing, and the error falls."""
+    """Open a page to work on a model.
+
+    The robot moves along the log; a click adds a missing effect, and the error falls.
+    """
+    import os
     import time
     import warnings
     from pathlib import Path
 
     from frischid.studio import Studio
 
-    path = output or str(Path(model).with_name(f"{Path(model).stem}-studio.json"))
-    # A browser tab may be closed at any time, also while something is sent to it.
+    path = output or f"{os.path.splitext(model)[0]}-studio.json"  # noqa: PTH122 (an empty name is an error below)
+    if output is None:
+        also_written(path)
+    also_written(Path(path).with_suffix(".html"))  # the report
+    # A browser tab may be closed at any time, even while data are sent to the tab.
     warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
-    running = Studio(host, port)  # before all that takes time: a browser may begin to load the page
+    running = Studio(host, port)  # first of all, so that a browser can begin to load the page
     try:
         from frischid.cli.pages import studio as show
 
         show_page(show.studio(running.address, path, host), as_json)
         with working(as_json) as progress:
             progress("reading logs")
-            from frischid.model.model import Model
 
-            loaded = Model.load(model)
+            loaded = model_of(model)
             data = read(logs, loaded.robot, mapping)
             progress("comparing")
             running.show(loaded, data, path)

@@ -1,5 +1,4 @@
-"""Tools that every stage uses and no stage owns: types, files, text, arrays on disk, work on several cores.
+"""Tools that every stage uses: types, files, text, arrays on disk, work on several cores.
 
-Nothing comes in and nothing goes out: these are tools. Nothing here knows robots or regressions. Start with
-`frischid.core.types`.
+No data pass through this folder, and nothing here depends on robots or regressions. Start with `frischid.core.types`.
 """

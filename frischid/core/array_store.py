@@ -1,13 +1,13 @@
-"""Arrays that are read again and again: in memory while they are few, beyond that in a temporary file.
+"""Arrays that are read again and again: in memory while they are small together, otherwise in a temporary file.
 
-A diagnosis goes through its filtered samples some dozens of times, an errors-in-variables estimate through its
-corrected states (`frischid.diagnosis` and `frischid.estimators.errors_in_variables` use this module). To make those
-arrays anew would mean to read and prepare the logs each time. A file of them is read at the speed of memory, and gives
-back the same bits, so results do not depend on where an array is.
+A diagnosis reads its filtered samples dozens of times, and so does an errors-in-variables estimate with its corrected
+states (`frischid.diagnosis` and `frischid.estimators.errors_in_variables` use this module). Computing these arrays
+again would mean to read and prepare the logs each time. A temporary file is read nearly at the speed of memory and
+returns the same bits, so results do not depend on the place of an array.
 
-Not ``numpy.memmap``: each mapped array holds a file descriptor (the 1018th of 1024 fails) and its pages count as memory
-of the process; reading 2000 arrays of 96 kB takes 0.20 s instead of 0.05 s. Not Arrow: its files are complete before
-they are read, and no array in them can be replaced.
+Why not ``numpy.memmap``: each mapped array holds a file descriptor (the 1018th of 1024 fails), its pages count as
+memory of the process, and reading 2000 arrays of 96 kB takes 0.20 s instead of 0.05 s. Why not Arrow: its files must be
+complete before they are read, and no array in them can be replaced.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 LIMIT = 64 * 2**20
-"""Bytes of all arrays of a store together that stay in memory."""
+"""Bytes of a store's arrays that stay in memory."""
 
 Values = NDArray[Any]
 
 
 class Store:
-    """Where arrays are put.
+    """Place for arrays, in memory or in a temporary file.
 
     Parameters
     ----------
     limit : int, optional
-        Bytes that stay in memory, `LIMIT` by default. Later arrays go to a file without a name, which vanishes with the
-        store, or with the process however that ends.
+        Bytes that stay in memory, `LIMIT` by default. Later arrays go to a file without a name, which disappears with
+        the store, or when the process ends in any way.
 
     Examples
     --------
@@ -83,7 +83,7 @@ class Store:
 
     def read(self, shape: tuple[int, ...], dtype: np.dtype[Any], place: int) -> Values:
         """An array from the file."""
-        assert self._file is not None  # it was written
+        assert self._file is not None  # the array was written before
         out = np.empty(shape, dtype)
         view = _bytes(out)
         done = 0
@@ -106,14 +106,14 @@ class Stored:
     place: int = 0
 
     def read(self) -> Values:
-        """Get the array; not to be written to."""
+        """The array; the caller must not change it."""
         if self.held is not None:
             return self.held
-        assert self.store is not None  # it is either held or written
+        assert self.store is not None  # an array is either in memory or in the file
         return self.store.read(self.shape, self.dtype, self.place)
 
     def replace(self, x: Values) -> None:
-        """Put another array of the same shape and type in its place."""
+        """Replace the array by another one of the same shape and type."""
         if self.held is not None:
             self.held = _own(x)
         elif self.store is not None:
@@ -121,9 +121,9 @@ class Stored:
 
 
 class Series:
-    """Arrays (n, ...) of a store that differ in n only, in a row: 16 bytes of memory per array in the file.
+    """A sequence of arrays (n, ...) of a store that differ in n only: 16 bytes of memory per array in the file.
 
-    A diagnosis has some thousand arrays of every motion, and a `Stored` for each would outweigh many a log.
+    A diagnosis has thousands of arrays of every motion; a `Stored` for each would need more memory than many logs.
     """
 
     def __init__(self, store: Store) -> None:
@@ -136,7 +136,7 @@ class Series:
         return len(self._length)
 
     def append(self, x: Values) -> None:
-        """Keep one more."""
+        """Append an array."""
         kept = self._store.put(x)
         if kept.held is not None:
             self._held[len(self)] = kept.held
@@ -145,7 +145,7 @@ class Series:
         self._place.append(kept.place)
 
     def __getitem__(self, number: int) -> Values:
-        """Array number `number`; not to be written to."""
+        """Array number `number`; the caller must not change it."""
         if number in self._held:
             return self._held[number]
         shape, dtype = self._form
@@ -153,7 +153,7 @@ class Series:
 
 
 def _own(x: Values) -> Values:
-    """The array as a file would give it back: in C order, and no view, which would keep the whole viewed array."""
+    """The array as a file would return it: in C order and not a view, which would keep the whole viewed array."""
     return x if x.base is None and x.flags.c_contiguous else np.array(x, order="C")
 
 

@@ -1,4 +1,4 @@
-"""Results in an order, each with a name: by position where one goes through them, by name where one wants one."""
+"""Ordered results with names: access by position to iterate over them, by name to get one."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ T = TypeVar("T")
 
 
 class NamedSequence(Generic[T]):
-    """Values by position, slice or name; iterating gives the values.
+    """Values with access by position, slice or name; iteration gives the values.
 
     Parameters
     ----------
     kind : str
-        One value's kind, for the error of an unknown name.
+        Kind of one value, for the message on an unknown name.
     values : mapping of str to T
         In order.
 

@@ -1,11 +1,11 @@
-"""Where work is done: in this process, on the cores of this machine, or on a Dask cluster, with the same result.
+"""Workers: this process, the cores of this machine, or a Dask cluster, with the same result.
 
-Work is a function of picklable arguments. `map` applies it to many items, `tree` adds the results up in pairs,
+Work is a function of picklable arguments. `map` applies the function to many items; `tree` adds the results in pairs,
 
     ((x₁ + x₂) + (x₃ + x₄)) + …
 
-whose shape depends on the number of items alone: floating-point sums are the same wherever and in whatever order the
-parts were done. On Dask the results stay with the workers that made them. When a worker dies, its parts are
+The shape of this tree depends only on the number of items, so floating-point sums are the same on all workers and in
+any order of work. On Dask the results stay with the workers that computed them. When a worker dies, its parts are
 computed again from their arguments. A part that is computed twice is added once, because a sum refers to parts by name.
 """
 
@@ -13,9 +13,11 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from importlib import metadata
 from typing import Any
 
@@ -27,7 +29,7 @@ Progress = Callable[[int, int], None]
 
 
 class Workers(ABC):
-    """Somewhere to do work. `map` and `tree` return handles; `gather` turns handles into values."""
+    """Processes that do work. `map` and `tree` return handles; `gather` turns handles into values."""
 
     where: str
 
@@ -41,7 +43,7 @@ class Workers(ABC):
 
     @abstractmethod
     def gather(self, handles: Sequence[Any], progress: Progress = lambda done, of: None) -> list[Any]:
-        """Values of handles, in their order; `progress` is told how many are there."""
+        """Values of handles, in their order; `progress` is called with the number of finished ones."""
 
     def tree(self, function: Callable[[Any, Any], Any], handles: Sequence[Any]) -> Any:
         """Combine at least one handle pairwise, neighbours first."""
@@ -53,20 +55,20 @@ class Workers(ABC):
 
 
 class Here(Workers):
-    """One process, one thing after the other."""
+    """One process, this one, which does one item after the other."""
 
     where = "one process"
 
     def map(self, function: Callable[..., Any], items: Sequence[Any], *constants: Any) -> list[Any]:
-        """Do all of it now."""
+        """Do all of the work at once."""
         return [function(item, *constants) for item in items]
 
     def pairs(self, function: Callable[[Any, Any], Any], first: Sequence[Any], second: Sequence[Any]) -> list[Any]:
-        """Do all of it now."""
+        """Do all of the work at once."""
         return [function(a, b) for a, b in zip(first, second, strict=True)]
 
     def gather(self, handles: Sequence[Any], progress: Progress = lambda done, of: None) -> list[Any]:
-        """Handles are values already."""
+        """Return the handles, which are already values."""
         progress(len(handles), len(handles))
         return list(handles)
 
@@ -80,20 +82,20 @@ class Dask(Workers):
         self.where = f"{len(workers)} Dask worker{'s' * (len(workers) != 1)}"
 
     def map(self, function: Callable[..., Any], items: Sequence[Any], *constants: Any) -> list[Any]:
-        """Send it to the workers; a constant is sent once, as a task of its own that can be done again."""
+        """Send the work to the workers; a constant is sent once, as a task of its own that can be repeated."""
         shared = [self.client.submit(_same, constant, pure=False) for constant in constants]
-        # One message for all of them: the scheduler is the first thing that many tasks wait for.
+        # One message for all tasks: with many messages, tasks would wait for the scheduler.
         rest = [[constant] * len(items) for constant in shared]
         return list(self.client.map(function, items, *rest, pure=False, retries=2))
 
     def pairs(self, function: Callable[[Any, Any], Any], first: Sequence[Any], second: Sequence[Any]) -> list[Any]:
-        """Send them to the workers."""
+        """Send the pairs to the workers."""
         if not first:
             return []
         return list(self.client.map(function, first, second, pure=False, retries=2))
 
     def gather(self, handles: Sequence[Any], progress: Progress = lambda done, of: None) -> list[Any]:
-        """Wait for all of them and fetch them."""
+        """Wait for all handles and fetch their values."""
         from distributed import KilledWorker, as_completed
 
         for done, _ in enumerate(as_completed(list({h.key: h for h in handles}.values())), start=1):
@@ -110,15 +112,15 @@ def _same(value: Any) -> Any:
 
 @contextmanager
 def workers(scheduler: str | None = None, count: int | None = None) -> Iterator[Workers]:
-    """Somewhere to work, closed at the end.
+    """Open workers, and close them at the end.
 
     Parameters
     ----------
     scheduler : str, optional
         Address of a Dask scheduler (``tcp://host:8786``); ``"local"``: a cluster of this machine's cores; ``"none"``:
-        this process. By default local where the extra ``frischid[cluster]`` is installed, else this process.
+        this process. By default local if the extra ``frischid[cluster]`` is installed, otherwise this process.
     count : int, optional
-        Workers of a local cluster, one a core by default.
+        Workers of a local cluster, one per core by default.
 
     Raises
     ------
@@ -136,17 +138,18 @@ def workers(scheduler: str | None = None, count: int | None = None) -> Iterator[
             return
         raise InputError('a cluster needs Dask: pip install "frischid[cluster]"') from None
     if scheduler is None or scheduler == LOCAL:
-        with (
-            LocalCluster(
-                n_workers=count or os.cpu_count() or 1,
-                threads_per_worker=1,
-                host=_LOOPBACK,
-                dashboard_address=f"{_LOOPBACK}:0",
-                worker_dashboard_address=f"{_LOOPBACK}:0",
-                silence_logs=logging.CRITICAL,
-            ) as cluster,
-            Client(cluster) as client,
-        ):
+        with ExitStack() as opened:
+            with _deaf_children():
+                cluster = LocalCluster(
+                    n_workers=count or os.cpu_count() or 1,
+                    threads_per_worker=1,
+                    host=_LOOPBACK,
+                    dashboard_address=f"{_LOOPBACK}:0",
+                    worker_dashboard_address=f"{_LOOPBACK}:0",
+                    silence_logs=logging.CRITICAL,
+                )
+                opened.enter_context(cluster)
+                client = opened.enter_context(Client(cluster))
             yield Dask(client)
         return
     try:
@@ -158,8 +161,26 @@ def workers(scheduler: str | None = None, count: int | None = None) -> Iterator[
         yield Dask(client)
 
 
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Processes and threads that start within the block do not hear Ctrl-C: this process does, and ends them.
+
+    A terminal sends Ctrl-C to every process of a command, and each worker would answer with a traceback. The mask of
+    blocked signals passes from a thread to the threads and processes that it starts. A Ctrl-C within the block counts
+    at its end.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _check_versions(client: Any, scheduler: str) -> None:
-    """Refuse a cluster that would compute something else."""
+    """Refuse a cluster whose workers have another version of frischid."""
     if not client.scheduler_info(n_workers=-1)["workers"]:
         raise InputError(f"{scheduler}: the scheduler has no workers; start some with `dask worker {scheduler}`")
     own = metadata.version("frischid")
@@ -169,5 +190,5 @@ def _check_versions(client: Any, scheduler: str) -> None:
 
 
 def version() -> str:
-    """Version of frischid where this runs."""
+    """Version of frischid on the worker that runs this function."""
     return metadata.version("frischid")

@@ -1,4 +1,4 @@
-"""Lists in sentences, for messages of every stage: ``a, b and c``."""
+"""Lists of names in sentences, for the messages of every stage: ``a, b and c``."""
 
 from __future__ import annotations
 
@@ -21,3 +21,19 @@ def each_of(names: Sequence[str]) -> str:
     'each of elbow and wrist'
     """
     return f"each of {listed(names)}" if len(names) > 1 else listed(names) or "the robot"
+
+
+def shortened(value: object, most: int = 60) -> str:
+    """A value as Python writes it, cut after `most` letters: nobody reads a thousand digits.
+
+    Examples
+    --------
+    >>> from frischid.core.text import shortened
+    >>> shortened("yaw"), shortened(10**400, most=8)
+    ("'yaw'", '10000000...')
+    """
+    try:
+        text = repr(value)
+    except ValueError:  # Python refuses to write out such a whole number
+        return "a number of thousands of digits"
+    return text if len(text) <= most else f"{text[:most]}..."

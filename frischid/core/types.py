@@ -29,9 +29,9 @@ class Column:
     unit : str
         Unit of the parameter (``kg·m``).
     joint : str
-        Joint (and so link) it belongs to.
+        Joint (and so link) that the column belongs to.
     effect : str
-        ``"rigid"`` or the identifier of the effect that made it.
+        ``"rigid"``, or the identifier of the effect that computes the column.
     sign : {-1, 0, 1}
         Known sign of the parameter; 0 when either sign is possible.
 

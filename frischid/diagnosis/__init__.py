@@ -4,12 +4,13 @@ Comes in: a model and logs. Goes out: findings with evidence, a verdict, and bet
 `frischid.diagnosis.diagnosis`; each stage of `diagnose` is a module, in this order:
 
 1. `motion_cache` (`cached_motion`, `candidate_columns`): logs are read once and kept as filtered torque and columns.
-2. `change_prior`: the prior of the parameters; `situation`: was the robot always so, or did it change?
+2. `situation`: did the robot change after its model was identified? `change_prior`: the prior of either case.
 3. `cross_validation` (`dataset`, `model_columns`, `weighted_fit`): the model's cross-validated error, fold by fold.
 4. `contacts`: stretches of time in which something touched the robot are left out.
 5. `findings` (`shape_screening`, `scored_candidate`, `block_test`, `shape_refinement`, `stepwise_selection`,
    `effect_ranking`): every effect in every place is scored, alone and together.
-6. `unmodelled_terms` (`gear_steps`, `reversal_residuals`): is the first finding the cause, or does it resemble it?
+6. `unmodelled_terms` (`gear_steps`, `reversal_residuals`): is the first finding the cause, or does a term outside the
+   catalogue explain far more?
 7. `verdict`: none, effect, contact or unknown; `residual_formula` describes an unknown residual.
 
 `improvement` adds findings to a model step by step (`step_acceptance`: may a step stay?), `effect_curves` draws them.

@@ -1,8 +1,8 @@
-"""One motion as a diagnosis keeps it: its state, and the filtered torque and columns of each joint.
+"""One motion in the cache of a diagnosis: its state, and the filtered torque and columns of each joint.
 
-The arrays are in a `Store`: in memory while there are few, then in a temporary file. A motion itself takes little
-memory: its name, its length and the places of its arrays. The fold and the block of time of a row follow from the
-sample and its time, so they are made when a stage asks for them.
+The arrays are in a `Store`: in memory while they are small, then in a temporary file. The object itself holds little: a
+name, a length and the places of its arrays. The fold and the block of time of a row follow from the row's sample and
+time, so they are computed when a stage asks for them.
 
     fold of row i  =  the log's fold, or ⌊k · (sample of i) / N⌋ where a single log is cut into k folds
     block of row i =  first block of the motion + ⌊(t_i − t_0) / block length⌋
@@ -45,9 +45,9 @@ class CachedMotion:
     step : float
         Time between these, s.
     fold : int or None
-        Fold of all its rows; None where it is cut into several.
+        Fold of all its rows; None where the motion is cut into several folds.
     cuts : int
-        Folds it is cut into where `fold` is None.
+        Number of folds that the motion is cut into where `fold` is None.
     block : int
         Number of its first block of time, counted over all motions.
     seconds : float
@@ -57,7 +57,7 @@ class CachedMotion:
     t : Stored
         Times of the filtered samples, s.
     Z : sequence of Stored
-        For each joint the columns that act on it and its torque, (rows, k + 1).
+        For each joint the k columns that act on the joint, and its torque, (rows, k + 1).
     picked : sequence of Stored
         Filtered samples of each joint's rows.
     state : State or mapping of str to Stored
@@ -155,7 +155,7 @@ class JointData:
 
 
 def stored_state(state: State, store: Store) -> State | Mapping[str, Stored]:
-    """Keep a state; in memory only if the derivatives that effects make of it (`State.slopes`) have room too."""
+    """Keep a state; in memory only if the derivatives that effects compute from it (`State.slopes`) fit there too."""
     samples, joints = state.q.shape
     if store.takes(8 * samples * (1 + joints * (5 + 3 * joints) + len(state.extra))):
         return state

@@ -1,10 +1,10 @@
-"""Columns of candidate effects over the motions: made by the effect, filtered, and taken at the rows of each joint.
+"""Columns of candidate effects over the motions: computed by the effect, filtered, and taken at each joint's rows.
 
     C_j = S_j F c_j(q, q̇, q̈, ...)
 
 with c_j the effect's columns on joint j over the unfiltered motion, F the model's low-pass filter and decimation, and
-S_j the samples at which joint j is used. Columns and torque see the same filter, so it does not bias coefficients
-(Gautier 1997, IEEE ICRA).
+S_j the selection of the samples at which joint j is used. Columns and torque pass the same filter, so the filter does
+not bias the coefficients (Gautier 1997, IEEE ICRA).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class ColumnTask:
-    """One motion, as a worker needs it to compute columns.
+    """The data of one motion that a worker process needs to compute columns.
 
     Attributes
     ----------

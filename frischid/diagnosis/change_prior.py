@@ -1,13 +1,15 @@
-"""Prior of the parameters before logs are diagnosed: the URDF, weakly, or the identification.
+"""Prior of the parameters in a diagnosis: a weak URDF prior, or the identification.
 
-A robot that was *always* as it is: a weak URDF prior, carried to the base parameters θ_b = K θ,
+If the robot has not changed since it was identified (situation *always*), all parameters are fitted anew. The prior is
+a weak one from the URDF, carried to the base parameters θ_b = K θ,
 
     θ ~ N(θ_URDF, P),   P = diag(spread²);      θ_b ~ N(K θ_URDF, K P Kᵀ).
 
-A robot that *changed* since it was identified: the identification itself is the prior, mean θ̂ and precision Λ, its own
-information.
+If the robot *changed* since it was identified, the identification itself is the prior: mean θ̂, and its information
+matrix Λ as precision.
 
-Standard parameters that go with an identification of covariance Σ are the conditional mean of the first Gaussian,
+The most likely standard parameters, given an identification θ̂_b of covariance Σ, are the conditional mean of the first
+Gaussian,
 
     θ* = θ_URDF + P Kᵀ (K P Kᵀ + Σ)⁻¹ (θ̂_b − K θ_URDF).
 
@@ -36,12 +38,12 @@ _STATES = 16  # random configurations from which a joint's typical inertia is ta
 
 
 def identification_prior(model: Model) -> Prior:
-    """Prior of a robot that may have changed since it was identified: the identification itself."""
+    """Prior of a robot that changed since it was identified: the identification itself."""
     return Prior(model.estimate.theta, model.estimate.information)
 
 
 def weak_urdf_prior(model: Model, criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA) -> Prior:
-    """Weak URDF prior of the base parameters, for a robot that was always as it is."""
+    """Weak URDF prior of the base parameters, for a robot that has not changed since it was identified."""
     mapping, mean, spread = _standard(model, criteria)
     return gaussian(mapping @ mean, mapping * spread)
 
@@ -65,7 +67,7 @@ def likely_standard_parameters(model: Model, criteria: DiagnosisCriteria = DIAGN
 
 
 def load_reference(model: Model, criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA) -> Mapping[str, float] | None:
-    """Parameters from which effects that depend on the load take it: the model's reference, or its identification's."""
+    """Parameters that give the load to effects that depend on the load: the model's reference, or the likely ones."""
     if model.reference is None and not any(effect.loaded for effect in model.effects):
         return likely_standard_parameters(model, criteria)
     return model.reference
@@ -76,7 +78,7 @@ def _standard(model: Model, criteria: DiagnosisCriteria) -> tuple[Array, Array, 
     regressor = Regressor(model.robot, model.effects, model.reference)
     found = structure(regressor, model.joints)
     mapping = found.mapping
-    if found.base != model.base:  # the model took in the columns of a change, which no regrouping would choose
+    if found.base != model.base:  # the model has columns of a change, which no regrouping would choose
         mapping = np.linalg.pinv(mapping[:, model.base]) @ mapping
     nominal = np.asarray(nominal_parameters(model.robot, model.effects))
     return mapping, nominal, _spread(model, regressor, criteria)

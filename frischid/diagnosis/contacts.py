@@ -1,13 +1,14 @@
-"""Contacts: an outside force for a while. It is an event to leave out, not an effect to add.
+"""Contacts: for a while something touches the robot. Such a stretch of time is left out; no effect is added for it.
 
-A contact makes the residual e large for a few tenths of a second to a few seconds, in a log that the model otherwise
-explains. The search measures the residual's energy, smoothed over a quarter of a second, in robust units u_j of each
-joint (median absolute deviation):
+A contact makes the residual e_j of joint j large for a few tenths of a second to a few seconds, in a log that the model
+otherwise explains. With u_j the robust standard deviation of e_j (from the median absolute deviation), the smoothed
+energy of the residual is
 
-    z_j(t) = mean over 0.25 s of (e_j / u_j)²,      a burst:  max z > 30, while z > 6.
+    z_j(t) = mean of (e_j / u_j)² over 0.25 s around t.
 
-A contact also bends the fit of everything else. So the parameters are fitted again without the bursts until the bursts
-stay the same (a trimmed estimate).
+A *burst* is a stretch of time with z_j > 6 in which z_j exceeds 30 at least once. A contact also biases the parameters.
+So the parameters are fitted again without the bursts, and the bursts are searched again, until they stay the same (a
+trimmed estimate).
 
 Source: Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, Wiley.
 """
@@ -34,7 +35,7 @@ _MAD_TO_STD = 1.4826  # standard deviation of Gaussian noise over its median abs
 
 @dataclass(frozen=True)
 class Contact:
-    """A stretch of time with an outside force.
+    """A stretch of time in which something touched the robot.
 
     Attributes
     ----------
@@ -43,9 +44,9 @@ class Contact:
     start, stop : float
         s
     joints : list of str
-        Joints whose torque shows it.
+        Joints whose torque shows the contact.
     strength : float
-        Largest residual in robust units.
+        Largest residual in robust standard deviations.
     """
 
     source: str
@@ -61,13 +62,13 @@ def stretches(contacts: Sequence[Contact]) -> list[tuple[str, float, float]]:
 
 
 def find_contacts(validator: CrossValidator, floor: Array) -> list[Contact]:
-    """Find bursts of residual in logs that are otherwise explained.
+    """Find bursts of the residual in logs that the model otherwise explains.
 
     Parameters
     ----------
     validator : CrossValidator
     floor : ndarray, shape (J,)
-        Sensor noise of each joint, N·m (N); a joint's robust unit is not smaller.
+        Sensor noise of each joint, N·m (N): lower limit of the joint's robust standard deviation.
 
     Returns
     -------
@@ -100,7 +101,7 @@ def _few_and_short(validator: CrossValidator, found: Sequence[Contact]) -> bool:
 
 
 def _stands_out(validator: CrossValidator, rest: CrossValidator, floor: Array) -> bool:
-    """Whether the bursts hold much of the error above the noise, and densely, under the parameters of the rest."""
+    """Whether the bursts hold a large and dense part of the error above the noise, with parameters fitted outside."""
     criteria = validator.criteria
     whole = outside = 0.0
     for row, spread in enumerate(validator.spread):
@@ -115,7 +116,7 @@ def _stands_out(validator: CrossValidator, rest: CrossValidator, floor: Array) -
 
 
 def _bursts(validator: CrossValidator, rest: CrossValidator, floor: Array) -> list[Contact]:
-    """Bursts over all rows under the parameters of the rest, without those that are weak beside the strongest."""
+    """Bursts in all rows, with parameters fitted to `rest`; bursts much weaker than the strongest are dropped."""
     criteria, data = validator.criteria, validator.data
     scale = np.maximum(np.maximum(_robust_spread(rest), floor), criteria.smallest_error * validator.spread)
     found: list[tuple[float, Contact]] = []
@@ -131,7 +132,7 @@ def _bursts(validator: CrossValidator, rest: CrossValidator, floor: Array) -> li
 
 
 def _robust_spread(rest: CrossValidator) -> list[float]:
-    """Robust standard deviation of each joint's residual, from samples spread evenly."""
+    """Robust standard deviation of each joint's residual, from evenly spread rows."""
     every = [max(1, -(-n // MOST_ROWS)) for n in rest.counts.sum(axis=0).tolist()]
     left = [thinned(rest.residuals(row, rest.theta), k) for row, k in enumerate(every)]
     return [_MAD_TO_STD * float(np.median(np.abs(x))) for x in left]
@@ -140,7 +141,7 @@ def _robust_spread(rest: CrossValidator) -> list[float]:
 def _of_motion(
     source: str, t: Array, squares: Array, speed: Array, validator: CrossValidator
 ) -> list[tuple[float, Contact]]:
-    """Bursts of one motion with their energy; (N, J) squared robust units, and speeds over their rms."""
+    """Bursts of one motion with their energy; `squares` (N, J) in robust units, `speed` (N, J) over the rms speed."""
     criteria, joints = validator.criteria, validator.joints
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     smooth = ndimage.uniform_filter1d(squares, max(1, round(criteria.burst_seconds / step)), axis=0)
@@ -162,20 +163,20 @@ def _of_motion(
 
 
 def _at_reversals(energy: Array, speed: Array, criteria: DiagnosisCriteria) -> bool:
-    """Whether a burst lies where joints stop or start: dry friction is undetermined there, and nothing touched them."""
+    """Whether a burst lies where joints stop or start: there dry friction is undetermined, so it is no contact."""
     return float((energy * np.abs(speed)).sum()) < criteria.slow_speed * float(energy.sum())
 
 
-# ---------------------------------------------------------------------- bursts that something steady makes
+# ---------------------------------------------------------------------- bursts without a contact
 
 
 def made_by_something_steady(validator: CrossValidator, rest: CrossValidator, findings: Sequence[Finding]) -> bool:
-    """Whether a term that always acts makes the bursts: an effect that was found, or a term outside the catalogue.
+    """Whether a term that acts all the time causes the bursts: an effect that was found, or one outside the catalogue.
 
     Parameters
     ----------
     validator, rest : CrossValidator
-        With the bursts and without them.
+        Fits to all rows, and to the rows without the bursts.
     findings : sequence of Finding
     """
     if any(_explains(validator, rest, validator.candidates(f.members)) for f in findings if f.significant):
@@ -186,7 +187,7 @@ def made_by_something_steady(validator: CrossValidator, rest: CrossValidator, fi
 
 
 def _explains(validator: CrossValidator, rest: CrossValidator, found: Sequence[Candidate]) -> bool:
-    """Whether most of the bursts' energy is gone with some candidates in the model."""
+    """Whether the model with some candidates explains most of the bursts' energy."""
     extended, between = validator, rest
     effects = [c.effect for c in found]
     for whole, part in zip(found, rest.candidates(effects), strict=True):

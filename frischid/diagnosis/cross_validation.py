@@ -1,11 +1,11 @@
-"""Cross-validation of candidate effects: fitted on all folds but one, scored on that one, from moments alone.
+"""Cross-validation of candidate effects: fitted on all folds but one, scored on the remaining one, from moments alone.
 
 The held-out error of joint j in fold f is a quadratic form of the fold's moments,
 
     SSE_fj = d ᵀ [Y τ]ᵀ[Y τ] d,    d = (θ of the other folds, −1),
 
-and so is that with a candidate (`weighted_fit` gives its coefficients). A thousand candidates are scored in a second.
-The evidence for one is the log likelihood ratio on held-out data,
+and so is the error with a candidate (`weighted_fit` gives its coefficients). A thousand candidates are scored in a
+second. The evidence for a candidate is the log likelihood ratio on held-out data,
 
     Λ = ½ Σ_j (n_j / ℓ_j) log(SSE_j before / SSE_j after),
 
@@ -59,7 +59,7 @@ class CrossValidator:
     spread : ndarray, shape (J,)
         Standard deviation of each joint's torque, N·m (N).
     known_residual : ndarray, shape (J,)
-        NRMSE of each joint that was there before and so cannot be the change; zero: all of the error counts.
+        NRMSE of each joint that was there before the robot changed, so it cannot be the change. Zero: all error counts.
     """
 
     fit: WeightedFit
@@ -82,7 +82,7 @@ class CrossValidator:
         ----------
         model : Model
         logs : sequence of Log or Recording
-            Every log is a fold; a single log is cut motion by motion.
+            Each log is one fold; each motion of a single log is cut into folds.
         prior : Prior
             Of the p base parameters.
         criteria : DiagnosisCriteria, optional
@@ -106,18 +106,18 @@ class CrossValidator:
         if flat:
             raise InputError(
                 f"{', '.join(dict.fromkeys(data.sources))}: {each_of(flat)} never moves, or its torque never changes: "
-                "nothing can be said of the model's error there; take a log in which every joint moves"
+                "the model's error there cannot be judged; record a log in which every joint moves"
             )
         return cls(WeightedFit.of(columns, prior, spread), spread, known_residual)
 
-    # ------------------------------------------------------------------ the same data, otherwise
+    # ------------------------------------------------------------------ the same data under other assumptions
 
     def with_prior(self, prior: Prior) -> CrossValidator:
         """The same data and columns under another prior."""
         return replace(self, fit=WeightedFit.of(self.columns, prior, self.spread))
 
     def with_known_residual(self, known: Array) -> CrossValidator:
-        """The same fit, where only error above some NRMSE of each joint is new, (J,)."""
+        """The same fit, where only the error above a known NRMSE of each joint, (J,), counts as new."""
         return replace(self, known_residual=known)
 
     def without(self, stretches: Sequence[Stretch]) -> CrossValidator:
@@ -126,7 +126,7 @@ class CrossValidator:
         return self._fitted(columns, self.fit.prior, self.known_residual)
 
     def extended(self, candidate: Candidate) -> CrossValidator:
-        """The same data with a candidate taken into the model; nothing is known before of its coefficients."""
+        """The same data with a candidate added to the model; its coefficients have no prior."""
         prior = self.fit.prior
         p, k = len(prior.mean), len(candidate.signs)
         precision = np.zeros((p + k, p + k))
@@ -138,7 +138,7 @@ class CrossValidator:
 
     @property
     def columns(self) -> ModelColumns:
-        """Columns of the model, and of the candidates taken into it."""
+        """Columns of the model, and of the candidates added to it."""
         return self.fit.columns
 
     @property
@@ -197,7 +197,7 @@ class CrossValidator:
         return self.data.cache.joined(parts)
 
     def screened(self, places: Sequence[Sequence[Effect]]) -> list[Sequence[Effect]]:
-        """Of the many shapes of each effect those that best fit the residual."""
+        """The shapes of each effect that best fit the residual, where an effect has many."""
         columns, theta = self.columns, self.theta
         return screened(self.data, places, lambda x: x.tau - columns.predicted(x, theta), self.fit.omega)
 
@@ -206,12 +206,14 @@ class CrossValidator:
         return self.fit.fit(*self.columns.moments(candidate), candidate, left_out)
 
     def score(self, candidates: Sequence[Candidate]) -> tuple[Score, Candidate] | None:
-        """Score one effect in several shapes of as many columns: in every fold, the shape that fits the *others* best.
+        """Score one effect in several shapes with the same number of columns.
+
+        In every fold, the shape that fits the *other* folds best is scored.
 
         Returns
         -------
         (Score, Candidate) or None
-            The candidate is the shape that fits everything best; None when the model's columns already span the effect.
+            The candidate is the shape that fits all data best; None when the model's columns already span the effect.
         """
         moments = [self.columns.moments(c) for c in candidates]
         sse = np.empty((self.data.folds, len(self.joints)))
@@ -255,7 +257,7 @@ class CrossValidator:
 
     def nrmse(self, sse: Array) -> Array:
         """Held-out NRMSE of each joint from its sums of squares over the folds, (J,)."""
-        # Moments of exact data may miss zero by their last digit.
+        # Rounding can make the sum of squares of exact data slightly negative.
         return np.asarray(np.sqrt(np.maximum(sse.sum(axis=0), 0.0) / self.counts.sum(axis=0)) / self.spread)
 
     def explained(self, before: Array, after: Array) -> float:
@@ -268,10 +270,10 @@ class CrossValidator:
         return float(0.5 * np.sum(effective * np.log(ratio)))
 
     def effective_with(self, candidate: Candidate) -> Array:
-        """Effectively independent samples of each joint once a candidate is in the model, (J,).
+        """Effectively independent samples of each joint when a candidate is in the model, (J,).
 
-        Without a slow effect in the model the residual is correlated over the whole motion, as if there were hardly any
-        evidence. The correlation that counts is that of the residual with the effect in the model.
+        While a slow effect is missing from the model, the residual is correlated over the whole motion, so there seems
+        to be hardly any evidence. So the correlation is taken from the residual with the effect in the model.
         """
         fit = self.fitted(candidate)
         effective: Array = np.array(self.effective, dtype=np.float64)

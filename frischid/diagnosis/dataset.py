@@ -1,11 +1,11 @@
-"""Regression data of a diagnosis: the rows that are used, and the sums over them that least squares needs.
+"""Regression data of a diagnosis: the rows that are used, and the moments that least squares needs.
 
-A candidate with columns C on the joints S is known to least squares by its moments
+Of a candidate with columns C on the joints S, least squares needs the moments
 
     X_j = [Y_j τ_j]ᵀ C_j,   D_j = C_jᵀ C_j,   j ∈ S,
 
-in each fold, and a pair of candidates by C_jᵀ C'_j. All of them are sums over motions, computed once for each selection
-of rows. So a candidate is tried many times without its rows.
+in each fold; of a pair of candidates it needs C_jᵀ C'_j. All moments are sums over motions, computed once for each
+selection of rows. So a candidate is tried many times without reading its rows again.
 """
 
 from __future__ import annotations

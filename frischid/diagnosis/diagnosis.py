@@ -7,9 +7,9 @@ parameters, and scored on data it was not fitted to:
 
 The stages are those of the package's docstring (`frischid.diagnosis`), and `diagnose` calls them in that order.
 
-A log has one of three roles. The logs given *fit* the parameters and *select* the effects: each part is predicted from
-the others (cross-validation). Logs given as ``valid`` only *test*: the model's error on them is stated, and no stage
-looks at them.
+A log has one of three roles. The logs given *fit* the parameters and *select* the effects: each part is predicted by a
+fit to the others (cross-validation). Logs given as ``valid`` only *test*: the model's error on them is stated, and no
+stage looks at them.
 
 Sources: Stone 1974, J. R. Stat. Soc. B 36(2), on cross-validation; Chen, Billings and Luo 1989, Int. J. Control 50(5),
 on stepwise selection.
@@ -37,7 +37,7 @@ from frischid.effects import EFFECTS
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording, check_logs
-from frischid.model.comparison import compare
+from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
 from frischid.model.noise_floor import NoiseFloor
 
@@ -52,12 +52,14 @@ class Diagnosis:
     situation : {"always", "changed"}
     findings : tuple of Finding
         The whole ranking, best first.
+    headline : Headline
+        The error of the model as it is: on the test logs, or on those of these logs that it was not fitted to;
+        cross-validated without any.
     error, noise_floor : float
-        Cross-validated NRMSE of the model refitted without any finding, and that of the sensor noise alone.
-    test_error : float or None
-        NRMSE on the test logs of the model as it is; None without test logs.
+        The search's own yardstick: cross-validated NRMSE of the model refitted to these logs without any finding, and
+        that of the sensor noise alone.
     joints : dict of str to dict
-        The same for each joint.
+        ``error`` and ``noise_floor`` of each joint.
     contacts : tuple of Contact
         Stretches of time that were left out of everything else.
     notes : tuple of str
@@ -75,14 +77,14 @@ class Diagnosis:
     >>> found.verdict, found.situation
     ('none', 'always')
     >>> sorted(found.to_dict())[:4]
-    ['contacts', 'criteria', 'description', 'error']
+    ['contacts', 'criteria', 'description', 'findings']
     """
 
     verdict: Verdict
     situation: Situation
     findings: tuple[Finding, ...]
+    headline: Headline
     error: float
-    test_error: float | None
     noise_floor: float
     joints: dict[str, dict[str, float]]
     contacts: tuple[Contact, ...]
@@ -94,11 +96,11 @@ class Diagnosis:
     def __repr__(self) -> str:
         named = [f"{f.effect} on {', '.join(f.joints) or 'the robot'}" for f in self.findings if f.significant][:1]
         found = ": ".join([self.verdict, *named])
-        return f"Diagnosis({found}; cross-validated NRMSE {self.error:.4f}, noise floor {self.noise_floor:.4f})"
+        return f"Diagnosis({found}; NRMSE {self.headline.nrmse:.4f} {self.headline.where})"
 
     @property
     def remainder(self) -> str:
-        """The residual error in words, where no effect is found: it may be more than the sensor noise."""
+        """A sentence on the residual error where no effect is found: this error may be more than the sensor noise."""
         if self.error <= self.criteria.floor_tolerance * self.noise_floor:
             return "no effect is missing: the residual error is that of the sensor noise"
         times = f"{self.error / self.noise_floor:.1f} times" if self.noise_floor > 0 else "more than"
@@ -109,10 +111,8 @@ class Diagnosis:
         return {
             "verdict": self.verdict,
             "situation": self.situation,
-            "noise_floor": self.noise_floor,
-            "error": self.error,
-            "test_error": self.test_error,
-            "joints": self.joints,
+            "headline": self.headline.to_dict(),
+            "search": {"error": self.error, "noise_floor": self.noise_floor, "joints": self.joints},
             "findings": [f.to_dict() for f in self.findings],
             "contacts": [vars(c) for c in self.contacts],
             "notes": list(self.notes),
@@ -138,13 +138,14 @@ def diagnose(
     ----------
     model : Model
     logs : sequence of Log or Recording
-        Data that the model predicts badly. Each of several logs is predicted from the others; a single log is cut into
-        four, each stretch without a gap (each piece of a recording) by itself.
+        Data that the model predicts badly. Each of several logs is predicted by a fit to the others. Of a single log,
+        each motion (stretch without a gap) is cut into four parts, and each part is predicted by a fit to the others.
     valid : sequence of Log or Recording
-        Test logs of the same robot in the same state: the model's error on them is stated, nothing else uses them.
+        Test logs of the same robot in the same state: the model's error on them is stated; nothing else uses them.
     situation : {"auto", "always", "changed"}
-        Whether the effect was always there, or the robot changed since the model was identified. ``"auto"``: changed
-        when the logs are not the model's own and a refit predicts them better than the model does.
+        ``"always"``: the robot has not changed since the model was identified, so a missing effect acted in the
+        training logs too. ``"changed"``: the robot changed after that. ``"auto"``: changed when none of the logs is a
+        training log of the model and a refit predicts them better than the model does.
     effects : sequence of str, optional
         Identifiers to try, the whole catalogue by default.
     criteria : DiagnosisCriteria, optional
@@ -161,8 +162,8 @@ def diagnose(
     Raises
     ------
     InputError
-        There is no log, one is both fitted and a test log, one lacks a joint of the model or its torque, or a joint
-        never moves.
+        There is no log, a log is given both to fit and to test, a log lacks a joint of the model or its torque, or a
+        joint never moves.
     UnknownNameError
         An effect is not in the catalogue.
 
@@ -180,7 +181,7 @@ def diagnose(
     >>> found = fr.diagnose(model, logs[:1], valid=logs[1:], effects=["joint_spring"])
     >>> found.verdict, found.findings[0].effect, found.findings[0].joints
     ('effect', 'joint_spring', ('joint2',))
-    >>> found.test_error == fr.compare(model, logs[1:]).nrmse
+    >>> found.headline.nrmse == fr.compare(model, logs[1:]).nrmse
     True
     """
     if not logs:
@@ -198,7 +199,7 @@ def diagnose(
         refit = refit_finding(results.validator, results.floor)
         verdict, findings = with_refit(verdict, results.findings, refit)
         results = replace(results, findings=tuple(findings))
-    return _diagnosis(results, verdict, compare(model, valid).nrmse if valid else None)
+    return _diagnosis(results, verdict, headline(model, valid or logs))
 
 
 def _noise_floor(validator: CrossValidator) -> Array:
@@ -230,7 +231,7 @@ def _stages(
     return StageResults(validator, situation, floor, tuple(contacts), tuple(findings), ranking, unmodelled)
 
 
-def _diagnosis(results: StageResults, verdict: Verdict, test_error: float | None) -> Diagnosis:
+def _diagnosis(results: StageResults, verdict: Verdict, error_of_model: Headline) -> Diagnosis:
     """The result, with a description of the residual where it is unknown."""
     validator, unmodelled = results.validator, results.unmodelled
     errors, floors = validator.base_nrmse(), results.floor / validator.spread
@@ -241,8 +242,8 @@ def _diagnosis(results: StageResults, verdict: Verdict, test_error: float | None
         verdict=verdict,
         situation=results.situation,
         findings=with_verdict(results.findings, verdict, error),
+        headline=error_of_model,
         error=error,
-        test_error=test_error,
         noise_floor=float(np.mean(floors)),
         joints={
             name: {"error": float(e), "noise_floor": float(f)}

@@ -1,17 +1,16 @@
-"""Curve of a finding: the change of the model's torque with the effect, beside the residual it was found in.
+"""Curve of a finding: the change of the model's torque by the effect, beside the residual in which it was found.
 
 An effect C β also changes the base parameters, by Δθ. The model's torque changes by
 
     Δτ̂ = Y Δθ + C β,
 
-and the residual should look like that sum, not like C β alone. The curve is drawn over the one quantity (position,
-velocity, acceleration, load, or time) of which it is most a function: the one whose bins explain the largest share of
-its variance,
+and the residual should look like that sum, not like C β alone. The curve is drawn over one quantity (position,
+velocity, acceleration, load, or time): the one whose bins explain the largest share of the variance of Δτ̂,
 
     η² = Σ_bins n_b (mean_b Δτ̂ − mean Δτ̂)² / Σ (Δτ̂ − mean Δτ̂)²    (correlation ratio, Pearson 1905).
 
-An effect with memory is a function of none of them; it is drawn along the stretch of time where it explains most. The
-constants of this module choose a picture. They decide nothing of the result.
+An effect with memory is a function of none of these; its curve is drawn along the stretch of time where it explains
+most. The constants of this module choose a picture. They change no result.
 """
 
 from __future__ import annotations
@@ -33,8 +32,8 @@ from frischid.model.prediction import Prediction
 
 _BINS = 24  # quantiles of a variable
 _VARIABLES = ("q", "v", "a", "load", "t")
-_LEAST_RATIO = 0.5  # η² below which the torque is no function of a single variable
-_STRETCH = 12.0  # s drawn of such an effect
+_LEAST_RATIO = 0.5  # η² below which the torque is not a function of one variable
+_STRETCH = 12.0  # s: the stretch of time that is drawn then
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +45,13 @@ class Shape:
     effect, joint : str
     variable : {"q", "v", "a", "load", "t"}
     x : ndarray, shape (N,)
-        Values of the variable: rad, rad/s, rad/s² (m, ...), N·m of the model's torque, s since the log's beginning.
+        Values of the variable: q, v, a in rad, rad/s, rad/s² (m, ...), load in N·m (N), t in s since the log began.
     residual, added : ndarray, shape (N,)
         Measured less predicted torque, and the change of the model's torque, N·m (N).
     explained : float
-        Share of the joint's squared residual, over all samples, that it explains.
+        Explained share of the joint's squared residual over all samples.
     stretch : str
-        The log, when only a stretch of it is drawn; otherwise empty, and all samples are drawn.
+        Name of the log, when only a stretch of that log is drawn; empty when all samples are drawn.
     """
 
     effect: str
@@ -74,7 +73,7 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
     finding : Finding
         One of its findings.
     prediction : Prediction
-        Of the diagnosed model along the diagnosed logs in the same order; other logs may lie between them.
+        Of the diagnosed model along the diagnosed logs, in the same order; other logs may come between.
 
     Returns
     -------
@@ -140,7 +139,7 @@ def _curve(validator: CrossValidator, row: int, candidate: Candidate, fit: Candi
 
 
 def _best_stretch(log: Indices, t: Array, gain: Array) -> tuple[Indices, int]:
-    """Samples of the stretch of `_STRETCH` seconds over which `gain` sums to most, and its log."""
+    """Samples of the stretch of `_STRETCH` seconds with the largest sum of `gain`, and its log."""
     best, found, source = -np.inf, np.arange(len(t)), int(log[0])
     for k in np.unique(log):
         part = np.flatnonzero(log == k)
@@ -165,7 +164,7 @@ def correlation_ratio(x: Array, y: Array, bins: int = _BINS) -> float:
 
 
 def _samples(validator: CrossValidator, row: int) -> Indices:
-    """Numbers of a joint's rows among all filtered samples, motion after motion."""
+    """Positions of a joint's rows among all filtered samples, motion after motion."""
     offsets = np.concatenate([[0], np.cumsum([len(t) for t in validator.data.times])]).astype(int)
     motions = validator.data.motions_of(row)
     return np.concatenate([start + data.picked for start, data in zip(offsets, motions, strict=False)])

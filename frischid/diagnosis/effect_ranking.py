@@ -1,13 +1,16 @@
-"""Effects in order: all places of an effect as one, by the error that no other effect explains.
+"""Effects in order of the error that no other effect explains; all places of an effect count as one.
 
 1.  Every effect in every place and shape is scored alone (`scored_candidate`).
 2.  Candidates enter the model together (`stepwise_selection`).
-3.  Places of one effect are joined. Effects that entered come first, by the error that only they explain; on logs the
-    model was not made from, first by the part of it that was not known before. Then the others, by their own evidence.
-4.  An effect that explains nearly as much as the first and adds nothing beside it is a *rival*: these data do not tell
-    the two apart. The simpler of two rivals comes first.
+3.  Places of one effect are joined. Effects that entered come first, in order of the error that only they explain. On
+    new logs, only the part beyond the known residual counts: the residual on the training logs was there before.
+    Effects that did not enter follow, in order of their own evidence.
+4.  An effect that explains nearly as much as the first, and adds nothing beside the first, is a *rival*: these data
+    cannot distinguish the two. The simpler of two rivals comes first.
+5.  An effect is named as confused with the first, too, where the first leaves no less error on its own joints than that
+    effect does: a paired test over blocks of time (`block_test.less_error`).
 
-So a hidden effect is found beside a background of small ones, and an effect that merely resembles it ranks lower.
+So a hidden effect is found beside several small ones, and an effect that only resembles it ranks lower.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from frischid.diagnosis.block_test import block_test
+from frischid.diagnosis.block_test import block_test, less_error
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator, Score
 from frischid.diagnosis.scored_candidate import ScoredCandidate, scored, usable_candidates
@@ -37,16 +40,16 @@ class ScoredEffect:
     score : Score
         Of all places at once.
     gain : float
-        Log likelihood less the price, alone.
+        Rise of the log likelihood less the price, with this effect alone.
     explained : float
-        Fall of the summed squared NRMSE, alone.
+        Fall of the summed squared NRMSE, with this effect alone.
     own : OwnPart
         Error that only this effect explains; zero unless it entered.
     p_value : float
     entered : bool
         Whether it is one of the effects that explain the data together.
     rivals : tuple of str
-        Effects that explain these data as well.
+        Effects that explain these data nearly as well.
     """
 
     places: tuple[ScoredCandidate, ...]
@@ -74,7 +77,7 @@ class Ranking:
     effects : list of ScoredEffect
         In order.
     full, without_first : CrossValidator
-        With all that entered in the model, and with all but the first effect.
+        Of the model with all effects that entered, and with all of these but the first.
     """
 
     effects: list[ScoredEffect]
@@ -144,7 +147,7 @@ def _joined(
 
 
 def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[ScoredEffect]:
-    """Name the rivals of the first effect: those that explain nearly as much alone, and add nothing to it."""
+    """Name the rivals of the first effect: those that explain nearly as much alone, and nothing beside the first."""
     if not found or not found[0].entered:
         return found
     criteria, top = validator.criteria, found[0]
@@ -164,4 +167,26 @@ def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[S
         if e is not first:
             alike = any(e is r for r in rivals) or (e is top and simpler)
             result.append(replace(e, rivals=(first.kind.id,)) if alike else e)
-    return result
+    return _with_as_good(validator, result)
+
+
+def _with_as_good(validator: CrossValidator, found: list[ScoredEffect]) -> list[ScoredEffect]:
+    """Name effects too that explain the error of the first one's joints as well, as far as blocks of time can tell.
+
+    Such an effect may add something beside the first, and the model may need both. But the first has no better claim to
+    its part of the error: on other logs of the same robot the order may be the reverse.
+    """
+    criteria, top = validator.criteria, found[0]
+    as_good = [
+        e
+        for e in found[1:]
+        if e.gain > 0
+        and e.p_value <= criteria.significance
+        and less_error(validator, top.together, e.together) > criteria.block_p_value
+    ]
+    named = [e for e in found[1:] if e.kind.id in top.rivals or any(e is x for x in as_good)]
+    names = tuple(e.kind.id for e in sorted(named, key=lambda e: -e.explained))
+    others = [
+        replace(e, rivals=(top.kind.id,)) if any(e is x for x in as_good) and not e.rivals else e for e in found[1:]
+    ]
+    return [replace(top, rivals=names), *others]

@@ -1,14 +1,15 @@
 """Findings: scored effects with the error they explain, the effects they are confused with, and a sentence.
 
-An effect is *called missing* when its gain is more than chance, the error it explains is more than a trifle, and the
-effect explains enough of the error above the sensor noise on its joints. With E and E' the summed squared NRMSE of
-these joints without and with the effect, and N the same sum for the noise,
+An effect is *called missing* when three conditions hold: its gain is more than chance, the error it explains is not
+negligible, and it explains enough of the error above the sensor noise on its joints. With E and E' the summed squared
+NRMSE of these joints without and with the effect, and N the same sum for the noise,
 
     share = (E − E') / (E − N).
 
-Where the error is well above the noise, any share is enough; near the noise, half; where all of the error lies at
-reversals and standstill, where dry friction is undetermined, four fifths. That the identified parameters no longer hold
-is a finding too: a refit of all of them, at the price of all of them.
+Where the error is well above the noise, any share is enough. Near the noise, the share must reach one half. Where all
+of the error lies at reversals and standstill, dry friction is undetermined, and the share must reach four fifths.
+
+A refit of all parameters is a finding too: it says that the identified parameters no longer hold.
 """
 
 from __future__ import annotations
@@ -49,24 +50,25 @@ class Finding:
     effect : str
         Identifier in the catalogue.
     joints : tuple of str
-        Joints it acts on; empty for the whole robot.
+        Joints the effect acts on; empty for the whole robot.
     error_before, error_after : float
         Cross-validated NRMSE, mean over the joints.
     gain : float
-        Log likelihood it adds on data it was not fitted to, less its price.
+        Rise of the log likelihood on data the effect was not fitted to, less the price ½ k log n of its k parameters.
     removed : float
-        Fall of the sum of the joints' squared cross-validated NRMSE: the error it explains.
+        Explained error: fall of the summed squared cross-validated NRMSE of the joints.
     share : float
-        Share of the error above the sensor noise, on the joints it acts on, that it explains; zero where hardly any
-        error is above the noise.
+        Explained share of the error above the sensor noise on the effect's joints; zero where the error is hardly above
+        the noise.
     floors : float
-        Error without it, in noise floors, on those of these joints whose error is not only at reversals.
+        Error without the effect over the sensor noise, on the effect's joints; joints whose error is only at reversals
+        do not count.
     p_value : float
-        Of a gain at least this large by chance, corrected for all candidates tried.
+        Probability of so large a gain by chance, corrected for all candidates tried.
     parameters : dict of str to float
         Coefficients and shape parameters.
     confused_with : tuple of str
-        Effects that explain these data as well.
+        Effects that explain these data nearly as well.
     sentence : str
     members : tuple of Effect
         Effects to add to a model: one for every joint, or one for the robot.
@@ -91,15 +93,15 @@ class Finding:
 
     @property
     def sure(self) -> bool:
-        """Whether it is more than chance and more than a trifle."""
+        """Whether the effect is more than chance, and the error it explains is not negligible."""
         criteria = self.criteria
         return self.gain > 0 and self.p_value < criteria.significance and self.removed > criteria.smallest_error**2
 
     @property
     def withheld(self) -> str:
-        """Why it is not called missing although it may be more than chance; empty where it is called missing.
+        """Why the effect is not called missing although it may be more than chance; empty where nothing speaks against.
 
-        The error it explains may be no more than a part of what sensors or dry friction cause.
+        Sensor noise and undetermined dry friction may cause all of the error that the effect explains.
         """
         criteria = self.criteria
         explains = f"it explains {self.share:.0%} of the error above the sensor noise there"
@@ -113,16 +115,28 @@ class Finding:
             return "it explains none of the error above the sensor noise there"
         least = criteria.half_explained
         if self.floors <= criteria.clear_error and self.share < least:
-            return f"{explains}, and at only {self.floors:.1f} noise floors an effect must explain {least:.0%}"
+            return f"{explains}; where the error is {self.floors:.1f} times the noise, {least:.0%} must be explained"
         return ""
 
     @property
     def significant(self) -> bool:
-        """Whether it is called missing: sure, and not withheld."""
+        """Whether the effect is called missing: sure, and not withheld."""
         return self.sure and not self.withheld
 
+    @property
+    def undecided(self) -> tuple[str, ...]:
+        """Effects these data cannot tell from it, without those that contain it: there it is the simpler answer."""
+        return tuple(
+            name for name in self.confused_with if name not in EFFECTS or self.effect not in EFFECTS[name].generalises
+        )
+
+    @property
+    def change(self) -> str:
+        """Relative change of the mean cross-validated error with this effect alone, in words."""
+        return f"{100 * (self.error_after / self.error_before - 1):+.0f} %" if self.error_before > 0 else "–"
+
     def found(self, robot: Robot) -> list[tuple[str, float, str]]:
-        """Its `parameters` for a reader: name, value and unit (empty for a pure number), coefficients first."""
+        """Name, value and unit of each of `parameters` (unit empty for a pure number), coefficients first."""
         values = [
             (c.name, self.parameters[c.name], "" if c.unit == "1" else c.unit)
             for member in self.members
@@ -154,7 +168,7 @@ def find_effects(
     floor : ndarray, shape (J,)
         Sensor noise of each joint, N·m (N).
     situation : {"always", "changed"}
-        Effects that happen to a robot (a payload) are tried only where the robot changed.
+        Effects that can only come later (a payload) are tried only where the robot changed.
     only : sequence of str, optional
         Identifiers to try, the whole catalogue by default.
     progress : callable, optional
@@ -203,7 +217,7 @@ def _finding(validator: CrossValidator, floor: Array, moving: NDArray[np.bool_],
 
 
 def _share(before: Array, after: Array, noise: Array, criteria: DiagnosisCriteria) -> float:
-    """Share of the squared error above the noise that is explained; zero where that error is a trifle."""
+    """Explained share of the squared error above the noise; zero where that error is negligible."""
     above = float((before**2 - np.minimum(noise, before) ** 2).sum())
     explained = float((before**2 - after**2).sum())
     return float(np.clip(explained / above, 0.0, 1.0)) if above > criteria.smallest_error**2 else 0.0
@@ -218,12 +232,12 @@ def _shape(effect: Effect) -> dict[str, float]:
 
 
 def refit_finding(validator: CrossValidator, floor: Array) -> Finding:
-    """The finding that the identified parameters no longer hold: all of them fitted to these logs alone.
+    """The finding that the identified parameters no longer hold: all parameters are fitted to these logs alone.
 
     Parameters
     ----------
     validator : CrossValidator
-        Under the prior of the identification.
+        Fit with the identification as prior.
     floor : ndarray, shape (J,)
         Sensor noise of each joint, N·m (N).
     """
@@ -248,8 +262,8 @@ def refit_finding(validator: CrossValidator, floor: Array) -> Finding:
         parameters={},
         confused_with=(),
         sentence=(
-            "the identified parameters no longer hold, and no single effect explains it: several links, or friction, "
-            "changed; identify the robot again"
+            "the identified parameters no longer hold, and no single effect explains the change: several links or the "
+            "friction changed; identify the robot again"
         ),
         members=(),
         criteria=criteria,

@@ -1,12 +1,13 @@
-"""A torque that jumps at a few angles of a joint, as a damaged gear's does.
+"""A torque that jumps at a few angles of a joint, as the torque of a damaged gear does.
 
     τ = Σ_k h_k sign(q − e_k)
 
 The angles e_k come from a fine grid over the range of q. They are taken one after another; each next angle is the one
-that explains most error beside the angles already taken (orthogonal least squares: Chen, Billings and Luo 1989, Int. J.
-Control 50(5)). The number of jumps
-is the one with the smallest held-out error. Few jumps in the right places describe a damaged gear. They do not describe
-ripple. A torque that a continuous line with a dozen kinks describes nearly as well is a spring of some kind.
+that explains most error beside the angles already taken (orthogonal least squares). The number of jumps is the one with
+the smallest held-out error. A few jumps in the right places describe a damaged gear; they do not describe ripple. A
+torque that a continuous line with a dozen kinks describes nearly as well is a spring of some kind, not jumps.
+
+Source: Chen, Billings and Luo 1989, Int. J. Control 50(5).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from frischid.effects import Formula
 
 
 def evenly_spaced_jumps(validator: CrossValidator, row: int, count: int) -> list[Formula]:
-    """Jumps at so many angles that part a joint's range evenly."""
+    """Jumps at `count` angles that divide a joint's range evenly."""
     return _terms(validator, row, "sign({})", count)
 
 
@@ -44,7 +45,7 @@ def gear_steps(validator: CrossValidator, row: int) -> ScoredCandidate | None:
 
 
 def _terms(validator: CrossValidator, row: int, form: str, count: int) -> list[Formula]:
-    """A function of the distance to each of some angles that part a joint's range evenly."""
+    """A function of the distance to each of `count` angles that divide a joint's range evenly."""
     joint = validator.joints[row]
     own = f"q{validator.model.robot.numbers[joint]}"
     rows = int(validator.counts[:, row].sum())
@@ -54,7 +55,7 @@ def _terms(validator: CrossValidator, row: int, form: str, count: int) -> list[F
 
 
 def _best(validator: CrossValidator, row: int, sets: Sequence[Sequence[Candidate]]) -> ScoredCandidate | None:
-    """Of some sets of columns the one that predicts a joint's held-out data best."""
+    """The set of columns that predicts a joint's held-out data best."""
     tried = [scored(validator, [validator.joined(columns)]) for columns in sets]
     return min((x for x in tried if x is not None), key=lambda x: _error(x, row), default=None)
 

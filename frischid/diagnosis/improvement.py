@@ -1,14 +1,14 @@
-"""Better models step by step: add an effect, refit, and keep the history.
+"""Better models, step by step: add an effect, refit, and keep the history.
 
 Every step is a model of its own,
 
     τ = Y θ + Σ_{e added so far} C_e θ_e,
 
-refitted as a whole, with the error before and after and the finding that proposed the effect. A step can be undone. The
-search is greedy forward selection over diagnoses: after each addition the residual is diagnosed again.
+refitted as a whole. It keeps the error before and after, and the finding that proposed the effect, and can be undone.
+The search is greedy forward selection: after each addition the residual is diagnosed again.
 
-The logs given fit the parameters and select the effects, by cross-validation. Logs given as ``valid`` only test: the
-error on them is stated after everything is decided.
+The logs given fit the parameters and select the effects, by cross-validation. Logs given as ``valid`` only test: their
+error is stated after everything is decided.
 
 Source: Chen, Billings and Luo 1989, Int. J. Control 50(5).
 """
@@ -26,12 +26,17 @@ from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.refit import cross_validated_error, known_error, refitted
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
 from frischid.diagnosis.step_acceptance import impossible_coefficients, reason_against, worse_with_standstill
-from frischid.effects import Effect, columns_of
+from frischid.effects import Effect, check_effects, columns_of
 from frischid.errors import InputError
 from frischid.logs.log import Log
-from frischid.logs.recording import Recording, check_logs, chunks_of
+from frischid.logs.recording import Recording, check_logs
 from frischid.model.comparison import compare
+from frischid.model.headline import Headline, headline, headline_of
 from frischid.model.model import Model
+from frischid.model.own_logs import fitted_entry, log_entry
+
+RISES_AT_STANDSTILL = "the error would rise when samples at standstill count too"
+"""Reason to refuse a step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +46,12 @@ class Step:
     Attributes
     ----------
     model : Model
-        With the effect.
+        The model with the effect.
     effect : Effect
     error_before, error_after : float
-        Mean NRMSE on the logs that select, as `measured_on` says.
+        Mean NRMSE on the logs that select, measured as `measured_on` says.
     measured_on : str
-        How these errors are measured: cross-validated, or for a changed robot with the model as it was and as it is.
+        How these errors are measured: cross-validated, or for a changed robot with the models before and after it.
     finding : Finding or None
         The finding that proposed it, where a diagnosis did.
     test_before, test_after : float or None
@@ -64,6 +69,11 @@ class Step:
 
     def __repr__(self) -> str:
         return f"Step({self.effect}: NRMSE {self.error_before:.4f} → {self.error_after:.4f}, {self.measured_on})"
+
+    @property
+    def headline(self) -> Headline | None:
+        """The new model's error: on the test logs, or cross-validated without any; None where it was not measured."""
+        return headline_of(self.model.history[-1])
 
 
 def add(
@@ -86,7 +96,7 @@ def add(
     logs : sequence of Log or Recording
         Data to fit; the error is cross-validated on them.
     valid : sequence of Log or Recording
-        Test logs: the error on them is stated too, and nothing else uses them.
+        Test logs: their error is stated, and nothing else uses them.
     situation : {"auto", "always", "changed"}
         ``"auto"`` is decided as by `diagnose`. ``"always"``: all parameters are fitted again. ``"changed"``: the
         model's own parameters are kept as a prior, so that the change ends up in the effect.
@@ -102,7 +112,7 @@ def add(
     Raises
     ------
     InputError
-        A log is both fitted and a test log, or lacks a joint or its torque, or two effects describe the same thing.
+        A log is given both to fit and to test, or lacks a joint or its torque, or two effects have the same columns.
 
     Examples
     --------
@@ -117,8 +127,9 @@ def add(
     >>> step.measured_on
     'cross-validated on the fitted logs'
     """
-    model.check([*logs, *valid])
     check_logs(logs, valid)
+    model.check([*logs, *valid])
+    check_effects(effects)
     if situation == "auto":
         situation = cross_validator(model, logs, criteria=criteria)[1]
     return _tested(model, _step(model, effects, logs, situation, finding, criteria), valid)
@@ -134,13 +145,18 @@ def improve(
     criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Step], Diagnosis]:
-    """Diagnose and add until no effect passes; an addition that does harm is refused.
+    """Diagnose and add an effect, again and again, until no effect passes; a step that does harm is refused.
 
-    A step stays only if the logs that select say so: the cross-validated error falls block by block on the joints the
-    effect acts on; no joint becomes significantly worse; the mean log ratio of the joints' errors falls, so that one
-    noisy joint cannot pay for the others, and it does not rise with samples at standstill; the mean NRMSE falls; and no
-    coefficient has an impossible sign (`frischid.diagnosis.step_acceptance`). The last diagnosis notes what was
-    refused, and why.
+    A step stays only under these conditions, all on the logs that select (`frischid.diagnosis.step_acceptance`):
+
+    - the cross-validated error falls, tested over blocks of time, on the joints the effect acts on;
+    - no joint becomes significantly worse;
+    - the mean log ratio of the joints' errors falls, so that one noisy joint cannot make up for harm to the others;
+    - this ratio does not rise significantly when samples at standstill count too;
+    - the mean NRMSE falls;
+    - no coefficient has an impossible sign.
+
+    The last diagnosis notes each refused step and the reason.
 
     Parameters
     ----------
@@ -148,7 +164,7 @@ def improve(
     logs : sequence of Log or Recording
         Data that fit the parameters and select the effects.
     valid : sequence of Log or Recording
-        Test logs: the error on them is stated for each step, and nothing else uses them.
+        Test logs: their error is stated for each step, and nothing else uses them.
     situation : {"auto", "always", "changed"}
         As in `diagnose`; decided once, for all steps.
     max_steps : int
@@ -183,8 +199,8 @@ def improve(
     refused: dict[str, str] = {}
     if not logs:
         raise InputError("there is no log to diagnose")
-    model.check([*logs, *valid])
     check_logs(logs, valid)
+    model.check([*logs, *valid])
     if situation == "auto":
         progress("reading logs")
         situation = cross_validator(model, logs, criteria=criteria)[1]
@@ -194,8 +210,9 @@ def improve(
         step = _next_step(model, diagnosis, logs, refused) if len(steps) < max_steps else None
         if step is None:
             notes = [f"{effect} was not added: {reason}" for effect, reason in refused.items()]
-            test_error = compare(model, valid).nrmse if valid else None
-            return steps, replace(diagnosis, notes=(*diagnosis.notes, *notes), test_error=test_error)
+            if valid:
+                diagnosis = replace(diagnosis, headline=headline(model, valid))
+            return steps, replace(diagnosis, notes=(*diagnosis.notes, *notes))
         steps.append(_tested(model, step, valid))
         model = steps[-1].model
 
@@ -203,18 +220,41 @@ def improve(
 def _next_step(
     model: Model, diagnosis: Diagnosis, logs: Sequence[Log | Recording], refused: dict[str, str]
 ) -> Step | None:
-    """The first finding that may stay, added; those that may not go to `refused` with the reason."""
+    """The step of the first finding that is accepted; rejected ones go to `refused` with the reason."""
     for finding in diagnosis.findings:
         if not (finding.significant and finding.members) or finding.effect in refused:
             continue
-        reason = reason_against(diagnosis.validator, finding.members)
-        if not reason:
-            step = _step(model, finding.members, logs, diagnosis.situation, finding, diagnosis.criteria)
-            reason = _reason_against_step(model, step, finding.members, logs, diagnosis.criteria)
-            if not reason:
-                return step
+        step, reason = _step_with(model, diagnosis, finding, finding.members, logs)
+        if step is None and reason == RISES_AT_STANDSTILL:
+            step = _harmless_shape(model, diagnosis, finding, logs)
+        if step is not None:
+            return step
         refused[finding.effect] = reason
     return None
+
+
+def _step_with(
+    model: Model, diagnosis: Diagnosis, finding: Finding, members: tuple[Effect, ...], logs: Sequence[Log | Recording]
+) -> tuple[Step | None, str]:
+    """The step of a finding with these effects; None where it may not stay, and why."""
+    reason = reason_against(diagnosis.validator, members)
+    if reason:
+        return None, reason
+    step = _step(model, members, logs, diagnosis.situation, finding, diagnosis.criteria)
+    reason = _reason_against_step(model, step, members, logs, diagnosis.criteria)
+    return (None, reason) if reason else (step, "")
+
+
+def _harmless_shape(
+    model: Model, diagnosis: Diagnosis, finding: Finding, logs: Sequence[Log | Recording]
+) -> Step | None:
+    """The best step of the shapes on the effect's grid that do no harm at standstill.
+
+    Samples in motion hardly decide some shapes, the distance of a hysteresis for one; samples at standstill may.
+    """
+    grids = [[x for x in effect.variants(effect.joints) if x.searched] for effect in finding.members if effect.searched]
+    tried = (_step_with(model, diagnosis, finding, members, logs)[0] for members in zip(*grids, strict=False))
+    return min((step for step in tried if step is not None), key=lambda step: step.error_after or 0.0, default=None)
 
 
 def _reason_against_step(
@@ -226,12 +266,12 @@ def _reason_against_step(
 ) -> str:
     """Why a refitted model may not stay; empty where it may."""
     if step.error_after >= step.error_before:
-        return "the error of the refitted model does not fall"
+        return "the error of the model does not fall after the refit"
     impossible = impossible_coefficients(step.model, effects, criteria)
     if impossible:
         return f"the sign of {listed(impossible)} is physically impossible"
     worse = worse_with_standstill(model, step.model, logs, criteria)
-    return "the error would rise where samples at standstill count" if worse else ""
+    return RISES_AT_STANDSTILL if worse else ""
 
 
 def _step(
@@ -244,11 +284,11 @@ def _step(
 ) -> Step:
     """Refit with some effects, and measure the error before and after on the logs that select."""
     together = (*model.effects, *effects)
-    columns_of(model.robot, together)  # two effects that describe the same thing are refused before any work
+    columns_of(model.robot, together)  # refuses two effects with the same columns before any work
     new = refitted(model, together, logs, situation, criteria)
     if situation == "changed":
         before, after = (compare(m, logs).nrmse for m in (model, new))
-        measured_on = "the fitted logs, with the model as it was and as it is"
+        measured_on = "the fitted logs, with the models before and after the step"
     else:
         known, after = known_error(model, logs), cross_validated_error(new)
         before = (
@@ -263,12 +303,11 @@ def _step(
         "error_after": after,
         "measured_on": measured_on,
         "sentence": "" if finding is None else finding.sentence,
-        "logs": [
-            {"source": log.source, "sha256": log.identity, "samples": sum(map(len, chunks_of(log)))} for log in logs
-        ],
+        "logs": [fitted_entry(log) for log in logs],
     }
     if situation != "changed":
         event["cross_validated_nrmse"] = after
+    event |= {k: v for k, v in new.history[-1].items() if k == "cross_validated"}
     new = replace(new, history=(*model.history, event), previous=model)
     return Step(new, effects[0], before, after, measured_on, finding)
 
@@ -277,63 +316,22 @@ def _tested(before: Model, step: Step, valid: Sequence[Log | Recording]) -> Step
     """The step with its error on the test logs, also in the model's history."""
     if not valid:
         return step
-    errors = [compare(m, valid).nrmse for m in (before, step.model)]
+    tests = [Headline.of(compare(m, valid), "test") for m in (before, step.model)]
+    errors = [test.nrmse for test in tests]
     *earlier, event = step.model.history
     event = {
         **event,
         "test_before": errors[0],
         "test_after": errors[1],
-        "test_logs": [{"source": log.source, "sha256": log.identity} for log in valid],
+        "headline": tests[1].to_dict(),
+        "test_logs": [log_entry(log) for log in valid],
     }
     model = replace(step.model, history=(*earlier, event))
     return replace(step, model=model, test_before=errors[0], test_after=errors[1])
 
 
-def searched(
-    model: Model,
-    effects: Sequence[Effect],
-    text: str,
-    logs: Sequence[Log | Recording],
-    situation: SituationOption,
-    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
-) -> tuple[Effect, ...]:
-    """Give effects whose shape the user did not state the shape that fits best, joint by joint.
-
-    Parameters
-    ----------
-    model : Model
-    effects : sequence of Effect
-    text : str
-        The user's words; an effect written with parentheses keeps its shape.
-    logs : sequence of Log or Recording
-    situation : {"auto", "always", "changed"}
-    criteria : DiagnosisCriteria, optional
-
-    Raises
-    ------
-    InputError
-        The model's own columns already span every effect.
-    """
-    chosen: list[Effect] = []
-    for effect in effects:
-        if not effect.shapes or "(" in text:
-            chosen.append(effect)
-            continue
-        taken: Situation = "changed" if situation == "changed" else "always"
-        validator, _ = cross_validator(model, logs, taken, criteria=criteria)
-        places = [(n,) for n in effect.joints or model.joints] if effect.candidate == "joint" else [effect.joints]
-        for place in places:
-            candidates = [c for c in validator.candidates(effect.variants(place)) if c.columns]
-            scored = validator.score(candidates) if candidates else None
-            if scored is not None:
-                chosen.append(scored[1].effect)
-    if not chosen:
-        raise InputError(f"{text}: on these logs the model's own columns already span this effect; nothing to add")
-    return tuple(chosen)
-
-
 def instances(finding: Finding) -> tuple[Effect, ...]:
-    """The effects of a finding, one for every joint with its own shape."""
+    """The effects of a finding, one for every joint, each with its own shape."""
     if not finding.members:
         raise InputError(f"finding '{finding.effect}' cannot be added: it names no effect of the catalogue")
     return finding.members
@@ -342,5 +340,5 @@ def instances(finding: Finding) -> tuple[Effect, ...]:
 def undo(model: Model) -> Model:
     """Return the model before its last step."""
     if model.previous is None:
-        raise InputError("there is no step to undo: this model has only been identified")
+        raise InputError("there is no step to undo: no effect was added to this model since it was identified")
     return model.previous

@@ -1,8 +1,10 @@
-"""The columns a model has over the data: its own base columns, and those of candidates taken into it.
+"""The columns of a model over the data: its own base columns Y, and the columns C_i of candidates added to it.
 
-    [Y  C_1  C_2 ...  τ]ᵀ [Y  C_1  C_2 ...  τ]     in each fold, joint by joint.
+Least squares needs only their moments, in each fold and for each joint:
 
-Taking a candidate in puts its columns behind the others: their moments are known (`dataset`), so no row is read again.
+    [Y  C_1  C_2 ...  τ]ᵀ [Y  C_1  C_2 ...  τ].
+
+An added candidate puts its columns behind the others. Its moments are known (`dataset`), so no row is read again.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from frischid.diagnosis.dataset import Moments, RegressionData
 
 @dataclass(frozen=True, eq=False)
 class ModelColumns:
-    """Columns of a model with some candidates taken in, p columns in all.
+    """Columns of a model with some candidates added, p columns in all.
 
     Attributes
     ----------
@@ -28,7 +30,7 @@ class ModelColumns:
     gram : ndarray, shape (folds, J, p + 1, p + 1)
         Moments of all columns and the torque.
     added : tuple of Candidate
-        Candidates taken in, in order.
+        Candidates that were added, in order.
     """
 
     data: RegressionData
@@ -37,7 +39,7 @@ class ModelColumns:
 
     @classmethod
     def of(cls, data: RegressionData, added: tuple[Candidate, ...] = ()) -> ModelColumns:
-        """Columns of the model over some data, with candidates taken in one after another."""
+        """Columns of the model over some data, with candidates added one after another."""
         columns = cls(data, data.gram)
         for candidate in added:
             columns = columns.extended(candidate)
@@ -49,7 +51,7 @@ class ModelColumns:
         return int(self.gram.shape[-1]) - 1
 
     def extended(self, candidate: Candidate) -> ModelColumns:
-        """Take a candidate in."""
+        """Add a candidate."""
         X, D = self.moments(candidate)
         p, k = self.width, len(candidate.signs)
         gram = np.zeros((*self.gram.shape[:2], p + k + 1, p + k + 1))
@@ -86,7 +88,7 @@ class ModelColumns:
         theta : ndarray, shape (p,) or (folds, p)
             Parameters; where there are several sets, each row takes that of its own fold.
         candidate : Candidate, optional
-            A further candidate, not taken in.
+            A further candidate that was not added.
         beta : ndarray, shape (k,) or (folds, k), optional
             Coefficients of that candidate.
         """

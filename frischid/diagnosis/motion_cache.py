@@ -1,7 +1,7 @@
-"""All motions of some logs as a diagnosis keeps them, and the columns of candidate effects over them.
+"""All motions of some logs, kept for a diagnosis, and the columns of candidate effects over these motions.
 
-The logs are read once, motion by motion. Of each motion the cache keeps the state, from which effects make their
-columns, and the filtered rows [Y_j τ_j] of each joint j without the columns that cannot act on the joint. So no stage
+The logs are read once, motion by motion. For each motion the cache keeps the state, from which effects make their
+columns, and the filtered rows [Y_j τ_j] of each joint j, without the columns that cannot act on the joint. So no stage
 reads a log again, and memory does not grow with the logs (`frischid.core.array_store`).
 """
 
@@ -30,13 +30,13 @@ from frischid.regression.regressor import Regressor
 
 
 class MotionCache:
-    """Motions of some logs, prepared as the model's own logs were.
+    """Motions of some logs, prepared (filtered, decimated) like the model's training logs.
 
     Parameters
     ----------
     model : Model
     logs : sequence of Log or Recording
-        Every log is a fold, up to ``criteria.max_folds``; of a single log each motion is cut.
+        Each log is one fold, up to ``criteria.max_folds``; each motion of a single log is cut into folds.
     criteria : DiagnosisCriteria, optional
     workers : Workers, optional
         Processes that compute columns of candidates, this process by default.
@@ -156,7 +156,7 @@ class MotionCache:
         return [self._candidates[str(effect)] for effect in effects]
 
     def given(self, effect: Effect, row: int, values: Sequence[Array]) -> Candidate:
-        """Make a candidate on one joint from its values at each motion's filtered samples."""
+        """Make a candidate on one joint from the values of its column at each motion's filtered samples."""
         series = Series(self.store)
         for motion, x in zip(self.motions, values, strict=True):
             series.append(x[motion.picked[row].read(), None])

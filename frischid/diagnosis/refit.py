@@ -1,7 +1,8 @@
-"""A model fitted again with further effects: all of it, or with its own parameters as a prior.
+"""A model fitted again with further effects: all parameters anew, or with the old parameters as a prior.
 
-A robot that was always as it is: every parameter is fitted to the logs anew. A robot that changed: the identified
-parameters θ̂ with their information Λ stay as a prior, and the change ends up in the columns C of the new effects,
+If the robot has not changed since it was identified, every parameter is fitted to the logs anew. If the robot changed,
+the identified parameters θ̂ with their information Λ are the prior, so that the change ends up in the columns C of the
+new effects,
 
     minimise  ‖τ − Y θ − C β‖²_ω + (θ − θ̂)ᵀ Λ (θ − θ̂).
 
@@ -22,6 +23,8 @@ from frischid.effects import Effect, columns_of
 from frischid.estimators.least_squares import Estimate
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
+from frischid.model.comparison import compare
+from frischid.model.headline import cross_validated, from_fit
 from frischid.model.identification import identify
 from frischid.model.model import Model
 
@@ -35,7 +38,7 @@ def known_error(model: Model, logs: Sequence[Log | Recording]) -> float | None:
     """Cross-validated error on these very logs, if the model's last step measured it there."""
     last = model.history[-1] if model.history else {}
     same = [x["sha256"] for x in last.get("logs", ())] == [log.identity for log in logs]
-    known = last.get("cross_validated_nrmse") if same and model.estimate.estimator == "wls" else None
+    known = last.get("cross_validated_nrmse") if same and model.estimate.estimator in {"wls", "map"} else None
     return None if known is None else float(known)
 
 
@@ -52,12 +55,17 @@ def refitted(
     ----------
     model : Model
     effects : tuple of Effect
-        The model's own, and those that are added behind them.
+        The model's own, followed by the added ones.
     logs : sequence of Log or Recording
         Data to fit.
     situation : {"always", "changed"}
         ``"changed"``: the model's own parameters are a prior.
     criteria : DiagnosisCriteria
+
+    Returns
+    -------
+    Model
+        Its history is one event, with the cross-validated error on these logs.
     """
     if situation == "changed":
         return _changed(model, effects, logs, criteria)
@@ -69,6 +77,7 @@ def refitted(
         cutoff=model.lowpass.cutoff,
         velocity=model.velocity,
         estimator="wls",
+        prior="none" if model.prior is None else "urdf",
         recursion="none",
         reference=load_reference(model, criteria),
     )
@@ -86,7 +95,7 @@ def _changed(
     for candidate in validator.candidates(new):
         validator = validator.extended(candidate)
     estimate, information = model.estimate, validator.fit.information
-    return replace(
+    changed = replace(
         model,
         effects=effects,
         base=(*model.base, *(next(i for i, c in enumerate(columns) if c.name == a.name) for a in added)),
@@ -106,4 +115,11 @@ def _changed(
         bounds={},
         reference=load_reference(model, criteria),
         standard=None,
+        prior=None if model.prior is None else model.prior.extended(added, validator.theta[-len(added) :]),
+        fitted=None if model.fitted is None else model.fitted.extended(len(added)),
+        history=(),
     )
+    known = cross_validated(model.history[-1]) if model.history else None
+    rms = (validator.base_nrmse() * validator.spread).tolist()
+    own = from_fit(compare(changed, logs), rms, () if known is None else known.alarms)
+    return replace(changed, history=({"cross_validated": own.to_dict()},))

@@ -5,8 +5,9 @@ n pairs in the order of x, with r_i the rank of the i-th residual,
 
     ξ = 1 − 3 Σ |r_{i+1} − r_i| / (n² − 1),
 
-zero only for independence and one for any function. Then terms of a library of simple expressions enter one after
-another while the held-out error falls. The result is a *description*, not a cause: it says where to look.
+which is about zero if residual and quantity are independent, and one if the residual is a function of the quantity.
+Then terms of a library of simple expressions enter one after another while the held-out error falls. The result is a
+*description*, not a cause: it says where to look.
 
 Sources: Chatterjee 2021, "A new coefficient of correlation", J. Am. Stat. Assoc. 116(536); the library: Brunton,
 Proctor and Kutz 2016, PNAS 113(15).
@@ -30,14 +31,14 @@ from frischid.effects import Formula
 
 @dataclass(frozen=True)
 class Description:
-    """Residual of one joint.
+    """Description of the residual of one joint.
 
     Attributes
     ----------
     joint : str
     depends_on : dict of str to float
-        Variable (``q2``, ``v1``, ...; t: time in the log) -> p value of independence, corrected for all tested;
-        only variables that pass, the smallest p value first.
+        Variable (``q2``, ``v1``, ...; t: time in the log) -> p value of independence, corrected for the number of
+        variables tested. Only variables that pass, the smallest p value first.
     formula : tuple of str
         Expressions, in the language of the effect ``formula``, that describe the residual.
     removed : float
@@ -110,7 +111,7 @@ def expression_of(found: ScoredCandidate) -> str:
 
 
 def _library(validator: CrossValidator, joint: str) -> list[str]:
-    """Simple expressions of the joint's own quantities, of each other joint's, and of both together."""
+    """Simple expressions of the joint's own quantities, of those of each other joint, and of both together."""
     own = str(validator.model.robot.numbers[joint])
     found = [f"{wave}({k}q{own})" for wave in ("sin", "cos") for k in ("", "2*", "3*")]
     found += [f"v{own}**3", f"abs(v{own})", f"v{own}*abs(v{own})", f"abs(tau_model{own})", f"q{own}*v{own}"]
@@ -120,7 +121,7 @@ def _library(validator: CrossValidator, joint: str) -> list[str]:
 
 
 def coupling_expressions(validator: CrossValidator, joint: str) -> list[str]:
-    """Expressions for torques on one joint from the motion of other joints; no effect of the catalogue has them."""
+    """Expressions for torques on one joint caused by the motion of other joints, which the catalogue lacks."""
     own, found = str(validator.model.robot.numbers[joint]), []
     for k in _others(validator, joint):
         found += [f"q{own}*q{k}", f"q{k}", f"sin(q{k})", f"cos(q{k})", f"tau_model{k}", f"v{own}*abs(v{k})"]

@@ -1,6 +1,6 @@
-"""The quantities on which a joint's residual may depend, at a limited number of its rows.
+"""The quantities on which a joint's residual may depend, at every n-th row of the joint.
 
-Every n-th row is taken, counted over all motions, so that the choice does not depend on how a log was cut into motions.
+Rows are counted over all motions, so that the choice does not depend on how a log was cut into motions.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
 
 MOST_ROWS = 50_000
-"""Rows of a joint, spread evenly, from which medians and dependences are taken: more change no printed digit."""
+"""Rows of a joint, spread evenly, that give medians and dependences: more rows change no printed digit."""
 
 
 def thinned(parts: Iterable[Array], every: int) -> Array:
-    """Every n-th of the values that come in parts, counted over all parts."""
+    """Every n-th value of a sequence that comes in parts, counted over all parts."""
     kept, passed = [], 0
     for x in parts:
         kept.append(x[-passed % every :: every].copy())
@@ -26,7 +26,7 @@ def thinned(parts: Iterable[Array], every: int) -> Array:
 
 
 def speeds(validator: CrossValidator) -> Iterator[Array]:
-    """Speeds of the fitted joints at each motion's filtered samples, over their root mean square, (N, J)."""
+    """Speeds of the fitted joints over their rms speed, at each motion's filtered samples, (N, J)."""
     for state in validator.data.cache.sampled_states():
         v = state.v[:, list(validator.model.torque_index)]
         yield np.asarray(v / np.maximum(np.sqrt((v**2).mean(axis=0)), 1e-12))

@@ -1,15 +1,15 @@
 """Is a joint's error only where it reverses or stands still? There dry friction is undetermined.
 
-At standstill dry friction takes any value between ±F, according to how the joint came to a stop. A drive that sticks
-for a hundredth of a second, or a controller that lets go a little early, moves the jump of friction in time. The error
-is then a spike at every reversal and zero in between. With e the residual, σ the sensor noise and s the speed over its
-rms, all of the error is of this kind when
+At standstill dry friction takes any value between ±F; the value depends on how the joint came to a stop. A drive that
+sticks for a hundredth of a second, or a controller that lets go a little early, shifts the jump of friction in time.
+The error is then a spike at every reversal and zero in between. With e the residual, σ the sensor noise and s the speed
+over its rms, all of the error is of this kind when
 
     Σ (e² − σ²) |s|  <  s₀ Σ (e² − σ²),      Σ (e² − σ²)  <  κ F² · (number of samples with |s| < s₀),
 
 with s₀ = ``criteria.slow_speed`` and κ = ``criteria.reversal_energy_share``. The second condition limits the error to
-about a third of F. A larger one has other causes. An error of this kind does not ask for an explanation; an effect that
-explains nearly all of it is named all the same.
+about a third of F; a larger error has other causes. An error of this kind does not ask for an explanation, but an
+effect that explains nearly all of the error is still named.
 
 Source: Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, "A survey of models, analysis tools and compensation methods
 for the control of machines with friction", Automatica 30(7).

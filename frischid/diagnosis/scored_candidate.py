@@ -1,11 +1,12 @@
-"""One effect in one place: its best shape, its evidence, its price, and whether chance explains it.
+"""One effect in one place: its best shape, its evidence, its price, and whether chance explains the evidence.
 
-A candidate with k parameters (coefficients and searched shapes) is fitted to data it is not scored on. Its gain is
+A candidate has k parameters: its coefficients and its searched shape parameters. It is fitted to one part of the data
+and scored on the rest. Its gain is
 
     gain = Λ − ½ k log n,     Λ = ½ Σ_j (n_j / ℓ_j) log(SSE_j before / SSE_j after),
 
-the held-out log likelihood ratio less the price of its parameters (Schwarz 1978, Ann. Statist. 6(2)). Of m candidates
-that were tried, the p value of one is
+the held-out log likelihood ratio less the price of its parameters (Schwarz 1978, Ann. Statist. 6(2)). If m candidates
+were tried, the p value of each is
 
     p = min(1, m · P(χ²_k > 2Λ))      (Bonferroni).
 """
@@ -54,7 +55,7 @@ class ScoredCandidate:
 
     @property
     def gain(self) -> float:
-        """Log likelihood it adds, less its price."""
+        """Rise of the held-out log likelihood, less the price."""
         return self.ratio - self.price
 
     def p_value(self, tried: int) -> float:
@@ -65,12 +66,12 @@ class ScoredCandidate:
 
     @property
     def worth_its_name(self) -> bool:
-        """Whether its largest coefficient reaches the size below which the effect is not worth its name."""
+        """Whether its largest coefficient reaches the size below which the effect is another one (`Effect.least`)."""
         return bool(np.abs(self.score.beta).max(initial=0.0) >= type(self.effect).least)
 
 
 def parameters_of(candidate: Candidate) -> int:
-    """Parameters that a candidate costs: coefficients, and shape parameters whose values are searched."""
+    """Number of parameters of a candidate: coefficients, and shape parameters whose values are searched."""
     return len(candidate.signs) + len(candidate.effect.searched)
 
 
@@ -81,11 +82,12 @@ def price(validator: CrossValidator, candidate: Candidate) -> float:
 
 
 def scored(validator: CrossValidator, shapes: Sequence[Candidate]) -> ScoredCandidate | None:
-    """Score an effect in its best shape; None when the model's columns span it.
+    """Score an effect in its best shape; None when the model's columns span the effect.
 
-    Between shapes of as many columns the fit to the other folds decides. Between shapes of different numbers of columns
-    the held-out data decide: while a slow effect is not in the model there seems to be hardly any evidence (see
-    `CrossValidator.effective_with`), so a price in independent samples would rule out all but the fewest columns.
+    Among shapes with the same number of columns, the fit to the other folds decides. Among shapes with different
+    numbers of columns, the held-out data decide. A price in independent samples cannot decide there: while a slow
+    effect is not in the model, the residual seems to have hardly any independent samples
+    (`CrossValidator.effective_with`), so the shape with the fewest columns would always win.
     """
     widths = {len(c.signs) for c in shapes}
     tried = (_scored(validator, [c for c in shapes if len(c.signs) == width]) for width in sorted(widths))
@@ -109,7 +111,7 @@ def _scored(validator: CrossValidator, shapes: Sequence[Candidate]) -> ScoredCan
 
 
 def passes(validator: CrossValidator, found: ScoredCandidate, tried: int) -> bool:
-    """Whether a candidate is more than chance and more than a trifle, over all blocks of time.
+    """Whether a candidate is more than chance, explains more than a negligible error, and does so over blocks of time.
 
     Parameters
     ----------
@@ -129,9 +131,9 @@ def passes(validator: CrossValidator, found: ScoredCandidate, tried: int) -> boo
 def usable_candidates(
     validator: CrossValidator, places: Sequence[Sequence[Effect]], progress: Callable[[str], None] = lambda _: None
 ) -> list[list[Candidate]]:
-    """Candidates, shape by shape, that are not in the model and whose columns are finite and have a row here.
+    """Candidates, shape by shape, that are not yet in the model and whose columns are finite and act on some row.
 
-    All places are handled at once, because each call goes through the motions.
+    All places are handled at once, because each call goes through all motions.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Shape parameters between the values of an effect's grid: a pattern search on the explained held-out error.
+"""Shape parameters between the values of an effect's grid: a pattern search for the largest explained held-out error.
 
-Each shape parameter moves by ½, ¼ and ⅛ of the distance to the grid's next value, back and forth, all parameters at
-once, while the explained error grows.
+All shape parameters move at once, each back, forth or not at all, by ½ of the distance to the grid's next value, then
+¼, then ⅛, as long as the explained error grows.
 
 Source: Hooke and Jeeves 1961, "Direct search solution of numerical and statistical problems", J. ACM 8(2).
 """
@@ -20,7 +20,7 @@ _DIRECTIONS = (0.0, -1.0, 1.0)  # stay, back, forth
 
 
 def with_refined_contenders(validator: CrossValidator, pool: Sequence[ScoredCandidate]) -> list[ScoredCandidate]:
-    """Refine the shapes of those that may be the best: a coarse grid must not decide between two effects."""
+    """Refine the shapes of candidates that may be the best: a coarse grid must not decide between two effects."""
     criteria = validator.criteria
     likely = [c for c in pool if c.gain > 0 and c.effect.searched]
     bar = criteria.contender_share * max((c.explained for c in pool if c.gain > 0), default=0.0)
@@ -37,7 +37,7 @@ def refined(validator: CrossValidator, found: ScoredCandidate) -> ScoredCandidat
         for _ in range(_MOVES):
             now = found.effect
             values = {
-                n: [float(now.parameters[n]) + way * fraction * step for way in _DIRECTIONS]
+                n: [_rounded(float(now.parameters[n]) + way * fraction * step) for way in _DIRECTIONS]
                 for n, step in steps.items()
             }
             near = [
@@ -53,8 +53,13 @@ def refined(validator: CrossValidator, found: ScoredCandidate) -> ScoredCandidat
     return found
 
 
+def _rounded(x: float) -> float:
+    """Without the noise of double precision, which a user would read as a value (0.30000000000000004)."""
+    return float(f"{x:.12g}")
+
+
 def _same_side(x: float, now: float) -> bool:
-    """Whether a shape parameter may go from one value to another: not through zero, and from zero upwards."""
+    """Whether a shape parameter may go from one value to another: it keeps its sign, and only grows from zero."""
     return x * now > 0 or now == 0 <= x
 
 

@@ -1,11 +1,11 @@
-"""Which shapes of an effect are worth cross-validating: those whose columns explain most of the residual.
+"""A quick choice of the shapes of an effect to cross-validate: those whose columns explain most of the residual.
 
 Many effects have shape parameters (a Stribeck speed, a cogging order) and a grid of values for each. Where the grid is
-large, each shape is first fitted to the residual e alone, with *unfiltered* columns C that need no convolution:
+large, each shape is first fitted to the residual e alone. Its columns C are *not filtered*, which saves time:
 
-    gain = Σ_j ω_j (eᵀ C̃) (C̃ᵀ C̃)⁺ (C̃ᵀ e),     C̃ = C less its means,
+    gain = Σ_j ω_j (eᵀ C̃) (C̃ᵀ C̃)⁺ (C̃ᵀ e),     C̃ = C less its means.
 
-and the shapes with the largest gains go on to cross-validation, which decides.
+The shapes with the largest gains go on to cross-validation, which decides.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def screened(
 
 
 def _explained(sums: Array) -> float:
-    """Squares of x that columns C explain, without means, from the sums of [1 C x]ᵀ [1 C x]."""
+    """Sum of squares of x that columns C explain, means subtracted, from the sums of [1 C x]ᵀ [1 C x]."""
     n, mean = sums[0, 0], sums[0, 1:-1]
     values, vectors = np.linalg.eigh(sums[1:-1, 1:-1] - np.outer(mean, mean) / n)
     along = vectors.T @ (sums[1:-1, -1] - mean * sums[0, -1] / n)

@@ -1,11 +1,14 @@
-"""The situation: the robot was always as these logs show it, or it changed since the model was identified.
+"""The situation: whether the robot changed after its model was identified.
 
-A robot *changed* when none of the logs is one of the model's own and a refit under a weak URDF prior predicts them
-better than the model as it is:
+- *always*: the robot has not changed. A missing effect was always missing: it acted in the model's training logs too.
+- *changed*: the robot changed after the identification. A payload, a collision or wear acts in the new logs only.
 
-    NRMSE(model as it is)  >  1.02 · NRMSE(refit, held out).
+The robot counts as changed when none of the logs is a training log of the model, and a refit with a weak URDF prior
+predicts the logs better than the unchanged model does:
 
-The situation decides the prior (`change_prior`), and whether effects that happen to a robot, a payload for one, are
+    NRMSE(unchanged model)  >  1.02 · NRMSE(refit, cross-validated).
+
+The situation decides the prior (`change_prior`), and whether effects that can only come later, such as a payload, are
 tried.
 """
 
@@ -36,7 +39,7 @@ def cross_validator(
     criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
     workers: Workers | None = None,
 ) -> tuple[CrossValidator, Situation]:
-    """Read logs, decide the situation, and fit the model under the prior that goes with it.
+    """Read logs, decide the situation, and fit the model with the prior of that situation.
 
     Parameters
     ----------
@@ -73,7 +76,7 @@ def cross_validator(
 
 
 def _error_as_it_is(validator: CrossValidator) -> float:
-    """Mean NRMSE of the model without any refit."""
+    """Mean NRMSE of the unchanged model: no parameter is refitted."""
     theta = validator.model.estimate.theta
     sse = np.array([[validator.squares(row, theta) for row in range(len(validator.joints))]])
     return float(validator.nrmse(sse).mean())

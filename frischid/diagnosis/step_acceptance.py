@@ -4,17 +4,20 @@ With ê_i and ê_i' the cross-validated residuals of a joint without and with th
 
     d_b = Σ_{i in b} (ê_i'² − ê_i²).
 
-*Harm*: a joint becomes worse when its d_b are positive on average (Student's t over blocks, one-sided, Bonferroni over
-the joints). *Help*: over the joints the effect acts on, the fall −Σ_j w_j d_b with w_j = 1 / Σ ê_j² is positive by the
-same test or by ranks. *Together*: the errors of J joints are combined by the mean log ratio
+- *Harm*: a joint becomes worse when its d_b are positive on average (Student's t over blocks, one-sided, Bonferroni
+  over the joints).
+- *Help*: over the joints the effect acts on, the fall −Σ_j w_j d_b with w_j = 1 / Σ ê_j² must be positive by the same
+  test, or by Wilcoxon's test of ranks.
+- *Together*: the errors of J joints are combined by the mean log ratio
 
-    (1/J) Σ_j log(Σ ê_j'² / Σ ê_j²)  <  0,
+      (1/J) Σ_j log(Σ ê_j'² / Σ ê_j²)  <  0,
 
-so that every joint counts by its own share. In the mean NRMSE the joint with the largest error counts most, and a noisy
-joint could pay for harm to all others. *Standstill*: this ratio must not rise significantly with those samples either.
+  so that every joint counts by its relative change. In the mean NRMSE the joint with the largest error counts most, and
+  its gain could hide harm to all others.
+- *Standstill*: this ratio must not rise significantly when samples at standstill count too.
 
-Blocks last about a second. A residual that is correlated for longer makes the test of harm strict: a step is refused
-too often rather than too rarely. All of it looks at the logs that select. Test logs have no part.
+Blocks last about a second. Where a residual is correlated for longer, a step is refused too often rather than too
+rarely. All tests use the logs that select; test logs have no part.
 
 Source: Wilcoxon 1945, "Individual comparisons by ranking methods", Biometrics Bulletin 1(6).
 """
@@ -38,7 +41,7 @@ from frischid.model.model import Model
 
 
 def reason_against(validator: CrossValidator, effects: Sequence[Effect]) -> str:
-    """Why the cross-validated errors speak against an addition; empty where they speak for it.
+    """Why the cross-validated errors speak against adding some effects; empty where they speak for the addition.
 
     Parameters
     ----------
@@ -59,7 +62,8 @@ def reason_against(validator: CrossValidator, effects: Sequence[Effect]) -> str:
     fall = -np.sum([rises[row] / max(sums[0][row], 1e-300) for row in candidate.columns], axis=0)
     if not p_value_of(fall[fall != 0]) < criteria.block_p_value:
         return (
-            f"the error of {listed([validator.joints[row] for row in candidate.columns])} does not fall block by block"
+            f"the error of {listed([validator.joints[row] for row in candidate.columns])} does not fall consistently "
+            "over blocks of time"
         )
     return "" if ratio.mean() < 0 else "the errors of all joints together do not fall"
 
@@ -74,7 +78,7 @@ def _rise(before: CrossValidator, after: CrossValidator, row: int) -> Array:
 
 
 def worse_joints(rises: Sequence[Array], before: Array, after: Array, criteria: DiagnosisCriteria) -> list[int]:
-    """Positions of the joints whose squared error rises significantly, and by more than a trifle.
+    """Positions of the joints whose squared error rises significantly, and by more than a negligible amount.
 
     Parameters
     ----------
@@ -104,7 +108,7 @@ def _named(joints: Sequence[str], rows: Sequence[int], before: Array, after: Arr
 
 
 def impossible_coefficients(model: Model, effects: Sequence[Effect], criteria: DiagnosisCriteria) -> list[str]:
-    """Coefficients of some effects whose known sign the estimate contradicts by more than its standard errors allow.
+    """Coefficients of some effects whose estimate has the impossible sign, by more than its standard errors allow.
 
     Parameters
     ----------
@@ -125,17 +129,17 @@ def impossible_coefficients(model: Model, effects: Sequence[Effect], criteria: D
 def worse_with_standstill(
     before: Model, after: Model, logs: Sequence[Log | Recording], criteria: DiagnosisCriteria
 ) -> bool:
-    """Whether the error rises significantly when samples at standstill count too, all joints by their log ratio.
+    """Whether the mean log ratio of the joints' errors rises significantly when samples at standstill count too.
 
     No model is fitted to samples at standstill, so their errors need no cross-validation. Errors in motion are those of
-    the fit, which favours the step: the test finds the harm that an effect does at standstill.
+    the fitted logs, which favours the step; so a rise shows the harm that an effect does at standstill.
 
     Parameters
     ----------
     before, after : Model
         Without and with the effects, with the same filter.
     logs : sequence of Log or Recording
-        Those that select.
+        The logs that select.
     criteria : DiagnosisCriteria
     """
     rises: list[Array] = []
@@ -155,7 +159,7 @@ def worse_with_standstill(
 def _squares(
     before: Model, after: Model, logs: Sequence[Log | Recording], seconds: float
 ) -> Iterator[tuple[Array, Array]]:
-    """Squared errors without and with, (2, M, J), and the block of time of each sample, part by part of the logs."""
+    """Squared errors without and with the effects, (2, M, J), and the block of time of each sample, for each part."""
     index = before.torque_index
     for (part, one), (_, other) in zip(before.blocks(logs), after.blocks(logs), strict=True):
         errors = np.stack([part.tau - one, part.tau - other])[:, :, index]

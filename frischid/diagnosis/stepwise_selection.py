@@ -1,12 +1,12 @@
-"""Which candidates explain the data together: forward selection, then an exchange of each.
+"""Candidates that explain the data together: forward selection, then an exchange of each.
 
-A real robot has several small effects beside the large one. So candidates enter the model one after another, the one
-that explains most first, as long as the best of the rest passes every test *given those already in*. Then each that
-entered is compared with every other candidate in its place. An effect's own part of the error is
+A real robot has several small effects beside the large one. So candidates enter the model one after another. The
+candidate that explains most, given those already in the model, enters next if it passes every test. Afterwards each
+chosen candidate is replaced by another one where the other explains more. An effect's own part of the error is
 
     own_e = Σ_j NRMSE_j²(all but e) − Σ_j NRMSE_j²(all),
 
-so error that two effects explain equally well counts for neither of them.
+so an error that two effects explain equally well counts for neither of them.
 
 Source: Chen, Billings and Luo 1989, "Orthogonal least squares methods and their application to non-linear system
 identification", Int. J. Control 50(5).
@@ -24,9 +24,10 @@ from frischid.diagnosis.scored_candidate import ScoredCandidate, passes, scored
 
 
 class OwnPart(NamedTuple):
-    """Error that only one candidate explains, in summed squared NRMSE: all of it, and what was not known before.
+    """Error that only one candidate explains, in summed squared NRMSE.
 
-    ``new`` is zero where no residual was known before, and where it is only a small part of ``unique``.
+    ``unique`` is all of this error; ``new`` is its part beyond the residual that was known before. ``new`` is zero
+    where no residual was known before, and where it would be only a small part of ``unique``.
     """
 
     unique: float
@@ -34,7 +35,7 @@ class OwnPart(NamedTuple):
 
 
 class Selection(NamedTuple):
-    """Candidates that explain the data together, and the cross-validator with all of them in the model."""
+    """Candidates that explain the data together, and the cross-validator of the model with all of them."""
 
     chosen: list[ScoredCandidate]
     full: CrossValidator
@@ -62,7 +63,7 @@ def selected(validator: CrossValidator, pool: Sequence[ScoredCandidate], tried: 
         rest = [c for c, _ in fresh if c is not best]
         extended = now.extended(best.candidate)
         if not _better(now, extended):
-            continue  # with the joints' new weights the candidate does harm
+            continue  # under the new weights of the joints the candidate does harm
         chosen.append(best)
         rest = [c for c in rest if not _excluded(c, best)]
         now = extended
@@ -81,7 +82,7 @@ def _excluded(candidate: ScoredCandidate, chosen: ScoredCandidate) -> bool:
 def _exchanged(
     validator: CrossValidator, pool: Sequence[ScoredCandidate], chosen: list[ScoredCandidate], full: CrossValidator
 ) -> Selection:
-    """Compare every chosen candidate with all others in its place, once round."""
+    """Replace every chosen candidate, in turn and once, by another one where the other explains more."""
     if len(chosen) < 2:
         return Selection(chosen, full)
     likely = _most_promising(validator, pool)
@@ -113,7 +114,7 @@ def with_all(validator: CrossValidator, chosen: Iterable[ScoredCandidate]) -> Cr
 def own_part(
     validator: CrossValidator, chosen: Sequence[ScoredCandidate], one: ScoredCandidate, full: CrossValidator
 ) -> OwnPart:
-    """Rise of the summed squared NRMSE when one of the chosen is taken away, and the new part of it."""
+    """Rise of the summed squared NRMSE when one of the chosen is taken away, and the part of it that is new."""
     without = with_all(validator, [c for c in chosen if c is not one])
     before, after = (validator.nrmse(e.base_sse()) ** 2 for e in (without, full))
     unique = float((before - after).sum())

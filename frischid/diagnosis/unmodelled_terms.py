@@ -2,10 +2,10 @@
 
 The catalogue has no effect for the action of one joint on another, nor for a torque that jumps at a few angles of a
 gear. Yet some effect of the catalogue may resemble such a torque and be found. So the best of these *unmodelled terms*
-is compared with the first finding on the joint where the finding explains most, both beside all other effects that
-entered:
+is compared with the first finding, on the joint where the finding explains most. Each of the two is fitted together
+with all other effects that entered. The finding is not the cause if
 
-    NRMSE²(term) − floor²  <  ½ (NRMSE²(finding) − floor²)      the finding is not the cause.
+    NRMSE²(with the term) − floor²  <  ½ (NRMSE²(with the finding) − floor²).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class UnmodelledTerm:
     row : int
         Position of the joint among the fitted ones.
     words : str
-        The term, as the subject of a sentence.
+        Name of the term, as the subject of a sentence.
     """
 
     row: int
@@ -52,7 +52,7 @@ def unmodelled_term(ranking: Ranking, floor: Array) -> UnmodelledTerm | None:
     Returns
     -------
     UnmodelledTerm or None
-        None: the finding holds.
+        None if no such term is far better than the finding.
     """
     if not any(effect.entered for effect in ranking.effects):
         return None

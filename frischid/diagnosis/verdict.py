@@ -4,9 +4,14 @@ With r_j the residual NRMSE of joint j with all effects that entered in the mode
 
     unexplained = max_j (r_j² − n_j²)     over joints whose error asks for an explanation.
 
-*contact*: something touched the robot. *effect*: a finding is called missing, and it explains more than `unexplained`.
-*unknown*: `unexplained` is larger, or a term outside the catalogue explains far more than the first finding
-(`unmodelled_terms`). *none*: no joint's error asks for an explanation.
+A joint's error *asks for an explanation* when it is large beside the joint's torque and clearly above the sensor noise.
+The verdicts:
+
+- *contact*: something touched the robot for a while.
+- *effect*: the model lacks at least one effect of the catalogue, and this effect explains more than `unexplained`.
+- *unknown*: `unexplained` is more than any such effect explains, or a term outside the catalogue explains far more than
+  the first finding (`unmodelled_terms`).
+- *none*: no joint's error asks for an explanation.
 """
 
 from __future__ import annotations
@@ -39,7 +44,7 @@ class StageResults:
     Attributes
     ----------
     validator : CrossValidator
-        Without the contacts.
+        Fit to the logs without the contacts.
     situation : {"always", "changed"}
     floor : ndarray, shape (J,)
         Sensor noise of each joint, N·m (N).
@@ -62,8 +67,8 @@ class StageResults:
 def decided(results: StageResults) -> Verdict:
     """The verdict, before a refit of all parameters is considered.
 
-    A finding that explains half of the error where it acts is named beside a larger error of another joint. Error of
-    dry friction at reversals and standstill asks for no explanation.
+    A finding that explains half of the error on its own joints is named even if another joint has a larger unexplained
+    error. Errors of dry friction at reversals and standstill ask for no explanation.
     """
     if results.contacts:
         return "contact"
@@ -72,7 +77,7 @@ def decided(results: StageResults) -> Verdict:
     sure = [f for f in results.findings if f.significant]
     noise = results.floor / validator.spread
     residual = full.base_nrmse()
-    residual = np.minimum(residual, validator.base_nrmse())  # a finding on one joint may cost another a little
+    residual = np.minimum(residual, validator.base_nrmse())  # an effect may raise another joint's error
     asks = _asks_for_explanation(residual, noise, validator)
     if sure:
         where = np.array([not sure[0].joints or name in sure[0].joints for name in validator.joints])
@@ -87,7 +92,7 @@ def decided(results: StageResults) -> Verdict:
 
 
 def _asks_for_explanation(residual: Array, noise: Array, validator: CrossValidator) -> NDArray[np.bool_]:
-    """Joints whose error is large beside their torque and clear of the noise."""
+    """Joints whose error is large beside their torque and clearly above the sensor noise."""
     criteria = validator.criteria
     return np.asarray((residual > criteria.unexplained_error) & (residual > criteria.clear_error * noise))
 
@@ -96,19 +101,27 @@ def notes_on(results: StageResults, verdict: Verdict, description: Description |
     """Sentences beside the verdict: the situation that was assumed, and the reasons."""
     validator, full, unmodelled = results.validator, results.ranking.full, results.unmodelled
     changed = results.situation == "changed"
-    notes = [f"assumed: the robot {'changed since it was identified' if changed else 'was always as it is'}"]
+    notes = [f"assumed: the robot {'changed' if changed else 'has not changed'} since it was identified"]
     errors = zip(validator.joints, validator.base_nrmse(), strict=True)
     lost = [name for name, error in errors if error > 1.0]  # a constant torque has an NRMSE of 1
     if lost:
         notes.append(
-            f"on {listed(lost)} the rest of these logs predicts the torque worse than a constant would: the logs are "
-            "too short or move too little to judge the model; take longer ones"
+            f"{listed(lost)}: a model fitted to a part of these logs predicts the torque of the others worse than a "
+            "constant would. The logs are too short or move too little to judge the model; record longer ones"
         )
     asks = _asks_for_explanation(full.base_nrmse(), results.floor / full.spread, full)
-    if verdict == "none" and asks.any():  # all of it is at reversals, or the verdict were "unknown"
+    if verdict == "none" and asks.any():  # then all of the error is at reversals
         where = listed([name for name, here in zip(full.joints, asks, strict=True) if here])
         notes.append(
             f"the residual error of {where} is at reversals and standstill, where dry friction is undetermined"
+        )
+    best = next((f for f in results.findings if f.significant), None)
+    if best is not None and best.undecided:
+        other = best.undecided[0]
+        notes.append(
+            f"these logs alone cannot tell {best.effect} from {other}: on the same joints {other} leaves no more error "
+            "block by block; plan a motion that tells them apart: frischid excite ROBOT --separate "
+            f"{best.effect},{other}"
         )
     withheld = next((f for f in results.findings if f.sure and f.withheld), None)
     if verdict == "none" and withheld is not None:
@@ -127,7 +140,7 @@ def notes_on(results: StageResults, verdict: Verdict, description: Description |
 
 
 def with_refit(verdict: Verdict, findings: Sequence[Finding], refit: Finding) -> tuple[Verdict, list[Finding]]:
-    """Put the refit of all parameters among the findings: first only where no effect is the answer."""
+    """Put the refit of all parameters among the findings: first only where it explains far more than any effect."""
     findings = list(findings)
     if not refit.significant:
         return verdict, findings
@@ -141,11 +154,11 @@ def with_refit(verdict: Verdict, findings: Sequence[Finding], refit: Finding) ->
 
 
 def with_verdict(findings: Sequence[Finding], verdict: Verdict, error: float) -> tuple[Finding, ...]:
-    """Findings under the verdict: with contact or unknown the first finding has that identifier."""
+    """The findings; where the verdict is contact or unknown, a finding of that name comes first."""
     if verdict not in {"contact", "unknown"}:
         return tuple(findings)
     sentence = {
-        "contact": "something touched the robot for a while: these moments are left out, not modelled",
+        "contact": "something touched the robot for a while; these stretches of time are left out, not modelled",
         "unknown": "something is missing that no effect of the catalogue explains",
     }[verdict]
     first = Finding(verdict, (), error, error, 0.0, 0.0, 0.0, 0.0, 1.0, {}, (), sentence, ())

@@ -1,7 +1,7 @@
-"""Weighted least squares of a model's columns on all folds and on all folds but one, with a prior.
+"""Weighted least squares of a model's columns on all folds, and on all folds but one, with a prior.
 
-Rows of joint j weigh ω_j = 1 / (σ_j² ℓ_j), with σ_j the spread of the joint's residual and ℓ_j its correlation time in
-samples: so evidence counts in *effectively independent* samples. With a prior N(μ, Λ⁻¹),
+Rows of joint j have weight ω_j = 1 / (σ_j² ℓ_j), with σ_j the standard deviation of the joint's residual and ℓ_j its
+correlation time in samples, so that evidence counts in *effectively independent* samples. With a prior N(μ, Λ⁻¹),
 
     H = Σ_j ω_j Y_jᵀ Y_j + Λ,    θ = H⁻¹ (Σ_j ω_j Y_jᵀ τ_j + Λ μ).
 
@@ -26,13 +26,13 @@ from frischid.diagnosis.model_columns import ModelColumns
 from frischid.estimators.autocorrelation import Autocorrelation
 from frischid.estimators.least_squares import Prior
 
-IN_SPAN = 1e-5  # share of a candidate's squared norm beside the other columns: below it the direction is one of theirs
-_TURNS = 4  # of weights from residuals, residuals from weights
-_RIDGE = 1e-10  # of each diagonal element of H, against rounding
+IN_SPAN = 1e-5  # a direction of a candidate with less of its squared norm outside the other columns is spanned by them
+_TURNS = 4  # iterations of weights from residuals and residuals from weights
+_RIDGE = 1e-10  # share of each diagonal element of H that is added, against rounding
 
 
 class CandidateFit(NamedTuple):
-    """A candidate fitted: fall of the weighted squared error, its coefficients (k,), change of the parameters (p,)."""
+    """Fit of a candidate: fall of the weighted squared error, its coefficients (k,), change of the parameters (p,)."""
 
     gain: float
     beta: Array
@@ -64,7 +64,7 @@ class WeightedFit:
     systems : list of (factor, ndarray of shape (p,))
         Cholesky factor of H and parameters: without each fold in turn, then of everything.
     sigma : ndarray, shape (J,)
-        Spread of each joint's residual, N·m (N).
+        Standard deviation of each joint's residual, N·m (N).
     correlation : ndarray, shape (J,)
         Its correlation time in samples.
     """
@@ -78,7 +78,7 @@ class WeightedFit:
 
     @classmethod
     def of(cls, columns: ModelColumns, prior: Prior, spread: Array) -> WeightedFit:
-        """Fit, with weights from the fit's own residuals.
+        """Fit with weights from the fit's own residuals, by iteration.
 
         Parameters
         ----------

@@ -1,8 +1,8 @@
 """The catalogue of physical effects: one family per file, one class per effect.
 
 Comes in: a stretch of motion. Goes out: the columns that an effect adds to the regressor, with names, units and known
-signs. Start with `frischid.effects.base`; `frischid.effects.friction` has the simplest effects. CONTRIBUTING.md says
-how to add one.
+signs. Start with `frischid.effects.base`; `frischid.effects.friction` has the simplest effects. CONTRIBUTING.md has the
+recipe for a new effect.
 
 Examples
 --------
@@ -16,8 +16,8 @@ Examples
 """
 
 # isort: off
-# In the order of the catalogue, which is that of definition: first what every robot has.
-from frischid.effects.base import EFFECTS, Effect, columns_of
+# The order of definition is the order of the catalogue: effects that every robot has come first.
+from frischid.effects.base import EFFECTS, Effect, check_effects, columns_of
 from frischid.effects.state import State, Term
 from frischid.effects.friction import Coulomb, Offset, Viscous
 from frischid.effects.transmission import Cogging, JointCoupling, RotorInertia
@@ -39,7 +39,7 @@ from frischid.effects.notation import effect_from_dict, parse_effects
 # isort: on
 
 BASELINE = (Viscous(), Coulomb(), Offset(), RotorInertia())
-"""Effects that `identify` starts from when none are named."""
+"""Effects that `identify` uses when none are named."""
 
 __all__ = [
     "BASELINE",
@@ -72,6 +72,7 @@ __all__ = [
     "ThermalDrift",
     "TimeDelay",
     "Viscous",
+    "check_effects",
     "columns_of",
     "effect_from_dict",
     "parse_effects",

@@ -16,7 +16,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Self
 
@@ -31,14 +31,14 @@ from frischid.robot.robot import Robot
 
 @dataclass(frozen=True)
 class Effect(ABC):
-    """Base of all effects: subclass it, give it an `id` and `terms`, and frischid knows a new effect.
+    """Base class of all effects: a subclass with an `id` and a method `terms` is a new effect.
 
-    Dataclass fields of the subclass are its shape parameters: stated, not identified. They need defaults.
+    Dataclass fields of the subclass are its shape parameters, which are stated and not identified. They need defaults.
 
     Attributes
     ----------
     joints : tuple of str or None
-        Joints it acts on; None means all.
+        Joints that the effect acts on; None means all.
 
     Raises
     ------
@@ -80,7 +80,7 @@ class Effect(ABC):
     confirmed_by: ClassVar[str]
     """Experiment that shows the effect beyond doubt."""
     reference: ClassVar[str]
-    """Publication or file that the equation is from."""
+    """Publication or file with the equation."""
 
     dry: ClassVar[bool] = False
     """Whether the effect has no definite value at standstill, so that joints at standstill must be left out."""
@@ -124,7 +124,7 @@ class Effect(ABC):
 
     @property
     def searched(self) -> Mapping[str, tuple[float, ...]]:
-        """Those of `shapes` on which the columns of this very effect depend."""
+        """The entries of `shapes` on which the columns of this effect depend."""
         return self.shapes
 
     def with_sign_width(self, width: float) -> Self:
@@ -138,7 +138,7 @@ class Effect(ABC):
 
     @classmethod
     def each(cls, effects: Sequence[Self], state: State) -> Iterator[list[Term]]:
-        """Columns of several effects of this kind over `state`: for kinds that compute them faster together."""
+        """Columns of several effects of this kind over `state`; some kinds compute several faster at once."""
         return (effect.terms(state) for effect in effects)
 
     @classmethod
@@ -149,7 +149,7 @@ class Effect(ABC):
 
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:
-        """Effects that a diagnosis may find missing: alternatives in different places, each in all its shapes."""
+        """Effects that a diagnosis tries: one list per place, with the effect in all its shapes."""
         if cls.candidate == "never":
             return []
         places = [None] if cls.candidate == "robot" else [(name,) for name in robot.joints]
@@ -164,7 +164,7 @@ class Effect(ABC):
         return [term.column for term in self.terms(State.empty(robot))]
 
     def nominal(self, robot: Robot) -> list[float]:
-        """Values of the parameters that the URDF itself states, one per column; zero where it says nothing."""
+        """Values of the parameters in the URDF, one per column; zero where the URDF states none."""
         return [0.0] * len(self.columns(robot))
 
     def acts_on(self, robot: Robot) -> list[tuple[int, str, str]]:
@@ -211,7 +211,7 @@ class Effect(ABC):
         ]
 
     def require_positive(self, **meanings: str) -> None:
-        """Raise InputError unless each of these shape parameters is a positive number; `meanings` says of what."""
+        """Raise InputError unless each of these shape parameters is a positive number; `meanings` describe them."""
         for name, meaning in meanings.items():
             value = getattr(self, name)
             if not is_number(value) or value <= 0:
@@ -229,7 +229,7 @@ class Effect(ABC):
         return turns + "".join(f" ({unit})" for unit in slides)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values from which `effect_from_dict` builds the effect again; with its package if not ours."""
+        """Plain JSON values from which `effect_from_dict` builds the effect again, with the package if not frischid."""
         package = EFFECTS.package(type(self))
         origin = {} if package is None else {"package": package.to_dict()}
         joints = None if self.joints is None else list(self.joints)
@@ -254,14 +254,30 @@ def _written(value: float | bool | str) -> str:
     return f"{value:g}" if float(f"{value:g}") == value else repr(float(value))
 
 
+def check_effects(effects: Any) -> None:
+    """Refuse everything but a sequence of effects.
+
+    Raises
+    ------
+    InputError
+        The text of an effect stands where an effect is meant.
+    """
+    alone: list[Any] = [] if isinstance(effects, Iterable) and not isinstance(effects, str) else [effects]
+    for wrong in alone or (x for x in effects if not isinstance(x, Effect)):
+        raise InputError(
+            f"effects must be a list of effects, got {wrong!r}: effects=frischid.parse_effects('viscous@joint1')"
+        )
+
+
 def columns_of(robot: Robot, effects: Sequence[Effect]) -> tuple[Column, ...]:
     """Columns of the whole regressor: rigid, then every effect's.
 
     Raises
     ------
     InputError
-        Two effects make a column of the same name, or the class of an effect is no dataclass.
+        Something is no effect, two effects make a column of the same name, or the class of an effect is no dataclass.
     """
+    check_effects(effects)
     columns = list(robot.columns)
     owners: dict[str, Effect | str] = {c.name: "the rigid body" for c in columns}
     for effect in effects:

@@ -1,4 +1,4 @@
-"""The catalogue: every effect there is, our own and those of installed packages.
+"""The catalogue of all effects: those of frischid and those of installed packages.
 
 A class joins the catalogue when it is defined. A package announces its effects by entry points of the group
 ``frischid.effects``, in its pyproject.toml:
@@ -6,8 +6,8 @@ A class joins the catalogue when it is defined. A package announces its effects 
     [project.entry-points."frischid.effects"]
     magnetic_detent = "my_effect:MagneticDetent"
 
-The value names a class, or a module whose effects all join. Packages are imported late: when somebody asks for a name
-that no class has so far, or for the whole catalogue. A package that fails is left out with one warning.
+The value names a class, or a module all of whose effects join. Packages are imported late: when a name is asked for
+that no class has so far, or the whole catalogue. A package that cannot be imported is left out, with one warning.
 
 Source: "Entry points specification", https://packaging.python.org/en/latest/specifications/entry-points/.
 """
@@ -30,12 +30,12 @@ Kind = TypeVar("Kind")
 
 
 class Package(NamedTuple):
-    """Origin of an effect that is not ours: an installed package, or a module that no package announces.
+    """Origin of an effect that is not of frischid: an installed package, or a module that no package announces.
 
     Attributes
     ----------
     name, version : str
-        Of the installed package; empty where there is none.
+        Name and version of the installed package; empty where there is none.
     module : str
         Module that defines the effect.
     """
@@ -85,7 +85,7 @@ class Catalogue(Mapping[str, type[Kind]], Generic[Kind]):
         return len(self._known)
 
     def register(self, kind: type[Any]) -> None:
-        """Take in a class under its `id`. A class that is defined again, as in a notebook, replaces itself.
+        """Add a class under its `id`. A class that is defined again, as in a notebook, replaces the earlier one.
 
         Raises
         ------
@@ -100,23 +100,23 @@ class Catalogue(Mapping[str, type[Kind]], Generic[Kind]):
         self._known[kind.id] = kind
 
     def remove(self, name: str) -> None:
-        """Forget an effect, for example one of a notebook that `diagnose` need no longer try."""
+        """Remove an effect, for example one of a notebook that `diagnose` should no longer try."""
         self._known.pop(name, None)
 
     def package(self, kind: type[Any]) -> Package | None:
-        """Package or module that an effect comes from; None where it is ours."""
+        """Package or module that an effect comes from; None for an effect of frischid."""
         if kind.__module__.partition(".")[0] == "frischid":
             return None
         self._search()
         return self._packages.get(kind.id) or Package("", "", kind.__module__)
 
     def of_package(self, name: str, origin: Mapping[str, str]) -> type[Kind]:
-        """The class of an effect that a saved model has from elsewhere; `origin` is a `Package.to_dict`.
+        """The class of an effect of another package that a saved model uses; `origin` is a `Package.to_dict`.
 
         Raises
         ------
         InputError
-            The effect is not there, or the effect of this name is another package's.
+            The effect is not available, or the effect of this name is another package's.
         """
         wanted = Package(origin.get("name", ""), origin.get("version", ""), origin.get("module", ""))
         kind = self.get(name)
@@ -138,7 +138,7 @@ class Catalogue(Mapping[str, type[Kind]], Generic[Kind]):
         return f"which is not installed; install it (pip install {wanted.name}) and try again"
 
     def _sound(self, name: str) -> type[Kind]:
-        """The class of a name. One that turns out to be no dataclass is said to be so, once, and forgotten."""
+        """The class of a name; a class that is not a dataclass is removed from the catalogue, with one warning."""
         kind = self._known[name]
         try:
             check_decorated(kind)
@@ -157,7 +157,7 @@ class Catalogue(Mapping[str, type[Kind]], Generic[Kind]):
                 package = Package(*((entry.dist.name, entry.dist.version) if entry.dist else ("", "")), entry.module)
                 try:
                     self._load(entry, package)
-                except Exception as error:  # the code of others may raise anything, and frischid works without it
+                except Exception as error:  # other people's code may raise any error; frischid works without that code
                     self._reject(package, f"{type(error).__name__}: {error}")
 
     def _load(self, entry: metadata.EntryPoint, package: Package) -> None:
@@ -178,7 +178,7 @@ class Catalogue(Mapping[str, type[Kind]], Generic[Kind]):
         return next(name for name, known in self._known.items() if known is kind)
 
     def _reject(self, package: Package, reason: str) -> None:
-        """Leave a package's effects out; say so once per package."""
+        """Leave a package's effects out, with one warning per package."""
         for name in [n for n, origin in self._packages.items() if origin.name == package.name]:
             self.remove(name)
         if package.name not in self._broken:

@@ -1,4 +1,4 @@
-"""Rules for the class of an effect, checked when the class is made, and defaults for what the class leaves out.
+"""Rules for the class of an effect, checked when the class is defined, and defaults for texts that the class lacks.
 
 An effect is a frozen dataclass with an `id` and a method `terms`. Its dataclass fields are its shape parameters. A
 class that breaks a rule raises an error at its definition and not later in a diagnosis. Texts that a class leaves out
@@ -19,13 +19,13 @@ from frischid.effects.units import is_number
 from frischid.errors import InputError
 
 RESERVED_IDS = ("rigid", "contact", "unknown", "old_parameters")
-"""Names that columns and findings use for what is no effect of the catalogue."""
+"""Names in columns and findings that do not mean an effect of the catalogue."""
 
 RESERVED_FIELDS = ("effect", "package")
-"""Keys beside the shape parameters where an effect is saved."""
+"""Keys of a saved effect besides its shape parameters."""
 
 TEXTS = ("title", "equation", "sentence", "looks_like", "confirmed_by", "reference")
-"""What pages print of an effect."""
+"""Texts of an effect that pages print."""
 
 CLASS_VARIABLE = re.compile(r"(\w+\.)?ClassVar\b")
 
@@ -83,16 +83,16 @@ def own_fields(kind: type[Any]) -> list[str]:
 
 
 def check_decorated(kind: type[Any]) -> None:
-    """Raise InputError when a class has fields but is no dataclass: known only after its definition is complete."""
+    """Raise InputError when a class has fields but is not a dataclass; this is known only after its definition."""
     lacking = [n for n in own_fields(kind) if n not in getattr(kind, "__dataclass_fields__", ())]
     if lacking:
         raise _wrong(
-            kind, f"has fields ({', '.join(lacking)}) but is no dataclass; put @dataclass(frozen=True) above it"
+            kind, f"has fields ({', '.join(lacking)}) but is not a dataclass; put @dataclass(frozen=True) above it"
         )
 
 
 def complete(kind: type[Any]) -> None:
-    """Give a class every text that it leaves out."""
+    """Give a class a default for every text that it lacks."""
     first = (kind.__doc__ or "").strip().partition("\n")[0].replace("``", "").rstrip(".")
     title = getattr(kind, "title", "") or first or kind.id.replace("_", " ")
     quoted = title.replace("{", "{{").replace("}", "}}")
@@ -112,7 +112,7 @@ def complete(kind: type[Any]) -> None:
 
 
 def _check_field(kind: type[Any], base: type[Any], field: str) -> None:
-    """A field has a free name and a default that a file can hold."""
+    """Check that a field has a free name and a default that a file can hold."""
     if field == "joints":
         return
     if field in RESERVED_FIELDS or hasattr(base, field) or field in inspect.get_annotations(base):
@@ -131,7 +131,7 @@ def _check_field(kind: type[Any], base: type[Any], field: str) -> None:
 
 
 def _check_shapes(kind: type[Any]) -> None:
-    """Shapes and units name fields; the values to try are ascending numbers."""
+    """Check that shapes and units name fields, and that the values to try are ascending numbers."""
     fields = {f for base in kind.__mro__ for f in own_fields(base)} - {"joints"}
     for key in ("shapes", "units"):
         given = getattr(kind, key)
@@ -139,7 +139,7 @@ def _check_shapes(kind: type[Any]) -> None:
             raise _wrong(kind, f"{key} must be a dictionary from field to values, got {given!r}")
         unknown, known = sorted(set(given) - fields), ", ".join(sorted(fields)) or "none"
         if unknown:
-            raise _wrong(kind, f"{key} names {', '.join(unknown)}, which is no field; the fields are: {known}")
+            raise _wrong(kind, f"{key} names {', '.join(unknown)}, which is not a field; the fields are: {known}")
     for field, values in kind.shapes.items():
         numbers = isinstance(values, Iterable) and not isinstance(values, str) and all(map(is_number, values))
         if not numbers or not values or list(values) != sorted(set(values)):
@@ -150,7 +150,7 @@ def _check_shapes(kind: type[Any]) -> None:
 
 
 def _check_templates(kind: type[Any]) -> None:
-    """The sentence and the expressions for generated code have no placeholder that stays empty."""
+    """Check that every placeholder of the sentence and of the expressions for generated code can be filled in."""
     values = dict.fromkeys({f for base in kind.__mro__ for f in own_fields(base)} | {"q", "v", "a"}, "")
     templates = [("sentence", getattr(kind, "sentence", ""), {"joint": "", "joints": ""})]
     templates += [(f"code['{symbol}']", text, values) for symbol, text in kind.code.items()]

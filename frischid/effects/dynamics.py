@@ -61,7 +61,7 @@ class RigidDynamics:
 
     @classmethod
     def generic(cls, robot: Robot) -> RigidDynamics:
-        """Dynamics of arbitrary parameters: a motion without torque here has no torque for any parameters."""
+        """Dynamics of generic parameters: where their torque is zero, the torque of any parameters is zero."""
         return cls(robot, np.random.default_rng(0).normal(size=len(robot.all_names)))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""A small language for columns of the user's own: arithmetic over a joint's motion, and nothing else.
+"""A small language for the user's own columns: arithmetic over a joint's motion, and nothing else.
 
     expression = number | pi | variable | function(expression) | -expression
                | expression (+ - * /) expression | expression ** number

@@ -133,7 +133,7 @@ class Backlash(_Geared):
     Attributes
     ----------
     size : float
-        Half the play for which the link's motion is calculated, rad (m). The parameter is half the play found; it
+        Half the play for which the link's motion is calculated, rad (m). The identified parameter is half the play; it
         should be close to `size`.
     rubbing : float
         Share of the joint's dry friction that acts behind the gear, on the link.

@@ -4,8 +4,8 @@
 
 The sign of the speed is smoothed over ±w, because at standstill the measured speed is noise and its sign is random.
 
-T is the lead. Where friction stops a joint before the joint turns round, the torque begins to change before the speed
-does. MuJoCo's ``frictionloss`` is a constraint. The constraint aims at ``q̈ = −q̇/T`` with T = timeconst · dmax / 2 (of
+T is the lead. If friction stops a joint before the joint reverses, the torque begins to change before the speed does.
+MuJoCo's ``frictionloss`` is a constraint. The constraint aims at ``q̈ = −q̇/T`` with T = timeconst · dmax / 2 (of
 ``solreffriction`` and ``solimpfriction``; 9.5 ms by default), and its torque is at most fc. With d the impedance of the
 constraint and I the inertia of the joint, this friction is ``fc sat((q̇ + T q̈)/w)``, ``w = fc T (1 − d)/(I d)``.
 

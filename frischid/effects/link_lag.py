@@ -11,7 +11,7 @@ holds the link until the spring is wound in the other direction or the link has 
 
     f = f_c sign(q̇_j − δ̇),    |f| ≤ f_c where q̇_j = δ̇.
 
-The midpoint rule computes the motion. This rule takes no energy from the swing. Each step solves for friction and for
+The motion is computed by the midpoint rule, which does not damp the oscillation. Each step solves for friction and for
 the stops (Moreau 1988, "Unilateral contact and dry friction in finite freedom dynamics").
 
 Source: Nordin and Gutman 2002, "Controlling mechanical systems with backlash: a survey", Automatica 38(10).
@@ -30,8 +30,8 @@ from frischid.core.types import Array
 from frischid.effects.state import SIGN_WIDTH, State
 
 SWING_DAMPING = 0.05
-"""Damping of a link that swings on its spring, as a share of critical damping. Gears damp little; the exact value only
-decides how long a swing rings."""
+"""Damping of a link that oscillates on its spring, as a share of critical damping. Gears damp little; the exact value
+only decides how long an oscillation lasts."""
 
 STIFFNESS_LEFT = 0.1
 """Least share of a spring's stiffness that must remain when the weight of the link works against the spring. With a
@@ -93,7 +93,7 @@ class _Road:
 
     @classmethod
     def of(cls, state: State) -> _Road:
-        """Compute it from a motion of at least two samples."""
+        """Compute the drive of the links from a motion of at least two samples."""
         every = max(1, int(TRAVEL_STEP / np.median(np.diff(state.t))))
         grid = np.unique(np.append(np.arange(0, len(state.t), every), len(state.t) - 1))
         pull, drag, inertia = (np.diagonal(slope[grid], axis1=1, axis2=2) for slope in state.slopes)
@@ -132,7 +132,7 @@ class Lag(NamedTuple):
     place, rate, acceleration : ndarray, shape (N,)
         δ and its derivatives, times k or over g. For a spring, k δ is the torque that the spring carries, N·m (N).
     friction : ndarray, shape (N,)
-        f − f_c sign(q̇_j) as the motor feels it, also times k or over g.
+        f − f_c sign(q̇_j) on the motor's side, also times k or over g.
     """
 
     place: Array

@@ -51,7 +51,7 @@ def _link_columns(robot: Robot, joint: str, q: Array, v: Array, a: Array) -> Arr
 
 @lru_cache(maxsize=256)
 def _felt_parameters(robot: Robot, joint: str) -> NDArray[np.bool_]:
-    """Whether a joint (column) feels an inertial parameter of the link (row), (10, J)."""
+    """Whether the torque of a joint (column) depends on an inertial parameter of the link (row), (10, J)."""
     return np.asarray((np.abs(_link_columns(robot, joint, *random_states(robot, 8))) > LEAST_FELT).any(axis=0))
 
 
@@ -69,7 +69,7 @@ class Payload(Effect):
     """An unknown rigid body on a link: mass and first moment, or all ten parameters.
 
     The body is on the last link if no joint is named. Its parameters are given in the frame of the link
-    (``Robot.frames``). Parameters that no joint feels are left out.
+    (``Robot.frames``). Parameters on which no torque depends are left out.
 
     Attributes
     ----------

@@ -1,9 +1,9 @@
-"""Effects as text and as plain data: what the command line reads and the model file holds.
+"""Effects as text, for the command line, and as plain data, for model files.
 
     viscous, coulomb(width=0.02), stribeck(0.1)@elbow+wrist, formula("sin(3*q2)*v1")@shoulder
 
-A value without a name belongs to the effect's first parameter; expressions stand in quotes or between the parentheses
-as they are. `parse_effects` reads back what ``str(effect)`` writes, exactly.
+A value without a name belongs to the effect's first parameter. Expressions may have quotes or not. The text of
+``str(effect)`` is read back exactly by `parse_effects`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def effect_from_dict(data: Mapping[str, Any]) -> Effect:
     Raises
     ------
     UnknownNameError
-        No such effect, or it has no such parameter.
+        There is no such effect, or the effect has no such parameter.
     InputError
         The effect comes from a package that is not installed, or a value has the wrong type.
     """
@@ -68,7 +68,7 @@ def _kind(name: str) -> type[Effect]:
 
 
 def _split(text: str, separator: str) -> list[str]:
-    """Split where `separator` stands outside parentheses and quotes."""
+    """Split at every `separator` outside parentheses and quotes."""
     items, depth, quote = [""], 0, ""
     for character in text:
         if quote:

@@ -2,8 +2,8 @@
 
     τ_measured,j(t) = (1 + gain_j) τ_j(t − delay_j) ≈ τ_j + gain_j τ_j + delay_j (τ_j(t − size) − τ_j)/size
 
-with τ the torque of the reference parameters. With ``q_measured,j = q_j + zero_j`` the arm stands in another pose than
-the log says, so ``τ(q) ≈ τ(q_measured) − ∂τ/∂q_j zero_j``.
+with τ the torque of the reference parameters. With ``q_measured,j = q_j + zero_j`` the arm's true pose differs from the
+log's, so ``τ(q) ≈ τ(q_measured) − ∂τ/∂q_j zero_j``.
 
 Sources: Gautier and Briot 2014, ASME J. Dynamic Systems, Measurement and Control 136(5); Leboutet, Roux, Janot,
 Guadarrama-Olvera and Cheng 2021, "Inertial parameter identification in robotics: a survey", Applied Sciences 11(9);
@@ -56,8 +56,8 @@ class TimeDelay(Effect):
     Attributes
     ----------
     size : float
-        Delay for which the change of the torque is calculated, s. The parameter is the delay found; it should be close
-        to `size`.
+        Delay for which the change of the torque is calculated, s. The identified parameter is the delay; it should be
+        close to `size`.
     """
 
     id: ClassVar[str] = "time_delay"
@@ -104,7 +104,7 @@ class TimeDelay(Effect):
 
 @dataclass(frozen=True)
 class EncoderZero(Effect):
-    """An encoder zero with a small error: the arm stands in another pose than the log says."""
+    """An encoder zero with a small error: the arm's true pose differs from the log's."""
 
     id: ClassVar[str] = "encoder_zero"
     title: ClassVar[str] = "shifted encoder zero"

@@ -2,8 +2,8 @@
 
     τ_j = Σ_terms rows_j(state) θ_term
 
-`State` holds the motion and what the reference parameters make of it. `Term` is one column with its parameter's name,
-unit and known sign. Derivatives and delays of a channel are those of the spline through its samples.
+`State` holds the motion and the torque of the reference parameters along it. `Term` is one column with its parameter's
+name, unit and known sign. Derivatives and delays of a channel are those of the spline through its samples.
 
 Source of the splines: de Boor 2001, A Practical Guide to Splines, Springer.
 """
@@ -30,7 +30,7 @@ is random."""
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A stretch of motion as effects see it.
+    """A stretch of motion, the input of an effect.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class State:
     reference : ndarray, shape (R,), optional
         Reference values of ``robot.columns``, from which `load` is computed; None: the URDF's own.
     dry : ndarray, shape (J,), optional
-        Level of the reference's dry friction, N·m (N); None: not known, taken as none.
+        Dry friction according to the reference parameters, N·m (N); None: unknown, counts as zero.
 
     Examples
     --------
@@ -137,7 +137,7 @@ class Term:
     column : Column
         Name, unit, joint, effect and known sign of its parameter.
     rows : dict of int to ndarray, shape (N,)
-        Index of a joint -> torque on that joint per unit of the parameter. Joints that are absent feel nothing.
+        Index of a joint -> torque on that joint per unit of the parameter; zero on joints that are absent.
     """
 
     column: Column

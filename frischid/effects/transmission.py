@@ -134,8 +134,8 @@ class JointCoupling(Effect):
     Attributes
     ----------
     ratio : float
-        Motion of the motor per motion of the second joint, over the same of the first joint: 1 in a wrist whose motor
-        turns with the sum of both, −1 in a wrist whose motor turns with their difference.
+        Motion of the motor per motion of the second joint, over the motion of the motor per motion of the first: 1 in a
+        wrist whose motor turns with the sum of both, −1 in a wrist whose motor turns with their difference.
     """
 
     id: ClassVar[str] = "joint_coupling"

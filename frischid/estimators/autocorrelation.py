@@ -1,12 +1,12 @@
-"""How long a residual remembers itself: what a sample is worth as evidence.
+"""Correlation time of a residual: the number of consecutive samples that count as one independent sample.
 
-With ρ_k the correlation of samples k apart, the mean over n samples varies as that over n/ℓ independent ones would,
+With ρ_k the correlation of samples at lag k, the mean over n samples varies like the mean over n/ℓ independent ones,
 
     ℓ = 1 + 2 Σ_k ρ_k,
 
-the integrated autocorrelation time, summed up to where the correlation is lost in its own noise (Sokal 1997). The
-products that ρ_k is made of add up over consecutive parts, each with the end of those before it, so a residual of any
-length is gone through part by part.
+with ℓ the integrated autocorrelation time, summed up to the lag where the correlation is below its own noise (Sokal
+1997). The sums of products in ρ_k are formed over consecutive parts, each together with the end of the part before, so
+a residual of any length is processed part by part.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Autocorrelation:
     Parameters
     ----------
     lags : int
-        Most samples apart whose correlation is looked at.
+        Largest lag, in samples.
     """
 
     def __init__(self, lags: int = CORRELATION_LAGS) -> None:
@@ -40,14 +40,14 @@ class Autocorrelation:
 
     @classmethod
     def of(cls, parts: Iterable[Array]) -> Autocorrelation:
-        """Of all parts, in order."""
+        """Autocorrelation of all parts, in order."""
         found = cls()
         for x in parts:
             found.add(x)
         return found
 
     def add(self, x: Array) -> None:
-        """Go on by some samples."""
+        """Add the next samples."""
         if not len(x):
             return
         lags = len(self.products)
@@ -65,7 +65,7 @@ class Autocorrelation:
 
     @property
     def covariances(self) -> Array:
-        """Sums of products of the samples k apart, less the mean of all, (lags,)."""
+        """Sums of products of samples at lag k, less the mean of all, (lags,)."""
         k, mean = np.arange(len(self.products)), self.total / max(self.count, 1)
         first, last = (np.append(0.0, np.cumsum(x))[np.minimum(k, len(x))] for x in (self._first, self._last[::-1]))
         # of both sums over the n − k pairs: all samples but the last k, and all but the first

@@ -7,9 +7,9 @@ Robots Dynamic Parameters*, Algorithm 1):
 
     l ← max(l, min_j θ_ij(Σ_k)),     u ← min(u, max_j θ_ij(Σ_k)),     k = 0, 1, …
 
-That holds for exact moments. A window is a finite sample, its vertices are off by O(1/√w), and the maximum
-over thousands of windows collects the worst of those errors: on long logs the bounds cross, or worse, close
-in on a wrong value. Hence three variants.
+This holds for exact moments. A window is a finite sample, so its vertices have errors of O(1/√w), and the maximum over
+thousands of windows collects the worst of these errors. On long logs the bounds cross, or shrink to a wrong value. So
+there are three variants.
 
 ``strict``
     Algorithm 1 as published. It stops at the first window that empties the box.
@@ -23,15 +23,15 @@ in on a wrong value. Hence three variants.
 
         IF_ij(x) = y_j (y_i + θ_ij y_L) / K_Lj,      var θ_ij ≈ E[IF_ij²] / w_effective.
 
-    Neighbouring rows are alike, so w rows are worth fewer than w: the variance is taken from the sums of IF
+    Neighbouring rows are correlated, so w rows count as fewer than w. The variance is computed from the sums of IF
     over blocks of `correlation` rows (batch means), which are ``K G_b K`` of the blocks' moments G_b. The
     bounds move by t_{B−1}(1 − α / (2 p n)) standard errors, Bonferroni over n windows, p parameters and two
-    sides, for B blocks per window. The p + 1 vertices cost nothing: the bound can fail only where the
-    population's extreme vertex does. A vertex whose denominator K_Lj cannot be told from zero may lie
-    anywhere, and its window says nothing.
+    sides, for B blocks per window. No correction for the p + 1 vertices is needed: the bound can fail only where the
+    population's extreme vertex does. If the denominator K_Lj of a vertex is zero within its error, the vertex may lie
+    anywhere, and its window gives no bound.
 
-One limit holds for every variant: the boxes bound the truth only when the vertices share an orthant (Theorem 1).
-`Recursion` counts the windows whose vertices do.
+One limitation holds for every variant: the boxes bound the truth only when the vertices share an orthant (Theorem 1).
+`Recursion.same_orthant` counts the windows whose vertices do.
 """
 
 from __future__ import annotations
@@ -55,6 +55,36 @@ HISTORY = 2000
 """Most rows kept of the bounds' history; longer recursions keep every second, third, … window."""
 
 
+@dataclass(frozen=True)
+class Calibration:
+    """How far the calibrated variant widens the vertices.
+
+    Attributes
+    ----------
+    confidence : float
+        Joint confidence of all the bounds.
+    correlation : int, optional
+        Length in rows of the blocks that count as independent. By default twice the lag at which the autocorrelation
+        of the slowest regression residual vanishes, but between 1/64 and 1/8 of a window, so that 8 to 64 blocks show
+        their scatter.
+
+    Raises
+    ------
+    InputError
+        The confidence is not between 0 and 1.
+    """
+
+    confidence: float = 0.95
+    correlation: int | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 < self.confidence < 1:
+            raise InputError(f"the confidence must lie strictly between 0 and 1, not {self.confidence}")
+
+
+CALIBRATION = Calibration()
+
+
 class Emptied(NamedTuple):
     """The window whose bounds contradicted the earlier ones, and the first parameter in which they did."""
 
@@ -66,14 +96,14 @@ class Emptied(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Recursion:
-    """What the recursion found.
+    """Result of the recursion.
 
     Attributes
     ----------
     names : tuple of str
         The p parameters.
     variant : {"strict", "undo", "calibrated"}
-        Which recursion.
+        Variant of the recursion.
     box : Box or None
         The last box; None when a window emptied it.
     steps : ndarray of int, shape (n_steps,)
@@ -81,17 +111,17 @@ class Recursion:
     lower, upper : ndarray, shape (n_steps, p)
         Histories of the bounds; they never widen, and end before the window that emptied the box.
     windows : int
-        Windows looked at.
+        Number of windows.
     skipped : int
-        Windows with singular moments: no motion, or no noise at all. They leave the bounds as they are.
+        Windows with singular moments: no motion, or no noise at all. They do not change the bounds.
     undone : int
         Windows left out because they would have emptied the box (``"undo"`` only).
     same_orthant : int
-        Windows whose vertices (widened ones if calibrated) share an orthant, so that Theorem 1 backs them.
+        Windows whose vertices (widened ones if calibrated) share an orthant, so that Theorem 1 applies.
     emptied : Emptied or None
-        Where and when the bounds crossed, if they did.
+        Parameter and window at which the bounds crossed, if they did.
     correlation : int
-        Rows taken as correlated; 1 unless calibrated.
+        Rows that count as correlated; 1 unless calibrated.
     """
 
     names: tuple[str, ...]
@@ -122,8 +152,7 @@ def bbrf(
     stride: int | None = None,
     signs: Sequence[Sign] | None = None,
     variant: Variant = "strict",
-    confidence: float = 0.95,
-    correlation: int | None = None,
+    calibration: Calibration = CALIBRATION,
 ) -> Recursion:
     """Intersect the Frisch boxes of a window that slides over the rows.
 
@@ -142,17 +171,13 @@ def bbrf(
         Known signs; the bounds start at zero on the known side.
     variant : {"strict", "undo", "calibrated"}
         See the module's docstring.
-    confidence : float
-        Joint confidence of all the bounds, calibrated variant only.
-    correlation : int, optional
-        Length in rows of the blocks taken as independent of one another, calibrated variant only. By default
-        twice the lag at which the autocorrelation of the slowest regression residual dies out, but between
-        1/64 and 1/8 of a window, so that 8 to 64 blocks show how much they scatter.
+    calibration : Calibration
+        For the calibrated variant; the others widen nothing.
 
     Returns
     -------
     Recursion
-        An emptied box is an answer, not an exception: see `Recursion.emptied` and `Recursion.require_box`.
+        An emptied box is a result and not an error: see `Recursion.emptied` and `Recursion.require_box`.
 
     Raises
     ------
@@ -166,7 +191,7 @@ def bbrf(
         raise UnknownNameError("variant", variant, get_args(Variant))
     calibrated = variant == "calibrated"
     stride = stride if stride is not None else max(1, window // 2 if calibrated else 1)
-    _check(rows, p, window, stride, confidence)
+    _check(rows, p, window, stride)
     rms = np.sqrt(np.einsum("ki,ki->i", rows, rows) / len(rows))
     if not (rms > 0).all():
         what = [*names, "torque"][int((rms == 0).argmax())]
@@ -174,12 +199,13 @@ def bbrf(
     scaled = np.ascontiguousarray(rows / rms)
     count = (len(rows) - window) // stride + 1
     if calibrated:
-        block = correlation_length(scaled, window) if correlation is None else correlation
+        block = calibration.correlation
+        block = correlation_length(scaled, window) if block is None else block
         if not 1 <= block <= window // 4:
             raise InputError(
                 f"correlation is {block} rows; a window of {window} needs 1 to {window // 4} (four blocks)"
             )
-        quantile = float(student.isf((1 - confidence) / (2 * p * count), -(-window // block) - 1))
+        quantile = float(student.isf((1 - calibration.confidence) / (2 * p * count), -(-window // block) - 1))
         extents = calibrated_extents(scaled, window, stride, block, quantile)
     else:
         block = 1
@@ -237,7 +263,7 @@ def _each(extents: Iterator[Extents], unit: Array) -> Iterator[tuple[Array, Arra
         yield from zip(lower * unit, upper * unit, usable.tolist(), backed.tolist(), strict=True)
 
 
-def _check(rows: Array, p: int, window: int, stride: int, confidence: float) -> None:
+def _check(rows: Array, p: int, window: int, stride: int) -> None:
     """Raise the InputError that says which option does not fit the rows."""
     if rows.ndim != 2 or rows.shape[1] != p + 1 or p == 0:
         raise InputError(f"{p} parameters need rows [Y τ] of shape (M, {p + 1}) and p ≥ 1, not {rows.shape}")
@@ -251,5 +277,3 @@ def _check(rows: Array, p: int, window: int, stride: int, confidence: float) -> 
         )
     if stride < 1:
         raise InputError(f"the stride must be at least 1 row, not {stride}")
-    if not 0 < confidence < 1:
-        raise InputError(f"the confidence must lie strictly between 0 and 1, not {confidence}")

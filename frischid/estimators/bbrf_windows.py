@@ -1,7 +1,7 @@
 """Frisch boxes of windows that slide over the rows, for the bounding-box recursion.
 
-Moments of a window follow from those of the one before it by adding the rows that come in and subtracting those that go
-out. ``K`` is the inverse of the moments; its columns hold the window's vertices.
+Moments of a window follow from those of the window before by adding the new rows and subtracting the old ones. ``K`` is
+the inverse of the moments; its columns give the window's vertices.
 """
 
 from __future__ import annotations
@@ -33,9 +33,8 @@ class Extents(NamedTuple):
 def window_moments(rows: Array, window: int, stride: int) -> Iterator[Array]:
     """Mean moments of the sliding windows, in batches of shape (n, p + 1, p + 1).
 
-    The first of a batch is summed from its rows, the others by adding the rows that come in and subtracting
-    those that go out; a fresh anchor every `BATCH` windows keeps rounding from piling up, and memory
-    bounded.
+    The first of a batch is summed from its rows; the others follow by adding the new rows and subtracting the old ones.
+    A fresh sum every `BATCH` windows limits the accumulation of rounding errors, and the memory.
     """
     starts = range(0, len(rows) - window + 1, stride)
     width = rows.shape[1]
@@ -123,7 +122,7 @@ def inverses(moments: Array) -> tuple[Array, Array, Flags]:
 
 
 def correlation_length(rows: Array, window: int) -> int:
-    """Rows to take as one block: twice the lag at which the slowest regression residual forgets itself.
+    """Rows that form one block: twice the lag at which the slowest regression residual is no longer correlated.
 
     The residuals are those of all p + 1 regressions, K x up to scale: the influence functions are their
     products, and the ones that blame a column are often slower than the torque's.

@@ -2,7 +2,8 @@
 
     i_j = κ_j (A_j φ) + noise,     φ = (unknowns, 1)
 
-One column of A is known outright and fixes the common factor. The moments of joint j are those of [A_j i_j].
+The coefficient of one column of A is known, which determines the common factor. The moments of joint j are those of
+[A_j i_j].
 
 Sources: Van Huffel and Vandewalle 1991, The Total Least Squares Problem, SIAM, chapter 3 (columns without noise);
 Gautier and Briot 2014, ASME J. Dynamic Systems, Measurement and Control 136(5).
@@ -32,7 +33,7 @@ def total_least_squares(M: Array, counts: Array, iterations: int = 5) -> tuple[A
     counts : ndarray, shape (J,)
         Rows of each joint.
     iterations : int
-        Of the joints' weights, which depend on g.
+        Iterations of the joints' weights, which depend on g.
 
     Returns
     -------
@@ -42,11 +43,13 @@ def total_least_squares(M: Array, counts: Array, iterations: int = 5) -> tuple[A
     Raises
     ------
     IdentifiabilityError
-        The known column is hardly felt.
+        The known column hardly contributes to the torques.
     """
     size = np.sqrt(np.einsum("jaa->a", M)[:-1])
     if size[-1] == 0:
-        raise IdentifiabilityError("the known weight makes no torque in the loaded logs")
+        raise IdentifiabilityError(
+            "the known payload causes no torque in the loaded logs; move the joints that carry it"
+        )
     size = np.where(size > 0, size, 1.0)
     noise = np.array([_left(m) for m in M]) / counts
     weights = 1.0 / M[:, -1, -1]
@@ -59,7 +62,10 @@ def total_least_squares(M: Array, counts: Array, iterations: int = 5) -> tuple[A
         g = root * np.linalg.eigh(S * np.outer(root, root))[1][:, 0]
         phi = (solved @ g) / size
         if not (np.abs(g) > 0).all() or abs(phi[-1]) * size[-1] < 1e-9 * np.abs(phi * size).max():
-            raise IdentifiabilityError("the loaded logs do not fix the gains: the known weight is hardly felt")
+            raise IdentifiabilityError(
+                "the loaded logs do not determine the gains: the known payload hardly changes the torque; use a "
+                "heavier payload, or motions that lift it"
+            )
         g, phi = g / phi[-1], phi / phi[-1]
         weights = 1.0 / (g**2 * noise)
     return g, phi
@@ -77,16 +83,16 @@ def in_amperes(
     counts : ndarray, shape (J,)
         Rows of each joint, all blocks together.
     gains, phi : ndarray
-        Where to start.
+        Start values.
     names : sequence of str
-        Of the n + J unknowns, for errors.
+        Names of the n + J unknowns, for errors.
 
     Returns
     -------
     x : ndarray, shape (n + J,)
         φ without its last entry, then κ.
     covariance, information : ndarray, shape (n + J, n + J)
-        The jackknife over blocks, and the Gauss-Newton matrix less what correlation inflates.
+        The jackknife over blocks, and the Gauss-Newton matrix divided by the inflation from correlation.
     """
     M, J = np.sum(blocks, axis=0), len(gains)
     x = np.concatenate([phi[:-1], 1.0 / gains])
@@ -109,8 +115,8 @@ def in_amperes(
     if (x[-J:] <= 0).any():
         wrong = [n for n, c in zip(names[-J:], x[-J:], strict=True) if c <= 0]
         raise IdentifiabilityError(
-            f"{', '.join(wrong)} would be negative: is a current's sign wrong (sign in the mapping), or the payload "
-            "hardly felt?"
+            f"{', '.join(wrong)} would be negative: is a current's sign wrong (sign in the mapping), or does the "
+            "payload hardly change the torque?"
         )
     return x, covariance, H / max(1.0, inflation)
 
@@ -164,7 +170,7 @@ def _solve(H: Array, b: Any, names: Sequence[str]) -> Array:
         worst = np.abs(vectors[:, 0])
         blind = [names[i] for i in np.argsort(-worst)[:6] if worst[i] > 0.1 * worst.max()]
         raise IdentifiabilityError(
-            f"these logs cannot tell {', '.join(blind)} apart; record motions in which the payload is felt more"
+            f"these logs cannot distinguish {', '.join(blind)}; record motions in which the payload causes more torque"
         )
     right = b / size if b.ndim == 1 else b / size[:, None]
     solution = vectors @ ((vectors.T @ right).T / values).T

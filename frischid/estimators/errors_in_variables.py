@@ -1,4 +1,4 @@
-"""Errors in variables: least squares that knows the regressor was computed from noisy sensors.
+"""Errors in variables: least squares that accounts for the noise of the sensors behind the regressor.
 
 Sample k measures ``z̃ = z + L ε`` (ε of unit covariance, L the square root of the sensors' covariance) and
 ``τ̃ = Y(z) θ + e``. Orthogonal distance regression chooses the states too,
@@ -10,9 +10,9 @@ Eliminating the linearised states leaves the errors-in-variables likelihood, a g
     min_θ Σ_k ρ_kᵀ Σ_ρ⁻¹ ρ_k,   ρ = Y(ẑ) θ + J(z̃ − ẑ) − τ̃,   Σ_ρ = Σ_τ + J L Lᵀ Jᵀ,   J = ∂(Yθ)/∂z,
     ẑ = z̃ − L Lᵀ Jᵀ Σ_ρ⁻¹ ρ,
 
-solved in turns (Boggs, Byrd and Schnabel 1987, SIAM J. Sci. Stat. Comput. 8(6)). Everything is evaluated at the
-corrected state ẑ, whose error is uncorrelated with ρ: that, not the weights alone, removes the bias of least squares.
-Three points:
+solved by iteration (Boggs, Byrd and Schnabel 1987, SIAM J. Sci. Stat. Comput. 8(6)). Everything is evaluated at the
+corrected state ẑ, whose error is uncorrelated with ρ. This, and not the weights alone, removes the bias of least
+squares. Three points:
 
 - *No* ``log det Σ_ρ``. ρ depends on θ, so its density is not that of the data; with the determinant even the straight
   line with errors in both variables is inconsistent, without it the estimate is Deming's.
@@ -22,13 +22,14 @@ Three points:
       Σ_k Yᵀ Σ_ρ⁻¹ (τ̃ − J(z̃ − ẑ) − (Y − C) θ) = 0.
 
 - *Dry friction* has no derivative at v = 0. Its columns enter as their mean over the sensors' noise, a smoothed sign,
-  and what this leaves uncertain joins Σ_ρ.
+  and their variance is added to Σ_ρ.
 
 All derivatives are differences over ±√3 standard deviations, the nodes of a three-point Gauss-Hermite rule. Torque
-noise is given, or at least `signals.noise_level`, raised until the weighted squares average one (Mandel and Paule
-1970): what the sensors do not explain is counted as torque noise. Filtered rows F Y are corrected by Y(ẑ) − Y(z̃).
-The standard errors are a jackknife over blocks of time, so that correlated residuals are counted. States, columns and
-slopes of all samples are needed several times in turns; they are in a `Store`, so that one stretch is in memory.
+noise is given, or starts at `frischid.logs.filters.noise_level` and is raised until the weighted squares average one
+(Mandel and Paule 1970): residuals that the sensors do not explain count as torque noise. Filtered rows F Y are
+corrected by Y(ẑ) − Y(z̃). The standard errors are a jackknife over blocks of time, which accounts for correlated
+residuals. States, columns and slopes of all samples are needed in every iteration; they are in a `Store`, so that only
+one stretch is in memory.
 """
 
 from __future__ import annotations
@@ -68,13 +69,13 @@ class Samples:
     directions : ndarray, shape (D, S)
         Rows l_d with ``Σ_d l_d l_dᵀ`` the covariance of a state's errors.
     ratios : ndarray, shape (D,)
-        How many times larger that variance was before the filter: it acted on Y then.
+        Variance before the filter over this one; the unfiltered errors acted on Y.
     torque : ndarray, shape (R,)
         Standard deviation of the torque's noise.
     dry : ndarray of bool, shape (p,)
         Columns without a derivative.
     torque_given : bool
-        Whether `torque` is to be taken as it is.
+        Whether `torque` is exact and not raised.
     """
 
     columns: Callable[[Array], Array]
@@ -171,7 +172,7 @@ class _Stretch:
         return np.asarray(np.einsum("kcr,c->kr", self.equations(), np.append(theta, -1.0)))
 
     def correct(self, theta: Array, inflation: float) -> None:
-        """Move the states to where the data and θ agree best."""
+        """Correct the states so that the data and θ agree best."""
         pull = np.einsum("krs,ks->kr", self.weights(inflation), self.residual(theta))
         self["epsilon"] = np.einsum("krd,kr->kd", self["JL"], pull)
 
@@ -184,13 +185,13 @@ def eiv(
     Parameters
     ----------
     stretches : iterable of Samples
-        From `state_samples.samples`; gone through once, and one of them in memory at a time (see `Store`).
+        From `state_samples.samples`; read once, one of them in memory at a time (see `Store`).
     columns : sequence of Column
         The p base parameters.
     joints : sequence of str
         Joints of the R torque rows.
     iterations : int
-        Turns of linearising, solving and correcting the states; the third changes little.
+        Iterations of linearising, solving and correcting the states; the third changes little.
 
     Returns
     -------
@@ -225,8 +226,8 @@ def eiv(
     notes = [f"only {B} blocks of data: standard errors are uncertain"] if B < JACKKNIFE_BLOCKS else []
     if inflation > 4.0:
         notes.append(
-            "the sensors' noise explains only part of the residual: torque noise was taken as "
-            f"{np.sqrt(inflation):.3g} times its high-frequency level, which is what a missing effect looks like"
+            "the sensors' noise explains only a part of the residual: the torque noise was set to "
+            f"{np.sqrt(inflation):.3g} times its high-frequency level; a missing effect may be the cause"
         )
     return Estimate(
         columns=tuple(columns),
@@ -243,7 +244,7 @@ def eiv(
 
 
 def information_of(A: Array, covariance: Array) -> Array:
-    """Symmetric part of a weighted normal matrix, divided by how much correlation inflates variances, (p, p)."""
+    """Symmetric part of a weighted normal matrix over the factor by which correlation inflates variances, (p, p)."""
     plain = (A + A.T) / 2
     inflation = float(np.median(np.diag(covariance) / np.abs(np.diag(np.linalg.inv(plain)))))
     return np.asarray(plain / max(1.0, inflation))
@@ -318,7 +319,7 @@ def solve_scaled(A: Array, b: Array, names: Sequence[str]) -> tuple[Array, float
     if condition > WORST_CONDITION:
         worst = np.abs(vectors[-1])
         blind = [names[i] for i in np.argsort(-worst)[:6] if worst[i] > 0.1 * worst.max()]
-        raise IdentifiabilityError(f"this log cannot tell {', '.join(blind)} apart (condition number {condition:.1e})")
+        raise IdentifiabilityError(f"this log cannot distinguish {', '.join(blind)} (condition number {condition:.1e})")
     return scale * np.linalg.solve(scaled, scale * b), condition
 
 

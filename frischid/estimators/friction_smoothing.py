@@ -1,12 +1,13 @@
-"""When and how sharply dry friction changes its direction, read off the data.
+"""Width and lead of dry friction's change of direction, chosen from the data.
 
     τ_dry = fc tanh((q̇ + lead q̈) / width)
 
-Dry friction is a step at zero speed; sensors and pre-sliding make a ramp of it, and a joint that friction stops before
-it turns feels it change ahead of the motion. Neither width nor lead enters a linear fit, so moments of many are taken
-in one pass, each a column of its own, and the one that predicts best a part of the data left out is kept: first of a
-series of widths, then of leads, then of values between. A wider one, and any lead, must pay for itself, because a sharp
-sign at the reversal itself errs least on other motions.
+Dry friction is a step at zero speed. Sensors and pre-sliding turn the step into a ramp of some width. If friction stops
+a joint before the joint reverses, friction changes before the speed does, by the lead. Width and lead are not linear
+parameters. So moments of many values are computed in one pass, each value as a column of its own. The value that best
+predicts data left out of the fit is kept: first of a series of widths, then of leads, then of values in between. A
+wider sign, or a lead, must lower the error clearly, because a sharp sign at the reversal has the smallest error on
+other motions.
 """
 
 from __future__ import annotations
@@ -32,24 +33,24 @@ LEADS = (0.001, 0.002, 0.005, 0.01, 0.02)  # s
 WIDTHS_WITH_LEAD = (
     0.002,
     0.01,
-)  # widths with which they are tried, rad/s (m/s): what looks wide without a lead is narrow with it
-REFINEMENTS = (0.65, 0.8, 0.95, 1.25, 1.5)  # of the best of these
-SMOOTHING_SAMPLES = 6000  # samples that are looked at
-OVERSAMPLING = 20.0  # times the cut-off: the rate of samples that is enough
-LEAST_VARIANCE = 1e-30  # a dead torque's variance, which has a logarithm
-DECISIVE = 0.98  # share of a simpler one's error below which a wider sign, or a lead, is worth it
+)  # rad/s (m/s): widths that are tried with a lead; a sign that looks wide without a lead is narrow with it
+REFINEMENTS = (0.65, 0.8, 0.95, 1.25, 1.5)  # factors on the best of these
+SMOOTHING_SAMPLES = 6000  # samples that are used
+OVERSAMPLING = 20.0  # sufficient rate of samples, as a multiple of the cut-off
+LEAST_VARIANCE = 1e-30  # lower limit of a variance, so that a dead torque has a logarithm
+DECISIVE = 0.98  # a wider sign, or a lead, must lower the error of the simpler one to this share
 
 
 def dry_friction(
     robot: Robot, motions: Sequence[Motion], lowpass: LowPass, joints: Sequence[str], reduction: Reduction
 ) -> Coulomb | None:
-    """Dry friction with the width and lead that predict best a part of the data left out.
+    """Dry friction with the width and lead that best predict data left out of the fit.
 
     Parameters
     ----------
     robot : Robot
     motions : sequence of Motion
-        Their middles are looked at, `SMOOTHING_SAMPLES` samples in all, no more often than the filter needs.
+        Their middles are used, `SMOOTHING_SAMPLES` samples in all, at a rate that suffices for the filter.
     lowpass : LowPass
     joints : sequence of str
         Joints whose torque rows are used.
@@ -76,17 +77,17 @@ def dry_friction(
         near = _near(best)
         known |= _errors(robot, parts, lowpass, joints, reduction, near)
     except IdentifiabilityError:
-        return None  # what the whole logs can do is judged later
+        return None  # later stages decide whether the whole logs suffice
     return _simplest([best, min(near, key=lambda c: known[c])], known)
 
 
 def _every(motion: Motion, lowpass: LowPass) -> int:
-    """Of how many samples one is looked at: a filter to a few hertz needs no kilohertz."""
+    """Every n-th sample is used: a filter to a few hertz needs no kilohertz."""
     return 1 if lowpass.cutoff is None else max(1, int(1.0 / (OVERSAMPLING * lowpass.cutoff * motion.step)))
 
 
 def _simplest(ordered: Sequence[Coulomb], errors: Mapping[Coulomb, float]) -> Coulomb:
-    """Take the first whose error is not clearly above the least."""
+    """The first one whose error is not clearly above the least error."""
     return next(c for c in ordered if DECISIVE * errors[c] <= min(errors[x] for x in ordered))
 
 

@@ -1,7 +1,7 @@
-"""The Frisch scheme: which parameters are compatible with data in which *every* variable is noisy.
+"""The Frisch scheme: the set of parameters that are compatible with data in which *every* variable is noisy.
 
-Least squares assigns all the misfit to the torque. Another variable may carry the misfit just as well, and the
-solution is then another one. With the second moments of the p + 1 variables z = [Y τ] (torque last, index L = p)
+Least squares assigns all the misfit to the torque. Any other variable may carry the misfit, with another solution.
+With the second moments of the p + 1 variables z = [Y τ] (torque last, index L = p)
 
     Σ = E[z zᵀ],   K = Σ⁻¹,   θ_ij = −K_ij / K_Lj   (i < p),   j = 0 … p,
 
@@ -26,6 +26,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frischid.core.types import Array, Sign
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError
@@ -36,7 +37,7 @@ CONDITION_LIMIT = 1e12
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Bounds ``lower ≤ θ ≤ upper``, one interval per parameter; infinite where nothing is known.
+    """Bounds ``lower ≤ θ ≤ upper``, one interval per parameter; infinite where there is no bound.
 
     Attributes
     ----------
@@ -84,6 +85,10 @@ class Box:
         """Whether `theta` lies in the box, to within `tol` (in each parameter's own unit)."""
         return bool(((theta >= self.lower - tol) & (theta <= self.upper + tol)).all())
 
+    def informs(self, other: Box) -> NDArray[np.bool_]:
+        """Whether each interval is bounded and narrower than that of `other`, shape (p,)."""
+        return np.isfinite(self.width) & (self.width < other.width)
+
     def intersect(self, other: Box) -> Box:
         """Return the bounds that satisfy both boxes; EmptyBoxError when they contradict one another."""
         if self.names != other.names:
@@ -109,11 +114,10 @@ class Simplex:
     names : tuple of str
         The p parameters.
     vertices : ndarray, shape (p, p + 1)
-        Column j blames variable j; the last column blames the torque. Not finite where the torque does not
-        enter the regression of variable j at all.
+        Column j assigns all noise to variable j; the last column assigns it to the torque. Not finite where the torque
+        does not enter the regression of variable j.
     exact : bool
-        The torque is fitted to rounding: there is no noise to share out, and all vertices are the one
-        solution.
+        The torque is fitted to rounding: there is no noise, and all vertices are the same solution.
     condition : float
         Condition number of Σ scaled to unit diagonal (of its regressor block when `exact`).
     """
@@ -132,7 +136,7 @@ class Simplex:
     def disagreeing(self) -> tuple[str, ...]:
         """Parameters whose sign changes from vertex to vertex.
 
-        One parameter lost in the noise can name them all: blaming its column may flip every sign.
+        One parameter that is weaker than the noise can make all parameters change their sign.
         """
         signs = np.sign(self.vertices)
         agree = (signs == signs[:, -1:]).all(axis=1)
@@ -140,7 +144,7 @@ class Simplex:
 
     @property
     def same_orthant(self) -> bool:
-        """Whether Theorem 1 applies: the solutions of the noise-sharing problem are exactly this simplex."""
+        """Whether Theorem 1 applies: then the set of compatible parameters is exactly this simplex."""
         return not self.disagreeing
 
     def box(self) -> Box:

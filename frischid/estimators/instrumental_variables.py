@@ -1,27 +1,28 @@
-"""Instrumental variables: a regressor of the same motion that does not know the sensors' noise.
+"""Instrumental variables: least squares with a second regressor of the same motion, free of the sensors' noise.
 
-Least squares is biased because the regressor Y, computed from noisy states, moves with the errors of the equation. An
-*instrument* Z moves with the true regressor and not with those errors; replacing Yᵀ by Zᵀ in the normal equations,
+Least squares is biased because the regressor Y, computed from noisy states, is correlated with the errors of the
+equation. An *instrument* Z is correlated with the true regressor, but not with those errors. Replacing Yᵀ by Zᵀ in the
+normal equations,
 
     θ = (Σ_j w_j Z_jᵀ Y_j)⁻¹ Σ_j w_j Z_jᵀ τ_j,
 
-removes the bias without knowing any noise level. Robots have a good one (IDIM-IV: Janot, Vandanjon and Gautier 2014,
-IEEE Trans. Control Systems Technology 22(1); Brunot et al. 2018): they follow a reference in closed loop, so the
-model with the current θ is *simulated* under the same reference, ``Z = Y(q_s, q̇_s, q̈_s)``, and estimation and
-simulation take turns.
+removes the bias without any knowledge of the noise. For robots there is a good instrument (IDIM-IV: Janot, Vandanjon
+and Gautier 2014, IEEE Trans. Control Systems Technology 22(1); Brunot et al. 2018). A robot follows a reference in
+closed loop, so the model with the current θ is *simulated* with the same reference, ``Z = Y(q_s, q̇_s, q̈_s)``.
+Estimation and simulation alternate.
 
 Here the simulated controller is computed torque at the reference with feedback on the simulated error e = q_r − q_s,
 
     u = Y(q_r, q̇_r, q̈_r) θ + M(q_s) (ω² e + 2 ω ė),      q̈_s = M(q_s)⁻¹ (u − h(q_s, q̇_s)),
 
-with M and h read from the columns (the torque is affine in q̈). The simulation restarts
-at the reference every second, all seconds at once: it stays close to the reference whatever θ, which is all that the
-method asks of it, and an error of θ does not grow over the log.
+with M and h from the columns (the torque is affine in q̈). The simulation restarts at the reference every second, and
+all seconds are simulated at once. So the simulated motion stays close to the reference for any θ, as the method needs,
+and an error of θ does not grow over the log.
 
-Where no reference was recorded, one is made from the log itself: at every sample the polynomial that best fits the
-measured q, q̇ and q̈ *around* it, the sample itself and all that went into its derivatives left out. White sensor
-noise of the sample is then not in its instrument. After a low-pass neighbouring rows share noise and this is only
-nearly so; the recorded reference is better.
+If no reference was recorded, one is made from the log. At every sample, it is the polynomial that best fits the
+measured q, q̇ and q̈ *around* the sample, without the sample itself and without all samples used for its derivatives.
+So the white sensor noise of the sample is not in its instrument. After a low-pass, neighbouring rows share noise, and
+this holds only approximately; a recorded reference is better.
 """
 
 from __future__ import annotations
@@ -43,11 +44,11 @@ from frischid.regression.accumulation import MAX_BLOCKS
 from frischid.regression.regressor import CHUNK_SAMPLES, Regressor
 from frischid.robot.robot import Robot
 
-REFERENCE_SPAN = 0.15  # seconds to either side that make the reference of a sample
+REFERENCE_SPAN = 0.15  # s before and after a sample from which its reference is made
 REFERENCE_DEGREE = 5
 RESTART_SECONDS = 1.0  # seconds between restarts of the simulation
 FEEDBACK_STEP = 0.3  # feedback bandwidth times the step
-SETTLED_STDERR = 1e-2  # change of θ, in standard errors, at which the turns end
+SETTLED_STDERR = 1e-2  # change of θ, in standard errors, at which the iterations end
 
 
 def iv(
@@ -66,16 +67,16 @@ def iv(
     ----------
     regressor : Regressor
     motions : iterable of Motion
-        Gone through once a turn and once before; one at a time is in memory.
+        Read once per iteration and once before; one motion at a time is in memory.
     lowpass : LowPass
     base : sequence of int
         Columns of the base parameters.
     start : Estimate
         Least squares to begin with; its weights and torque joints are kept.
     references : sequence of Trajectory, optional
-        What each motion's controller was asked to follow, on the log's own time (zero where the log begins).
+        Reference of each motion's controller, on the log's own time (zero at the log's beginning).
     iterations : int
-        Most turns of simulating and estimating.
+        Most iterations of simulation and estimation.
 
     Returns
     -------
@@ -103,7 +104,7 @@ def iv(
             simulated = _simulated(regressor, base, theta, reference)
             if simulated is None:
                 notes.append(
-                    "some mass matrix of the current model is not positive: instruments are the reference itself"
+                    "some mass matrix of the current model is not positive: the reference itself is the instrument"
                 )
             sums.add(number, here, reference if simulated is None else simulated)
         moments = sums.blocks()
@@ -143,7 +144,7 @@ class _CrossMoments:
         self.sums: dict[tuple[int, int], Array] = {}
 
     def add(self, number: int, motion: Motion, instrument: Motion) -> None:
-        """Count a motion."""
+        """Add a motion."""
         every = self.lowpass.decimation(motion.step)
         each = max(1, round(self.seconds / motion.step) // every)  # rows of a block
         first = 0
@@ -165,13 +166,13 @@ class _CrossMoments:
 
 
 def _duration(motion: Motion, smoothed: bool) -> float:
-    """Length of what is used of a motion, s."""
+    """Length of the used part of a motion, s."""
     half = _half(motion) if smoothed else 0
     return float(motion.t[len(motion.t) - 1 - half] - motion.t[half])
 
 
 def _half(motion: Motion) -> int:
-    """Samples to either side that make the reference of a sample."""
+    """Number of samples before and after a sample from which its reference is made."""
     half, N = max(REFERENCE_DEGREE + 3, round(REFERENCE_SPAN / motion.step)), len(motion.t)
     if 2 * half + 2 > N:
         raise InputError(
@@ -261,7 +262,7 @@ class _Torque:
 
     def __call__(self, q: Array, v: Array, a: Array) -> Array:
         out = np.empty_like(q)
-        for first in range(0, len(q), CHUNK_SAMPLES):  # the columns of a whole motion need not be there at once
+        for first in range(0, len(q), CHUNK_SAMPLES):  # chunk by chunk, to save memory
             s = slice(first, first + CHUNK_SAMPLES)
             Y = self.regressor(np.zeros(len(q[s])), q[s], v[s], a[s])
             known = self.regressor.robot.known_torque(q[s], v[s], a[s])

@@ -4,16 +4,17 @@ Ordinary and weighted least squares minimise ``Σ_j w_j Σ_k (τ_jk − y_jk θ)
 
     θ = H⁻¹ Σ_j w_j Y_jᵀτ_j.
 
-OLS has w = 1; WLS repeats w_j = 1/σ_j² with σ_j the joint's residual spread, so that a strong base joint does not drown
-the wrist (Swevers, Verdonck and De Schutter 2007). Residuals of a robot are correlated over tenths of a second: what
-the textbook σ²H⁻¹ says is several times too small. The covariance here is the delete-one-block jackknife,
+OLS has w = 1. WLS iterates w_j = 1/σ_j² with σ_j the joint's residual standard deviation, so that a strong base joint
+does not hide the wrist (Swevers, Verdonck and De Schutter 2007). Residuals of a robot are correlated over tenths of a
+second, so the textbook covariance σ²H⁻¹ is several times too small. The covariance here is the delete-one-block
+jackknife,
 
     C = (B−1)/B Σ_b δ_b δ_bᵀ,   δ_b = θ − θ_(−b) = (H − H_b)⁻¹ s_b,   s_b = Σ_j w_j Y_jbᵀ(τ_jb − Y_jb θ),
 
-which needs nothing but the blocks' moments, is right when blocks are longer than the correlation, and counts leverage
-(Wu 1986, Annals of Statistics 14(4); CR3 of Cameron and Miller 2015).
+which needs only the blocks' moments, is valid when blocks are longer than the correlation, and takes leverage into
+account (Wu 1986, Annals of Statistics 14(4); CR3 of Cameron and Miller 2015).
 
-A prior N(μ, Λ⁻¹) is a few more rows of data: ``H + Λ`` and ``Σ_j w_j Y_jᵀτ_j + Λμ`` (maximum a posteriori, MAP).
+A prior N(μ, Λ⁻¹) acts like further rows of data: ``H + Λ`` and ``Σ_j w_j Y_jᵀτ_j + Λμ`` (maximum a posteriori, MAP).
 """
 
 from __future__ import annotations
@@ -26,10 +27,11 @@ from scipy import linalg
 
 from frischid.core.types import Array, Column
 from frischid.errors import IdentifiabilityError
+from frischid.estimators.held_out import Fold, held_out_stretches, held_out_variance
 from frischid.regression.moments import Gram, total
 
-WORST_CONDITION = 1e6  # of the column-scaled regressor; its square leaves four digits in the moments
-JACKKNIFE_BLOCKS = 10  # of data below which their scatter says nothing of correlation
+WORST_CONDITION = 1e6  # condition number of the column-scaled regressor; its square leaves four digits in the moments
+JACKKNIFE_BLOCKS = 10  # with fewer blocks of data, their scatter does not show the correlation
 SINGULAR_PIVOT = 1e-7  # least pivot of a Cholesky factor over the largest, below which its matrix is taken as singular
 ROUNDING_SHARE = 1e-9  # share of a joint's torque below which a residual is rounding, not noise
 LEAST_RELATIVE_RESIDUAL = 1e-3  # a joint's relative residual counts as at least this share of the median joint's
@@ -42,7 +44,7 @@ class Estimate:
     Attributes
     ----------
     columns : tuple of Column
-        What was estimated: names, units, joints, known signs.
+        The estimated columns: names, units, joints, known signs.
     theta : ndarray, shape (p,)
     covariance : ndarray, shape (p, p)
     joints : tuple of str
@@ -55,14 +57,13 @@ class Estimate:
         Condition number of the column-scaled, weighted regressor.
     estimator : str
     information : ndarray, shape (p, p)
-        What the data say of the parameters, ``Σ_j Y_jᵀY_j / σ_j²`` divided by how much correlation inflates
-        variances: the
-        precision with which another log may take these values as given.
+        Precision of the parameters from the data, ``Σ_j Y_jᵀY_j / σ_j²`` divided by the factor by which correlation
+        inflates variances. Another fit may use it as the precision of a prior.
     notes : tuple of str
-        What a reader must know to trust the numbers.
+        Reasons to be careful with the numbers.
     from_data : ndarray, shape (p,), or None
-        Share of what is known of each parameter that came from the logs, not from a prior:
-        1 − posterior variance / prior variance. None: there was no prior, all came from the logs.
+        Share of each parameter's information that comes from the logs and not from a prior:
+        1 − posterior variance / prior variance. None: there was no prior.
     """
 
     columns: tuple[Column, ...]
@@ -88,10 +89,27 @@ class Estimate:
         """Standard error of each parameter, shape (p,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
+    def error_variance(self, Y: Array) -> Array:
+        """Expected squared error of torque rows, ``σ_j² + y C yᵀ``.
+
+        Parameters
+        ----------
+        Y : ndarray, shape (M, p, J)
+            Base columns of the fitted joints.
+
+        Returns
+        -------
+        ndarray, shape (M, J)
+            (N·m)² (N²). With a prior, C contains the model's own error, so the formula is valid away from the fitted
+            motion too; without a prior, C is that of noise alone.
+        """
+        spread = np.einsum("mpj,mpj->mj", Y, np.einsum("pr,mrj->mpj", self.covariance, Y, optimize=True))
+        return np.asarray(np.maximum(spread, 0.0) + self.sigma**2)
+
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Gaussian knowledge of p parameters.
+    """Gaussian prior of p parameters.
 
     Attributes
     ----------
@@ -105,7 +123,7 @@ class Prior:
 
     @property
     def moments(self) -> Array:
-        """Moments of rows of [Y τ] that say the same, shape (p + 1, p + 1)."""
+        """Moments of rows of [Y τ] with the same information, shape (p + 1, p + 1)."""
         pull = self.precision @ self.mean
         return np.block([[self.precision, pull[:, None]], [pull[None, :], np.array([[self.mean @ pull]])]])
 
@@ -141,7 +159,7 @@ class NormalEquations:
             worst = np.abs(vectors[:, 0])
             blind = [names[i] for i in np.argsort(-worst)[:6] if worst[i] > 0.1 * worst.max()]
             raise IdentifiabilityError(
-                f"this log cannot tell {', '.join(blind)} apart (condition number {self.condition:.1e} of the "
+                f"this log cannot distinguish {', '.join(blind)} (condition number {self.condition:.1e} of the "
                 "column-scaled regressor); record a motion that moves these joints more, or leave an effect out"
             )
         self.factor = linalg.cho_factor(self.H)
@@ -170,7 +188,7 @@ def ols(blocks: Sequence[Gram]) -> Estimate:
     Raises
     ------
     IdentifiabilityError
-        Fewer rows than parameters, or a direction the data do not determine.
+        There are fewer rows than parameters, or the data do not determine some combination of parameters.
     """
     return _finish(blocks, np.ones(len(blocks[0].joints)), "ols")
 
@@ -184,7 +202,7 @@ def wls(blocks: Sequence[Gram], iterations: int = 8, prior: Prior | None = None)
     weights = np.ones(len(whole.joints))
     for _ in range(iterations):
         theta = _solve(whole, weights, prior).theta
-        # a joint without a row (it rests throughout) has no variance and needs no weight
+        # a joint without a row (always at standstill) has no variance and needs no weight
         updated = np.where(whole.counts > 0, 1.0 / np.maximum(_variance(whole, theta), 1e-150), 1.0)
         done = bool(np.allclose(updated, weights, rtol=1e-4))
         weights = updated
@@ -221,7 +239,7 @@ def _finish(blocks: Sequence[Gram], weights: Array, estimator: str) -> Estimate:
     variance = _variance(whole, system.theta)
     covariance, notes = _jackknife(blocks, weights, system)
     if covariance is None:
-        # Without enough blocks correlation cannot be measured: the textbook formula, and the reader is told.
+        # With too few blocks, correlation cannot be measured: the textbook formula is used, with a note.
         inside = np.einsum("j,jab->ab", weights**2 * variance, whole.moments[:, :-1, :-1])
         covariance = system.solve(system.solve(inside).T)
     plain = whole.weighted(1.0 / variance)[:-1, :-1]
@@ -247,7 +265,7 @@ def _posterior(blocks: Sequence[Gram], weights: Array, prior: Prior) -> Estimate
     system = _solve(whole, weights, prior)
     H, inverse = whole.weighted(weights)[:-1, :-1], system.inverse
     spread, notes = _jackknife(blocks, weights, system)
-    # what correlation adds to the variance that the data cause, over what independent residuals would
+    # variance from the data with correlated residuals, over that with independent residuals
     caused = np.diag(inverse @ H @ inverse)
     felt = caused > 1e-9 * np.diag(inverse)
     inflation = max(1.0, 1.0 if spread is None else float(np.median(np.diag(spread)[felt] / caused[felt])))
@@ -290,21 +308,18 @@ def _jackknife(blocks: Sequence[Gram], weights: Array, system: NormalEquations) 
     return (len(blocks) - 1) / len(blocks) * D.T @ D, ()
 
 
-def cross_validated(blocks: Sequence[Gram], estimate: Estimate, folds: int = 5, prior: Prior | None = None) -> Array:
-    """Held-out residual variance of each joint from contiguous folds: moments subtract, so no data are needed again.
+def least_squares_folds(blocks: Sequence[Gram], estimate: Estimate, prior: Prior | None = None) -> tuple[Fold, ...]:
+    """Fits without each stretch of time in turn, with the estimate's weights.
 
-    Returns
-    -------
-    ndarray, shape (J,)
+    Raises
+    ------
+    IdentifiabilityError
+        The log is too short to hold any of it out, or the other stretches do not determine the parameters.
     """
-    if len(blocks) < 2:
-        raise IdentifiabilityError(
-            "the log is too short to hold any of it out of the fit; record longer than two seconds"
-        )
     whole = total(blocks)
-    held = np.zeros(len(whole.joints))
-    for fold in np.array_split(np.arange(len(blocks)), min(folds, len(blocks))):
-        out = total(blocks[fold[0] : fold[-1] + 1])
-        theta = _solve(whole - out, estimate.weights, prior).theta
-        held += out.residual_ss(theta)
-    return np.asarray(held / whole.counts)
+    return tuple(Fold(out, _solve(whole - out, estimate.weights, prior).theta) for out in held_out_stretches(blocks))
+
+
+def cross_validated(blocks: Sequence[Gram], estimate: Estimate, prior: Prior | None = None) -> Array:
+    """Residual variance of each joint on stretches left out of the fit in turn, (J,)."""
+    return held_out_variance(least_squares_folds(blocks, estimate, prior))

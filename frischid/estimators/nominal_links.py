@@ -1,4 +1,4 @@
-"""Links as the URDF has them, made into bodies that can exist, for the divergence that `physical_links` minimises."""
+"""The URDF's links, changed to bodies that can exist where they cannot, as the reference of `physical_links`."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Links:
     Attributes
     ----------
     names : tuple of str
-        For messages.
+        Names for messages.
     nominal : ndarray, shape (L, 10)
         m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
     boxes : tuple of (ndarray (k, 3), ndarray (k,)) or None
-        Half spaces ``A c ≤ b`` the centre of mass c lies in, m.
+        Half-spaces ``A c ≤ b`` in which the centre of mass c must lie, m.
     known : ndarray, shape (L, 10)
-        Values given outright; NaN elsewhere.
+        Known values; NaN for the others.
     """
 
     names: tuple[str, ...]
@@ -37,7 +37,7 @@ class Links:
 
 
 def reference_inertias(links: Links) -> tuple[Array, tuple[str, ...]]:
-    """Positive definite pseudo-inertias of the nominal links, (L, 4, 4), and which had to be changed for it."""
+    """Positive definite pseudo-inertias of the nominal links, (L, 4, 4), and notes on links that had to be changed."""
     masses = links.nominal[:, 0]
     usual = float(masses[masses > 0].mean()) if (masses > 0).any() else 1.0
     out, notes = np.empty((len(masses), 4, 4)), []

@@ -1,19 +1,19 @@
 """Standard parameters of links that could exist, as close to their prior as the measurements allow.
 
-A rigid body is a distribution of mass, and its ten parameters are that distribution's moments,
+A rigid body is a distribution of mass, and its ten parameters are the moments of this distribution,
 
     P = [[Σ, h], [hᵀ, m]] = ∫ [r; 1] [r; 1]ᵀ dm ⪰ 0,      Σ = ½ tr(I) 1 − I,
 
-the pseudo-inertia: positive mass, positive inertia and the triangle inequality all say that P is positive
-semidefinite (Wensing, Kim and Slotine 2018, IEEE RA-L 3(1)). Base parameters ``θ_b = K θ`` fix θ only in part, and
-noise may leave no such body behind them. So, in two convex steps,
+the pseudo-inertia. Positive mass, positive inertia and the triangle inequality together mean that P is positive
+semidefinite (Wensing, Kim and Slotine 2018, IEEE RA-L 3(1)). Base parameters ``θ_b = K θ`` determine θ only in part,
+and because of noise, possibly no such body has them. So, in two convex steps,
 
     χ²* = min_θ  (K θ − θ_b)ᵀ Σ_b⁻¹ (K θ − θ_b)                       every link physical
     θ*  = argmin Σ_i tr(P_i P_0i⁻¹) − log det(P_i P_0i⁻¹) − 4         χ²(θ) ≤ χ²* + PRIOR_SLACK p
 
 The second is the log-det divergence from the nominal links P_0, which does not depend on frames or units (Lee, Wensing
-and Park 2020, IEEE T-RO 36(2)). With ``P_i = L_i X_i L_iᵀ`` and ``P_0i = L_i L_iᵀ`` every unknown is near one, whatever
-a link weighs.
+and Park 2020, IEEE T-RO 36(2)). With ``P_i = L_i X_i L_iᵀ`` and ``P_0i = L_i L_iᵀ`` every unknown is near one, for
+light and heavy links.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from frischid.estimators.nominal_links import Links, reference_inertias
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 
 PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-PRIOR_SLACK = 0.02  # of χ²'s mean p: what the prior may cost, beside what the estimate's own errors cost
+PRIOR_SLACK = 0.02  # share of χ²'s mean p by which the prior may raise χ²
 LEAST_LINK_SHARE = 1e-3  # least share of the nominal link in any direction: simulators refuse bodies that are flat
-SHARPEST = 1e5  # no combination counts as known to better than this inverse share of the nominal link
-BOUND_CONFIDENCE = 0.999  # of the bounds a consistent robot must keep
+SHARPEST = 1e5  # the nominal link over the smallest standard error that any combination is given
+BOUND_CONFIDENCE = 0.999  # confidence of the bounds that a consistent robot must keep
 AT_BOUNDARY = 3.0  # × LEAST_LINK_SHARE: a link this close to it is called at the boundary
 
 
 class InfeasibleError(FrischidError):
-    """No body satisfies what is demanded of a link; the message names the link and the constraint."""
+    """No body satisfies the constraints of a link; the message names the link and the constraint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Extras:
 
 
 class Active(NamedTuple):
-    """A constraint that decides the result: where, and which."""
+    """A constraint that decides the result: its place and its name."""
 
     where: str
     constraint: str
@@ -82,9 +82,9 @@ class Consistent:
     base : ndarray, shape (p,)
         ``K θ``.
     misfit : float
-        χ²*, in squared standard errors: what the constraints alone cost.
+        χ²*, in squared standard errors: the misfit that the constraints force.
     reproduces : bool
-        Whether that is within the base parameters' bounds: ``χ²* ≤`` the `BOUND_CONFIDENCE` quantile of χ² with p
+        Whether the base parameters stay within their bounds: ``χ²* ≤`` the `BOUND_CONFIDENCE` quantile of χ² with p
         degrees of freedom.
     eigenvalues : ndarray, shape (L,)
         Least eigenvalue of each P relative to the nominal link's, as computed from `theta`; all at least
@@ -94,9 +94,10 @@ class Consistent:
     active : tuple of Active
         Links at their boundary, centres of mass at a face, signs that hold a parameter at zero.
     blame : tuple of (str, float)
-        Unless the base parameters are reproduced: links, and χ² saved if they need not be physical; worst first.
+        If the base parameters are not reproduced: links, and the fall of χ² if the link need not be physical; worst
+        first.
     notes : tuple of str
-        Nominal links that could not exist themselves, and what was taken instead.
+        Nominal links that could not exist, and the links that replace them as a prior.
     """
 
     theta: Array
@@ -111,7 +112,7 @@ class Consistent:
 
     @property
     def feasible(self) -> bool:
-        """Whether every link is physical, by the eigenvalues of what is returned."""
+        """Whether every returned link is physical, by its eigenvalues."""
         return bool((self.eigenvalues > 0.5 * LEAST_LINK_SHARE).all())
 
 
@@ -125,7 +126,7 @@ def consistent(theta: Array, information: Array, mapping: Array, links: Links, e
     information : ndarray, shape (p, p)
         Their precision Σ_b⁻¹.
     mapping : ndarray, shape (p, 10 L + E)
-        K in ``θ_b = K θ``; zero for what is known outright.
+        K in ``θ_b = K θ``; zero for known parameters.
     links : Links
     extras : Extras
 
@@ -172,7 +173,7 @@ class _Problem:
     def __init__(
         self, theta: Array, information: Array, mapping: Array, links: Links, extras: Extras, roots: Array
     ) -> None:
-        import cvxpy as cp  # imports for a second; only who asks for physical links waits for it
+        import cvxpy as cp  # the import takes a second, so it is done only for physical links
 
         self.links, self.extras, self.roots = links, extras, roots
         L = len(links.names)
@@ -192,7 +193,7 @@ class _Problem:
         self.signs = self._signs()
 
     def _demands(self, i: int) -> dict[str, Any]:
-        """Constraints of one link besides that it exists, by what they say."""
+        """Constraints of one link besides its existence, by their description."""
         demands: dict[str, Any] = {}
         x, known, box = self.parameters[i], self.links.known[i], self.links.boxes[i]
         given = np.flatnonzero(~np.isnan(known))
@@ -221,7 +222,7 @@ class _Problem:
         problem = cp.Problem(objective, list(constraints))
         try:
             with warnings.catch_warnings():
-                # "may be inaccurate": what comes out is measured, whatever the solver says of it
+                # "may be inaccurate": the result is checked later, so the solver's warning is not needed
                 warnings.simplefilter("ignore", UserWarning)
                 problem.solve(solver=cp.CLARABEL, max_iter=300)
         except cp.SolverError:
@@ -259,7 +260,7 @@ class _Problem:
 
     @property
     def values(self) -> Array:
-        # what is known outright is known exactly, not to the solver's tolerance
+        # known parameters are exact, not to the solver's tolerance
         links = np.where(np.isnan(self.links.known), self._link_parameters(), self.links.known).ravel()
         if self.e is None:
             return np.asarray(links)
@@ -267,7 +268,7 @@ class _Problem:
         return np.concatenate([links, np.where(self.extras.signs * e < 0, 0.0, e) * self.extras.scale])
 
     def blame(self, misfit: float) -> tuple[tuple[str, float], ...]:
-        """For each link, how much of the misfit is gone if it need not be physical; worst first."""
+        """For each link, the fall of the misfit if this link need not be physical; worst first."""
         import cvxpy as cp
 
         saved = []
@@ -278,7 +279,7 @@ class _Problem:
         return tuple(sorted(((n, x) for n, x in saved if x > 0.01 * misfit), key=lambda pair: -pair[1]))
 
     def active(self) -> tuple[Active, ...]:
-        """Which constraints hold the result where it is."""
+        """Constraints that the result reaches."""
         found = []
         for name, X, C, x, box in zip(
             self.links.names, self.links_value, self.roots, self._link_parameters(), self.links.boxes, strict=True
@@ -304,7 +305,7 @@ def _whitened(A: Array, theta: Array, information: Array) -> tuple[Array, Array]
 
 
 def _flat(direction: Array, share: float) -> str:
-    """What an empty direction v of the pseudo-inertia means: all mass lies in the plane v·(r, 1) = 0."""
+    """Meaning of an empty direction v of the pseudo-inertia: all mass lies in the plane v·(r, 1) = 0."""
     if share < 2 * AT_BOUNDARY * LEAST_LINK_SHARE:
         return "its mass tends to zero"
     axis = direction[:3] / max(float(np.linalg.norm(direction[:3])), 1e-300)

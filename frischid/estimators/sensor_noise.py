@@ -1,4 +1,4 @@
-"""What the noise of each sensor does to the regressor, to its moments and to the residual.
+"""Effect of each sensor's noise on the regressor, on its moments and on the residual.
 
 A *sensor* is one stream of independent errors ε(t): an encoder, a tachometer, an accelerometer. Through its taps it
 moves the position, velocity and acceleration of one joint; an encoder whose signal is differentiated twice moves all
@@ -6,8 +6,8 @@ three,
 
     δq_j = h_q * ε,   δq̇_j = h_v * ε,   δq̈_j = h_a * ε      (* is convolution).
 
-Which channels of a motion come from which sensor is seen from the numbers: a q̇ that equals the derivative filter of
-q is no sensor of its own.
+The numbers show the sensor of each channel of a motion: a q̇ that equals the derivative filter of q is not a sensor of
+its own.
 
 **Moments.** With errors of variance σ_s², ``E[x xᵀ]`` of the rows x = [y τ] grows by σ_s² S_s. Moving the log of
 sensor s by ±h w_k, with random signs w_k, and sending both copies through the whole pipeline (regressor, parallel
@@ -15,8 +15,8 @@ low-pass, decimation, moments) gives
 
     S_s = (G(+h) + G(−h) − 2 G(0)) / 2h²  →  ½ Σ_k ∂²(x xᵀ)/∂ε_k².
 
-Differences of *moments* hold the curvature of the columns too (see `sensorwise`), and of a velocity's sign,
-whose square is always one, only what the noise can really change. Without filter and derivatives w_k² = 1 makes this
+Differences of *moments* contain the curvature of the columns too (see `sensorwise`). The square of a velocity's sign is
+always one, so the sign contributes only real changes by the noise. Without filter and derivatives w_k² = 1 makes this
 an exact second difference; with them, products of neighbouring errors w_k w_l cancel in the mean over the log.
 """
 
@@ -29,6 +29,7 @@ import numpy as np
 from scipy import signal
 
 from frischid.core.types import Array
+from frischid.estimators.least_squares import Estimate
 from frischid.estimators.sensorwise import TORQUE, SensorMoments
 from frischid.logs.filters import LowPass, derivative_taps, noise_level
 from frischid.logs.preprocessing import Motion
@@ -38,12 +39,30 @@ from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 
 MOTION_CHANNELS = ("q", "v", "a")
-PROBE_STEP = 0.03
-"""Displacement of a sensor for differences, as a share of what its channels span: rms of q̇ and q̈, 1 rad (m) of q."""
-
-
 ONE_TAP = np.ones(1)
 SAME_CHANNEL = 2e-7  # relative difference of two channels that is rounding of the derivative's weights
+
+
+@dataclass(frozen=True)
+class Probe:
+    """How a sensor is displaced for the differences of moments.
+
+    Attributes
+    ----------
+    step : float
+        Displacement as a share of what the sensor's channels span: rms of q̇ and q̈, 1 rad (m) of q.
+    repeats : int
+        Sets of random signs to average over; one is enough unless the log is short and filtered.
+    seed : int
+        Of the random signs.
+    """
+
+    step: float = 0.03
+    repeats: int = 1
+    seed: int = 0
+
+
+PROBE = Probe()
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +133,8 @@ def sensor_moments(
     lowpass: LowPass,
     joints: Sequence[str],
     base: Sequence[int],
-    *,
-    names: Sequence[str] | None = None,
-    weights: Array | None = None,
-    step: float = PROBE_STEP,
-    repeats: int = 1,
-    seed: int = 0,
+    start: Estimate | None = None,
+    probe: Probe = PROBE,
 ) -> SensorMoments:
     """Moments of the log, and what each sensor's noise adds to them.
 
@@ -133,28 +148,24 @@ def sensor_moments(
         Joints whose torque rows are used.
     base : sequence of int
         Columns of the base parameters.
-    names : sequence of str, optional
-        Names of the base parameters, where they differ from the columns'.
-    weights : ndarray, shape (J,), optional
-        Weight of each joint's squared residual (`Estimate.weights`).
-    step : float
-        See `PROBE_STEP`.
-    repeats : int
-        Sets of random signs to average over; one is enough unless the log is short and filtered.
-    seed : int
+    start : Estimate, optional
+        Least squares of the same logs: names of the base parameters, and weights of the joints' squared residuals. By
+        default the names of the columns, and equal weights.
+    probe : Probe
+        How sensors are displaced.
 
     Returns
     -------
     SensorMoments
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(probe.seed)
     per_motion: list[dict[str, Sensor]] = []
     steps: dict[str, float] = {}
     seconds = 0.0
     for motion in motions:
         per_motion.append({s.name: s for s in sensors_of(motion, regressor.robot, lowpass)})
         for name, sensor in per_motion[-1].items():
-            steps[name] = min(steps.get(name, np.inf), _step(motion, sensor, step))
+            steps[name] = min(steps.get(name, np.inf), _step(motion, sensor, probe.step))
         seconds += float(motion.t[-1] - motion.t[0])
     sensors = list(dict.fromkeys(name for found in per_motion for name in found))
 
@@ -166,6 +177,8 @@ def sensor_moments(
         for m, found in zip(motions, per_motion, strict=True):
             yield moved(m, found[name], size * _signs(m, found[name], rng)) if name in found else m
 
+    weights = None if start is None else start.weights
+
     def weighted(grams: Sequence[Gram]) -> Array:
         return np.stack([g.select(list(base)).weighted(weights) for g in grams])
 
@@ -174,15 +187,15 @@ def sensor_moments(
     noise = np.zeros((len(sensors) + 1, *here.shape))
     for s, name in enumerate(sensors):
         size = steps[name]
-        for _ in range(repeats):
+        for _ in range(probe.repeats):
             here_in_line, sides = rng.bit_generator.state, []
             for h in (size, -size):
                 rng.bit_generator.state = here_in_line  # the same signs on both sides, without keeping them
                 sides.append(weighted(moments(shifted(name, h))))
-            noise[s] += (sides[0] + sides[1] - 2 * here) / (2 * size**2 * repeats)
+            noise[s] += (sides[0] + sides[1] - 2 * here) / (2 * size**2 * probe.repeats)
     noise[-1, :, -1, -1] = [g.counts.sum() for g in grams]
-    columns = [regressor.columns[i].name for i in base] if names is None else names
-    return SensorMoments(tuple(columns), (*sensors, TORQUE), here, noise)
+    columns = [regressor.columns[i] for i in base] if start is None else start.columns
+    return SensorMoments(tuple(c.name for c in columns), (*sensors, TORQUE), here, noise)
 
 
 def moved(motion: Motion, sensor: Sensor, errors: Array) -> Motion:
@@ -215,9 +228,10 @@ def _rms(x: Array, joint: int) -> float:
 
 
 def noise_levels(motions: Iterable[Motion], robot: Robot, lowpass: LowPass) -> dict[str, float]:
-    """Standard deviation of each sensor's errors, from fourth differences of its signal (`signals.noise_level`).
+    """Standard deviation of each sensor's errors, from fourth differences of its signal.
 
-    A fast motion sampled slowly also has fourth differences, so this is an upper limit rather than a measurement.
+    See `frischid.logs.filters.noise_level`. A fast motion sampled slowly also has fourth differences, so this is an
+    upper limit rather than a measurement.
 
     Returns
     -------

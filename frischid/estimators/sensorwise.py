@@ -1,37 +1,37 @@
 """The sensor-wise Frisch scheme: bounds from the noise of the sensors.
 
-In the classical scheme (`frisch`) every column of the regressor has its own noise. No robot is like that: all columns
-are functions of the same few sensors z = (q, q̇, q̈), and the torque. Let x = [y(z) τ] be a row,
-with ``x θ̃ = 0`` for exact readings and θ̃ = [θ; −1], and let sensor s be off by independent errors of unknown
-variance σ_s². Taylor's formula, to second order in the errors, says what they add to the moments Σ = E[x xᵀ],
+In the classical scheme (`frisch`) every column of the regressor has its own noise. On a robot, all columns are
+functions of the same few sensors z = (q, q̇, q̈), and the torque is a further sensor. Let x = [y(z) τ] be a row, with
+``x θ̃ = 0`` for exact readings and θ̃ = [θ; −1]. Let sensor s have independent errors of unknown variance σ_s². To
+second order in the errors, Taylor's formula gives their contribution to the moments Σ = E[x xᵀ],
 
     Σ = Σ̂ + Σ_s σ_s² S_s,      S_s = ½ E[∂²(x xᵀ)/∂z_s²] = E[x_s x_sᵀ] + ½ E[x_ss xᵀ + x x_ssᵀ],      Σ̂ θ̃ = 0,
 
-with x_s, x_ss the derivatives by z_s. The second half of S_s, the curvature, is of the same order as the first:
-leaving it out biases θ by ½ σ_q² from gravity alone. It also makes sense of the sign of a velocity: sgn² = 1 whatever
-the noise, so the curvature cancels the infinite x_s x_sᵀ, and the sum is finite (`sensor_noise`
-takes differences of moments, never of columns).
+with x_s, x_ss the derivatives by z_s. The second half of S_s, the curvature, is of the same order as the first: without
+it, gravity alone would bias θ by ½ σ_q². The curvature also makes the sign of a velocity tractable: sgn² = 1 with any
+noise, so the curvature cancels the infinite x_s x_sᵀ, and the sum is finite (`sensor_noise` takes differences of
+moments, never of columns).
 
 **Statement.** Let V be the variances σ² ≥ 0, within a data sheet's limits if there is one, for which Σ − Σ_s σ_s² S_s
 is positive semidefinite and singular, and θ(σ²) the null vector there, scaled to θ̃_L = −1. To second order the true
-θ is θ(σ²) of the true variances, which lie in V; so every parameter lies between the extremes of θ_i over V. This
-asks for no orthant: Theorem 1 of the classical scheme is not used.
+θ is θ(σ²) of the true variances, which lie in V; so every parameter lies between the extremes of θ_i over V. The
+vertices need not share an orthant: Theorem 1 of the classical scheme is not used.
 
 **Rays.** In direction d the set V is reached at the λ where Σ − λ Σ_s d_s S_s becomes singular, a generalised
-eigenproblem; the axes give one *vertex* a sensor, the torque's being ordinary least squares. V is nearly a flat
+eigenproblem. The axes give one *vertex* per sensor; that of the torque is ordinary least squares. V is nearly a flat
 simplex and θ nearly linear on it, so sequential linear programs find the extremes: with u = θ̃ and c_s = uᵀS_s u,
 
     ∂θ/∂σ_s² = Σ̂_yy⁻¹ (S_s u)_y,      maximise g·σ²  subject to  c·σ² = budget, limits:  a fractional knapsack.
 
 **Sampling.** Along the true direction the sample's θ errs by ``δu = −Σ̂⁺ (δM − δλ D) u`` with D = Σ_s d_s S_s,
-δM the sampling error of Σ − λ D and δλ = uᵀδM u / uᵀDu. Leaving out one block of time after the other, blocks longer
-than the correlation, estimates its covariance. The bounds are the extremes over V of θ_i ± t·stderr, t by Bonferroni
-over the p parameters. The variances cost nothing: the bounds fail only where the one true direction fails.
+δM the sampling error of Σ − λ D and δλ = uᵀδM u / uᵀDu. A jackknife over blocks of time, longer than the correlation,
+estimates its covariance. The bounds are the extremes over V of θ_i ± t·stderr, t by Bonferroni over the p parameters.
+No correction for the variances is needed: the bounds fail only where the one true direction fails.
 
-**When it fails.** Errors so large that fourth-order terms count (0.05 rad is fine, 0.3 rad is not); errors that
-depend on one another and are declared independent (derive q̇ from q and it is one sensor, as `sensor_noise`
-has it); a model error, which no sensor explains: on a real log the bounds then hold for the parameters that explain
-it as noise.
+**When it fails.** Three conditions break the bounds. Errors are so large that fourth-order terms count (0.05 rad is
+small enough, 0.3 rad is not). Errors depend on one another but are declared independent (a q̇ derived from q belongs to
+the same sensor, as in `sensor_noise`). The model has an error that no sensor explains: then, on a real log, the bounds
+hold for the parameters that explain this error as noise.
 
 The scheme is frischid's own: the idea of Frisch (1934) and Koopmans (1937) with a noise covariance of known shape and
 moments corrected in the sense of Nakamura (1990, Biometrika 77) and of SIMEX (Cook and Stefanski 1994, JASA 89).
@@ -59,7 +59,7 @@ Limits = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class SensorMoments:
-    """Moments of [y τ] in blocks of time, and what the noise of each sensor adds to them.
+    """Moments of [y τ] in blocks of time, and the contribution of each sensor's noise to them.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class SensorMoments:
     moments : ndarray, shape (B, p + 1, p + 1)
         Weighted ``Σ_k x_k x_kᵀ`` of each block, torque last.
     noise : ndarray, shape (S, B, p + 1, p + 1)
-        The block's S_s: what one unit of variance of the sensor adds to its moments.
+        The block's S_s: the contribution of one unit of the sensor's variance to the block's moments.
     """
 
     names: tuple[str, ...]
@@ -91,7 +91,7 @@ class SensorWise:
     covariance : ndarray, shape (p, p)
         Sampling covariance of `theta`; the box, not this covariance, holds the uncertainty about the variances.
     vertices : ndarray, shape (p, S)
-        Solution in which the sensor explains as much as it may; NaN where its noise explains nothing.
+        Solution in which the sensor explains as much as possible; NaN where its noise explains nothing.
     variances : ndarray, shape (S,)
         The sensor's variance at its vertex: no sensor is noisier than this.
     hull : Box
@@ -99,7 +99,7 @@ class SensorWise:
     box : Box
         Extremes widened by the sampling error: every parameter at once, with the confidence asked for.
     exact : bool
-        The data leave no residual to share out; all of the above is the one solution.
+        The data leave no residual; all of the above is the same solution.
     notes : tuple of str
     """
 
@@ -294,7 +294,7 @@ class _Scheme:
         return [self.point(self._knapsack(torque, 2.0 * np.eye(S)[s] - 1.0)) for s in range(S - 1)] + [torque]
 
     def extremes(self, middle: _Point) -> list[_Point]:
-        """Points at which the parameters are extreme over V, two a parameter."""
+        """Points at which the parameters are extreme over V, two per parameter."""
         found = []
         for i in range(len(middle.theta)):
             for sign in (-1.0, 1.0):
@@ -309,7 +309,7 @@ class _Scheme:
         return found
 
     def _knapsack(self, here: _Point, gain: Array) -> Array:
-        """Maximise ``gain·x`` with the same residual explained; the torque gains nothing and takes the rest."""
+        """Maximise ``gain·x`` with the same residual explained; the torque explains the remaining residual."""
         cost = np.maximum(here.cost, 1e-12 * here.cost.max())
         left = cost @ (here.x - self.lower)
         x = self.lower.copy()

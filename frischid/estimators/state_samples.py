@@ -40,7 +40,7 @@ def samples(
     ----------
     regressor : Regressor
     motions : iterable of Motion
-        Gone through twice; one at a time is in memory.
+        Read twice; one motion at a time is in memory.
     lowpass : LowPass
     joints : sequence of str
         Joints whose torque rows are used.
@@ -48,7 +48,7 @@ def samples(
         Columns of the base parameters.
     sigma : mapping of str to float
         Standard deviations of unfiltered errors by sensor name (``"q joint1"``, ``"torque joint1"``), or by channel
-        (``"q"``, ``"v"``, ``"a"``, ``"torque"``) for all joints; what is not given is estimated by `noise_levels`.
+        (``"q"``, ``"v"``, ``"a"``, ``"torque"``) for all joints; others are estimated by `noise_levels`.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def samples(
 
 
 def _stretches(blocks: Iterable[Block]) -> Iterator[list[Block]]:
-    """Consecutive blocks, `STRETCH_SAMPLES` samples together, the last ones fewer: at a high rate a block has few."""
+    """Groups of consecutive blocks with `STRETCH_SAMPLES` samples together; the last group may have fewer."""
     kept: list[Block] = []
     for block in blocks:
         kept.append(block)

@@ -1,4 +1,4 @@
-"""A model as a function for a control loop: C with nothing but <math.h>, or Python with nothing but NumPy.
+"""A model as a function for a control loop: C that needs only <math.h>, or Python that needs only NumPy.
 
 The recursive Newton-Euler algorithm over constant tables (Luh, Walker and Paul 1980; notation of Featherstone 2008,
 chapter 5, with three-vectors), then the effects' torques, joint by joint:
@@ -6,9 +6,10 @@ chapter 5, with three-vectors), then the effects' torques, joint by joint:
     ω_i = R_iᵀ ω_p + s q̇,   α_i = R_iᵀ α_p + s q̈ + ω_i × s q̇,   a_i = R_iᵀ (a_p + α_p × p + ω_p × (ω_p × p)),
     f_i = m a_i + α_i × h + ω_i × (ω_i × h),   n_i = I α_i + ω_i × I ω_i + h × a_i,
 
-and back to the base, with a_0 = −g. Tables hold the inertias about the joints' frames, so nothing is divided.
+and the forces are summed back to the base, with a_0 = −g. The tables hold inertias about the joints' frames, so the
+code needs no division.
 
-Names and numbers are written by `frischid.export.names` alone.
+Only the functions of `frischid.export.names` write names and numbers.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def c_source(model: Model) -> str:
     Raises
     ------
     InputError
-        The model has no physical links, an effect that its joint's own state does not determine, or an infinite number.
+        The model has no physical links, an infinite number, or an effect that does not follow from its joint's state.
     """
     robot, bodies, links = model.robot, bodies_of(model.robot), _joint_frame_links(model)
     every, friction = (_effects(model, "{}[{}]", _c, only) for only in (False, True))

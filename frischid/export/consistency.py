@@ -1,8 +1,8 @@
-"""A model whose links could exist: the base parameters kept, the standard parameters physical.
+"""A model whose links could exist: physical standard parameters that keep the model's base parameters.
 
-`physical_links` does the mathematics. Here a model is brought into its terms: the prior is the URDF, the boxes for
-centres of mass come from the URDF's own shapes or from the user, and the result is a model again, with
-`Model.standard` filled.
+`frischid.estimators.physical_links` does the mathematics. This module prepares its input: the URDF is the prior, and
+the boxes for centres of mass come from the URDF's own shapes or from the user. The result is a model with
+`Model.standard`.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from frischid.robot.robot import Robot
 
 Box = tuple[Sequence[float], Sequence[float]]
 
-_CONTRADICTED = 2.0  # standard errors beyond which a coefficient of the wrong sign is left as identified
+_CONTRADICTED = 2.0  # standard errors: a coefficient that has the wrong sign by more than this stays as identified
 
 
 @dataclass(frozen=True, eq=False)
 class Consistency:
-    """What making a model physical did to it.
+    """A model with physical links, and the changes that this needed.
 
     Attributes
     ----------
     model : Model
-        With `Model.standard`; its base parameters are those of the physical links.
+        The model with `Model.standard`; its base parameters are those of the physical links.
     result : Consistent
     change : ndarray, shape (p,)
         Change of each base parameter, in its standard errors.
@@ -68,20 +68,20 @@ class Consistency:
 
     @property
     def unexplained(self) -> float:
-        """Root mean square change of the base parameters in standard errors that the constraints alone force."""
+        """Rms change of the base parameters that the constraints force, in standard errors."""
         return float(np.sqrt(self.result.misfit / len(self.change)))
 
 
 def make_consistent(model: Model, *, boxes: Mapping[str, Box] | None = None, shapes: bool = True) -> Consistency:
-    """Find physical links behind a model's base parameters.
+    """Find physical links that have a model's base parameters.
 
     Parameters
     ----------
     model : Model
     boxes : mapping of str to (lower, upper), optional
-        Joint -> corners of a box, in the joint's frame (m), that holds the centre of mass of the body behind it.
+        Joint -> corners of a box, in the joint's frame (m), in which the centre of mass of the joint's body must lie.
     shapes : bool
-        Whether bodies without a given box get that of the URDF's shapes (collision, else visual), where known.
+        Whether bodies without a given box get the box of the URDF's shapes (collision, else visual), where known.
 
     Returns
     -------
@@ -90,7 +90,7 @@ def make_consistent(model: Model, *, boxes: Mapping[str, Box] | None = None, sha
     Raises
     ------
     InputError
-        The model holds columns that are no robot's own (a payload added to a model), or a box is not one.
+        The model has columns of a change (a payload added to a model), or a box is malformed.
     InfeasibleError
         Some link cannot exist; the message says which and why.
 
@@ -139,9 +139,9 @@ def make_consistent(model: Model, *, boxes: Mapping[str, Box] | None = None, sha
 
 
 def as_identified(model: Model) -> Model:
-    """Give a model standard parameters that have exactly its base parameters, physical or not.
+    """Give a model standard parameters with exactly its base parameters, physical or not.
 
-    The smallest change of the URDF's own parameters that does it, each measured in the size it has in a link.
+    They are the URDF's parameters with the smallest possible change, each measured in its typical size in a link.
     """
     robot, regressor = model.robot, Regressor(model.robot, model.effects, model.reference)
     mapping = _structure(model, regressor)
@@ -163,8 +163,8 @@ def _structure(model: Model, regressor: Regressor) -> Array:
     reduction = structure(regressor, model.joints)
     if tuple(reduction.base) != tuple(model.base):
         raise InputError(
-            "this model describes a change of the robot (such as a payload) on top of its own parameters, so its "
-            "links cannot be told apart; take the change back (frischid history --undo) or identify the robot afresh"
+            "this model describes a change of the robot (such as a payload) beside the robot's own parameters, so its "
+            "links are undetermined; take the change back (frischid history --undo) or identify the robot again"
         )
     return link_mapping(robot, regressor, reduction)
 
@@ -179,10 +179,10 @@ def link_mapping(robot: Robot, regressor: Regressor, reduction: Reduction) -> Ar
 
 
 def _extras(model: Model, regressor: Regressor, mapping: Array) -> tuple[Extras, list[str]]:
-    """The effects' parameters, each with the size its base parameter has.
+    """The effects' parameters, each with the size of its base parameter.
 
-    Known signs are a prior, not a law: where the logs contradict a sign clearly (a "rotor inertia" that soaks up a
-    delay), the coefficient stays as identified and a note says so.
+    Known signs are a prior, not a law. Where the logs contradict a sign clearly (a "rotor inertia" that absorbs a
+    delay), the coefficient stays as identified, with a note.
     """
     columns, estimate = regressor.columns[len(model.robot.columns) :], model.estimate
     K = np.abs(mapping[:, mapping.shape[1] - len(columns) :])
@@ -197,8 +197,8 @@ def _extras(model: Model, regressor: Regressor, mapping: Array) -> tuple[Extras,
         signs.append(0 if contradicted else column.sign)
         if contradicted:
             notes.append(
-                f"{column.name} is {x:.3g} ± {s:.2g} {column.unit}, of the wrong sign beyond its error: it stands for "
-                "something else than its name says and is left as identified"
+                f"{column.name} is {x:.3g} ± {s:.2g} {column.unit}, of the wrong sign by more than its error: it must "
+                "have another cause than its name says, and stays as identified"
             )
     usable = np.where(scale > 0, scale, 1.0)
     return Extras(tuple(c.name for c in columns), nominal, usable, np.array(signs, dtype=int)), notes
@@ -207,7 +207,7 @@ def _extras(model: Model, regressor: Regressor, mapping: Array) -> tuple[Extras,
 def _boxes(
     robot: Robot, given: Mapping[str, Box], shapes: bool
 ) -> tuple[dict[str, tuple[Array, Array]], tuple[str, ...]]:
-    """Boxes by joint: the user's, else those of the URDF's shapes unless the URDF contradicts itself."""
+    """Boxes by joint: the user's, otherwise those of the URDF's shapes unless the URDF contradicts itself."""
     notes: list[str] = []
     chosen = {}
     if shapes:
@@ -217,8 +217,8 @@ def _boxes(
             centre = robot.model.inertias[i + 1].lever
             if masses[i] > 0 and ((centre < box[0]) | (centre > box[1])).any():
                 notes.append(
-                    f"the body behind {name}: the URDF puts its centre of mass outside its own shapes, so that box is "
-                    "not used"
+                    f"the body behind {name}: the URDF puts its centre of mass outside its own shapes, so their "
+                    "box is not used"
                 )
             else:
                 chosen[name] = box
@@ -233,7 +233,7 @@ def _boxes(
 
 
 def _half_spaces(robot: Robot, joint: str, box: tuple[Array, Array] | None) -> tuple[Array, Array] | None:
-    """``A c ≤ b`` of a box in the joint's frame, for a centre of mass c in the parameters' own frame."""
+    """Half-spaces ``A c ≤ b`` of a box in the joint's frame, for a centre of mass c in the parameters' own frame."""
     if box is None:
         return None
     A, b = np.vstack([np.eye(3), -np.eye(3)]), np.concatenate([box[1], -box[0]])

@@ -1,8 +1,8 @@
-"""The least-squares problem behind drive gains: its columns, and its solution with physical links.
+"""The least-squares problem of drive gains: its columns, and its solution with physical links.
 
     columns [Y_j, L_j, w, i_j]:  base parameters, unknown parameters of the payload, torque of its weight, current
 
-`frischid.export.drive_gains` tells the mathematics and its sources.
+`frischid.export.drive_gains` has the mathematics and the sources.
 """
 
 from __future__ import annotations
@@ -30,12 +30,48 @@ from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import LINK_PARAMETERS, Robot
 
-_PAYLOAD_SIZE = 0.05  # m: radius of gyration of the payload in the prior; a hand's breadth
+_PAYLOAD_SIZE = 0.05  # m: radius of gyration of the payload in the prior, about the width of a hand
+
+
+@dataclass(frozen=True)
+class KnownPayload:
+    """A payload of known weight.
+
+    Attributes
+    ----------
+    mass : float
+        kg.
+    centre : sequence of 3 float, optional
+        Centre of mass in the carrier's joint frame, m, where it is known.
+    carrier : str, optional
+        Joint behind which the payload hangs; the last by default.
+
+    Raises
+    ------
+    InputError
+        The mass is no positive number, or the centre is not three finite numbers.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> fr.KnownPayload(2.805, carrier="wrist_3_joint")
+    KnownPayload(mass=2.805, centre=None, carrier='wrist_3_joint')
+    """
+
+    mass: float
+    centre: Sequence[float] | None = None
+    carrier: str | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.mass) and self.mass > 0):
+            raise InputError(f"the payload's mass must be a positive number of kg, got {self.mass}")
+        if self.centre is not None and (np.shape(self.centre) != (3,) or not np.isfinite(self.centre).all()):
+            raise InputError(f"the payload's centre of mass must be three finite numbers in m, got {list(self.centre)}")
 
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """A payload as identified: kg and m, in the frame of the joint that carries it."""
+    """An identified payload: kg and m, in the frame of the joint that carries it."""
 
     mass: float
     mass_stderr: float
@@ -45,9 +81,8 @@ class Carried:
 class GainProblem:
     """Columns [base parameters, unknown payload parameters, known weight, current], and the three solutions."""
 
-    def __init__(
-        self, robot: Robot, effects: Sequence[Effect], carrier: str, mass: float, centre: Sequence[float] | None
-    ) -> None:
+    def __init__(self, robot: Robot, effects: Sequence[Effect], payload: KnownPayload) -> None:
+        carrier = payload.carrier or robot.joints[-1]
         if carrier not in robot.joints:
             raise UnknownNameError("joint", carrier, robot.joints)
         self.robot, self.effects, self.carrier = robot, tuple(effects), carrier
@@ -55,23 +90,24 @@ class GainProblem:
         self.reduction = structure(self.bare, robot.joints)
         self.regressor = Regressor(robot, (*effects, Payload(joints=(carrier,), full=True)))
         self.known = np.full(10, np.nan)
-        self.known[0] = mass
-        if centre is not None:
-            if np.shape(centre) != (3,) or not np.isfinite(centre).all():
-                raise InputError(f"the payload's centre of mass must be three finite numbers in m, got {list(centre)}")
-            self.known[1:4] = mass * np.asarray(centre, dtype=float)
+        self.known[0] = payload.mass
+        if payload.centre is not None:
+            self.known[1:4] = payload.mass * np.asarray(payload.centre, dtype=float)
         fresh = self.regressor.columns[len(self.bare.columns) :]
         number = robot.numbers[carrier]
         self.felt = [LINK_PARAMETERS.index(c.name[1:].removesuffix(str(number))) for c in fresh]
         if 0 not in self.felt:
-            raise IdentifiabilityError(f"no joint feels a payload behind {carrier}; it cannot fix the gains")
+            raise IdentifiabilityError(
+                f"a payload behind {carrier} changes no joint's torque, so it does not determine the gains; mount it "
+                "on a later link"
+            )
         self.payload_columns = np.arange(len(self.bare.columns), len(self.regressor.columns))
         self.unknown = [k for k, p in enumerate(self.felt) if np.isnan(self.known[p])]
         self.payload_reduction = self._reduced(self.unknown)
         self.p, self.k = self.reduction.rank, 0 if self.payload_reduction is None else self.payload_reduction.rank
 
     def _reduced(self, which: Sequence[int]) -> Reduction | None:
-        """Independent ones among some of the payload's columns."""
+        """Linearly independent columns among some of the payload's."""
         if not which:
             return None
         q, v, a = random_states(self.robot, 40)
@@ -80,7 +116,7 @@ class GainProblem:
         return reduce(Y.transpose(0, 2, 1).reshape(-1, len(which)), columns)
 
     def blocks(self, logs: Sequence[Log], lowpass: LowPass, *, loaded: bool) -> list[Gram]:
-        """Moments of logs, the payload's columns zero where it does not hang there."""
+        """Moments of logs; without the payload, its columns are zero."""
         motions = [m for log in logs for m in prepare(log, lowpass).motions]
         keep = [*self.reduction.base, *self.payload_columns]
         grams = [g.select(keep) for g in accumulate(self.regressor, motions, lowpass, self.robot.joints)]
@@ -114,7 +150,7 @@ class GainProblem:
         ]
 
     def constrained(self, x: Array, information: Array) -> tuple[Array, list[str]]:
-        """Gains nearest to the unconstrained ones with physical links, a physical payload, and g > 0; remarks."""
+        """Gains nearest to the unconstrained ones with physical links, a physical payload and g > 0; and remarks."""
         robot, J = self.robot, len(self.robot.joints)
         own = link_mapping(robot, self.bare, self.reduction)
         L, E = 10 * len(robot.bodies), own.shape[1] - 10 * len(robot.bodies)
@@ -150,7 +186,7 @@ class GainProblem:
         return np.array([m, *h, about[0, 0], about[0, 1], about[1, 1], about[0, 2], about[1, 2], about[2, 2]])
 
     def payload(self, blocks: Sequence[Gram], gains: Array) -> Carried:
-        """The payload as torques with given gains show it, its mass free."""
+        """The payload identified from torques with given gains, its mass unknown."""
         every = self._reduced(range(len(self.felt)))
         assert every is not None
         keep = [*range(self.p), *(self.p + i for i in every.base)]

@@ -1,19 +1,21 @@
-"""Drive gains from a payload of known weight: what a joint's torque is per ampere.
+"""Drive gains, the torque of a joint per ampere, from a payload of known mass.
 
     g_j i_j = Y_j θ                        without the payload
-    g_j i_j = Y_j θ + L_j x_L              with it, its mass in x_L known
+    g_j i_j = Y_j θ + L_j x_L              with the payload, whose mass in x_L is known
 
-Currents alone fix θ and g only up to one common factor; the known weight fixes that (Gautier and Briot 2014, ASME J.
-Dynamic Systems, Measurement and Control 136(5)). Three ways, from the same moments:
+Currents alone determine θ and g only up to one common factor; the known mass determines this factor (Gautier and Briot
+2014, ASME J. Dynamic Systems, Measurement and Control 136(5)). There are three methods, from the same moments:
 
-- *total least squares*: with X = (g, θ, x) and known torque w of the weight, ``[I_j  −Y_j  −L_j  −w] (X, 1) ≈ 0``. Only
-  currents are noisy, so θ and x are eliminated exactly and g is the eigenvector of the least eigenvalue of the rest
+- *total least squares*: with X = (g, θ, x) and the known torque w of the weight, ``[I_j  −Y_j  −L_j  −w] (X, 1) ≈ 0``.
+  Only currents are noisy, so θ and x are eliminated exactly, and g is the eigenvector of the least remaining eigenvalue
   (mixed least squares - total least squares, Van Huffel and Vandewalle 1991, chapter 3);
-- *in amperes*: ``i_j = κ_j (Y_j θ + L_j x + w) + noise`` with κ = 1/g, by Gauss-Newton from there: the likelihood of
-  noisy currents. Its standard errors are a jackknife over blocks of time, as in `frischid.estimators.least_squares`;
-- *physically constrained*: the same, nearest by its information, with every link and the payload physical and g > 0.
+- *in amperes*: ``i_j = κ_j (Y_j θ + L_j x + w) + noise`` with κ = 1/g, by Gauss-Newton from the first method: the
+  maximum likelihood for noisy currents. Its standard errors come from a jackknife over blocks of time, as in
+  `frischid.estimators.least_squares`;
+- *physically constrained*: the values nearest to the second method, weighted by its information, with physical links, a
+  physical payload, and g > 0.
 
-Given gains are checked the other way round: they must give the payload's weight.
+Given gains are checked in the other direction: with them, the identified payload must have its true mass.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError
 from frischid.estimators.drive_gain_ls import in_amperes, total_least_squares
-from frischid.export.drive_gain_problem import Carried, GainProblem
+from frischid.export.drive_gain_problem import Carried, GainProblem, KnownPayload
 from frischid.logs.cutoff_choice import choose_lowpass
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
@@ -44,35 +46,33 @@ class Gains:
     ----------
     joints : tuple of str
     channel : {"current", "tau"}
-        What the gains are for: currents (N·m/A, N/A), or a torque channel that may be mis-scaled (1).
+        Channel that the gains multiply: currents (N·m/A, N/A), or a torque channel with a wrong scale (1).
     gains, stderr : ndarray, shape (J,)
-        In amperes, see the module.
+        By the method *in amperes* of the module's text.
     total_least_squares, constrained : ndarray, shape (J,)
     given : ndarray, shape (J,), or None
         Gains to check.
     payload : Carried or None
-        What `given` make of the payload; None without them.
+        The payload identified with the `given` gains; None without these.
     mass : float
-        What it weighs, kg.
+        True mass of the payload, kg.
     samples : int
-        Filtered samples used.
+        Number of filtered samples.
     lowpass : LowPass
     notes : tuple of str
 
     Examples
     --------
-    >>> from dataclasses import replace
+    Torques whose scale is right, checked by the weight they give:
+
     >>> import frischid as fr
     >>> robot, payload = fr.Robot.load("planar2"), fr.parse_effects("payload@joint2")
-    >>> def log(effects, values, seed):
-    ...     motion = fr.random_fourier(robot, 5.0, seed=seed)
-    ...     made = fr.simulate(robot, motion, rate=100.0, effects=effects, parameters=values)
-    ...     return replace(made, tau=None, current=made.tau / [12.0, 9.0])
-    >>> unloaded = [log(fr.BASELINE, {}, 1)]
-    >>> loaded = [log((*fr.BASELINE, *payload), {"dm2": 2.0, "dmx2": 0.1}, 2)]
-    >>> found = fr.find_gains(robot, unloaded, loaded, mass=2.0)
-    >>> dict(zip(found.joints, found.gains.round(3).tolist(), strict=True))
-    {'joint1': 12.0, 'joint2': 9.0}
+    >>> motion = fr.random_fourier(robot, 5.0, seed=1)
+    >>> unloaded = fr.simulate(robot, motion, rate=100.0)
+    >>> loaded = fr.simulate(robot, motion, rate=100.0, effects=(*fr.BASELINE, *payload), parameters={"dm2": 2.0})
+    >>> found = fr.find_gains(robot, [unloaded], [loaded], fr.KnownPayload(2.0))
+    >>> found.channel, round(found.payload.mass, 3), found.gains.round(3)
+    ('tau', 2.0, array([1., 1.]))
     """
 
     joints: tuple[str, ...]
@@ -93,38 +93,34 @@ def find_gains(
     robot: Robot,
     unloaded: Sequence[Log],
     loaded: Sequence[Log],
-    mass: float,
+    payload: KnownPayload,
     *,
-    centre: Sequence[float] | None = None,
-    carrier: str | None = None,
     given: Mapping[str, float] | None = None,
     effects: Sequence[Effect] = BASELINE,
     cutoff: float | str | None = "auto",
 ) -> Gains:
-    """Identify drive gains from logs without and with a payload of known weight.
+    """Identify drive gains from logs without and with a payload of known mass.
 
     Parameters
     ----------
     robot : Robot
-        With ``frames="joint"``.
+        Loaded with ``frames="joint"``.
     unloaded, loaded : sequence of Log
         With currents, or with torques whose scale is to be checked.
-    mass : float
-        Of the payload, kg.
-    centre : sequence of 3 float, optional
-        Its centre of mass in the carrier's joint frame, m, where known.
-    carrier : str, optional
-        Joint behind which it hangs; the last by default.
+    payload : KnownPayload
+        What hangs there in the loaded logs.
     given : mapping of str to float, optional
         Gains to check, N·m/A (N/A).
     effects : sequence of Effect
-        What acts besides the links; taken to be the same with and without the payload.
+        Effects besides the links, assumed to be the same with and without the payload.
     cutoff : float, "auto" or None
 
     Raises
     ------
     InputError
-        A log lacks currents, or the mass is not a positive number.
+        A log lacks currents.
+    UnknownNameError
+        The joint that carries the payload is not the robot's.
     IdentifiabilityError
         The logs do not determine the gains.
 
@@ -139,12 +135,10 @@ def find_gains(
     ...     return replace(made, tau=None, current=made.tau / [12.0, 9.0])
     >>> unloaded = [log(fr.BASELINE, {}, 1)]
     >>> loaded = [log((*fr.BASELINE, *payload), {"dm2": 2.0, "dmx2": 0.1}, 2)]
-    >>> found = fr.find_gains(robot, unloaded, loaded, mass=2.0)
+    >>> found = fr.find_gains(robot, unloaded, loaded, fr.KnownPayload(2.0))
     >>> found.channel, found.gains.round(3)
     ('current', array([12., 9.]))
     """
-    if not (np.isfinite(mass) and mass > 0):
-        raise InputError(f"the payload's mass must be a positive number of kg, got {mass}")
     if robot.frames != "joint":
         raise InputError("drive gains are found in joint frames; load the robot without --frames")
     robot, notes = held_by(robot, [*unloaded, *loaded])
@@ -152,7 +146,7 @@ def find_gains(
         "current" if all(log.has("current")[log.index(robot.joints)].all() for log in [*unloaded, *loaded]) else "tau"
     )
     _check_given(robot, given)
-    problem = GainProblem(robot, effects, carrier or robot.joints[-1], mass, centre)
+    problem = GainProblem(robot, effects, payload)
     lowpass = _lowpass([_measured(log, robot, channel) for log in [*unloaded, *loaded]], robot, cutoff)
     blocks = [
         *problem.blocks([_measured(log, robot, channel) for log in unloaded], lowpass, loaded=False),
@@ -175,7 +169,7 @@ def find_gains(
         constrained,
         values,
         None if values is None else problem.payload(blocks, values),
-        mass,
+        payload.mass,
         int(sum(b.counts.max() for b in blocks)),
         lowpass,
         (*notes, *remark),
@@ -189,7 +183,7 @@ def _check_given(robot: Robot, given: Mapping[str, float] | None) -> None:
 
 
 def _measured(log: Log, robot: Robot, channel: str) -> Log:
-    """The log with currents in the place of torques."""
+    """The log with currents in place of torques."""
     chosen = log.select(robot.joints)
     values = getattr(chosen, channel)
     if values is None or np.isnan(values).any():

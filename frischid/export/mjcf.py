@@ -1,7 +1,8 @@
-"""A model as MuJoCo's own format, which has what a URDF lacks: rotors, as ``armature``.
+"""A model in MuJoCo's own format, MJCF, which unlike a URDF can hold rotor inertias, as ``armature``.
 
-The kinematic tree with the identified inertias, and on every joint ``armature``, ``damping`` and ``frictionloss``; no
-shapes. It loads as it is, and its joint and inertial lines can be pasted into a scene.
+The file has the kinematic tree with the identified inertias, and for every joint ``armature``, ``damping`` and
+``frictionloss``, but no shapes. MuJoCo loads the file as it is; its joint and inertial lines can be copied into a
+scene.
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ def _joint(model: Model, body: Body) -> str:
     wanted = {"armature": ("rotor_inertia", "Ia"), "damping": ("viscous", "fv"), "frictionloss": ("coulomb", "fc")}
     for key, (effect, symbol) in wanted.items():
         x = model.of_effect(effect, symbol).get(body.joint, 0.0)
-        if x > 0:  # MuJoCo refuses others; which ones were left out, the export says
+        if x > 0:  # MuJoCo refuses negative values; the export's notes name those left out
             parts.append(f'{key}="{number(x)}"')
     return f"<joint {' '.join(parts)}/>"
 

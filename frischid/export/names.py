@@ -1,7 +1,7 @@
-"""Names and numbers in generated code: whatever stands in a robot's files, it cannot become code.
+"""Names and numbers in generated code: no text of a robot's files can become code.
 
-Names of robots and joints come from files of other people and may hold anything that a file can: a new line, ``*/``, a
-backslash, quotes. Generated code holds such names in three places only, and each has its function here:
+Names of robots and joints come from files of other people and may hold any character: a new line, ``*/``, a backslash,
+quotes. Generated code has such names in three places only, and each place has its function here:
 
 - in an identifier: `identifier`, `identifiers`;
 - in a comment or a docstring: `comment`;
@@ -21,9 +21,9 @@ import numpy as np
 
 from frischid.errors import InputError
 
-# Characters that together end or open a comment or a docstring, or make a trigraph of C: a space goes between them.
+# Characters that together end or open a comment or a docstring, or form a trigraph of C: a space separates them.
 _TOGETHER = re.compile(r"""\*(?=/)|/(?=\*)|"(?=")|'(?=')|\?(?=\?)""")
-# Outside of what XML 1.0 can hold, even as a character reference (https://www.w3.org/TR/xml, production 2).
+# Characters that XML 1.0 cannot hold, even as a character reference (https://www.w3.org/TR/xml, production 2).
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
@@ -50,7 +50,7 @@ def identifiers(names: Sequence[str]) -> list[str]:
     Returns
     -------
     list of str
-        In the order of the names. A name whose identifier is taken gets a number behind it.
+        In the order of the names. A name whose identifier is already taken gets a number at its end.
     """
     found: list[str] = []
     for name in names:
@@ -64,7 +64,7 @@ def comment(text: str) -> str:
     """Write a text so that it can stand in a comment of C or Python, or in a docstring, on one line.
 
     Characters that cannot be printed and backslashes become their number, ``<U+000A>``; characters that would end the
-    comment are set apart, ``* /``.
+    comment are separated, ``* /``.
     """
     return _TOGETHER.sub(r"\g<0> ", _numbered(text, lambda c: not c.isprintable() or c == "\\"))
 
@@ -83,7 +83,7 @@ def number(value: float) -> str:
         The number is infinite or not a number.
     """
     if not np.isfinite(value):
-        raise InputError(f"the model holds the number {value}, which generated code cannot; identify the model again")
+        raise InputError(f"the model has the number {value}, which cannot be written as code; identify the model again")
     return repr(float(value))
 
 

@@ -1,6 +1,6 @@
-"""Generated code is read again before it appears in a file: Python compiles, C's comments and braces are in balance.
+"""A check of generated code before it is written: Python must compile, and C's comments and brackets must be balanced.
 
-Both are checked for form only. That the code computes the model's torque is what the tests compare.
+Only the form is checked. The tests compare the torque that the code computes with the model's.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ def proofread(text: str, kind: str, target: str) -> None:
 
 
 def balanced(text: str) -> None:
-    """Check that comments of C end where they should and brackets pair up.
+    """Check that every comment of C ends and all brackets are closed.
 
-    Generated C holds neither string literals nor ``//`` comments, so neither is looked for; a quote in code is refused.
+    Generated C has no string literals and no ``//`` comments, so a quote outside of a comment is an error.
 
     Raises
     ------
     ValueError
-        With the line of the fault.
+        The text is malformed; the message has the line.
     """
     opened: list[str] = []
     place = 0

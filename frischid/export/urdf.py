@@ -1,7 +1,7 @@
-"""A model taken home: a URDF, an MJCF file, or code for a control loop.
+"""Export of a model as a URDF, an MJCF file, or code for a control loop.
 
-What is written is checked before it appears: the URDF is loaded again and must give the model's rigid torque. What a
-format cannot say (rotors in a URDF, a Stribeck curve in either) is named, not dropped in silence.
+A file is checked before it appears: a URDF is loaded again and must give the model's rigid torque. The export's notes
+name every effect that a format cannot hold (rotors in a URDF, a Stribeck curve in a URDF or MJCF).
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from frischid.robot.robot import Robot
 from frischid.robot.urdf_edit import UrdfText
 
 FORMATS = {".urdf": "URDF", ".xml": "MJCF", ".c": "C", ".py": "NumPy"}
-AGREEMENT = 1e-6  # relative: what the written URDF's torque may differ by from the model's
+AGREEMENT = 1e-6  # largest relative difference of the written URDF's torque from the model's
 
 
 class NotPhysicalError(FrischidError):
-    """A model that no robot can have; the message says which link, and how to export it all the same."""
+    """No robot can have the model's parameters; the message names the link and the way to export the model anyway."""
 
 
 @dataclass(frozen=True, eq=False)
 class Export:
-    """What was written.
+    """An exported file.
 
     Attributes
     ----------
@@ -45,11 +45,11 @@ class Export:
     model : Model
         The model as written, with physical links.
     consistency : Consistency or None
-        What making it physical changed; None when the model was physical already, or was exported by force.
+        Changes that made the model physical; None when it was physical already, or was exported with `force`.
     difference : float or None
-        Of the written URDF's torque from the model's rigid part, relative, on random states.
+        Relative difference of the written URDF's torque from the model's rigid part, on random states.
     notes : tuple of str
-        What the format cannot say.
+        Effects and values that the format cannot hold.
 
     Examples
     --------
@@ -82,15 +82,15 @@ def export(
     boxes: Mapping[str, Box] | None = None,
     shapes: bool = True,
 ) -> Export:
-    """Write a model to a file; its suffix says as what: .urdf, .xml (MJCF), .c or .py (NumPy only).
+    """Write a model to a file; the suffix chooses the format: .urdf, .xml (MJCF), .c or .py (NumPy only).
 
     Parameters
     ----------
     model : Model
-        Made physical first unless it is; see `frischid.export.consistency.make_consistent`.
+        Made physical first unless it is physical; see `frischid.export.consistency.make_consistent`.
     path : str or Path
     force : bool
-        Export a model that is not physical, with the parameters as they were identified.
+        Export even a model that is not physical, with its parameters as identified.
     boxes, shapes
         As for `frischid.export.consistency.make_consistent`.
 
@@ -139,7 +139,7 @@ def export(
 def _physical(
     model: Model, force: bool, boxes: Mapping[str, Box] | None, shapes: bool
 ) -> tuple[Model, Consistency | None]:
-    """The model with physical links, or by force with those that come closest to the URDF's."""
+    """The model with physical links, or with `force` the identified ones that are closest to the URDF's."""
     if model.standard is not None and boxes is None:
         wrong = [n for n, ok in zip(model.robot.bodies, is_physical(model.links), strict=True) if not ok]
         if wrong and not force:
@@ -163,10 +163,10 @@ def _physical(
 
 
 def urdf_source(model: Model) -> str:
-    """The model's URDF with its inertials and joint friction; not a byte else is changed.
+    """The robot's URDF with the model's inertials and joint friction; no other byte of the text changes.
 
-    Where a body consists of several links (fixed or locked to one another), all of them change by the same affine map,
-    so that each keeps its share: see `frischid.robot.inertia.redistributed`.
+    If a body consists of several links (fixed or locked to one another), all of them change by the same affine map, so
+    that each keeps its share: see `frischid.robot.inertia.redistributed`.
     """
     robot, text = model.robot, UrdfText(model.robot.urdf)
     links = model.links if robot.transforms is None else (robot.transforms @ model.links[:, :, None])[:, :, 0]
@@ -200,7 +200,7 @@ def _parts(robot: Robot, text: UrdfText, joint: str, theta: Array) -> dict[str, 
 
 
 def _difference(model: Model, text: str) -> float:
-    """How far the torque of an exported URDF is from the model's rigid part on random states, relative."""
+    """Relative difference of an exported URDF's torque from the model's rigid part, on random states."""
     robot = model.robot
     exported = Robot.from_dict({**robot.to_dict(), "urdf": text, "known": {}})
     rng = np.random.default_rng(0)
@@ -214,7 +214,7 @@ def _difference(model: Model, text: str) -> float:
 
 
 def _notes(model: Model, kind: str) -> list[str]:
-    """Effects that the format cannot hold, and values it cannot."""
+    """Notes on effects and values that the format cannot hold."""
     if kind in ("C", "NumPy"):
         return []
     held = {"viscous", "coulomb"} | ({"rotor_inertia"} if kind == "MJCF" else set())
@@ -230,12 +230,12 @@ def _notes(model: Model, kind: str) -> list[str]:
         if x < 0
     ]
     if negative:
-        notes.append(f"written as zero because negative: {', '.join(negative)}")
+        notes.append(f"written as zero because they are negative: {', '.join(negative)}")
     several = _of_several_links(model.robot) if kind == "URDF" else []
     if several:
         notes.append(
-            f"the bodies behind {', '.join(several)} have several links with an inertial; all were changed by one "
-            "affine map, so that together they are what was identified"
+            f"the bodies behind {', '.join(several)} have several links with an inertial; the links of a body were "
+            "changed by one affine map, so that together they have the identified inertia"
         )
     if kind == "URDF" and model.robot.locked:
         notes.append(f"identified with {', '.join(model.robot.locked)} held still: valid at those positions")

@@ -1,8 +1,9 @@
-"""Figures, made once and shown wherever they are needed: Plotly, self-contained, offline.
+"""Figures in Plotly, self-contained and offline, for the report and the studio.
 
-Each module draws for one chapter of the report; the studio shows the same figures. In come results of the library, out
-comes a `Drawing`: a Plotly figure with its title and its reading. Results are imported for their types only: the
-studio's first picture waits for every import of this folder. Start reading at `style.Drawing`.
+Comes in: results of the library. Goes out: a `Drawing`, which is a Plotly figure with its title and a text that
+explains it. Each module draws for one chapter of the report; the studio shows the same figures. Classes of results are
+imported for type checks only, because the studio's first picture waits for every import of this folder. Start reading
+at `style.Drawing`.
 """
 
 from frischid.figures.failure import against, matrix, plane

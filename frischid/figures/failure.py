@@ -1,4 +1,4 @@
-"""Where a model fails: the matrix of joints and conditions, and the residual against what it might depend on."""
+"""Where a model fails: the matrix of joints and conditions, and the residual over the variables it may depend on."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ QUANTILES = (5, 25, 50, 75, 95)
 
 
 def matrix(comparison: Comparison) -> Drawing:
-    """Joint by condition: error under it as a multiple of the joint's average, a star where it is more than chance."""
+    """Joints by conditions: error under a condition over the joint's average error, with a star where significant."""
     joints = list(comparison.joints.names)
     found = {(c.joint, c.condition): c for c in comparison.residuals.conditions()}
     order = [name for name in CONDITION_ORDER if any((j, name) in found for j in joints)]
@@ -66,7 +66,7 @@ def matrix(comparison: Comparison) -> Drawing:
     )
     reading = worst(comparison, 3)
     if np.isnan(ratio).any():
-        reading += " Blank: too few samples to say."
+        reading += " Blank: too few samples."
     return drawing(
         "Error under each condition, as a multiple of the joint's average (* more than chance, p < 0.01)",
         reading, figure, 90 + 30 * max(len(order), 2), margin={"l": 116, "r": 8, "t": 10, "b": 70},
@@ -74,10 +74,10 @@ def matrix(comparison: Comparison) -> Drawing:
 
 
 def worst(comparison: Comparison, most: int = 1) -> str:
-    """The conditions that stand out most, one sentence each."""
+    """The conditions with the largest errors, one sentence each."""
     certain = [c for c in comparison.residuals.conditions() if c.p_value < CERTAIN]
     if not certain:
-        return "No condition stands out: the error is about the same everywhere."
+        return "The error is about the same under all conditions."
     return " ".join(
         f"The error of {c.joint} is {c.ratio:.1f} × its average {PHRASES.get(c.condition, c.condition)}."
         for c in sorted(certain, key=lambda c: -c.ratio)[:most]
@@ -85,7 +85,7 @@ def worst(comparison: Comparison, most: int = 1) -> str:
 
 
 def against(prediction: Prediction, joint: str, variable: str, sliding: bool = False) -> Drawing:
-    """Residual of a joint against one variable: median and spread in bins of equally many samples.
+    """Residual of a joint over one variable: median and spread in bins of equally many samples.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def plane(prediction: Prediction, joint: str, sliding: bool = False) -> Drawing:
     return drawing(
         "Rms residual over position and velocity",
         f"The model misses most, {number(float(np.nanmax(rms)), 2)} {units['load']}, around {where}. Blank: "
-        "it never was there.",
+        "the joint never moved there.",
         figure, 250, margin={"l": 64, "r": 8, "t": 8, "b": 46},
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""The error falls: a model's history as a staircase."""
+"""The errors in a model's history, drawn as a staircase."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from frischid.figures.style import BLUE, GREEN, Drawing, drawing
 from frischid.model.model import Model
 
 CROWD = 6
-"""Steps beyond which names and numbers get in each other's way on a small screen, and give way."""
+"""Number of steps above which names and numbers would overlap on a small screen and are shortened or left out."""
 
 
 def steps_of(model: Model) -> list[tuple[str, float | None, float]]:
-    """What was done, and the error before and after it; steps without an error are passed over.
+    """The steps of a model, with the error before and after each; steps without an error are skipped.
 
-    The errors are those on the logs that select: every step has one, so they can be compared. The first model's error
-    is the one its first change was measured against: on the same data as what came of it.
+    The errors are those on the logs that select: every step has one, so steps can be compared. The first model's error
+    is the one before the first step, measured on the same data as the error after that step.
     """
     found: list[tuple[str, float | None, float]] = []
     for event in model.history:
@@ -32,12 +32,12 @@ def steps_of(model: Model) -> list[tuple[str, float | None, float]]:
 
 
 def _kinds(effects: list[str]) -> list[str]:
-    """Identifiers alone: what an effect is, not its shape and joints."""
+    """Identifiers of effects, without shapes and joints."""
     return list(dict.fromkeys(e.split("(")[0].split("@")[0] for e in effects))
 
 
 def staircase(model: Model, floor: float) -> Drawing:
-    """Cross-validated error after each step, with the error the sensors alone would leave.
+    """Cross-validated error after each step, with the error of the sensor noise alone.
 
     Parameters
     ----------
@@ -52,13 +52,13 @@ def staircase(model: Model, floor: float) -> Drawing:
     for i, (_, before, after) in enumerate(steps):
         if i > 0 and before is not None:
             joined = abs(before - steps[i - 1][2]) < 1e-9
-            # Measured on other data than the step before: the stair is broken, not joined.
+            # Measured on other data than the step before: the line is broken here.
             x += [i - 0.5] if joined else [None, i - 0.5]
             y += [before] if joined else [None, before]
         x += [i - 0.5, i + 0.5]
         y += [after, after]
     figure = go.Figure()
-    figure.add_scatter(x=x, y=y, mode="lines", line={"color": BLUE, "width": 3}, name="error on data not fitted")
+    figure.add_scatter(x=x, y=y, mode="lines", line={"color": BLUE, "width": 3}, name="cross-validated error")
     figure.add_scatter(
         x=list(range(len(steps))), y=[s[2] for s in steps], mode="markers", showlegend=False,
         marker={"size": 8, "color": BLUE}, cliponaxis=False,
@@ -79,7 +79,7 @@ def staircase(model: Model, floor: float) -> Drawing:
         range=[-0.6, max(len(steps), 2) - 0.4],
     )  # fmt: skip
     top = max([floor, *(s[2] for s in steps), *(s[1] or 0.0 for s in steps)], default=1.0)
-    # The errors are written out: lines of a grid would only strike them through.
+    # The errors are written as numbers, through which the lines of a grid would run.
     figure.update_yaxes(title_text="NRMSE", range=[0, (1.5 if crowded else 1.3) * top], showgrid=False)
     if len(steps) > 1:
         first, last = steps[0][2], steps[-1][2]
@@ -88,11 +88,11 @@ def staircase(model: Model, floor: float) -> Drawing:
             f"{added} effect{'s' * (added > 1)} added: {first:.4f} → {last:.4f}, {last / floor:.1f} × the noise floor."
         )
         if None in x:
-            reading += " Where the stair is broken, the step before was measured on other data."
+            reading += " Where the line is broken, the step before was measured on other data."
     else:
-        reading = "Nothing has been added to this model yet: one step, and how far it is from the noise floor."
+        reading = "No effect has been added to this model yet."
         if steps:
-            reading += " Measured on parts of the fitted logs that each fit left out."
+            reading += " Its error is cross-validated on the fitted logs."
     return drawing("Error after each step (NRMSE)", reading, figure, 330 if crowded else 230)
 
 

@@ -30,15 +30,15 @@ if TYPE_CHECKING:
 
 
 def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = False) -> Drawing:
-    """Residual of the joint a finding helps most, with the finding's fitted shape on it.
+    """Residual of the joint where a finding explains most, with the fitted curve of the finding.
 
     Parameters
     ----------
     found : Shape
     title : str
-        Of the effect, in words.
+        Title of the effect.
     joints : sequence of str
-        Where it acts; none for the whole robot.
+        Joints that the effect acts on; none for the whole robot.
     sliding : bool
         Whether the joint is prismatic.
     """
@@ -49,9 +49,9 @@ def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = 
     how = (
         "The closer the thin blue line follows the thick grey one, the better"
         if found.stretch
-        else "The nearer the diamonds are to the blue line (shaded: 90 % of what is added there), the better"
+        else "The nearer the diamonds are to the blue line (shaded: 90 % of the effect's torque there), the better"
     )
-    elsewhere = "" if not joints or found.joint in joints else f", which it helps more than {listed(joints)}"
+    elsewhere = "" if not joints or found.joint in joints else f", more than of {listed(joints)}"
     share = f"{100 * max(found.explained, 0.0):.0f} % of the squared residual of {found.joint}{elsewhere}"
     reading = f"{how}: {title} explains {share}."
     where = (
@@ -63,13 +63,13 @@ def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = 
 
 
 def _along(found: Shape) -> go.Figure:
-    """Over time: two curves, broken where samples are left out."""
+    """Two curves over time, broken where samples are left out."""
     keep = thinned(found.residual, found.added)
     steps = np.diff(found.x)
     broken = breaks(np.cumsum(np.append(False, steps > 1.5 * np.median(steps)))[keep])
     curves = (
         ("residual", found.residual, {"color": MEASURED, "width": 2.6}),
-        (f"what {found.effect} adds", found.added, {"color": BLUE, "width": 1.4}),
+        (f"torque of {found.effect}", found.added, {"color": BLUE, "width": 1.4}),
     )
     figure = go.Figure()
     for name, values, line in curves:
@@ -81,7 +81,7 @@ def _along(found: Shape) -> go.Figure:
 
 
 def _over(found: Shape) -> go.Figure:
-    """Over a variable: samples, their median, and the effect's median and spread."""
+    """Samples over a variable, their median, and the effect's median and spread."""
     order = np.argsort(found.x, kind="stable")
     x, r, added = found.x[order], found.residual[order], found.added[order]
     keep = thinned(r, points=900)
@@ -91,7 +91,7 @@ def _over(found: Shape) -> go.Figure:
     )
     centre, spread = binned(x, r, 24)
     figure.add_scatter(
-        x=plain(centre), y=plain(spread[2]), name="its median", mode="markers",
+        x=plain(centre), y=plain(spread[2]), name="median", mode="markers",
         marker={"size": 8, "symbol": "diamond-open", "color": VERMILION, "line": {"width": 2}},
     )  # fmt: skip
     centre, spread = binned(x, added, 40)
@@ -101,7 +101,7 @@ def _over(found: Shape) -> go.Figure:
         hoverinfo="skip",
     )  # fmt: skip
     figure.add_scatter(
-        x=plain(centre), y=plain(spread[2]), name=f"what {found.effect} adds", line={"color": BLUE, "width": 2.2},
+        x=plain(centre), y=plain(spread[2]), name=f"torque of {found.effect}", line={"color": BLUE, "width": 2.2},
         mode="lines",
     )  # fmt: skip
     return figure

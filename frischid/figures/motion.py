@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def excitation(plan: Plan, rate: float = 50.0) -> go.Figure:
-    """Position, velocity and acceleration of a planned motion, and the cost as the search made it fall."""
+    """Position, velocity and acceleration of a planned motion, and the cost over the course of the search."""
     log = plan.to_log(rate)
     figure = make_subplots(
         rows=4,
@@ -26,7 +26,7 @@ def excitation(plan: Plan, rate: float = 50.0) -> go.Figure:
             "its limits",
             "velocity",
             "acceleration",
-            f"the cost falls: {plan.evaluations:,} evaluations in {plan.seconds:.0f} s",
+            f"cost of the best motion: {plan.evaluations:,} evaluations in {plan.seconds:.0f} s",
         ),
     )
     channels = ((log.q, "q, rad (m)"), (log.v, "q̇, rad/s (m/s)"), (log.a, "q̈, rad/s² (m/s²)"))

@@ -1,7 +1,7 @@
-"""Parameters: bounds of all methods side by side, their correlation, and BBRF's bounds as they close in.
+"""Parameters: bounds of all methods, correlation of the estimates, and BBRF's bounds from window to window.
 
-Parameters have different units and their bounds differ in width by factors of a thousand. They share an axis when each
-is measured in its own standard errors from its own value, d = (θ − θ̂) / s.e., on a scale that is linear within one
+Parameters have different units, and their bounds differ in width by factors of a thousand. To share an axis, each bound
+is drawn as its distance from the estimate in standard errors, d = (θ − θ̂) / s.e. The scale is linear within one
 standard error and logarithmic beyond: sign(d) log₁₀(1 + |d|).
 """
 
@@ -19,11 +19,11 @@ from frischid.model.model import Model
 
 BOUND_TITLES = {"frisch": "Classical Frisch", "bbrf": "BBRF", "sensorwise": "Sensor-wise Frisch"}
 LOOKS = {"frisch": ("#a6d5f5", 11.0), "bbrf": (COLOURS[4], 7.0), "sensorwise": (PURPLE, 5.0)}
-"""Widest and lightest first, so that one lies on the other and they differ in grey too."""
+"""Bars of the methods, widest and lightest first, so that narrower ones lie on top and all differ in grey too."""
 FURTHEST = 6.0  # decades of standard errors that are drawn
 NEAR = {"1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0}
 FAR = {"10": 1e1, "100": 1e2, "10⁴": 1e4, "10⁶": 1e6}
-"""Labelled distances, where nothing is drawn beyond ten standard errors and where something is."""
+"""Labelled distances, for bars within ten standard errors and for longer ones."""
 
 
 def title(method: str) -> str:
@@ -51,7 +51,7 @@ def intervals(model: Model, nominal: Array | None = None, truth: Array | None = 
     figure = go.Figure()
     for method, box in model.bounds.items():
         low, high = (box.lower - e.theta) / unit, (box.upper - e.theta) / unit
-        # Without any bound there is nothing to draw; with one, the bar reaches the edge on the open side.
+        # Without any bound there is no bar; with one bound, the bar reaches the edge on the open side.
         open_ = np.isinf(low) & np.isinf(high)
         low, high = scaled(np.where(open_, np.nan, low)), scaled(np.where(open_, np.nan, high))
         colour, width = LOOKS.get(method, (COLOURS[3], 5.0))
@@ -74,13 +74,13 @@ def intervals(model: Model, nominal: Array | None = None, truth: Array | None = 
     figure.update_yaxes(
         range=[len(names) - 0.4, -0.6], tickfont={"size": 10}, showgrid=False, tickmode="array", tickvals=names
     )
-    reading = "The shorter the bar, the better the parameter is known. " + _widths(model, unit)
+    reading = "A short bar means that the parameter is well known. " + _widths(model, unit)
     layout = {"margin": {"l": 70, "r": 10, "t": 56, "b": 44}}
     return drawing("Bounds of every parameter around its estimate", reading, figure, 120 + 17 * len(names), **layout)
 
 
 def _ticks(drawn: Array) -> dict[str, float]:
-    """Labels of the scale and where they stand: so sparse that a small screen has room for them."""
+    """Labels of the scale and their places, sparse enough for a small screen."""
     sizes = NEAR if np.nanmax(np.abs(drawn)) < scaled(np.array(10.0)) else FAR
     sides = [(name, float(scaled(np.array(x)))) for name, x in sizes.items()]
     return {"0": 0.0} | dict(sides) | {f"−{name}": -x for name, x in sides}
@@ -109,7 +109,7 @@ def _widths(model: Model, unit: Array) -> str:
     return (
         f"Half-widths in standard errors, median: {'; '.join(parts)}."
         if parts
-        else "This model keeps standard errors alone."
+        else "This model has standard errors only."
     )
 
 
@@ -133,7 +133,7 @@ def correlation(model: Model) -> Drawing:
     off = np.abs(rho - np.diag(np.diag(rho)))
     i, k = sorted(int(n) for n in np.unravel_index(int(off.argmax()), off.shape))
     reading = (
-        f"Hardest to tell apart on these logs: {names[i]} and {names[k]} (ρ = {rho[i, k]:.2f}). "
+        f"Most correlated on these logs: {names[i]} and {names[k]} (ρ = {rho[i, k]:.2f}). "
         f"Pairs beyond ± 0.9: {int((off > 0.9).sum() // 2)}."
     )
     height = max(320, 90 + 12 * len(names))
@@ -141,7 +141,7 @@ def correlation(model: Model) -> Drawing:
 
 
 def closing(model: Model, most: int = 6) -> list[Drawing]:
-    """BBRF's bounds over the windows, of the parameters whose bounds close in most (the paper's Figure 3)."""
+    """BBRF's bounds over the windows, for the parameters whose bounds shrink most (the paper's Figure 3)."""
     record = recursion_of(model)
     if record is None:
         return []
@@ -166,12 +166,12 @@ def closing(model: Model, most: int = 6) -> list[Drawing]:
             )  # fmt: skip
         if name in values:
             figure.add_hline(y=float(values[name]), line={"color": MEASURED, "dash": "dot"})
-        figure.update_xaxes(title_text="windows looked at", type="log", dtick=1)
-        # The first windows' bounds are a thousand times wider: the axis shows the end of the way.
+        figure.update_xaxes(title_text="windows so far", type="log", dtick=1)
+        # The first windows' bounds are a thousand times wider: the axis shows the last ones.
         figure.update_yaxes(title_text=f"{name}, {record['units'][i]}", range=[middle - 5 * final, middle + 5 * final])
         drawings.append(
             drawing(
-                f"{name}: BBRF's bounds close in",
+                f"{name}: BBRF's bounds over the windows",
                 f"From {number(first[i], 3)} to {number(final, 3)} {record['units'][i]} wide; dotted: the estimate.",
                 figure, 240, margin={"l": 70, "r": 8, "t": 30, "b": 46},
             )
@@ -180,7 +180,7 @@ def closing(model: Model, most: int = 6) -> list[Drawing]:
 
 
 def recursion_of(model: Model) -> dict[str, Any] | None:
-    """The recursion's record of this model, or of the one it was refitted from."""
+    """The recursion's record of this model, or of the model that this one was refitted from."""
     at: Model | None = model
     while at is not None:
         if at.recursion is not None:

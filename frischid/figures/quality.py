@@ -1,4 +1,4 @@
-"""Data quality: how far each joint moved within its limits, and how loud each channel's noise is."""
+"""Data quality: the range of each joint within its limits, and the noise of each channel."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def reach(robot: Robot, logs: Sequence[Quality]) -> Drawing:
-    """Positions each joint reached, within what the URDF allows."""
+    """Range of each joint's positions, within the URDF's limits."""
     names = short(list(robot.joints))
     low = np.min([q.lower for q in logs], axis=0)
     high = np.max([q.upper for q in logs], axis=0)
@@ -42,15 +42,15 @@ def reach(robot: Robot, logs: Sequence[Quality]) -> Drawing:
     if bounded.any():
         k = int(np.where(bounded, share, np.inf).argmin())
         reading = (
-            f"{robot.joints[k]} uses least of its range, {100 * share[k]:.0f} %; how it behaves elsewhere is unknown."
+            f"{robot.joints[k]} uses least of its range, {100 * share[k]:.0f} %; outside, the model is not tested."
         )
     else:
-        reading = "The URDF limits no position, so there is nothing to compare the range with."
+        reading = "The URDF limits no position."
     return drawing("Positions reached", reading, figure, 140 + 26 * len(names))
 
 
 def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -> Drawing:
-    """White noise of torque or position, joint by joint, one mark a log."""
+    """White noise of torque or position, joint by joint, one mark per log."""
     names = short(list(robot.joints))
     word = {"tau": "torque", "q": "position"}[channel]
     unit = {"tau": ("N·m", "N·m (N)"), "q": ("rad", "rad (m)")}[channel][bool(robot.prismatic.any())]
@@ -66,5 +66,5 @@ def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -
     level = np.nanmedian([q.noise[channel] for q in logs], axis=0)
     k = int(np.nanargmax(level))
     own = units_of(bool(robot.prismatic[k]))["load" if channel == "tau" else "q"]
-    reading = f"{robot.joints[k]} is the noisiest, {number(level[k], 2)} {own}. One mark a log, before any filter."
+    reading = f"{robot.joints[k]} is the noisiest, {number(level[k], 2)} {own}. One mark per log, before any filter."
     return drawing(f"White noise of the measured {word}", reading, figure, 140 + 26 * len(names))

@@ -1,9 +1,9 @@
-"""How every figure looks: colours, template, names, and how many points are drawn.
+"""The look of every figure: colours, template, names, and the number of drawn points.
 
-Colours are Okabe and Ito's, distinct to the colour-blind; lines that must be distinct in grey too differ in dash,
-marker or lightness too. Titles and readings are text beside the figure, not inside it, so that they wrap on a small
-screen. Display is thinned by min-max: of every stretch of samples the ones with the least and the largest value of
-each curve are kept, so that a peak of one sample is drawn however long the log.
+Colours are those of Okabe and Ito, which colour-blind readers can distinguish. Lines that must differ in grey too also
+differ in dash, marker or lightness. Titles and explanations are text beside the figure, so that they wrap on a small
+screen. Curves are thinned by min-max: of every stretch of samples, those with the least and the largest value of each
+curve are kept, so that a peak of one sample is drawn in a log of any length.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#0
 DASHES = ("solid", "dash", "dot", "dashdot")
 BLUE, VERMILION, GREEN, PURPLE, ORANGE = COLOURS[:5]
 MEASURED = "#808080"
-"""Measured torque: thick and grey behind the model's thin line, visible on white and on black."""
+"""Colour of the measured torque: thick and grey behind the model's thin line, visible on white and on black."""
 INK, FAINT, GRID, SHADE = "#222222", "#555555", "#e2e2e2", "#ececec"
 BLACK, WHITE = "#101010", "#ffffff"
-"""Of numbers on strong colours: black stays black in the dark, white does not stay white."""
+"""Colour of numbers on strong colours; on a dark page, black stays black, but white would not stay white."""
 SCALE = ((0.0, "#fdf1e3"), (0.3, "#fde0c0"), (0.65, "#e8873a"), (1.0, "#8c3a00"))
-"""Light to dark, one hue: reads the same in grey; nowhere as light as the page, which is where there is nothing."""
+"""Colour scale from light to dark in one hue, readable in grey. Blank cells are lighter than its lightest colour."""
 STRONG, FULL = 0.55, 0.85
 POINTS = 1600
-"""Samples drawn of one curve."""
+"""Largest number of drawn samples of one curve."""
 UNITS = {"q": "rad", "v": "rad/s", "a": "rad/s²", "load": "N·m", "t": "s"}
 SLIDING = {"q": "m", "v": "m/s", "a": "m/s²", "load": "N", "t": "s"}
 VARIABLE_WORDS = {
@@ -43,23 +43,23 @@ VARIABLE_WORDS = {
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 EXPLAINED = {"load": "load (the model's torque)", "t": "time from the log's beginning"}
-"""What an axis says that a title does not."""
+"""Longer names of variables, for axes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """A figure with what a reader needs beside it.
+    """A figure with the text that a reader needs beside the figure.
 
     Attributes
     ----------
     title : str
-        What is shown.
+        Name of the figure.
     reading : str
-        What it says, in one line.
+        Explanation of the figure, in one line.
     figure : plotly Figure
-        Its own title is empty.
+        Has no title of its own.
     height : int
-        Pixels.
+        Height, pixels.
     """
 
     title: str
@@ -75,16 +75,16 @@ class Drawing:
 
 
 def drawing(title: str, reading: str, figure: go.Figure, height: int, **layout: Any) -> Drawing:
-    """Give a figure the house's look."""
+    """Give a figure the common look."""
     figure.update_layout(template=TEMPLATE, height=height, **layout)
     return Drawing(typeset(title), typeset(reading), figure, height)
 
 
 def number(x: float | None, digits: int = 4) -> str:
-    """A number with few digits, as a person writes it; a dash where there is none."""
+    """A number with few digits, as text; a dash where there is no number."""
     if x is None or not np.isfinite(x):
         return "–"
-    if abs(x) < 1e-15:  # a zero that was rounded
+    if abs(x) < 1e-15:  # zero up to rounding
         return "0"
     mantissa, _, exponent = f"{x:.{digits - 1}e}".partition("e")
     if -4 <= int(exponent) < 6:
@@ -95,7 +95,7 @@ def number(x: float | None, digits: int = 4) -> str:
 
 
 def typeset(text: str) -> str:
-    """Prose with minus signs, and with numbers that stay in one line with their name and their unit."""
+    """Text with proper minus signs, in which a number stays on one line with its name and its unit."""
     text = re.sub(r"(?<![\w.])-(?=\.?\d)", "−", text)
     text = re.sub(r"(?<=\d)%", " %", text)
     text = re.sub(r" = (?=[−\d])", "\u00a0=\u00a0", text)
@@ -105,7 +105,7 @@ def typeset(text: str) -> str:
 def _axis(**extra: Any) -> dict[str, Any]:
     return {
         "gridcolor": GRID, "zerolinecolor": GRID, "linecolor": FAINT, "title": {"standoff": 8, "font": {"size": 12}},
-        # Ticks that nobody sees keep the two axes' numbers apart in the corner.
+        # Invisible ticks keep the numbers of the two axes apart in the corner.
         "ticks": "outside", "ticklen": 4, "tickcolor": "rgba(0,0,0,0)", **extra,
     }  # fmt: skip
 
@@ -124,21 +124,21 @@ TEMPLATE = go.layout.Template(
         "dragmode": "zoom",
     }
 )
-"""The house's look; the colours of INK, GRID, ... are swapped by the report's page in the dark."""
+"""The common look; on a dark page the report replaces the colours INK, GRID, ..."""
 
 
 def on_scale(share: float) -> str:
-    """Colour of a number written on `SCALE`; the page swaps it in the dark together with what is under it."""
+    """Colour of a number on `SCALE`; on a dark page it is replaced together with the colour below."""
     return INK if not share > STRONG else BLACK if share < FULL else WHITE
 
 
 def short(names: Sequence[str]) -> list[str]:
-    """Joint names without what all of them begin and end with: ``panda_joint1`` is ``joint1``."""
+    """Joint names without the common beginning and end: ``panda_joint1`` becomes ``joint1``."""
     words = [n.split("_") for n in names]
     for end in (-1, 0):
         while all(len(w) > 1 for w in words) and len({w[end] for w in words}) == 1:
             rest = [w[1:] if end == 0 else w[:-1] for w in words]
-            # Whole words only, and something to read must stay: arm_1 is not called 1.
+            # Only whole words are removed, and a word must remain: arm_1 does not become 1.
             if len(words) < 2 or any("".join(w).isdigit() for w in rest):
                 break
             words = rest
@@ -156,24 +156,24 @@ def axis_of(variable: str, sliding: bool) -> str:
 
 
 def breaks(stretch: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Where another stretch begins, (B,): a curve is broken before these samples."""
+    """First samples of further stretches, (B,): a curve is broken before them."""
     return np.flatnonzero(np.diff(stretch)) + 1
 
 
 def thinned(*curves: Array, points: int = POINTS) -> NDArray[np.intp]:
-    """Which samples to draw: the extremes of every curve in equal stretches of samples, first and last.
+    """Samples to draw: the first, the last, and the extremes of every curve in equal stretches of samples.
 
     Parameters
     ----------
     curves : ndarray, shape (N,)
-        Curves that share their samples; NaN draws nothing and is passed over.
+        Curves that share their samples; NaN is not drawn and is skipped.
     points : int
-        Samples to draw at most.
+        Most samples to draw.
 
     Returns
     -------
     ndarray of int
-        Ascending; all of them when there are no more than `points`.
+        Ascending; all samples when there are no more than `points`.
     """
     N = len(curves[0])
     if points >= N:
@@ -193,7 +193,7 @@ def thinned(*curves: Array, points: int = POINTS) -> NDArray[np.intp]:
 
 
 def plain(x: Array) -> NDArray[np.float32]:
-    """Numbers as a figure stores them: half the bytes, and more digits than a screen."""
+    """Numbers in the single precision of a figure: half the bytes, and more digits than a screen shows."""
     return np.asarray(x, dtype=np.float32)
 
 

@@ -1,4 +1,4 @@
-"""Measured against model: one joint, torque above, residual below, on the same time axis."""
+"""Measured and predicted torque of one joint above, the residual below, on the same time axis."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from frischid.model.prediction import Prediction
 if TYPE_CHECKING:
     from frischid.diagnosis.contacts import Contact
 
-APART = 0.02  # of the whole, between two logs that stand side by side
+APART = 0.02  # gap between two logs, as a share of the length of all logs
 EXCLUDED = "#f3d9b1"
 
 
@@ -52,9 +52,9 @@ def measured(
         On the same logs.
     joint : str
     contacts : sequence of Contact
-        Stretches kept out of everything else.
+        Stretches of time that are left out of the diagnosis.
     unit : str
-        Of the torque.
+        Unit of the torque.
     at : float, optional
         A moment to mark, s on the figure's axis.
     """
@@ -94,13 +94,13 @@ def measured(
     several = len(prediction.sources) > 1
     figure.update_xaxes(title_text=f"time, s{' (logs side by side)' if several else ''}", row=2, col=1)
     margin = 0.01 * float(np.ptp(x))
-    # The same for every joint, wherever its worst moment is.
+    # The same title for every joint, so that figures can be compared.
     figure.update_xaxes(range=[float(x.min()) - margin, float(x.max()) + margin])
-    return drawing(f"{joint}: measured torque against the model's", reading, figure, 340)
+    return drawing(f"{joint}: measured and predicted torque", reading, figure, 340)
 
 
 def side_by_side(prediction: Prediction) -> tuple[Array, float]:
-    """Where each log begins on a common axis, (logs,), and how far apart two of them stand, s."""
+    """Begin of each log on a common axis, (logs,), and the gap between two logs, s."""
     ends = np.array([prediction.t[prediction.log == k].max(initial=0.0) for k in range(len(prediction.sources))])
     apart = APART * float(ends.sum())
     return np.concatenate([[0.0], np.cumsum(ends + apart)[:-1]]), apart
@@ -123,11 +123,11 @@ def _band(figure: go.Figure, x: Array, low: Array, high: Array, log: NDArray[np.
 def _shade(
     figure: go.Figure, x: Array, inside: NDArray[np.bool_], log: NDArray[np.intp], colour: str, name: str
 ) -> None:
-    """Shade stretches of time behind both panels, as one path; none reaches from one log into the next."""
+    """Shade stretches of time behind both panels, as one path; no stretch reaches from one log into the next."""
     if not inside.any():
         return
     edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
-    # Where a log ends inside and the next begins inside, one stretch ends and another begins.
+    # If one log ends and the next begins in a shaded part, one stretch ends and another begins.
     next_too = breaks(log)[inside[breaks(log)] & inside[breaks(log) - 1]]
     edges = np.sort(np.concatenate([edges, next_too, next_too]))
     step = float(np.median(np.diff(x))) / 2
@@ -145,7 +145,7 @@ def _shade(
 def _worst(
     figure: go.Figure, comparison: Comparison, prediction: Prediction, joint: str, x: Array, shown: Array, unit: str
 ) -> str:
-    """Mark the worst moment, and say what the figure shows."""
+    """Mark the worst moment, and return the text that explains the figure."""
     fit = comparison.joints[joint]
     error = np.where(np.isnan(shown), -1.0, np.abs(shown))
     k = int(error.argmax())

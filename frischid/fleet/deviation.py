@@ -27,27 +27,27 @@ from frischid.estimators.least_squares import Estimate, NormalEquations, wls
 from frischid.regression.moments import Gram, total
 
 EXCITED = 1e-8  # eigenvalue of the column-scaled moments over the largest, below which a direction was not excited
-LEAST_ROBOTS = 12  # for an empirical null
+LEAST_ROBOTS = 12  # fewest robots for an empirical null
 
 
 @dataclass(frozen=True, eq=False)
 class Deviation:
-    """One robot against the others.
+    """Comparison of one robot with the others.
 
     Attributes
     ----------
     own : Estimate or None
         Its own parameters; None when its logs do not determine all of them.
     reason : str
-        Why its logs do not determine them.
+        Why its logs do not determine all parameters; empty where they do.
     statistic : float
         Λ before κ.
     rank : int
         Number of parameter directions that its motion excited.
     inflation : float
-        κ of its own residuals; NaN when it has too few blocks to tell.
+        κ of its own residuals; NaN when it has too few blocks of time.
     shift : ndarray, shape (p,)
-        δ = H⁺s, how far its parameters are from the others'.
+        δ = H⁺s, the difference of its parameters from the others'.
     error_fleet, error_own : ndarray, shape (J,)
         Rms residual with the parameters of the others, and with its own, over the torque's standard deviation.
     pull : ndarray, shape (p,)
@@ -77,9 +77,9 @@ def deviation(blocks: Sequence[Gram], fleet: Gram, theta: Array, weights: Array,
     theta : ndarray, shape (p,)
         Parameters fitted to `fleet`.
     weights : ndarray, shape (J,)
-        Of the joints, with which they were fitted.
+        Weights of the joints in that fit.
     included : bool
-        Whether the robot is part of that sum.
+        Whether the robot is part of the fleet's sum.
     """
     whole = total(blocks)
     others = fleet - whole if included else fleet
@@ -140,7 +140,7 @@ class Null:
     freedom : float or None
         ν; None: the rank of each robot's own moments.
     within : float
-        The part of κ that comes from the correlation of residuals.
+        Part of κ that comes from the correlation of residuals in time.
     """
 
     scale: float
@@ -149,7 +149,7 @@ class Null:
 
     @classmethod
     def of(cls, found: Sequence[Deviation]) -> Null:
-        """Estimate it from robots that are assumed to be alike."""
+        """Estimate the distribution from robots that are assumed to be alike."""
         known = [d.inflation for d in found if np.isfinite(d.inflation)]
         within = max(1.0, float(np.median(known))) if known else 1.0
         if len(found) < LEAST_ROBOTS:
@@ -172,7 +172,7 @@ class Null:
 
 @dataclass(frozen=True)
 class Change:
-    """Parameters of one effect on one joint that are no longer the fleet's.
+    """Parameters of one effect on one joint that differ from the fleet's.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ class Change:
     values : dict of str to (float, float)
         Parameter -> value in the fleet, value in this robot.
     error_after : float
-        Mean NRMSE once these parameters, and those of earlier changes, are this robot's own.
+        Mean NRMSE when these parameters, and those of earlier changes, are fitted to this robot.
     """
 
     effect: str
@@ -225,7 +225,7 @@ def changes(whole: Gram, theta0: Array, weights: Array, inflation: float, most: 
 
 
 def _refitted(whole: Gram, theta0: Array, columns: Sequence[int], variance: Array) -> Array:
-    """The parameters with some of them fitted to this robot and the others left as they are."""
+    """The parameters, some of them fitted to this robot and the others unchanged."""
     moments = whole.weighted(1.0 / np.maximum(variance, 1e-300))
     s = moments[:-1, -1] - moments[:-1, :-1] @ theta0
     index = np.asarray(columns)

@@ -1,13 +1,15 @@
-"""A fleet of equal robots: the parameters of each, those they share, and which robots differ.
+"""A fleet of equal robots: the parameters of each, the shared ones, and the robots that differ.
 
-    every log → moments        (where the log is read; a log that cannot be read is named, skipped and counted)
+    every log → moments        (on the worker that reads the log; a log that cannot be read is skipped and named)
     logs of a robot → one sum  → its own parameters
     robots → one sum           → the fleet's parameters, standard errors from leaving out one robot at a time
-    robot against the others   → a p value (`frischid.fleet.deviation`); robots that differ leave the sum, and again
-    robots that differ         → which effect: parameters of the model that changed, or `diagnose` in the situation
-                                 "changed" with the fleet as the model to compare with
+    robot against the others   → a p value (`frischid.fleet.deviation`); robots that differ leave the sum, and the
+                                 comparison is repeated
+    robots that differ         → the cause: parameters of the model that changed, or an effect that `diagnose` finds in
+                                 the situation "changed", with the fleet's model as the one before the change
 
-Only moments travel. Every step is a `Workers.map` or `tree`: the result is the same in one process.
+Only moments are sent between processes. Every step is a `Workers.map` or `tree`, so the result is the same in one
+process.
 """
 
 from __future__ import annotations
@@ -44,7 +46,7 @@ from frischid.fleet.jobs import (
 )
 from frischid.fleet.log_paths import LogPath
 from frischid.fleet.results import SIGNIFICANCE, Fleet, Member
-from frischid.logs.cutoff_choice import Bandwidths
+from frischid.logs.cutoff_choice import LogSpectra
 from frischid.logs.filters import LowPass
 from frischid.logs.mapping import LogMap
 from frischid.model.model import Model
@@ -54,25 +56,25 @@ from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
-_FIRST_LOOKS = 32  # logs, spread over the fleet, from which the filter and the joints are taken
-_EXCLUSION_ROUNDS = 5  # of taking out robots that differ; each round is one pass over the moments
+_FIRST_LOOKS = 32  # logs, evenly spread over the fleet, that decide the filter and the joints
+_EXCLUSION_ROUNDS = 5  # rounds of taking out robots that differ; each is one pass over the moments
 _LEAST_SHARE = 0.5  # share of those logs that must hold a joint or its torque; a log without it is skipped by name
 
 
 @dataclass(frozen=True)
 class FleetOptions:
-    """How to identify a fleet.
+    """Options of the identification of a fleet.
 
     Attributes
     ----------
     effects, torque_joints, cutoff, velocity
         As for `frischid.model.identification.identify`.
     mapping : LogMap or None
-        What the logs' columns mean.
+        Meaning of the logs' columns.
     strict : bool
-        Stop at a log that cannot be used instead of skipping it.
+        Whether to stop at a log that cannot be used instead of skipping it.
     diagnosed : int
-        Of the robots that differ, how many are diagnosed for effects that the model does not have.
+        Most robots to diagnose for effects that the model lacks, of those that differ.
     """
 
     effects: tuple[Effect, ...] = BASELINE
@@ -102,9 +104,9 @@ def identify_fleet(
         Their logs, as `frischid.fleet.log_paths.find_logs` gives them.
     options : FleetOptions, optional
     workers : Workers, optional
-        Where to work; this process by default.
+        Processes that do the work; this process by default.
     progress : callable
-        Told what is being done.
+        Called with a few words at each stage.
 
     Returns
     -------
@@ -113,7 +115,7 @@ def identify_fleet(
     Raises
     ------
     InputError
-        No log can be used, or `FleetOptions.strict` and one cannot.
+        No log can be used, or with `FleetOptions.strict` one log cannot be used.
     IdentifiabilityError
         All logs together do not determine the parameters.
 
@@ -159,7 +161,7 @@ def identify_fleet(
 def _robots(
     pool: Workers, logs: Sequence[LogPath], job: Job, progress: Callable[[str], None]
 ) -> tuple[list[Any], list[RobotMoments]]:
-    """Handles of every robot's moments, and the robots without them."""
+    """Handles of all robots' moments, and the robots' other results."""
     parts = pool.map(measure, logs, job)
     named = [(name, [i for i, _ in group]) for name, group in groupby(enumerate(logs), key=lambda x: x[1].robot)]
     handles = pool.pairs(combine, [name for name, _ in named], [[parts[i] for i in index] for _, index in named])
@@ -182,7 +184,7 @@ def _member(one: RobotMoments, found: Deviation, null: Null, robots: int) -> Mem
 def _job(
     pool: Workers, robot: Robot, logs: Sequence[LogPath], options: FleetOptions
 ) -> tuple[Job, Reduction, list[str]]:
-    """Filter, joints and base parameters, from a look at some logs spread evenly over the fleet."""
+    """Filter, joints and base parameters, from a look at some logs that are spread evenly over the fleet."""
     if not logs:
         raise InputError("there is no log to identify from")
     index = np.unique(np.linspace(0, len(logs) - 1, min(_FIRST_LOOKS, len(logs))).astype(int))
@@ -208,7 +210,8 @@ def _job(
         raise InputError(
             "no joint of the logs has a torque channel; give tau_<joint> columns, or current gains in a map"
         )
-    lowpass = _lowpass(good) if options.cutoff == "auto" else LowPass(options.cutoff)
+    spectra = sum((x.spectra for x in good), LogSpectra())
+    lowpass = spectra.lowpass() if options.cutoff == "auto" else LowPass(options.cutoff)
     reduction = structure(Regressor(kept, options.effects), fitted)
     job = Job(
         json.dumps(kept.to_dict()),
@@ -223,16 +226,8 @@ def _job(
     return job, reduction, [f"{filtering} ({lowpass.reason}), from {len(good)} logs spread over the fleet"]
 
 
-def _lowpass(looks: Sequence[Look]) -> LowPass:
-    bands = Bandwidths()
-    bands.bands = [b for x in looks for b in x.bands]
-    bands.clear = [b for x in looks for b in x.clear]
-    bands.rate = min(x.rate for x in looks)
-    return bands.lowpass()
-
-
 def _compared(pool: Workers, robots: Mapping[int, Any]) -> tuple[Gram, Estimate, dict[int, Deviation], Null, set[int]]:
-    """The fleet without the robots that differ, and every robot against the rest of it."""
+    """The fleet without the robots that differ, and the comparison of every robot with the rest of the fleet."""
     sums = dict(zip(robots, pool.map(moments, list(robots.values())), strict=True))
     outside: set[int] = set()
     for _ in range(_EXCLUSION_ROUNDS):
@@ -246,7 +241,7 @@ def _compared(pool: Workers, robots: Mapping[int, Any]) -> tuple[Gram, Estimate,
         found = dict(zip(robots, answers, strict=True))
         null = Null.of([found[k] for k in inside])
         differ = {k for k, d in found.items() if null.p_value(d, len(robots)) < SIGNIFICANCE}
-        # A fleet is what most of its robots are: never take out half of them.
+        # Most robots of a fleet are alike, so never half of them are taken out.
         if differ <= outside or len(differ | outside) * 2 >= len(robots):
             break
         outside |= differ
@@ -254,12 +249,12 @@ def _compared(pool: Workers, robots: Mapping[int, Any]) -> tuple[Gram, Estimate,
 
 
 def _with_spread(estimate: Estimate, fleet: Gram, inside: Sequence[Deviation], null: Null) -> Estimate:
-    """Standard errors from leaving out one robot at a time, and how far the next robot may be from the fleet."""
+    """Standard errors from leaving out one robot at a time, and the spread of the robots' own parameters."""
     pulls = np.array([d.pull for d in inside])
     R = len(pulls)
     covariance = (R - 1) / R * pulls.T @ pulls if len(estimate.joints) < R else estimate.covariance
     plain = fleet.weighted(1.0 / estimate.sigma**2)[:-1, :-1]
-    # Robots vary by (κ − κ_within) times the uncertainty from one robot's own data: the prior for any one of them.
+    # Robots vary by (κ − κ_within) times the uncertainty of one robot's own data: the prior for any single robot.
     information = plain / (null.scale + R * max(0.0, null.scale - null.within))
     notes = () if len(estimate.joints) < R else ("too few robots: standard errors take residuals as uncorrelated",)
     return replace(estimate, covariance=covariance, information=information, notes=notes)
@@ -273,7 +268,7 @@ def _model(
     logs: Sequence[LogPath],
     members: Sequence[Member],
 ) -> Model:
-    """The model of what the robots have in common, with the event that tells where it comes from."""
+    """The model with the shared parameters, and the event in its history that tells its origin."""
     kept = tools(job.robot, job.effects)[0]
     columns = reduction.base_columns()
     error = float(np.median([m.deviation.error_fleet.mean() for m in members]))
@@ -314,4 +309,4 @@ def _explained(
 ) -> list[Any]:
     """The change on each robot that differs, in the order of the questions."""
     asked = pool.map(explain, pool.pairs(paired, *questions), model.to_dict(), how)
-    return pool.gather(asked, lambda done, of: progress(f"what changed on {done} of {of} robots"))
+    return pool.gather(asked, lambda done, of: progress(f"the change on {done} of {of} robots"))

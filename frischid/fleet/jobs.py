@@ -1,6 +1,6 @@
-"""The jobs of a fleet, each done where its logs are read: functions of picklable arguments.
+"""The jobs of a fleet, functions of picklable arguments that run on the workers that read the logs.
 
-No job raises for a log: a log that cannot be used is an answer that says so.
+A job does not raise an error for a log that cannot be used: it returns a `Skipped` with the reason.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from frischid.effects import BASELINE, Effect
 from frischid.errors import FrischidError, InputError
 from frischid.fleet.deviation import Change, Deviation, changes, deviation
 from frischid.fleet.log_paths import LogPath, local
-from frischid.logs.cutoff_choice import Bandwidths
+from frischid.logs.cutoff_choice import LogSpectra, spectra_of
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.mapping import LogMap
@@ -36,12 +36,12 @@ from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
-_BLOCKS = 32  # stretches of time of a robot: enough for a jackknife, few enough to send
-_WHOLE_FILE = 32 * 2**20  # bytes: a larger file is read in pieces
-_DIAGNOSED_SAMPLES = 30_000  # samples of a robot that are diagnosed: minutes of motion, seconds of work
+_BLOCKS = 32  # blocks of time of a robot: enough for a jackknife, few enough to send
+_WHOLE_FILE = 32 * 2**20  # bytes: a larger file is read chunk by chunk
+_DIAGNOSED_SAMPLES = 30_000  # samples of a robot that are diagnosed: minutes of motion, seconds of computation
 _EXPLAINS_MOST = 0.5  # share of a robot's error that an effect must explain to be named as the change
 
-# Faults of a log, of any reader and any stage. One of ten thousand logs may be broken in any way; the rest go on.
+# Errors from a faulty log, of any reader and any stage: one broken log of ten thousand must not stop the others.
 _LOG_FAULTS = (
     FrischidError, ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError, OSError,
     RuntimeError, TypeError, ValueError,
@@ -50,7 +50,7 @@ _LOG_FAULTS = (
 
 @dataclass(frozen=True)
 class Job:
-    """All that turns a log into moments; rebuilt once per worker."""
+    """Everything needed to compute moments from a log; the same for all logs."""
 
     robot: str
     effects: tuple[Effect, ...]
@@ -63,7 +63,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Skipped:
-    """A log that is not counted, and why."""
+    """A log that does not count, and the reason."""
 
     robot: str
     address: str
@@ -102,7 +102,7 @@ def tools(robot: str, effects: tuple[Effect, ...]) -> tuple[Robot, Regressor]:
 
 
 def _open(path: Any, address: str, joints: Sequence[str], mapping: LogMap | None) -> Log | Recording:
-    """A log in memory where it is small, else one that is read in pieces; called by its address."""
+    """A log named by its address: in memory if it is small, otherwise a recording that is read chunk by chunk."""
     if path.is_file() and path.stat().st_size > _WHOLE_FILE:
         return replace(Recording.open(path, joints, mapping), source=address)
     return replace(read_log(path, joints, mapping), source=address)
@@ -110,33 +110,30 @@ def _open(path: Any, address: str, joints: Sequence[str], mapping: LogMap | None
 
 @dataclass(frozen=True)
 class Look:
-    """What a first look at a log shows."""
+    """First look at a log: its joints, the joints with a torque, and the spectra that decide the filter."""
 
     joints: tuple[str, ...]
     torques: tuple[str, ...]
-    bands: tuple[float, ...]
-    clear: tuple[float, ...]
-    rate: float
+    spectra: LogSpectra
 
 
 def look(
     log_path: LogPath, joints: tuple[str, ...], rows: tuple[str, ...] | None, mapping: LogMap | None
 ) -> Look | Skipped:
-    """See which joints a log holds and how fast they move."""
+    """Read the joints of a log and the spectra of its motion."""
     try:
         with local(log_path.address) as path:
             log = _open(path, log_path.address, joints, mapping)
             head = preview_of(log)
             torques = tuple(str(n) for n in np.compress(head.has("tau"), head.joints))
-            bands = Bandwidths()
-            bands.add(next(chunks_of(log)), [n for n in (rows or torques) if n in torques])
-            return Look(head.joints, torques, tuple(bands.bands), tuple(bands.clear), float(bands.rate))
+            spectra = spectra_of(next(chunks_of(log)), [n for n in (rows or torques) if n in torques])
+            return Look(head.joints, torques, spectra)
     except _LOG_FAULTS as error:
         return _skipped(log_path, error)
 
 
 def measure(log_path: LogPath, job: Job) -> LogMoments | Skipped:
-    """Moments of one log; a log that cannot be used is an answer, not an error."""
+    """Moments of one log, or the reason why the log cannot be used."""
     try:
         robot, regressor = tools(job.robot, job.effects)
         with local(log_path.address) as path:
@@ -144,7 +141,7 @@ def measure(log_path: LogPath, job: Job) -> LogMoments | Skipped:
             seen = summarise(robot, [log], job.rows, job.lowpass.cutoff)
             missing = [n for n in job.rows if not preview_of(log).select([n]).has("tau")[0]]
             if missing:
-                raise InputError(f"no torque of {', '.join(missing)}, which other logs have")
+                raise InputError(f"no torque for {', '.join(missing)}, which the other logs have")
             pieces = Motions([log], robot.joints, job.lowpass, job.velocity)
             motions = pieces if isinstance(log, Recording) else list(pieces)
             seconds = seen.seconds if isinstance(log, Recording) else None
@@ -171,13 +168,13 @@ def _skipped(log_path: LogPath, error: Exception) -> Skipped:
 
 
 def _merged(grams: Sequence[Gram], most: int) -> list[Gram]:
-    """At most so many blocks, neighbours added."""
+    """At most `most` blocks; neighbouring ones are added."""
     size = -(-len(grams) // most)
     return [total(grams[i : i + size]) for i in range(0, len(grams), max(1, size))]
 
 
 def combine(name: str, parts: Sequence[LogMoments | Skipped]) -> RobotMoments:
-    """One robot's logs, in order."""
+    """Moments of one robot from those of its logs, in order."""
     good = [p for p in parts if isinstance(p, LogMoments)]
     return RobotMoments(
         name,
@@ -191,40 +188,40 @@ def combine(name: str, parts: Sequence[LogMoments | Skipped]) -> RobotMoments:
 
 
 def summary(one: RobotMoments) -> RobotMoments:
-    """A robot without its moments."""
+    """The results of a robot without its moments, which are large."""
     return replace(one, blocks=())
 
 
 def moments(one: RobotMoments) -> Gram:
-    """Sum over a robot."""
+    """Sum of a robot's moments."""
     return total(one.blocks)
 
 
 def add(a: Gram, b: Gram) -> Gram:
-    """Sum of two."""
+    """Sum of the moments of two robots."""
     return a + b
 
 
 def against(question: tuple[RobotMoments, bool], fleet: Gram, theta: Array, weights: Array) -> Deviation:
-    """One robot against the others; the flag paired with the robot says whether the sum includes it."""
+    """Compare one robot with the others; the flag beside the robot says whether the fleet's sum includes it."""
     one, included = question
     return deviation(one.blocks, fleet, theta, weights, included)
 
 
 def paired(one: RobotMoments, flag: bool) -> tuple[RobotMoments, bool]:
-    """A robot and a flag that is its own."""
+    """A robot and its flag, as one argument."""
     return one, flag
 
 
 @dataclass(frozen=True)
 class Explaining:
-    """How to explain a robot that differs.
+    """Options for explaining a robot that differs.
 
     Attributes
     ----------
     mapping : LogMap or None
     inflation : float
-        How many samples count as one, κ of the fleet (`frischid.fleet.deviation.Null`).
+        Number of samples that count as one, κ of the fleet (`frischid.fleet.deviation.Null`).
     """
 
     mapping: LogMap | None
@@ -234,7 +231,7 @@ class Explaining:
 def explain(
     question: tuple[RobotMoments, bool], model: Mapping[str, Any], how: Explaining
 ) -> tuple[list[Change], Finding | None, str]:
-    """The change on a robot: parameters of the model and, if it is to be diagnosed, the effect that its logs show."""
+    """The change of a robot: parameters of the model and, if the robot is to be diagnosed, a missing effect."""
     one, diagnosed = question
     fleet = Model.from_dict(model)
     whole = total(one.blocks)
@@ -252,5 +249,5 @@ def explain(
         found = diagnose(fleet, logs, situation="changed").findings
     except FrischidError as error:
         return changed, None, str(error)
-    # The fleet has settled that the robot differs; the diagnosis only says which effect changed.
+    # The comparison with the fleet has shown that the robot differs; the diagnosis only finds the effect.
     return changed, next((f for f in found if f.gain > 0 and f.share > _EXPLAINS_MOST), None), ""

@@ -1,11 +1,11 @@
 """Paths of the logs of many robots, on a disk or at any address that fsspec knows, and the robot of each log.
 
-    logs/**/*.parquet            logs/r017/monday/3.parquet is of r017, the first folder below the fixed part;
-                                 directly in it, every file is a robot
-    logs/{robot}_*.parquet       the pattern says it itself: logs/r017_3.parquet is of r017
-    s3://bucket/{robot}/*        whatever fsspec and its plug-ins open
+    logs/**/*.parquet            logs/r017/monday/3.parquet is of r017, the first folder below the pattern's fixed part;
+                                 a file directly in the fixed part is a robot of its own
+    logs/{robot}_*.parquet       the pattern names the robot: logs/r017_3.parquet is of r017
+    s3://bucket/{robot}/*        any address that fsspec and its plug-ins can open
 
-Logs are in the order of their addresses, whatever order a file system lists them in.
+Logs are in the order of their addresses, in whatever order a file system lists them.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def _expression(pattern: str) -> str:
 
 def _matches(pattern: str) -> list[str]:
     if "://" not in pattern:
-        found = glob.glob(pattern, recursive=True)  # noqa: PTH207 (Path.glob knows no absolute patterns)
+        found = glob.glob(pattern, recursive=True)  # noqa: PTH207 (Path.glob cannot use absolute patterns)
         return sorted(path for path in found if Path(path).is_file())
     fs, path = _filesystem(pattern)
     return sorted(str(fs.unstrip_protocol(p)) for p in fs.glob(path))
@@ -126,12 +126,12 @@ def _filesystem(address: str) -> tuple[Any, str]:
 
 @contextmanager
 def local(address: str) -> Iterator[Path]:
-    """A path of this machine that holds what is at an address; a copy of it is removed afterwards.
+    """A path on this machine with the file at an address; if the file was copied, the copy is removed afterwards.
 
     Raises
     ------
     InputError
-        Nothing can be fetched from the address.
+        The file cannot be fetched from the address.
     """
     if "://" not in address:
         yield Path(address)

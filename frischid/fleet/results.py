@@ -23,17 +23,17 @@ class Member:
     ----------
     name : str
     logs, samples, seconds
-        What was counted.
+        Numbers of logs and samples, and their length.
     deviation : Deviation
-        Its own parameters, and how they differ from the others'.
+        Its own parameters, and their difference from the fleet's.
     excess : float
-        How far it is from the others, as a multiple of what is usual in this fleet: mean one (see `deviation.Null`).
+        Its difference from the others, as a multiple of the usual difference in this fleet (see `deviation.Null`).
     p_value : float
-        Corrected for the number of robots.
+        P value of this difference, corrected for the number of robots.
     changes : tuple of Change
-        Parameters of the model that are no longer the fleet's; of robots that differ.
+        Parameters of the model that differ from the fleet's; only for robots that differ.
     finding : Finding or None
-        Effect that explains most of its error, from `diagnose`; of robots that differ.
+        Effect that explains most of its error, from `diagnose`; only for robots that differ.
     """
 
     name: str
@@ -48,12 +48,12 @@ class Member:
 
     @property
     def differs(self) -> bool:
-        """Whether it differs from the fleet by more than chance."""
+        """Whether the robot differs from the fleet by more than chance."""
         return self.p_value < SIGNIFICANCE
 
     @property
     def parameters_explain(self) -> bool:
-        """Whether parameters that the model has already account for the change, rather than a new effect."""
+        """Whether parameters that the model already has explain the change, so that no new effect is needed."""
         if not self.changes:
             return False
         return self.finding is None or self.changes[-1].error_after <= SAME_ERROR * self.finding.error_after
@@ -72,20 +72,20 @@ class Member:
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """What `frischid.fleet.fleet.identify_fleet` found.
+    """Result of `frischid.fleet.fleet.identify_fleet`.
 
     Attributes
     ----------
     model : Model
-        With the parameters that the robots have in common.
+        The model with the parameters that the robots share.
     members : tuple of Member
-        Every robot, those that differ most first.
+        All robots, the largest difference from the fleet first.
     skipped : tuple of Skipped
         Logs that could not be used.
     null : Null
-        How much its robots usually differ.
+        Distribution of the usual differences between its robots.
     where : str
-        Where the work was done.
+        The processes that did the work.
     notes, warnings : tuple of str
     """
 

@@ -6,9 +6,9 @@ table is message k; its columns are
     t [ns]      header.stamp, when the state was measured (or ``t_record``: when the recorder got the message)
     q_<name>    position          v_<name>    velocity          tau_<name>    effort
 
-Every message says which joints it holds. One topic may carry messages of an arm and others of a gripper:
-those of one set of names make the table, and a note counts the others. Messages stream through, one chunk at a time,
-so that memory does not grow with the file.
+Every message names its joints. One topic may carry messages of an arm and others of a gripper: messages of one set of
+names make the table, and a note counts the others. Messages are read one chunk at a time, so that memory does not grow
+with the file.
 
 Files are opened by ``rosbags`` (.bag; folders and .db3 files of ROS 2) and ``mcap`` (.mcap), the extra
 ``frischid[ros]``.
@@ -37,7 +37,7 @@ COLUMN_OF_FIELD = {"position": "q", "velocity": "v", "effort": "tau"}
 RECORDER_COLUMN = "t_record"
 """Column of the recorder's clock."""
 FIRST_MESSAGES = 2000
-"""Messages that decide which joints and channels a table holds."""
+"""Number of first messages that decide the joints and channels of a table."""
 MESSAGES_PER_TABLE = 65_536
 """Messages in memory at once: three channels of seven joints are 11 MB."""
 
@@ -50,7 +50,7 @@ def is_bag(path: Path) -> bool:
 
 
 def bag_form(form: LogMap) -> LogMap:
-    """Return the mapping with the stamps as a bag has them: whole nanoseconds since 1970, too many for a double."""
+    """The mapping with the stamps of a bag: whole nanoseconds since 1970, too large for a double without rounding."""
     return replace(form, time_unit="ns", zero_time=True)
 
 
@@ -64,18 +64,18 @@ def bag_tables(
     path : Path
         A .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
     form : LogMap
-        `LogMap.topic` says which topic, where several hold joint states; ``time = "t_record"`` takes the recorder's
-        clock instead of the header's.
+        `LogMap.topic` names the topic, if several hold joint states; ``time = "t_record"`` takes the recorder's clock
+        instead of the header's.
     joints : sequence of str, optional
-        The robot's joints: where messages of several sets of joints are mixed, the set with most of them is read.
+        The robot's joints. If messages of several sets of joints are mixed, the set with most of these joints is read.
     rows : int
 
     Raises
     ------
     InputError
-        The libraries are not installed, the file is damaged or no bag, or it holds no joint states.
+        The libraries are not installed, the file is damaged or not a bag, or it has no joint states.
     UnknownNameError
-        It has no such topic of joint states.
+        The bag has no such topic of joint states.
     """
     if not path.exists():
         raise InputError(f"{path}: there is no such bag")
@@ -103,7 +103,7 @@ def read_bag(path: Path, form: LogMap, joints: Sequence[str] | None = None) -> T
 
 @dataclass(frozen=True)
 class _Bag:
-    """An open file: topics of joint states, all topics with their types, and how to read and decode one."""
+    """An open file: topics of joint states, all topics with their types, and functions that read and decode one."""
 
     topics: Sequence[str]
     others: Mapping[str, str]
@@ -113,7 +113,7 @@ class _Bag:
 
 @dataclass(frozen=True)
 class _State:
-    """One message: the stamp wanted [ns], and numbers in the order of `names`."""
+    """One message: its stamp [ns], and numbers in the order of `names`."""
 
     header: int
     recorded: int
@@ -157,7 +157,7 @@ def _open_mcap(path: Path, stack: ExitStack) -> _Bag:
 
 def _decoder(kind: str) -> Callable[[bytes], Any]:
     typesys = _library("rosbags.typesys")
-    # JointState is the same in every ROS 2 so far; a bag's own definitions need not be trusted for it.
+    # JointState is the same in every ROS 2 so far, so a bag's own definition is not used.
     if kind == "ros1":
         store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
         return lambda data: store.deserialize_ros1(data, JOINT_STATES[1])
@@ -175,7 +175,7 @@ def _library(name: str) -> Any:
 
 
 def _topic(path: Path, bag: _Bag, wanted: str | None) -> str:
-    """Which topic to read, or an error that lists them."""
+    """The topic to read; an error lists the topics where the choice is not clear."""
     if wanted is not None:
         if wanted not in bag.topics:
             raise UnknownNameError("topic of joint states", wanted, bag.topics, str(path))
@@ -258,7 +258,7 @@ class _Collector:
         return table
 
     def _order(self, state: _State) -> slice | list[int] | None:
-        """Where each joint stands in a message; None if the message is of other joints."""
+        """Position of each joint in a message; None if the message is of other joints."""
         if state.names == self.names:
             return slice(None)
         if sorted(state.names) == sorted(self.names):

@@ -20,11 +20,11 @@ from frischid.logs.mapping import RADIANS_PER_UNIT, TICKS_PER_SECOND, JointMap, 
 from frischid.logs.tables import Table
 
 SETPOINT = re.compile(r"(?:des|desired|ref|reference|cmd|command|target)_(.+)")
-"""A set point of a joint has such a name, and is no joint of its own."""
+"""Words that mark a column as a set point of a joint; such a column is not a joint of its own."""
 
 
 def first_stamp(table: Table, form: LogMap) -> Any:
-    """First stamp as it stands in the file: stamps from which it is subtracted must keep every digit."""
+    """First stamp exactly as in the file, so that its subtraction loses no digit of the other stamps."""
     name = _time_name(table, form)
     return table.values(name)[:1]
 
@@ -39,9 +39,9 @@ def log_of_table(
     table : Table
     form : LogMap
     joints : sequence of str, optional
-        The robot's joints, in the order wanted.
+        The robot's joints, in the desired order.
     start : ndarray, shape (1,)
-        Stamp that is subtracted where the mapping sets `zero_time`; see `first_stamp`.
+        Stamp that is subtracted if the mapping sets `zero_time`; see `first_stamp`.
     digest : str, optional
         Hash of the file.
 
@@ -53,7 +53,7 @@ def log_of_table(
     notes = list(table.notes)
     time, t = _time(table, form, start, notes)
     mapped, ignored = _columns_of_joints(table, form, joints, notes)
-    channels = {channel: np.full((t.size, len(mapped)), np.nan) for channel in CHANNELS}
+    channels: dict[str, Any] = {channel: np.full((t.size, len(mapped)), np.nan) for channel in CHANNELS}
     for j, (joint, columns) in enumerate(mapped.items()):
         for channel, values in _convert(table, form, joint, columns, notes).items():
             channels[channel][:, j] = values
@@ -85,7 +85,7 @@ def _time(table: Table, form: LogMap, start: Any, notes: list[str]) -> tuple[str
     """Name of the time column and the stamps [s]."""
     name = _time_name(table, form)
     raw = table.values(name)
-    # Nanoseconds since 1970 do not fit a double: the start is subtracted before integers become doubles.
+    # A double cannot hold nanoseconds since 1970 exactly: the start is subtracted before integers become doubles.
     t = np.asarray(raw - start if form.zero_time else raw, dtype=np.float64) / TICKS_PER_SECOND[form.time_unit]
     check_times(t, table.source, table.place, name)
     if form.zero_time or form.time_unit != "s" or name != "t":
@@ -122,7 +122,7 @@ def _columns_of_joints(
         if joint not in chosen and (columns or joints is None):
             raise InputError(f"{form.source}: joint '{joint}' has no position column in {table.source}; name q")
         if joint not in chosen:
-            notes.append(f"mapping of {joint} not used: the log has no position of it")
+            notes.append(f"mapping of {joint} not used: the log has no position of this joint")
     if not chosen:
         raise InputError(f"{table.source}: {_no_joint(table, form, there, joints)}")
     ignored = [joint for joint in there if joint not in chosen]
@@ -148,7 +148,7 @@ def _no_joint(table: Table, form: LogMap, there: Sequence[str], joints: Sequence
 
 
 def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str], notes: list[str]) -> dict[str, Array]:
-    """Channels of one joint in its own unit, direction and side of the gear."""
+    """Channels of one joint, converted to SI units, the joint's direction and the joint side of the gear."""
     entry = form.joint.get(joint, JointMap())
     motion = entry.sign * RADIANS_PER_UNIT[entry.angle_unit or form.angle_unit] / entry.gear_ratio
     effort = entry.sign * entry.torque_sign
@@ -164,7 +164,7 @@ def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str],
         channels[channel] = raw if factor == 1 and offset == 0 else factor * raw + offset
         scaled = f"{factor:.6g} × {name}" if factor != 1 else name
         if factor == 1 and not offset:
-            continue  # a mere name: one note for all of them
+            continue  # only renamed: one note for all such columns
         notes.append(f"{channel}_{joint} = {f'{scaled} {offset:+.6g}' if offset else scaled}")
     gain, tau_from = entry.current_gain, entry.tau_from or form.tau_from
     if tau_from == "current" and (gain is None or "current" not in channels):
@@ -184,7 +184,7 @@ def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str],
 
 
 def _extra(table: Table, used: set[str], taken: set[str], notes: list[str]) -> dict[str, Array]:
-    """Every other column of usable numbers; the rest is noted and left out, as no joint depends on it."""
+    """All other columns of usable numbers; columns without are left out, with a note."""
     extra: dict[str, Array] = {}
     rest = [name for name in table.names if name not in used]
     if rest and not table.named:

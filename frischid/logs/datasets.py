@@ -1,8 +1,9 @@
-"""Public logs of real robots: fetched by permanent address, checked by checksum.
+"""Public logs of real robots: fetched by permanent address, verified by checksum.
 
-Nothing is bundled. A file is addressed by a commit, which cannot change, and must have the SHA-256 written here: the
-owner's own where one was published, and otherwise that of the bytes the commit held when this was written. The
-download is done by ``pooch`` (the extra ``frischid[fetch]``); a folder that holds the files already does as well.
+frischid ships none of the data. The address of a file contains a commit, which cannot change. The file must have the
+SHA-256 written here: the one that its owner published, or else that of the commit's file when this module was written.
+``pooch`` (the extra ``frischid[fetch]``) downloads the files; a folder that already holds the files can be given
+instead.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class Dataset:
     ----------
     title : str
     page : str
-        Where a person reads about it.
+        Web page about the data set.
     licence, citation : str
         Printed with every fetch.
     address : str
@@ -39,11 +40,11 @@ class Dataset:
     files : mapping of str to str
         Path after `address` -> SHA-256. The commit is in one of the two.
     logs : mapping of str to str
-        Name of a log to make -> the file, or the folder of files, that it is made of.
+        Name of a log to make -> its file, or its folder of files.
     layout : callable
-        Makes a log's columns of such a file or folder.
+        Makes a log's columns from such a file or folder.
     remarks : str
-        A warning about the data that the user needs.
+        A warning about the data.
     """
 
     title: str
@@ -58,7 +59,7 @@ class Dataset:
 
 
 def _by_channel(folder: Path) -> Table:
-    """TIAGo's: one file a channel, on one clock."""
+    """Layout of TIAGo's files: one file per channel, on one clock."""
     table: Table = {}
     for kind, channel in {"position": "q", "velocity": "v", "effort": "current"}.items():
         path = folder / f"tiago_{kind}.csv"
@@ -74,7 +75,7 @@ def _by_channel(folder: Path) -> Table:
 
 
 def _without_header(path: Path) -> Table:
-    """The UR10e's: t, then six columns of each channel, and no header; time counts from the first row."""
+    """Layout of the UR10e's files: t, then six columns of each channel, no header; time counts from the first row."""
     rows = np.loadtxt(path, delimiter=",", ndmin=2)
     joints = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
     columns = [f"{c}_{joint}" for c in ("q", "v", "current", "current_des", "tau_des") for joint in joints]
@@ -82,7 +83,7 @@ def _without_header(path: Path) -> Table:
 
 
 def _by_number(folder: Path) -> Table:
-    """The Panda's: one file a channel, one number a line, the seven joints in turn."""
+    """Layout of the Panda's files: one file per channel, one number per line, the seven joints in turn."""
     prefix = "exciting_traj"
     table: Table = {"t": np.loadtxt(folder / f"{prefix}_time.txt")}
     for channel, kind in {"q": "positions", "v": "velocity", "tau": "torques"}.items():
@@ -179,16 +180,16 @@ DATASETS = {
 def fetch(
     name: str, output: str | Path, source: str | Path | None = None, progress: Callable[[str], None] = lambda _: None
 ) -> tuple[Dataset, list[Path]]:
-    """Put a data set's files, checked, and logs made of them into a folder.
+    """Fetch and verify a data set's files, and write the logs made from them into a folder.
 
     Parameters
     ----------
     name : str
         One of `DATASETS`.
     output : str or Path
-        Folder; made if need be.
+        Folder; created if necessary.
     source : str or Path, optional
-        Folder that holds the files already, under their paths or just their names; nothing is then downloaded.
+        Folder that already holds the files, under their paths or their names; then nothing is downloaded.
     progress : callable
         Called with the name of each file before it is fetched.
 
@@ -201,7 +202,7 @@ def fetch(
     Raises
     ------
     InputError
-        A file is missing, or its checksum is not the one known; nothing of it is kept then.
+        A file is missing, or its checksum differs from the known one; then nothing of the file is kept.
     """
     if name not in DATASETS:
         raise UnknownNameError("data set", name, DATASETS)

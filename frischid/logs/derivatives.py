@@ -1,11 +1,11 @@
-"""The ways to get q̇ and q̈ of a stretch of motion, and which of them is nearer the truth.
+"""Measured and derived q̇ and q̈ of a stretch of motion, and the choice of the more accurate one.
 
-A log may hold measured velocities and accelerations, or the positions alone, which a differentiator turns into both.
-A measured acceleration a_m has an error e, the derived one a_d a noise n of known size, so
+A log may have measured velocities and accelerations. Both can also be derived from the positions by a differentiator.
+A measured acceleration a_m has an error e; the derived one a_d has noise n of known size. So, after the filter F,
 
     E (F (a_m − a_d))² = e² + n².
 
-The measured one is nearer the truth where e < n, that is where the difference is below √2 n.
+The measured one is more accurate if e < n, that is, if the rms difference is below √2 n.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from frischid.logs.filters import LowPass, correlate, derivative_taps, noise_lev
 from frischid.logs.log import Log
 
 SAME_ACCELERATION = 1e-3
-"""Measured and derived accelerations that differ by less than this share of the acceleration are the same."""
+"""Measured and derived accelerations that differ by less than this share of the acceleration count as equal."""
 LATE_VELOCITY = 0.05
-"""A measured q̇ that differs from the slope of q by more than this share of the speed is not used."""
+"""Share of the speed. A measured q̇ that differs from the slope of q by more than this is not used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Derivatives:
     step : float
         Time between samples, s.
     lowpass : LowPass
-        The filter in whose band the two are compared.
+        The filter: measured and derived values are compared within its band.
     """
 
     q: Array
@@ -74,7 +74,7 @@ class Derivatives:
         return correlate(self.taps[0], self.v_measured)
 
     def choice(self, log: Log, velocity: str) -> tuple[NDArray[np.bool_], list[str]]:
-        """Whether each joint's measured velocity is used, (J,), and the notes that say why not."""
+        """Whether each joint's measured velocity is used, (J,), and notes on those that are not."""
         present = log.has("v")
         if velocity == "derived" or not present.any():
             return np.zeros(len(present), bool), []
@@ -99,11 +99,11 @@ class Derivatives:
         return present & ~late & self.better(self.a_from_v), notes
 
     def better(self, acceleration: Array) -> NDArray[np.bool_]:
-        """Whether each joint's given acceleration is nearer the truth than that of the positions, in the filter's band.
+        """Whether each joint's given acceleration is more accurate than that of the positions, in the filter's band.
 
         The mean square of the difference of the two is e² + n². The given one has the error e (noise, and a
-        tachometer's lag). The noise n of the positions' second derivative is known, so e < n where the difference is
-        below √2 n. Where both agree to `SAME_ACCELERATION`, the given one is as good, and free of the differentiator's
+        tachometer's lag). The noise n of the positions' second derivative is known, so e < n if the rms difference is
+        below √2 n. If both agree to `SAME_ACCELERATION`, the given one is taken, because it has no differentiator's
         bias.
         """
         smooth = self.lowpass.taps(self.step)
@@ -114,6 +114,6 @@ class Derivatives:
 
 
 def _range(values: Array) -> str:
-    """Smallest to largest, or the one value there is."""
+    """Smallest and largest value as text; only one value where both are equal."""
     low, high = (f"{x:.2g}" for x in (values.min(), values.max()))
     return low if low == high else f"{low} to {high}"

@@ -2,12 +2,12 @@
 
     F τ = (F Y) θ + F e
 
-The *parallel filter* F goes over the torque and over every regressor column alike, so it removes noise without biasing
-θ (Gautier 1997). F is a windowed-sinc low-pass. A missing q̇ or q̈ is a local quartic fit, ``q̇ = Σ_k d_k q_{i+k}``, wide
-enough to pass five times the cut-off of F, so that F alone shapes the spectrum.
+The *parallel filter* F is applied to the torque and to every regressor column, so it removes noise without biasing θ
+(Gautier 1997). F is a windowed-sinc low-pass. A missing q̇ or q̈ is a local quartic fit, ``q̇ = Σ_k d_k q_{i+k}``,
+wide enough to pass five times the cut-off of F, so that F alone shapes the spectrum.
 
-All filters are finite and symmetric in time: nothing is delayed, and the samples that a filter cannot fully see are
-known exactly.
+All filters are finite and symmetric in time: nothing is delayed, and it is known exactly which samples at the ends lack
+neighbours for the filter.
 
 References: M. Gautier, "Dynamic identification of robots with power model", ICRA 1997; A. Savitzky and M. Golay,
 Analytical Chemistry 36(8), 1964; R. Schafer, "What is a Savitzky-Golay filter?", IEEE Signal Processing Magazine 28(4),
@@ -25,9 +25,12 @@ from frischid.core.types import Array
 from frischid.errors import InputError
 
 DERIVATIVE_BAND = 5.0
-"""A differentiator passes this many times the cut-off frequency; above that only noise is left."""
+"""A differentiator passes frequencies up to this many times the cut-off; above, there is only noise."""
 QUARTIC = 4
 """Degree of the local polynomial of a differentiator, and order of the differences that measure noise."""
+
+
+LONGEST_FILTER = 10_000_000  # samples: 80 MB, nearly three hours at 1 kHz
 
 
 @dataclass(frozen=True)
@@ -39,12 +42,12 @@ class LowPass:
     cutoff : float or None
         Frequency of half amplitude, Hz; None: nothing is filtered.
     reason : str
-        Why this cut-off.
+        Reason for this cut-off.
 
     Raises
     ------
     InputError
-        The cut-off is no positive frequency.
+        The cut-off is not a positive frequency.
 
     Examples
     --------
@@ -67,11 +70,27 @@ class LowPass:
         if self.cutoff is None or self.cutoff >= 0.4 / step:
             return np.ones(1)
         length, beta = signal.kaiserord(60.0, min(self.cutoff, 0.5 / step - self.cutoff) * 2 * step)
+        check_length(length, self.cutoff, step)
         return np.asarray(signal.firwin(length | 1, self.cutoff, window=("kaiser", beta), fs=1 / step))
 
     def decimation(self, step: float) -> int:
-        """Samples per kept sample: the filter stops at 1.5 times the cut-off, so three samples a period suffice."""
+        """Samples per kept sample: the filter stops at 1.5 times the cut-off, so three samples per period suffice."""
         return 1 if len(self.taps(step)) == 1 else max(1, int(1 / (3 * step * float(self.cutoff or 1))))
+
+
+def check_length(samples: float, cutoff: float, step: float) -> None:
+    """Refuse a filter that no log is longer than, before memory is asked for it.
+
+    Raises
+    ------
+    InputError
+        The cut-off is too low for samples `step` seconds apart.
+    """
+    if samples > LONGEST_FILTER:
+        raise InputError(
+            f"a cut-off of {cutoff:g} Hz on samples {step:g} s apart needs a filter of {samples:.1g} samples, above "
+            f"{LONGEST_FILTER:g}; raise the cut-off"
+        )
 
 
 def derivative_taps(order: int, step: float, cutoff: float | None) -> Array:
@@ -82,7 +101,7 @@ def derivative_taps(order: int, step: float, cutoff: float | None) -> Array:
     Parameters
     ----------
     order : {1, 2}
-        Which derivative.
+        Order of the derivative.
     step : float
         Time between samples, s.
     cutoff : float or None
@@ -97,6 +116,7 @@ def derivative_taps(order: int, step: float, cutoff: float | None) -> Array:
     if cutoff is not None:
         share_of_nyquist = min(1.0, DERIVATIVE_BAND * cutoff * 2 * step)
         half = max(half, round(((QUARTIC + 1) / share_of_nyquist + 4.6) / 3.2))
+        check_length(2 * half + 1, cutoff, step)
     return np.asarray(signal.savgol_coeffs(2 * half + 1, QUARTIC, deriv=order, delta=step, use="dot"))
 
 
@@ -133,5 +153,5 @@ def noise_level(x: Array) -> Array:
     """
     fourth = np.diff(x, n=QUARTIC, axis=0) / np.sqrt(70.0)
     spread = np.median(np.abs(fourth), axis=0) / 0.6745
-    # Most differences of a quantised channel at standstill are zero: its noise is in the few that are not.
+    # Most differences of a quantised channel at standstill are zero: only the others show its noise.
     return np.asarray(np.where(spread > 0, spread, np.std(fourth, axis=0)))

@@ -1,12 +1,12 @@
 """A log: position, velocity and torque of every joint, sample by sample, exactly as measured.
 
-A log is the sequence ``(t_k, q_k, q̇_k, q̈_k, τ_k, i_k)`` of J joints at N instants. It is frozen, and it is
-either whole or refused: an unusable value (NaN, infinity, uninitialised memory, time running backwards) is an
-error that says where it lies, and is never repaired behind the user's back. `frischid.checks` finds values that are
-only suspicious: degrees taken for radians, stamps of arrival, a constant torque.
+A log is the sequence ``(t_k, q_k, q̇_k, q̈_k, τ_k, i_k)`` of J joints at N instants. It is frozen. An unusable value
+(NaN, infinity, uninitialised memory, time running backwards) is an error that names its place; frischid never repairs
+such a value silently. `frischid.checks` finds values that are only suspicious: degrees read as radians, stamps of
+arrival, a constant torque.
 
 In a table every column has a name: ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<joint>``, ``tau_<joint>``,
-``current_<joint>``, and any other name for whatever else was measured.
+``current_<joint>``, and any other name for other measurements.
 """
 
 from __future__ import annotations
@@ -23,15 +23,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
+from frischid.logs.log_file import LogFile
 
 Place = Callable[[int], str]
 
 CHANNELS = ("q", "v", "a", "tau", "current")
 FEWEST_SAMPLES = 10
 GARBAGE = 1e12
-"""No SI quantity of a robot is larger: such a value is uninitialised memory."""
+"""Largest value in SI units that a robot's channel can have; a larger one is uninitialised memory."""
 STANDSTILL_SPAN = 1e-3
-"""A joint whose position spans less than this [rad or m] has not moved."""
+"""rad or m. A joint whose position spans less than this has not moved."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,18 +58,20 @@ class Log:
     source : str
         File path or description, the name of this log in messages.
     sha256 : str or None
-        Hash of the file it was read from.
+        Hash of the file that the log was read from.
     notes : tuple of str
         Conversions, and columns that were left out.
+    file : LogFile or None
+        The file it can be read from again; None for samples of another origin, a part of a log for one.
 
     Notes
     -----
-    A joint without a channel has a column of NaN in it (see `has`); a channel no joint has is None.
+    If a joint lacks a channel, its column there is NaN (see `has`); a channel that every joint lacks is None.
 
     Raises
     ------
     InputError
-        Shapes or names disagree, the stamps do not increase, or a value is no measurement (NaN, infinity, above 1e12).
+        Shapes or names disagree, the stamps do not increase, or a value is unusable (NaN, infinity, above 1e12).
 
     Examples
     --------
@@ -93,10 +96,11 @@ class Log:
     source: str = "log"
     sha256: str | None = None
     notes: tuple[str, ...] = ()
+    file: LogFile | None = None
 
     @cached_property
     def identity(self) -> str:
-        """Hash of the file it was read from, or of its samples where it was made in memory."""
+        """Hash of the log's file, or of its samples if the log was made in memory."""
         if self.sha256 is not None:
             return self.sha256
         digest = hashlib.sha256(repr(self.joints).encode())
@@ -122,7 +126,7 @@ class Log:
         return {c: x for c in CHANNELS if (x := getattr(self, c)) is not None}
 
     def _check_shapes(self) -> None:
-        """Shapes agree, names are unique, and no extra column takes a name that means something else."""
+        """Check that shapes agree, names are unique, and no extra column has a name that means something else."""
         N, J = self.t.size, len(self.joints)
         columns = {"t": self.t} | {f"extra '{name}'": x for name, x in self.extra.items()}
         for name, values in (columns | self._channels()).items():
@@ -148,7 +152,7 @@ class Log:
         )
 
     def __reduce__(self) -> tuple[type[Log], tuple[Any, ...]]:
-        """Pickle by construction, so that a worker's copy is checked and read-only too."""
+        """Pickle as a call of the constructor, so that a worker's copy is checked and read-only too."""
         values = {f.name: getattr(self, f.name) for f in fields(self)} | {"extra": dict(self.extra)}
         return Log, tuple(values.values())
 
@@ -163,7 +167,7 @@ class Log:
         return float(1.0 / np.median(np.diff(self.t)))
 
     def has(self, channel: str) -> NDArray[np.bool_]:
-        """Which joints carry `channel`.
+        """Whether each joint has `channel`.
 
         Parameters
         ----------
@@ -201,7 +205,7 @@ class Log:
         """Keep the samples with index ``start <= k < stop``, as Python slices do."""
         rows = slice(start, stop)
         kept: dict[str, Any] = {channel: x[rows] for channel, x in self._channels().items()}
-        return replace(self, t=self.t[rows], extra={n: x[rows] for n, x in self.extra.items()}, **kept)
+        return replace(self, t=self.t[rows], extra={n: x[rows] for n, x in self.extra.items()}, file=None, **kept)
 
     def to_table(self) -> dict[str, Array]:
         """All columns by name, ``t`` first; a channel that a joint lacks has no column."""
@@ -213,7 +217,7 @@ class Log:
 
 
 def _read_only(values: ArrayLike) -> Array:
-    """Own a contiguous copy that nobody can write to; an array that is read-only already is shared."""
+    """A contiguous, read-only copy; an array that is already read-only is shared."""
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.flags.writeable:
         array = array.copy() if np.shares_memory(array, values) else array
@@ -222,18 +226,18 @@ def _read_only(values: ArrayLike) -> Array:
 
 
 def row_place(row: int) -> str:
-    """Where a sample lies, for people: rows count from 1."""
+    """Place of a sample as text; rows count from 1."""
     return f"row {row + 1}"
 
 
 def is_usable(values: Array) -> NDArray[np.bool_]:
-    """Which values are finite and of a plausible size."""
-    # NaN compares false and infinity is large: one comparison answers both.
+    """Whether each value is finite and of a plausible size."""
+    # NaN compares false and infinity is large, so one comparison finds both.
     return np.asarray(np.abs(values) <= GARBAGE)
 
 
 def check_values(name: str, values: Array, source: str, place: Place = row_place) -> None:
-    """Refuse a column that holds NaN, infinity or garbage: the `InputError` names the first such row."""
+    """Refuse a column with NaN, infinity or garbage; the `InputError` names the first such row."""
     usable = is_usable(values)
     if usable.all():
         return
@@ -253,7 +257,7 @@ def check_values(name: str, values: Array, source: str, place: Place = row_place
 
 
 def check_times(t: Array, source: str, place: Place = row_place, name: str = "t") -> None:
-    """Refuse time stamps that are too few, unusable or not strictly increasing; name the row and both."""
+    """Refuse time stamps that are too few, unusable or not strictly increasing; the error names row and stamps."""
     if t.size < FEWEST_SAMPLES:
         raise InputError(f"{source}: {t.size} samples; a log needs at least {FEWEST_SAMPLES}")
     check_values(name, t, source, place)
@@ -287,7 +291,7 @@ def check_torque(log: Log, joints: Sequence[str] | None = None) -> None:
     ----------
     log : Log
     joints : sequence of str, optional
-        The joints whose torque is wanted, all by default.
+        Joints that must have a torque, all by default.
     """
     wanted = log.joints if joints is None else tuple(joints)
     present = [j for j in log.index(wanted) if log.has("tau")[j]]

@@ -5,27 +5,30 @@
     time_unit = "ms"                            sign = -1
     angle_unit = "deg"                          gear_ratio = 101.0
 
-A `LogMap` says which column is which joint's what, and in which unit and direction it was recorded:
+A `LogMap` gives the joint and channel of each column, and the unit and direction in which it was recorded:
 
     q = sign · unit · raw / gear_ratio + offset        q̇, q̈ = sign · unit · raw / gear_ratio
     i = sign · torque_sign · raw                       τ = sign · torque_sign · gear_ratio · raw
                                                        or τ = current_gain · i
 
-Every key is checked when the mapping is made, so that a mistyped one is an error and not silently nothing.
+Every key is checked when the mapping is made, so that a mistyped key is an error and is not silently ignored.
 """
 
 from __future__ import annotations
 
+import hashlib
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from frischid.core.text import shortened
 from frischid.errors import InputError, UnknownNameError
-from frischid.logs.log import CHANNELS
+from frischid.logs.log import CHANNELS, GARBAGE
+from frischid.logs.log_file import StoredFile
 
 RADIANS_PER_UNIT = {"rad": 1.0, "m": 1.0, "deg": np.pi / 180}
 TICKS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -33,26 +36,26 @@ TICKS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 @dataclass(frozen=True)
 class JointMap:
-    """How one joint was recorded. A key that is not given has the value of a log in frischid's own layout.
+    """Recording of one joint. A key that is not given has the value of a log in frischid's own layout.
 
     Attributes
     ----------
     q, v, a, tau, current : str or int, optional
         Column name, or number from 0; otherwise the template under ``[default]``.
     sign : {1, -1}
-        Direction of the recorded axis: turns q, v, a, tau and current.
+        Direction of the recorded axis: factor of q, v, a, tau and current.
     offset : float
         Added to q after sign, unit and gear [rad or m].
     gear_ratio : float
-        Of motor-side columns: q, v, a are divided by it, tau is multiplied.
+        Gear ratio if the columns are motor-side: q, v, a are divided by it, tau is multiplied.
     torque_sign : {1, -1}
-        Further sign of tau and current alone.
+        Further factor of tau and current only.
     current_gain : float, optional
         Joint-side torque per ampere [N·m/A]: ``tau = current_gain · current`` where there is no tau column.
     tau_from : {"tau", "current"}, optional
-        Overrules that choice.
+        Channel that gives the torque, if both are recorded.
     angle_unit : {"rad", "deg", "m"}, optional
-        Unit of this joint, where it differs from the file's (a prismatic joint among degrees: ``"m"``).
+        Unit of this joint, if it differs from the file's (a prismatic joint in a file of degrees: ``"m"``).
     """
 
     q: str | int | None = None
@@ -78,13 +81,13 @@ class LogMap:
     time, time_unit, zero_time
         Column of the stamps, its unit (s, ms, us, ns), and whether to subtract the first stamp.
     header, delimiter, columns
-        Whether a CSV's first line names the columns, what separates them, and the names if it does not.
+        Whether a CSV's first line names the columns, the separator, and the names if there is no such line.
     joints
-        Whose columns those of 2-D arrays (an NPZ file's) are, in their order.
+        Joints of the columns of 2-D arrays in an NPZ file, in order.
     topic
-        Of a bag with several topics of joint states.
+        Topic to read from a bag with several topics of joint states.
     angle_unit : {"rad", "deg"}
-        Of all positions, velocities and accelerations.
+        Unit of all positions, velocities and accelerations.
     default : mapping of str to str
         Template of each channel's column names; ``{joint}`` stands for the joint.
     tau_from : {"tau", "current"}, optional
@@ -92,6 +95,8 @@ class LogMap:
     joint : mapping of str to JointMap
     source : str
         The mapping file, for messages.
+    file : StoredFile, optional
+        The mapping file as it was read; None where the mapping was written in Python.
 
     Examples
     --------
@@ -118,10 +123,11 @@ class LogMap:
     tau_from: str | None = None
     joint: Mapping[str, JointMap] = field(default_factory=dict)
     source: str = "mapping"
+    file: StoredFile | None = None
 
     @classmethod
     def of(cls, mapping: LogMap | Mapping[str, Any] | str | Path | None) -> LogMap:
-        """Take a mapping, its tables as dictionaries, or the path of a TOML file; None: frischid's own layout."""
+        """Mapping from a mapping, its tables as dictionaries, or the path of a TOML file; None: frischid's layout."""
         if mapping is None:
             return cls()
         if isinstance(mapping, str | Path):
@@ -132,12 +138,16 @@ class LogMap:
     def load(cls, path: str | Path) -> LogMap:
         """Read a mapping from a TOML file."""
         try:
-            text = Path(path).read_text(encoding="utf-8")
-            return cls.from_dict(tomllib.loads(text), str(path))
+            content = Path(path).read_bytes()
+            found = cls.from_dict(tomllib.loads(content.decode()), str(path))
+            stored = StoredFile(str(Path(path).absolute()), hashlib.sha256(content).hexdigest(), len(content))
+            return replace(found, file=stored)
         except OSError as error:
             raise InputError(f"{path}: the mapping file cannot be read ({error.strerror})") from error
         except ValueError as error:
             raise InputError(f"{path}: the mapping file is not TOML: {error}") from error
+        except RecursionError:
+            raise InputError(f"{path}: the mapping file's lists are nested too deep; it has tables only") from None
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any], source: str = "mapping") -> LogMap:
@@ -146,7 +156,7 @@ class LogMap:
             if key not in ("file", "default", "joint", "current_gain"):
                 raise UnknownNameError("table", key, ("file", "default", "joint", "current_gain"), source)
             if not isinstance(table, Mapping):
-                raise InputError(f"{source}: {key} must be a table, found {table!r}")
+                raise InputError(f"{source}: {key} must be a table, found {shortened(table)}")
         file = _checked(content.get("file", {}), FILE_RULES, f"[file] of {source}")
         if file.get("header", True) and "columns" in file:
             raise InputError(f"{source}: columns = [...] names those of a file with header = false")
@@ -178,7 +188,8 @@ def _one_of(*options: Any) -> Rule:
 
 
 def _is_finite(x: Any) -> bool:
-    return isinstance(x, int | float) and not isinstance(x, bool) and bool(np.isfinite(x))
+    # A whole number of TOML has as many digits as are written; float() would raise OverflowError.
+    return isinstance(x, int | float) and not isinstance(x, bool) and abs(x) <= GARBAGE
 
 
 def _is_names(x: Any) -> bool:
@@ -192,7 +203,7 @@ COLUMN_RULE: Rule = (
 TEMPLATE_RULE: Rule = (lambda x: isinstance(x, str) and x.count("{joint}") == 1, "a text with {joint} in it once")
 BOOL_RULE = _one_of(True, False)
 SIGN_RULE = _one_of(1, -1)
-NONZERO_RULE: Rule = (lambda x: _is_finite(x) and x != 0, "a number other than 0")
+NONZERO_RULE: Rule = (lambda x: _is_finite(x) and abs(x) * GARBAGE >= 1, "a number other than 0")
 TAU_FROM_RULE = _one_of("tau", "current")
 
 FILE_RULES: dict[str, Rule] = {
@@ -219,13 +230,13 @@ JOINT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, COLUMN_RULE) | {
 
 
 def _checked(table: Any, rules: Mapping[str, Rule], where: str) -> dict[str, Any]:
-    """Keys and values of one table of a mapping file, or an error that lists the keys it may hold."""
+    """Keys and values of one table of a mapping file; an error lists the keys that the table may hold."""
     if not isinstance(table, Mapping):
-        raise InputError(f"{where}: expected a table, found {table!r}")
+        raise InputError(f"{where}: expected a table, found {shortened(table)}")
     for key, value in table.items():
         if key not in rules:
             raise UnknownNameError("key", key, rules, where)
         is_right, expected = rules[key]
         if not is_right(value):
-            raise InputError(f"{where}: {key} = {value!r}, expected {expected}")
+            raise InputError(f"{where}: {key} = {shortened(value)}, expected {expected}")
     return dict(table)

@@ -1,11 +1,11 @@
-"""A mapping file proposed for a foreign log: which column is which joint's channel, from names and from numbers.
+"""A proposed mapping file for a foreign log: the joint and channel of each column, from names and from numbers.
 
-*Names.* A column's name is cut into words (``actual_q_3``, ``- arm_1_joint_effort``, ``pos.shoulder_pan``). Words
-that name a quantity say which channel the column is. The other words are compared with the joints' names, or are a
-number that counts joints. The assignment of columns to joints with the largest total likeness is taken (Kuhn 1955).
+*Names.* A column's name is cut into words (``actual_q_3``, ``- arm_1_joint_effort``, ``pos.shoulder_pan``). Words that
+name a quantity give the channel of the column. The other words are compared with the joints' names, or are a number
+that counts joints. The assignment of columns to joints with the largest total likeness is taken (Kuhn 1955).
 
-*Numbers.* Motion decides where names do not: a velocity is the slope of its position, and the factor between the two is
-its unit. Positions far outside the URDF's limits that fit them as degrees are degrees.
+*Numbers.* Where names do not decide, motion does: a velocity is the slope of its position, and the factor between the
+two gives its unit. Positions are in degrees if they are far outside the URDF's limits, but inside when read as degrees.
 Stamps are the column that grows steadily; their unit is the one that gives a robot's rate.
 
 A proposal is for a person to read. Comments give the reason for each entry, and list the entries that could not be
@@ -69,13 +69,13 @@ FILLER_WORDS = MEASURED_WORDS | {
     "",
 }
 LEAST_LIKENESS = 0.55
-"""Share of matching characters (`difflib`) below which a column's name and a joint's have nothing to do."""
+"""Share of matching characters (`difflib`) below which a column's name does not match a joint's."""
 DEGREES_PER_RADIAN = 180 / np.pi
 
 
 @dataclass
 class Proposal:
-    """A mapping, and why.
+    """A proposed mapping, and the reasons for it.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class Proposal:
     joints : dict of str to dict of str to str
         URDF joint -> channel -> column.
     reasons : list of str
-        The reason for each entry, and the decisions that the reader must take.
+        The reason for each entry, and the decisions that the reader must make.
     missing : tuple of str
         Joints of the URDF without a position column.
     """
@@ -150,7 +150,7 @@ def propose(path: str | Path, robot: Robot) -> Proposal:
 
 
 def split(name: str) -> tuple[str | None, str]:
-    """Channel that a column's name speaks of (None: no channel of a log), and the rest of the name.
+    """Channel that a column's name contains (None: no channel of a log), and the rest of the name.
 
     >>> split("actual_q_3")
     ('q', '3')
@@ -162,7 +162,7 @@ def split(name: str) -> tuple[str | None, str]:
         return None, name
     for channel, known in CHANNEL_WORDS.items():
         hits = [w for w in words if w in known]
-        # a single letter is a quantity only at the front: "a" may be an arm
+        # a single letter is a quantity only as the first word: later "a" may be an arm
         if hits and (len(hits[0]) > 1 or words[0] == hits[0] or words[-1] == hits[0] or "actual" in words):
             rest = list(words)
             rest.remove(hits[0])
@@ -171,14 +171,14 @@ def split(name: str) -> tuple[str | None, str]:
 
 
 def _counted(word: str) -> list[str] | None:
-    """``q3`` -> ``q``, ``3``: a quantity and a number run together."""
+    """Split a quantity and a number without separator: ``q3`` -> ``q``, ``3``."""
     match = re.fullmatch(r"([a-z]+)(\d+)", word)
     quantities = set().union(*CHANNEL_WORDS.values()) | {"j", "joint", "axis"}
     return [match[1], match[2]] if match and match[1] in quantities else None
 
 
 def assign(names: Mapping[str, str], joints: Sequence[str]) -> dict[str, str]:
-    """Joint -> column: by likeness of names, or in the order of their numbers where names say only that.
+    """Joint -> column: by likeness of names, or in order of their numbers where the names are only numbers.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def _only_number(rest: str) -> int | None:
 
 
 def _alike(rest: str, joint: str) -> float:
-    """Likeness of two names; their numbers must agree, and filling words do not count."""
+    """Likeness of two names; their numbers must agree, and words such as "joint" do not count."""
     one, two = ([w for w in re.split(r"[^0-9a-z]+", x.lower()) if w not in FILLER_WORDS] for x in (rest, joint))
     digits = [re.findall(r"\d+", "_".join(x)) for x in (one, two)]
     if digits[0] and digits[1] and digits[0][-1] != digits[1][-1]:
@@ -251,7 +251,7 @@ def _time(table: Table, path: Path, found: Proposal) -> Array:
     unit = "ns" if is_bag(path) else (units or ["s"])[0]
     if unit != "s" and not is_bag(path):
         found.file["time_unit"] = unit
-        found.reasons.append(f"stamps in {unit}: {rate * TICKS_PER_SECOND[unit]:.4g} samples a second")
+        found.reasons.append(f"stamps in {unit}: {rate * TICKS_PER_SECOND[unit]:.4g} samples per second")
     if not is_bag(path) and abs(float(table.numeric[name][0])) / TICKS_PER_SECOND[unit] > 1e8:
         found.file["zero_time"] = True
     return raw / TICKS_PER_SECOND[unit]
@@ -273,7 +273,7 @@ def _check_velocities(table: Table, t: Array, found: Proposal) -> None:
         v = np.asarray(table.numeric[columns["v"]], dtype=float)
         if v.std() == 0 or slope.std() == 0:
             continue
-        # a moving mean over both: slopes of noisy positions are noise, late velocities still correlate
+        # a moving mean over both, because slopes of noisy positions are noise; late velocities still correlate
         window = np.ones(max(1, len(t) // 200)) / max(1, len(t) // 200)
         v, slope = (np.convolve(x, window, mode="valid") for x in (v, slope))
         likeness = float(np.corrcoef(v, slope)[0, 1])
@@ -291,7 +291,7 @@ def _check_velocities(table: Table, t: Array, found: Proposal) -> None:
 
 
 def _degrees(table: Table, robot: Robot, found: Proposal) -> None:
-    """Degrees, where positions are far outside the limits and fit them divided by 57.3."""
+    """Propose degrees where positions are far outside the limits, but inside when divided by 57.3."""
     limits = dict(
         zip(robot.joints, zip(robot.limits.lower, robot.limits.upper, robot.prismatic, strict=True), strict=True)
     )

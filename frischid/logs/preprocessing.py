@@ -5,10 +5,10 @@ Three linear steps, each symmetric in time so that nothing is delayed:
 1. cubic splines through the samples at their *true* time stamps put every channel on a uniform grid of step h
    (`frischid.logs.time_grid`);
 2. missing q̇ and q̈ are local quartic fits of the positions (`frischid.logs.derivatives`);
-3. the parallel filter F goes over τ and over every regressor column, ``F τ = (F Y) θ + F e`` (`frischid.logs.filters`);
-   `frischid.regression.regressor` applies it.
+3. the parallel filter F is applied to τ and to every regressor column, ``F τ = (F Y) θ + F e``
+   (`frischid.logs.filters`, applied by `frischid.regression.regressor`).
 
-No end is padded: the samples that a filter cannot fully see are dropped, and a note counts them.
+No end is padded: samples at the ends, where a filter lacks samples on one side, are dropped, and a note counts them.
 
 Source: M. Gautier, "Dynamic identification of robots with power model", ICRA 1997.
 """
@@ -31,14 +31,14 @@ from frischid.logs.standstill import PAUSE, find_standstill
 from frischid.logs.time_grid import breaks_of, largest_gap, uniform
 
 VELOCITIES = ("auto", "measured", "derived")
-"""Sources of q̇: per joint the better of both, the channel of the log, the slope of the positions."""
+"""Sources of q̇: the better of the other two, joint by joint; the channel of the log; the slope of the positions."""
 SPARE_SAMPLES = 10
-"""A stretch of motion has at least this many samples beyond the reach of the filters at both its ends."""
+"""Least samples of a stretch of motion, besides those that the filters need at its ends."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A gap-free stretch of one log on a uniform grid, derivatives filled in.
+    """A gap-free stretch of one log on a uniform grid, with velocities and accelerations.
 
     Attributes
     ----------
@@ -51,14 +51,14 @@ class Motion:
     standstill : ndarray of bool, shape (N, J)
         Joints at standstill (see `find_standstill`).
     source : str
-        The log it comes from.
+        Name of the log.
     start : float
-        Time at which the log begins, s; a motion begins later, after the samples that were trimmed.
+        Time at which the log begins, s; a motion begins later, after the trimmed samples.
     extra : mapping of str to ndarray, shape (N,)
         Other channels of the log on the same grid, for example ``temperature_<joint>``.
     measured : (ndarray of bool, ndarray of bool), each shape (J,), optional
-        Joints whose q̇, and whose q̈, are channels of the log. Another q̈ comes from the measured q̇ where that is used,
-        else from the positions. None: everything comes from the positions.
+        Joints whose q̇, and whose q̈, are channels of the log. Any other q̈ is derived from the measured q̇ where that
+        is used, otherwise from the positions. None: everything is derived from the positions.
     """
 
     t: Array
@@ -78,7 +78,7 @@ class Motion:
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
     def middle(self, share: float) -> Motion:
-        """Stretch from the middle of the motion; `share` is a share of its length."""
+        """A stretch from the middle of the motion, `share` times its length."""
         half = max(2, round(0.5 * share * len(self.t)))
         return self.part(slice(max(0, len(self.t) // 2 - half), len(self.t) // 2 + half))
 
@@ -90,7 +90,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Prepared:
-    """Motions of one log, and notes on everything that was done to the log."""
+    """Motions of one log, and notes on all changes of the data."""
 
     motions: tuple[Motion, ...]
     notes: tuple[str, ...]
@@ -102,14 +102,14 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto", begin: float 
     Parameters
     ----------
     log : Log
-        Joints in the order of the robot's.
+        Its joints are in the robot's order.
     lowpass : LowPass
-        Sets the band of the derivatives.
+        The filter; it decides the band of the derivatives.
     velocity : {"auto", "measured", "derived"}
-        Which q̇ and q̈ to use where the log holds them. ``"auto"`` decides per joint: the measured one is used where it
-        differs from the positions' derivative by less than the noise of that derivative.
+        Whether to use q̇ and q̈ of the log. ``"auto"`` decides for each joint: the measured one is used if it differs
+        from the positions' derivative by less than the noise of that derivative.
     begin : float, optional
-        Time at which the recording began, s, where this log is a later chunk of one.
+        Time at which the recording began, s, if this log is a later chunk of a recording.
 
     Returns
     -------
@@ -169,7 +169,7 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto", begin: float 
             "cut-off); raise the cut-off, or record longer"
         )
     trimmed = reach * median * len(motions) * 2
-    notes.append(f"{log.source}: {trimmed:.2g} s trimmed at the ends, where the filters cannot see both sides")
+    notes.append(f"{log.source}: {trimmed:.2g} s trimmed at the ends, where the filters lack samples on one side")
     return Prepared(tuple(motions), tuple(notes))
 
 

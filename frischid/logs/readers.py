@@ -1,14 +1,16 @@
-"""Files of measurements become a `Log`, whatever their columns are called.
+"""Readers that turn files of measurements, with any names of columns, into a `Log`.
 
-A file is first a table of named columns (`frischid.logs.tables`); a mapping (`frischid.logs.mapping`) gives their
-meaning. Without one the columns are ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<joint>``, ``tau_<joint>`` and
-``current_<joint>``, SI units, joint side. Each conversion, and each column left out, is a note of the log.
+A file is first read as a table of named columns (`frischid.logs.tables`). A mapping (`frischid.logs.mapping`) gives
+their meaning. Without a mapping the columns are ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<joint>``, ``tau_<joint>`` and
+``current_<joint>``, in SI units, on the joint side of the gear. Each conversion, and each column left out, is a note of
+the log.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.logs.bags import bag_form, bag_tables, is_bag, read_bag
 from frischid.logs.conversion import first_stamp, log_of_table
 from frischid.logs.log import FEWEST_SAMPLES, Log
+from frischid.logs.log_file import LogFile, parts_of, size_of
 from frischid.logs.mapping import LogMap
 from frischid.logs.tables import Table, joined, read_table, read_tables, write_table
 
@@ -33,8 +36,8 @@ def read_log(
     ----------
     path : str or Path
     joints : sequence of str, optional
-        The robot's joints, in the order wanted. Columns of any other joint are left out with a note, and a
-        joint without a position column is not in the log.
+        The robot's joints, in the desired order. Columns of any other joint are left out with a note, and a joint
+        without a position column is not in the log.
     mapping : LogMap, mapping or path of a TOML file, optional
         Names and units of the columns, where they are not those of frischid.
 
@@ -45,7 +48,7 @@ def read_log(
     Raises
     ------
     InputError
-        The file, a column or a value is not usable; the message says which and where.
+        The file, a column or a value is not usable; the message names it and its place.
 
     Examples
     --------
@@ -62,10 +65,11 @@ def read_log(
     >>> log.joints, round(log.rate), log.notes
     (('elbow',), 100, ('t = stamp [ms] in seconds', 'columns renamed: q_elbow = pos'))
     """
-    path = Path(path)
-    form = _form(path, joints, mapping)
+    path, given = Path(path), LogMap.of(mapping)
+    form = _form(path, joints, given)
     table = read_bag(path, form, joints) if is_bag(path) else read_table(path, form)
-    return log_of_table(table, form, joints, first_stamp(table, form), digest=digest_of(path))
+    log = log_of_table(table, form, joints, first_stamp(table, form), digest=digest_of(path))
+    return replace(log, file=file_behind(path, given))
 
 
 def read_chunks(
@@ -75,7 +79,7 @@ def read_chunks(
     *,
     samples: int = 65_536,
 ) -> Iterator[Log]:
-    """Read a long file as consecutive logs of about `samples` samples; only one of them is in memory.
+    """Read a long file as consecutive logs of about `samples` samples; only one of them is in memory at a time.
 
     Parameters
     ----------
@@ -86,7 +90,7 @@ def read_chunks(
     Yields
     ------
     Log
-        Together they hold every sample once; their stamps go on from one to the next. `Log.sha256` is not computed.
+        Together the logs hold every sample once, and stamps continue from one to the next. They have no `Log.sha256`.
 
     Raises
     ------
@@ -124,7 +128,7 @@ def read_chunks(
 
 
 def _form(path: Path, joints: Sequence[str] | None, mapping: Any) -> LogMap:
-    """The mapping, checked against the robot; stamps of a bag are nanoseconds whatever it says."""
+    """The mapping, checked against the robot; stamps of a bag are always nanoseconds."""
     form = LogMap.of(mapping)
     for name in form.joint:
         if joints is not None and name not in joints:
@@ -133,7 +137,7 @@ def _form(path: Path, joints: Sequence[str] | None, mapping: Any) -> LogMap:
 
 
 def _none_too_short(tables: Iterator[Table]) -> Iterator[Table]:
-    """Tables whose last, if it is too short for a log, is joined to the one before."""
+    """The same tables; a last one that is too short for a log is joined to the one before."""
     held: Table | None = None
     for table in tables:
         if held is not None and table.rows < FEWEST_SAMPLES:
@@ -147,13 +151,20 @@ def _none_too_short(tables: Iterator[Table]) -> Iterator[Table]:
 
 
 def digest_of(path: Path) -> str:
-    """Hash of a file; of a folder, that of its files one after the other in the order of their names."""
+    """Hash of a file, or of all files of a folder in the order of their names."""
     digest = hashlib.sha256()
-    for part in sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]:
+    for part in parts_of(path):
         with part.open("rb") as file:
             while block := file.read(1 << 20):
                 digest.update(block)
     return digest.hexdigest()
+
+
+def file_behind(path: Path, form: LogMap) -> LogFile | None:
+    """The file of a log and its mapping file; None where the mapping was written in Python, and is in no file."""
+    if form.file is None and form != LogMap():
+        return None
+    return LogFile(str(path.absolute()), size_of(path), form.file)
 
 
 def write_log(log: Log, path: str | Path) -> None:

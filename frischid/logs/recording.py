@@ -1,14 +1,14 @@
-"""Logs of any length: read in chunks, as often as needed, and never held in memory as a whole.
+"""Logs of any length: read chunk by chunk, as often as needed, and never in memory as a whole.
 
-A `Recording` stands for a log that is too long for memory. Everything that sums over samples works on its chunks. A
-filter of length n needs n samples for one output, so the last samples of a chunk are carried into the next one. No
-sample is lost or counted twice:
+A `Recording` represents a log that is too long for memory. All sums over samples work on its chunks. A filter of length
+n needs n samples for one output, so the last samples of a chunk are carried into the next chunk. No sample is lost or
+counted twice:
 
     chunk k:   … a b c d e f           filters see d, but not yet e and f
     chunk k+1:         c d e f g h …   begins where the last complete output ended
 
-A log in memory is its own single chunk. Three decisions depend on the samples and are taken once per chunk: the grid's
-step, whether the measured velocity is used, and where a joint is at standstill.
+A log in memory has one chunk, itself. Three decisions depend on the samples and are made once per chunk: the grid's
+step, whether the measured velocity is used, and the samples at standstill.
 """
 
 from __future__ import annotations
@@ -24,30 +24,33 @@ import numpy as np
 from frischid.errors import InputError
 from frischid.logs.filters import LowPass, derivative_taps
 from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Log
+from frischid.logs.log_file import LogFile
 from frischid.logs.mapping import LogMap
 from frischid.logs.preprocessing import Motion, prepare
 from frischid.logs.time_grid import breaks_of
 
 RECORDING_CHUNK = 30_000
-"""Samples in memory at once: half a minute at 1 kHz, 1.4 MB a channel of a six-joint arm."""
+"""Samples in memory at once: half a minute at 1 kHz, 1.4 MB per channel of a six-joint arm."""
 PREVIEW_SAMPLES = 256
-"""Samples read to see which joints and channels a recording holds."""
+"""Samples that are read to find the joints and channels of a recording."""
 NOTES_SHOWN = 5
-"""Notes of one recording that are printed; a longer list says how many more there are."""
+"""Notes of one recording that are printed; of further notes only the number is printed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A log that is read in chunks.
+    """A log that is read chunk by chunk.
 
     Attributes
     ----------
     source : str
         File path or description, its name in messages.
     read : callable
-        Given a number of samples, a fresh iterator over consecutive `Log` chunks of about that many.
+        Takes a number of samples, and returns a new iterator over consecutive `Log` chunks of about that length.
     digest : callable, optional
-        Computes the hash of the file it stands for.
+        Computes the hash of the recording's file.
+    file : LogFile, optional
+        That file.
 
     Examples
     --------
@@ -67,6 +70,7 @@ class Recording:
     source: str
     read: Callable[[int], Iterator[Log]]
     digest: Callable[[], str] | None = None
+    file: LogFile | None = None
 
     @cached_property
     def identity(self) -> str | None:
@@ -80,15 +84,16 @@ class Recording:
         joints: Sequence[str] | None = None,
         mapping: LogMap | dict[str, Any] | str | Path | None = None,
     ) -> Recording:
-        """Stand for a file; arguments as for `frischid.logs.readers.read_chunks`, which reads it."""
-        from frischid.logs.readers import digest_of, read_chunks
+        """Recording of a file; arguments as for `frischid.logs.readers.read_chunks`, which reads the file."""
+        from frischid.logs.readers import digest_of, file_behind, read_chunks
 
         form = LogMap.of(mapping)
 
         def read(samples: int) -> Iterator[Log]:
             return read_chunks(path, joints, form, samples=samples)
 
-        return cls(str(path), read, lambda: digest_of(Path(path)))
+        file = file_behind(Path(path), form) if Path(path).exists() else None  # a missing file is an error when read
+        return cls(str(path), read, lambda: digest_of(Path(path)), file)
 
     def chunks(self, samples: int | None = None) -> Iterator[Log]:
         """Read from the beginning, about `samples` samples (`RECORDING_CHUNK` by default) at a time."""
@@ -102,17 +107,17 @@ class Recording:
 
 
 def chunks_of(log: Log | Recording) -> Iterator[Log]:
-    """The chunks of a recording; a log is its own."""
+    """The chunks of a recording; a log is its own single chunk."""
     return iter((log,)) if isinstance(log, Log) else log.chunks()
 
 
 def preview_of(log: Log | Recording) -> Log:
-    """A log that shows which joints and channels are there."""
+    """A log that has the joints and channels of a log or recording."""
     return log if isinstance(log, Log) else log.preview()
 
 
 class Motions:
-    """Motions of logs and recordings, one at a time, each time anew.
+    """Motions of logs and recordings, one at a time; every iteration reads the logs anew.
 
     Parameters
     ----------
@@ -153,7 +158,7 @@ class Motions:
             try:
                 prepared = prepare(whole, self.lowpass, velocity=self.velocity, begin=begin)
             except InputError as error:
-                # A chunk of gaps says nothing; a whole log of them is of no use.
+                # A chunk without a usable stretch is skipped; a log without one is an error.
                 if isinstance(log, Log):
                     raise
                 notes.append(str(error))
@@ -169,7 +174,7 @@ class Motions:
 
 
 def joined(first: Log, skip: int, second: Log) -> Log:
-    """Two consecutive chunks, the first less `skip` samples; the second alone where their channels differ."""
+    """Two consecutive chunks as one log, without the first `skip` samples; only the second where channels differ."""
     same = first.joints == second.joints and set(first.extra) == set(second.extra)
     if not (same and all((first.has(c) == second.has(c)).all() for c in CHANNELS)):
         return second
@@ -180,7 +185,7 @@ def joined(first: Log, skip: int, second: Log) -> Log:
 
 
 def _resume(log: Log, motion: Motion, lowpass: LowPass) -> int:
-    """The first sample that outputs after the last complete one still need."""
+    """Index of the first sample that the filter's next output needs."""
     taps, every = len(lowpass.taps(motion.step)), lowpass.decimation(motion.step)
     half = len(derivative_taps(1, motion.step, lowpass.cutoff)) // 2
     outputs = max(0, (len(motion.t) - taps) // every + 1)
@@ -189,13 +194,13 @@ def _resume(log: Log, motion: Motion, lowpass: LowPass) -> int:
 
 
 def _end(log: Log, first: int) -> tuple[Log, int]:
-    """The samples from `first` on, and how many stand before them: a log cannot be shorter than `FEWEST_SAMPLES`."""
+    """At least the samples from `first` on, and the number of earlier ones; a log has at least `FEWEST_SAMPLES`."""
     start = max(0, min(first, len(log) - FEWEST_SAMPLES))
     return log.slice(start), first - start
 
 
 def brief(notes: Iterable[str], source: str) -> list[str]:
-    """Each note once, the first few of a recording."""
+    """Each note once; of a recording only the first few, and the number of the others."""
     kept = list(dict.fromkeys(notes))
     if len(kept) <= NOTES_SHOWN + 1:
         return kept
@@ -203,12 +208,12 @@ def brief(notes: Iterable[str], source: str) -> list[str]:
 
 
 def check_logs(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]) -> None:
-    """Refuse a log that is both fitted and held out, because an error on fitted data says nothing; and no list of logs.
+    """Refuse a log that is both fitted and held out, and an argument that is not a list of logs.
 
     Raises
     ------
     InputError
-        A log is among both, or one is no log.
+        A log is in both lists, or an item is not a log.
     """
     for name, given in (("logs", logs), ("valid", valid)):
         alone: list[Any] = [given] if isinstance(given, Log | Recording | str | Path) else []
@@ -220,7 +225,7 @@ def check_logs(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]
         for log in logs:
             if held is log or _same(held, log):
                 raise InputError(
-                    f"{held.source} is both fitted and held out (--valid): an error on fitted data says nothing; "
+                    f"{held.source} is both fitted and held out (--valid), so its error says nothing about new data; "
                     "leave one out"
                 )
 

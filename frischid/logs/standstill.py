@@ -1,9 +1,10 @@
-"""Where a joint is at standstill, so that its dry friction is undetermined.
+"""The samples at which a joint is at standstill, so that its dry friction is undetermined.
 
     v = 0:   −τ_c ≤ τ_friction ≤ τ_c
 
-At standstill dry friction takes any value up to break-away, whatever the noise of the measured speed says. A model with
-Coulomb friction makes no prediction there, so such torque samples are left out of every fit and of every error.
+At standstill dry friction takes any value up to break-away. (The sign of the measured speed is then only noise.) A
+model with Coulomb friction makes no prediction there, so such torque samples are left out of every fit and of every
+error.
 
 Source: H. Olsson et al., "Friction models and friction compensation", European Journal of Control 4(3), 1998.
 """
@@ -18,21 +19,21 @@ from frischid.core.types import Array
 from frischid.logs.log import STANDSTILL_SPAN
 
 CREEPING = 0.01
-"""A joint slower than this, rad/s (m/s), is not under way."""
+"""rad/s (m/s). A joint slower than this may be at standstill."""
 UNMOVED = 0.2
-"""A creeping joint whose acceleration is below this share of the largest one around it is not accelerated."""
+"""Share of the largest acceleration around. A creeping joint with less acceleration than this is not accelerated."""
 PAUSE = 0.1
-"""A joint that is not accelerated for at least this long, s, paused before it turned."""
+"""s. A joint that is not accelerated for at least this time pauses."""
 
 
 def find_standstill(q: Array, v: Array, a: Array, step: float, pause: float = PAUSE) -> NDArray[np.bool_]:
     """Find the samples at which a joint holds its position, or stops and goes on without reversing.
 
-    A joint holds its position where it travels less than `STANDSTILL_SPAN` within half a second around the sample. A
+    A joint holds its position where it moves less than `STANDSTILL_SPAN` within half a second around the sample. A
     joint stops where it creeps (slower than `CREEPING`, or than a fiftieth of its usual speed if that is less) and
-    slows down to a fifth of that. A short stretch in which the joint turns round is no standstill: a reversal is
-    motion, and tells most about friction. If the joint was hardly accelerated for as long as `pause` before it turned,
-    it paused.
+    slows down to a fifth of that speed. A short stretch in which the joint reverses is not standstill: a reversal is
+    motion, and carries most information on friction. But if the joint is hardly accelerated for as long as `pause`
+    while it reverses, it pauses, which is standstill.
 
     Parameters
     ----------
@@ -41,7 +42,7 @@ def find_standstill(q: Array, v: Array, a: Array, step: float, pause: float = PA
     step : float
         Time between samples, s.
     pause : float
-        Least pause, s. A pause shorter than a period of the filter's cut-off is blurred into the motion around it.
+        Least pause, s. The filter blurs a pause shorter than a period of its cut-off into the motion around.
 
     Returns
     -------
@@ -76,7 +77,7 @@ def find_standstill(q: Array, v: Array, a: Array, step: float, pause: float = PA
 
 
 def _pauses(a: Array, slow: slice, step: float, pause: float) -> bool:
-    """Whether a creeping joint pauses: hardly accelerated for a while. A joint that turns round is accelerated most."""
+    """Whether a creeping joint pauses, that is, is hardly accelerated for a while. A reversing joint is accelerated."""
     around = round(0.25 / step)
     most = np.abs(a[max(0, slow.start - around) : slow.stop + around]).max()
     runs, _ = ndimage.label(np.abs(a[slow]) < UNMOVED * most)

@@ -1,6 +1,6 @@
-"""Summary of the logs before anything is computed from them: joints, length, faults, and the filter that fits.
+"""Summary of the logs before anything is computed from them: joints, length, faults, and a suitable filter.
 
-One pass over all samples, a chunk of a recording at a time.
+The summary takes one pass over all samples; recordings are read chunk by chunk.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.logs.cutoff_choice import Bandwidths
+from frischid.logs.cutoff_choice import LogSpectra, spectra_of
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log, check_motion, check_torque
 from frischid.logs.recording import Recording, chunks_of, preview_of
@@ -25,20 +25,23 @@ MOVING_LOCKED = 0.05
 
 @dataclass(frozen=True)
 class LogSummary:
-    """Length of some logs, the filter that fits them, and locked joints that move.
+    """Length of some logs, a suitable filter, and locked joints that move.
 
     Attributes
     ----------
     lowpass : LowPass
+    spectra : LogSpectra
+        Of the joints whose torque is fitted.
     samples : tuple of int
-        Of each log.
+        Number of samples of each log.
     seconds : float
-        All logs together.
+        Length of all logs together.
     moving : dict of str to float
-        Locked joints that move all the same, and how far, rad (m).
+        Locked joints that move nevertheless, and their range, rad (m).
     """
 
     lowpass: LowPass
+    spectra: LogSpectra
     samples: tuple[int, ...]
     seconds: float
     moving: dict[str, float]
@@ -63,7 +66,7 @@ def summarise(
     InputError
         A log cannot be used.
     """
-    bands = Bandwidths()
+    spectra = LogSpectra()
     samples, seconds = [], 0.0
     span: dict[str, tuple[float, float]] = {}
     for log in logs:
@@ -74,8 +77,8 @@ def summarise(
             except InputError as error:
                 # A recording may be at standstill for a whole chunk; a dead torque is dead in all chunks.
                 faults.append(error)
-            if len(faults) <= number and cutoff == "auto":
-                bands.add(chunk, rows)
+            if len(faults) <= number:
+                spectra += spectra_of(chunk, rows)
             for name in robot.locked:
                 if name in chunk.joints:
                     q = chunk.q[:, chunk.joints.index(name)]
@@ -86,9 +89,9 @@ def summarise(
         if faults and len(faults) == number + 1:
             raise faults[0]
         samples.append(count)
-    lowpass = bands.lowpass() if cutoff == "auto" else LowPass(cutoff)
+    lowpass = spectra.lowpass() if cutoff == "auto" else LowPass(cutoff)
     moving = {name: high - low for name, (low, high) in span.items() if high - low > MOVING_LOCKED}
-    return LogSummary(lowpass, tuple(samples), seconds, moving)
+    return LogSummary(lowpass, spectra, tuple(samples), seconds, moving)
 
 
 def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
@@ -142,7 +145,7 @@ def check_usable(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool) -
 
 
 def moving_but_locked(moving: Mapping[str, float]) -> list[str]:
-    """Joints the user locked although they move in a log: the model is then of another robot."""
+    """Warning about joints that the user locked although they move in a log: the model is then of another robot."""
     if not moving:
         return []
     spans = [f"{name} by {span:.2g} rad (m)" for name, span in moving.items()]

@@ -1,7 +1,7 @@
 """File formats: CSV, Parquet and NPZ, each as one table of named columns, and back.
 
-Nothing here knows the meaning of a column. A `Table` says which of its columns are numbers, why the others are not, and
-where in the file a row lies. Long files come as several tables of consecutive rows.
+Nothing here depends on the meaning of a column. A `Table` holds the columns that are numbers, the reason why others are
+not, and the place of each row in the file. Long files are read as several tables of consecutive rows.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+import lzma
 import zipfile
 import zlib
 from collections import Counter
@@ -36,7 +37,7 @@ CSV = (".csv", ".tsv", ".txt")
 
 @dataclass(frozen=True)
 class Table:
-    """A file's columns in their order; `unusable` says why a column is not numbers."""
+    """A file's columns in their order; `unusable` gives the reason why a column is not numeric."""
 
     source: str
     names: Sequence[str]
@@ -60,14 +61,14 @@ class Table:
         return str(reference)
 
     def values(self, name: str) -> NDArray[Any]:
-        """Numbers of a column; `InputError` if it holds something else."""
+        """Numbers of a column; `InputError` if the column is not numeric."""
         if name in self.unusable:
             raise InputError(f"{self.source}: column '{name}' is not numeric: {self.unusable[name]}")
         return self.numeric[name]
 
 
 def joined(tables: Sequence[Table]) -> Table:
-    """One table of consecutive ones."""
+    """Join tables of consecutive rows to one table."""
     first = tables[0]
     unusable = {name: why for table in tables for name, why in table.unusable.items()}
     names = [name for name in first.names if name not in unusable]
@@ -94,7 +95,7 @@ def read_tables(path: Path, form: LogMap, rows: int) -> Iterator[Table]:
                 yield replace(whole, numeric=part, place=_after(start, whole.place))
         elif kind == ".parquet":
             start = 0
-            # Reading ahead would hold whole row groups: for a long file, most of it.
+            # Reading ahead would keep whole row groups in memory, which may be most of a long file.
             file = pa.parquet.ParquetFile(path, pre_buffer=False, buffer_size=1 << 16)
             for batch in file.iter_batches(batch_size=rows):
                 yield _from_arrow(pa.table(batch), path, _after(start, row_place))
@@ -108,7 +109,7 @@ def _after(start: int, place: Place) -> Place:
 
 
 def _kind(path: Path) -> str:
-    """Suffix of a file that can be read, or an error that says why it cannot."""
+    """Suffix of a file that can be read; otherwise an error with the reason."""
     supported = ", ".join((*CSV, ".parquet", ".npz", ".bag", ".db3", ".mcap"))
     if path.is_dir():
         raise InputError(f"{path}: is a folder; give one file ({supported}), or the folder of a ROS 2 bag")
@@ -132,11 +133,15 @@ def _reading(path: Path, kind: str) -> Iterator[None]:
         yield
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, pa.ArrowException) as error:
         raise InputError(f"{path}: cannot be read as {kind[1:]} ({error}); was it copied completely?") from error
+    except (RuntimeError, lzma.LZMAError) as error:  # encrypted, or of a compression that Python does not know
+        raise InputError(f"{path}: cannot be read as {kind[1:]} ({error}); write it without password") from error
+    except MemoryError as error:
+        raise InputError(f"{path}: its columns do not fit into memory ({error}); is it damaged?") from error
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How a CSV file is written: its separator, its columns, and how many lines come before the first row."""
+    """Layout of a CSV file: its separator, its columns, and the number of lines before the first row."""
 
     delimiter: str
     names: Sequence[str]
@@ -145,12 +150,15 @@ class Layout:
 
 
 def csv_layout(path: Path, form: LogMap) -> Layout:
-    """Look at the first line of a CSV file."""
+    """Find the layout of a CSV file from its first line."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         before, line = next(((k, line) for k, line in enumerate(file) if line.strip()), (0, ""))
-    # The separator is whichever of the usual ones the first line has most of.
+    # The separator is the most frequent of the usual ones in the first line.
     delimiter = form.delimiter or max(",;\t ", key=lambda c: line.strip(" ").count(c) if c != " " else 0.5)
-    cells = [cell.strip() for cell in next(csv.reader([line.strip("\r\n")], delimiter=delimiter), [])]
+    try:
+        cells = [cell.strip() for cell in next(csv.reader([line.strip("\r\n")], delimiter=delimiter), [])]
+    except csv.Error as error:
+        raise InputError(f"{path}: line {before + 1} cannot be read as CSV ({error})") from error
     if not cells:
         raise InputError(f"{path}: the file holds only empty lines")
     if form.header and all(_is_number(cell) for cell in cells):
@@ -174,7 +182,7 @@ def _read_csv(path: Path, form: LogMap) -> Table:
 
 
 def _csv_tables(path: Path, form: LogMap, rows: int) -> Iterator[Table]:
-    """A CSV file block by block. Types are those of the first block: whole numbers there may be others later."""
+    """Read a CSV file block by block; integers of the first block become floats, because later blocks may differ."""
     layout = csv_layout(path, form)
     options, parsing = _options(layout)
     options.block_size = max(1 << 16, rows * (path.stat().st_size // _lines_guess(path)))
@@ -190,7 +198,7 @@ def _csv_tables(path: Path, form: LogMap, rows: int) -> Iterator[Table]:
 
 
 def _lines_guess(path: Path) -> int:
-    """About how many lines a file has, from its first ones."""
+    """Approximate number of lines of a file, from its first ones."""
     with path.open("rb") as file:
         head = file.read(1 << 16)
     return max(1, round(path.stat().st_size / max(1.0, len(head) / max(1, head.count(b"\n")))))
@@ -219,7 +227,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _line_place(path: Path, skip: int) -> Place:
-    """Rows as lines of the file, in which empty lines count but hold no row."""
+    """Place of a row as a line of the file; empty lines count as lines but hold no row."""
 
     def place(row: int) -> str:
         with path.open("rb") as file:
@@ -230,7 +238,7 @@ def _line_place(path: Path, skip: int) -> Place:
 
 
 def _ragged_line(path: Path, delimiter: str, width: int, skip: int) -> str | None:
-    """Which line has too few or too many cells."""
+    """Description of the lines with too few or too many cells; None without such lines."""
     with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
         rows = csv.reader(itertools.islice(file, skip, None), delimiter=delimiter)
         try:
@@ -291,7 +299,7 @@ def _read_npz(path: Path, form: LogMap) -> Table:
                 f"{len(joints)}: {', '.join(joints) or '(none)'}; store such an array, or list the columns' joints in "
                 "order as joints = [...] under [file] in a mapping file"
             )
-    # The length most columns have is the log's.
+    # The log's length is that of most columns.
     shape = Counter(x.shape for x in arrays.values() if x.ndim == 1).most_common(1)
     if not shape:
         raise InputError(f"{path}: holds no columns (1-D arrays), only {', '.join(arrays) or 'nothing'}")
@@ -305,7 +313,7 @@ def _read_npz(path: Path, form: LogMap) -> Table:
 
 
 def _mujoco_names(arrays: dict[str, NDArray[Any]]) -> tuple[str, ...]:
-    """Give arrays named as MuJoCo names them (qpos, qvel, qacc, qfrc_actuator, time) our names; say which."""
+    """Rename arrays with MuJoCo's names (qpos, qvel, qacc, qfrc_actuator, time); return a note on them."""
     renamed = (
         {old: new for old, new in MUJOCO.items() if old in arrays and new not in arrays} if "qpos" in arrays else {}
     )
@@ -324,10 +332,9 @@ def write_table(table: Mapping[str, Array], path: Path) -> None:
 
 
 def _write_csv(table: Mapping[str, Array], file: IO[bytes]) -> None:
-    header = io.StringIO()
-    csv.writer(header, lineterminator="\n").writerow(table)
+    csv.writer(header := io.StringIO(), lineterminator="\n").writerow(table)
     file.write(header.getvalue().encode())
-    # Arrow prints the shortest digits that read back to the same double.
+    # Arrow writes the fewest digits that give the same double when read.
     pa.csv.write_csv(pa.table(dict(table)), file, pa.csv.WriteOptions(include_header=False))
 
 
@@ -336,7 +343,7 @@ def _write_parquet(table: Mapping[str, Array], file: IO[bytes]) -> None:
 
 
 def _write_npz(table: Mapping[str, Array], file: IO[bytes]) -> None:
-    # np.savez takes names as keywords, but a column may be called "file"; a fixed date keeps hashes equal.
+    # np.savez cannot name a column "file"; a fixed date keeps hashes equal.
     with zipfile.ZipFile(file, "w") as archive:
         for name, values in table.items():
             with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:

@@ -1,9 +1,9 @@
-"""Samples at their true time stamps, put on a uniform grid; and the gaps that no grid bridges.
+"""Samples at their true time stamps, interpolated to a uniform grid; and gaps, which are not interpolated.
 
     x(t) = Σ_k c_k B_k(t),   x(t_i) = x_i
 
-Cubic splines go through the samples at the stamps they were taken at. A gap in the stamps ends one stretch of motion
-and begins another: a spline across it would invent samples.
+Cubic splines go through the samples at their stamps. A gap in the stamps ends one stretch of motion and begins another,
+because a spline across the gap would invent samples.
 
 Source: C. de Boor, "A Practical Guide to Splines", 1978.
 """
@@ -31,7 +31,7 @@ def breaks_of(log: Log, lowpass: LowPass) -> NDArray[np.intp]:
 
 
 def uniform(t: Array, *channels: Array) -> tuple[Array, ...]:
-    """Put channels (N, J) on a uniform grid of the median step by cubic splines; all-NaN columns stay so."""
+    """Interpolate channels (N, J) to a uniform grid of the median step by cubic splines; all-NaN columns stay NaN."""
     step = float(np.median(np.diff(t)))
     count = int((t[-1] - t[0]) / step * (1 + 1e-12)) + 1
     grid = t[0] + step * np.arange(count)

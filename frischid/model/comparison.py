@@ -2,8 +2,8 @@
 
     RMSE = sqrt(mean (τ − τ̂)²),   NRMSE = RMSE / std(τ),   fit = 100 (1 − NRMSE) %
 
-Both torques have been through the model's filter. Two references stand beside every figure: the URDF's own nominal
-parameters, and a constant (the mean torque of the identification logs). A model that does not beat both is no model.
+Both torques pass the model's filter. Every figure has two references: the URDF's links with fitted friction, and a
+constant (the mean torque of the identification logs). A model with a larger error than either is useless.
 """
 
 from __future__ import annotations
@@ -17,28 +17,21 @@ import numpy as np
 from frischid.core.named_sequence import NamedSequence
 from frischid.core.text import each_of
 from frischid.core.types import Array
+from frischid.effects import columns_of
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
+from frischid.model.alarms import Alarm, AlarmCriteria, by_severity
+from frischid.model.comparison_alarms import Elsewhere, elsewhere
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA
+from frischid.model.error_sums import ErrorSums, Worst
+from frischid.model.expected_error import ExpectedError
+from frischid.model.kept_blocks import KeptBlocks
 from frischid.model.model import Model
 from frischid.model.noise_floor import NoiseFloor
 from frischid.model.residual_conditions import Residuals
-from frischid.regression.block import COLUMNS_BESIDE_Y, Block
+from frischid.regression.block import Block
 from frischid.regression.regressor import nominal_parameters
-
-CONSECUTIVE_SAMPLES = 1000  # filtered samples kept or left out together, so that residuals stay consecutive
-SAMPLES_KEPT = 60_000  # filtered samples in memory: an hour of motion at usual cut-offs, 20 MB for a six-joint arm
-
-
-@dataclass(frozen=True)
-class Worst:
-    """The sample with the largest error of a joint."""
-
-    source: str
-    t: float
-    measured: float
-    predicted: float
 
 
 @dataclass(frozen=True)
@@ -46,7 +39,7 @@ class JointFit:
     """Errors of one joint; torques in N·m (N).
 
     ``nominal`` and ``constant`` are the NRMSE of the two references. ``noise_floor`` is the NRMSE that the noise of the
-    sensors alone would make.
+    sensors alone would make. ``expected`` is the NRMSE to expect from the model's own uncertainty.
     """
 
     name: str
@@ -58,6 +51,7 @@ class JointFit:
     nominal: float
     constant: float
     noise_floor: float
+    expected: float
     worst: Worst
 
 
@@ -77,6 +71,8 @@ class Comparison:
         Mean NRMSE when the samples at standstill are counted.
     sources : tuple of str
         The logs.
+    alarms : tuple of Alarm
+        Reasons not to trust the model or these figures; none on the model's own logs.
     residuals : Residuals
         Residuals and motion behind the figures: where the model fails, and the structure of the residual error. Of very
         long logs, `SAMPLES_KEPT` samples in stretches spread evenly.
@@ -99,6 +95,7 @@ class Comparison:
     standstill: float
     nrmse_with_standstill: float
     sources: tuple[str, ...]
+    alarms: tuple[Alarm, ...]
     residuals: Residuals = field(repr=False)
 
     def __repr__(self) -> str:
@@ -106,7 +103,7 @@ class Comparison:
 
     @property
     def noise_floor(self) -> float:
-        """Mean NRMSE that the sensors alone would leave."""
+        """Mean NRMSE of the sensors' noise alone."""
         return float(np.mean([j.noise_floor for j in self.joints]))
 
     @property
@@ -116,7 +113,7 @@ class Comparison:
 
     @property
     def nominal(self) -> float:
-        """Mean NRMSE of the URDF's nominal parameters."""
+        """Mean NRMSE of the URDF's links with friction fitted to the model's own logs."""
         return float(np.mean([j.nominal for j in self.joints]))
 
     @property
@@ -136,6 +133,7 @@ class Comparison:
             "standstill_share": self.standstill,
             "nrmse_with_standstill": self.nrmse_with_standstill,
             "logs": list(self.sources),
+            "alarms": [alarm.to_dict() for alarm in self.alarms],
             "conditions": self.residuals.to_dict(),
             "criteria": COMPARISON_CRITERIA.to_dict(),
             "joints": {
@@ -148,6 +146,7 @@ class Comparison:
                     "nominal_nrmse": j.nominal,
                     "constant_nrmse": j.constant,
                     "noise_floor": j.noise_floor,
+                    "expected_nrmse": j.expected,
                     "correlation_time": structure[name].correlation_time,
                     "white": structure[name].white,
                     "depends_on": dict(structure[name].depends_on),
@@ -158,47 +157,12 @@ class Comparison:
         }
 
 
-@dataclass(eq=False)
-class _Sums:
-    """Running sums over the samples of all joints."""
-
-    joints: int
-    samples: int = 0
-    count: Array = field(init=False)
-    tau: Array = field(init=False)
-    tau2: Array = field(init=False)
-    error: Array = field(init=False)
-    error2: Array = field(init=False)
-    nominal2: Array = field(init=False)
-    worst: list[Worst | None] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.count, self.tau, self.tau2, self.error, self.error2, self.nominal2 = np.zeros((6, self.joints))
-        self.worst = [None] * self.joints
-
-    def add(self, t: Array, measured: Array, predicted: Array, nominal: Array, used: Array, source: str) -> None:
-        residual = (measured - predicted) * used
-        self.samples += len(t)
-        self.count += used.sum(axis=0)
-        self.tau += (measured * used).sum(axis=0)
-        self.tau2 += (measured**2 * used).sum(axis=0)
-        self.error += residual.sum(axis=0)
-        self.error2 += (residual**2).sum(axis=0)
-        self.nominal2 += ((measured - nominal) ** 2 * used).sum(axis=0)
-        for j, i in enumerate(np.abs(residual).argmax(axis=0)):
-            before = self.worst[j]
-            if before is None or abs(residual[i, j]) > abs(before.measured - before.predicted):
-                self.worst[j] = Worst(source, float(t[i]), float(measured[i, j]), float(predicted[i, j]))
-
-    @property
-    def std(self) -> Array:
-        """Standard deviation of each joint's torque, shape (J,)."""
-        count = np.maximum(self.count, 1)
-        return np.asarray(np.sqrt(np.maximum(self.tau2 / count - (self.tau / count) ** 2, 0.0)))
-
-
 def compare(
-    model: Model, logs: Sequence[Log | Recording], evaluated: Sequence[tuple[Block, Array]] | None = None
+    model: Model,
+    logs: Sequence[Log | Recording],
+    evaluated: Sequence[tuple[Block, Array]] | None = None,
+    *,
+    criteria: AlarmCriteria | None = None,
 ) -> Comparison:
     """Predict logs and measure the error.
 
@@ -209,6 +173,7 @@ def compare(
         At least one; each must hold position and torque of the model's joints.
     evaluated : sequence of (Block, ndarray), optional
         ``model.blocks(logs)``, where the caller has it already.
+    criteria : AlarmCriteria, optional
 
     Returns
     -------
@@ -234,8 +199,8 @@ def compare(
         raise InputError("there is no log to compare the model with")
     index = model.torque_index
     model.check(logs)
-    moving, everything, kept = _Sums(len(index)), _Sums(len(index)), Kept()
-    nominal = nominal_parameters(model.robot, model.effects)
+    moving, everything, kept = ErrorSums(len(index)), ErrorSums(len(index)), KeptBlocks()
+    nominal, expected = urdf_parameters(model), ExpectedError(model)
     noise = NoiseFloor(model)
     motions = noise.watch(model.motions(logs))
     pairs = model.evaluate(motions) if evaluated is None else evaluated
@@ -247,47 +212,53 @@ def compare(
         moving.add(*rows, used, block.source)
         everything.add(*rows, np.ones_like(used), block.source)
         kept.add(block, fitted)
+        expected.add(block)
     for _ in motions:  # those of blocks that the caller evaluated are still to be seen
         pass
     residuals = Residuals(model, kept.blocks)
-    return _summary(model, moving, everything, tuple(log.source for log in logs), noise, residuals)
+    summary = _summary(model, (moving, everything), tuple(log.source for log in logs), noise, expected, residuals)
+    own = all(model.made_from(log) for log in logs)
+    return summary if own else replace(summary, alarms=_alarms(model, summary, expected, criteria or AlarmCriteria()))
 
 
-class Kept:
-    """Blocks in memory, in stretches spread evenly over the logs: all of them, or every second, fourth, ... stretch.
+def urdf_parameters(model: Model) -> Array:
+    """Reference parameters, (C,): the URDF's links, with friction fitted to the model's own logs where it is known."""
+    if model.fitted is None:
+        rigid = [c.effect == "rigid" for c in columns_of(model.robot, model.effects)]
+        return np.asarray(np.where(rigid, nominal_parameters(model.robot, model.effects), 0.0))
+    theta = np.zeros(len(columns_of(model.robot, model.effects)))
+    theta[list(model.base)] = model.fitted.urdf
+    return theta
 
-    Where a model fails is judged on at most `SAMPLES_KEPT` samples; the errors themselves are sums over all.
-    """
 
-    def __init__(self) -> None:
-        self.stretches: list[list[tuple[Block, Array]]] = []
-        self.every, self.number, self.samples, self.length = 1, -1, 0, CONSECUTIVE_SAMPLES
-
-    @property
-    def blocks(self) -> list[tuple[Block, Array]]:
-        """The blocks in memory, in order."""
-        return [pair for stretch in self.stretches for pair in stretch]
-
-    def add(self, block: Block, fitted: Array) -> None:
-        """Take the next block, or leave it out."""
-        if self.length >= CONSECUTIVE_SAMPLES:
-            self.number, self.length = self.number + 1, 0
-            if self.number % self.every == 0:
-                self.stretches.append([])
-        self.length += len(block.t)
-        if self.number % self.every:
-            return
-        # Only what residuals need, and no views: columns are most of a block, and its times hold a whole motion's.
-        self.stretches[-1].append((replace(block, t=block.t.copy(), Z=block.Z[:, -COLUMNS_BESIDE_Y:].copy()), fitted))
-        self.samples += len(block.t)
-        if self.samples > SAMPLES_KEPT:
-            self.stretches, self.every = self.stretches[::2], 2 * self.every
-            self.samples = sum(len(b.t) for b, _ in self.blocks)
+def _alarms(model: Model, summary: Comparison, expected: ExpectedError, criteria: AlarmCriteria) -> tuple[Alarm, ...]:
+    """Alarms of a model on logs that it was not fitted to."""
+    rmse = np.array([j.rmse for j in summary.joints])
+    known = [event["cross_validated_nrmse"] for event in model.history if "cross_validated_nrmse" in event]
+    seen = Elsewhere(
+        joints=model.joints,
+        spread=np.array([j.std for j in summary.joints]),
+        expected=expected.rms if model.prior is not None else np.full(len(rmse), np.nan),
+        measured=rmse,
+        outside=expected.outside_share,
+        nrmse=summary.nrmse,
+        noise_floor=summary.noise_floor,
+        cross_validated=float(known[-1]) if known else np.nan,
+        urdf=summary.nominal if model.fitted is not None else np.nan,
+    )
+    return by_severity(elsewhere(seen, criteria))
 
 
 def _summary(
-    model: Model, sums: _Sums, everything: _Sums, sources: tuple[str, ...], noise: NoiseFloor, residuals: Residuals
+    model: Model,
+    both: tuple[ErrorSums, ErrorSums],
+    sources: tuple[str, ...],
+    noise: NoiseFloor,
+    expected: ExpectedError,
+    residuals: Residuals,
 ) -> Comparison:
+    """Figures from the sums over moving samples, and over all."""
+    sums, everything = both
     steady = sums.std <= 1e-7 * np.sqrt(sums.tau2 / np.maximum(sums.count, 1))
     flat = [name for name, n, same in zip(model.joints, sums.count, steady, strict=True) if n < 2 or same]
     if flat:
@@ -312,8 +283,9 @@ def _summary(
             nominal=float(nominal[j] / std[j]),
             constant=float(constant[j] / std[j]),
             noise_floor=float(floor[j] / std[j]),
+            expected=float(expected.rms[j] / std[j]),
             worst=worst,
         )
     standstill = 1.0 - float(n.sum() / everything.count.sum())
     with_standstill = float(np.mean(np.sqrt(everything.error2 / everything.count) / everything.std))
-    return Comparison(NamedSequence("joint", joints), sums.samples, standstill, with_standstill, sources, residuals)
+    return Comparison(NamedSequence("joint", joints), sums.samples, standstill, with_standstill, sources, (), residuals)

@@ -1,4 +1,4 @@
-"""Every number that decides what a comparison says, of the noise floor and of the structure of the residual error."""
+"""Every number that decides a comparison: its noise floor, and the structure of the residual error."""
 
 from __future__ import annotations
 
@@ -13,35 +13,35 @@ class ComparisonCriteria:
     Attributes
     ----------
     condition_samples : int
-        Samples inside and outside of a condition below which its error is not stated: a mean square of fewer scatters
-        by a third and more.
+        Samples inside and outside of a condition. With fewer, its error is not stated, because a mean square of so few
+        samples varies by a third and more.
     dependence_samples : int
-        Independent samples below which no dependence is stated. Chatterjee's test errs on the safe side there.
+        Independent samples. With fewer, no dependence is stated. At this number Chatterjee's test is on the safe side.
     reversal_seconds : float
-        s. Time before and after a reversal that counts as near it.
+        s. Time before and after a reversal that counts as near the reversal.
     quarter : float
-        Share of the samples that is the slowest, the fastest, the strongest accelerated or the most loaded.
+        Share of the samples that counts as the slowest, the fastest, the most accelerated or the most loaded.
     beginning : float
-        Share of a log that is its beginning, and its end.
+        Share of a log that counts as its beginning, and as its end.
     white_ratio : float
         Correlation time, over that of filtered white noise, up to which a residual counts as white.
     noise_samples : int
-        Samples of one motion, from its middle, on which noise is drawn for the floor: enough for the floor's first two
-        digits at bounded cost.
+        Samples from the middle of a motion on which noise is drawn for the floor: enough for the first two digits of
+        the floor at bounded cost.
     full_motions : int
-        Motions that are all looked at for the floor; of later ones the 32nd, 64th, ... stand for the rest.
+        Number of first motions that all count for the floor; of later ones only the 32nd, 64th, ... count.
     sharp_width : float
         rad/s (m/s). Width of dry friction's sign that is as good as a step.
     octaves : int
-        Octaves above the cut-off in which the torque's noise is looked at.
+        Number of octaves above the cut-off in which the torque's noise is measured.
     noise_stretch : float
-        s. Stretches of a log that are each as noisy as they are.
+        s. Length of the stretches of a log in which the noise level is measured.
     noise_stretch_samples : int
-        Samples of such a stretch, at least.
+        Least samples of such a stretch.
     octave_top : float
-        Frequency, over the middle of an octave, above which noise is not looked at.
+        Highest frequency of an octave in which noise is measured, over the octave's middle.
     corners : tuple of float
-        Hz. Corner frequencies tried for noise with a memory; slower noise may be physics.
+        Hz. Corner frequencies that are tried for noise with a memory; slower noise may be physics.
     """
 
     condition_samples: int = 20

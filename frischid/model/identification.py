@@ -17,17 +17,25 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.effects import Effect
+from frischid.errors import InputError
 from frischid.estimators.bbrf import Recursion
 from frischid.estimators.box_qp import Selection
 from frischid.estimators.frisch import Box, Simplex
-from frischid.estimators.least_squares import cross_validated
-from frischid.estimators.urdf_prior import PriorChoice
+from frischid.estimators.held_out import held_out_variance
+from frischid.estimators.least_squares import least_squares_folds
+from frischid.estimators.map_estimate import map_folds
+from frischid.estimators.urdf_prior import UrdfPrior
 from frischid.logs.summary import Data
+from frischid.model.alarms import Alarm
 from frischid.model.comparison import Comparison, compare
+from frischid.model.headline import Headline, from_fit
+from frischid.model.identification_alarms import fit_alarms, fit_record
 from frischid.model.identification_bounds import Bounds, bound_parameters, recursion_record
 from frischid.model.identification_stages import Journal, LogData, fit_parameters, form_moments, read_logs, set_prior
 from frischid.model.identify_options import IdentifyChoices, IdentifyOptions
 from frischid.model.model import Model
+from frischid.model.own_logs import log_entry
+from frischid.model.residual_scores import residual_scores
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Gram
 from frischid.robot.robot import Robot
@@ -35,31 +43,34 @@ from frischid.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """Everything `identify` found out.
+    """Result of `identify`.
 
     Attributes
     ----------
     model : Model
     reduction : Reduction
-        Which parameters the torque depends on, and how they combine.
-    simplex : Simplex
-        The p + 1 least-squares solutions.
+        The identifiable parameters and combinations of parameters.
+    simplex : Simplex or None
+        The p + 1 least-squares solutions; None where the logs alone do not determine the parameters.
     recursion : Recursion or None
         BBRF; None when not asked for, or when the log is too short for two windows.
     selection : Selection or None
-        The point chosen in the box, for the estimator ``"frisch"``.
+        The point chosen in the box, for the estimators ``"frisch"`` and ``"frisch_squared"``.
+    headline : Headline or None
+        The model's error: on the validation logs, or cross-validated without any; None where a joint's torque never
+        changes.
     cross_validation : dict of str to float
         NRMSE of each joint on stretches of the identification logs that were left out of the fit.
     comparison : Comparison or None
-        On the validation logs.
+        Errors on the validation logs.
     samples : int
-        Filtered samples fitted.
+        Number of fitted filtered samples.
     notes : tuple of str
-        What was done to the data.
+        Changes of the data.
     warnings : tuple of str
-        What should make the reader doubt.
-    prior : PriorChoice or None
-        Whether the URDF was used as a prior, and why; None when it was not considered.
+        Reasons to doubt the result.
+    alarms : tuple of Alarm
+        Of the fit, and of the model on the validation logs; most severe first.
 
     Examples
     --------
@@ -75,24 +86,34 @@ class Identification:
 
     model: Model
     reduction: Reduction
-    simplex: Simplex
+    simplex: Simplex | None
     recursion: Recursion | None
     selection: Selection | None
+    headline: Headline | None
     cross_validation: dict[str, float]
     comparison: Comparison | None
     samples: int
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
-    prior: PriorChoice | None = None
+    alarms: tuple[Alarm, ...]
 
     def __repr__(self) -> str:
-        error = "" if self.comparison is None else f", held-out NRMSE {self.comparison.nrmse:.4f}"
+        error = "" if self.headline is None else f", NRMSE {self.headline.nrmse:.4f} {self.headline.where}"
         return f"Identification({self.model!r}{error}, warnings: {len(self.warnings)})"
 
     @property
     def narrowest_box(self) -> Box:
-        """The narrowest box there is: BBRF's, or the one-shot Frisch box."""
-        return self.model.bounds.get("bbrf", self.model.bounds["frisch"])
+        """The narrowest box there is: BBRF's, or the one-shot Frisch box.
+
+        Raises
+        ------
+        InputError
+            The logs alone do not determine the parameters, so there are no Frisch bounds.
+        """
+        for kind in ("bbrf", "frisch"):
+            if kind in self.model.bounds:
+                return self.model.bounds[kind]
+        raise InputError("the logs alone do not determine the parameters, so there are no Frisch bounds")
 
 
 def identify(
@@ -112,18 +133,18 @@ def identify(
     robot : Robot
         Joints that some log does not hold are locked, and a note says so.
     logs : sequence of Log or Recording
-        Logs to fit, each on its own; a `Recording` is read piece by piece and never held as a whole.
+        Logs to fit, each on its own; a `Recording` is read chunk by chunk and never held as a whole.
     valid : sequence of Log or Recording
         Logs to measure the error on.
     effects : sequence of Effect, optional
-        What acts besides the rigid links. By default `BASELINE`, its friction smoothing (the speed over which dry
+        Effects besides the rigid links. By default `BASELINE`, its friction smoothing (the speed over which dry
         friction changes its direction) chosen by cross-validation.
     options : IdentifyOptions, optional
-        How logs become a model; the defaults of `IdentifyOptions` without it.
+        Options of the identification; the defaults of `IdentifyOptions` if not given.
     progress : callable
-        Told what is being done.
+        Called with a few words at each stage.
     **choices
-        Single fields of `IdentifyOptions`, which go before `options`: ``torque_joints``, ``cutoff``, ``velocity``,
+        Single fields of `IdentifyOptions`, which override `options`: ``torque_joints``, ``cutoff``, ``velocity``,
         ``estimator``, ``prior``, ``recursion``, ``window``, ``reference``, ``force``, ``criteria``,
         ``prior_criteria``.
 
@@ -138,7 +159,7 @@ def identify(
     IdentifiabilityError
         The logs do not determine the parameters.
     EmptyBoxError
-        The estimator is ``"frisch"`` and BBRF contradicted itself.
+        The estimator takes a point of the box, and BBRF contradicted itself.
 
     Examples
     --------
@@ -160,21 +181,31 @@ def identify(
 def assess(bounds: Bounds) -> Identification:
     """Stage 6: the model, its error on stretches and logs that were left out, and its history."""
     fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
-    journal, choice, whole = data.journal, fit.choice, problem.whole
-    model = _model(bounds)
-    journal.progress("comparison")
-    variance = cross_validated(problem.blocks, bounds.estimate, prior=fit.prior)
+    journal, whole = data.journal, problem.whole
+    journal.progress("cross-validation")
+    if fit.posterior is None:
+        folds = least_squares_folds(problem.blocks, bounds.estimate)
+    else:
+        folds = map_folds(problem.blocks, problem.reduction.mapping, fit.posterior)
+    variance = held_out_variance(folds)
     cross_validation = dict(zip(data.joints, _nrmse(whole, variance), strict=True))
-    comparison = compare(model, data.valid) if data.valid else None
-    if choice is not None and choice.sentence:
-        (journal.notes if choice.prior is None else journal.warnings).append(choice.sentence)
+    model = _model(bounds, residual_scores(problem, folds, bounds.estimate))
+    journal.progress("comparison")
+    before = fit_alarms(fit)
+    own = _own_headline(model, data, np.sqrt(variance), before)
+    error = float(np.mean(list(cross_validation.values()))) if own is None else own.nrmse
+    known = replace(model, history=({"cross_validated_nrmse": error},))
+    comparison = compare(known, data.valid) if data.valid else None
+    headline = own if comparison is None else Headline.of(comparison, "test", before)
     limit = data.options.criteria.unexplained_nrmse
     warnings = tuple(dict.fromkeys([*_unexplained(cross_validation, limit), *journal.warnings]))
     notes = tuple(dict.fromkeys(journal.notes))
-    event = _event(data, problem.effects, cross_validation, comparison)
+    event = _event(data, problem.effects, error, comparison)
+    event |= {name: x.to_dict() for name, x in (("headline", headline), ("cross_validated", own)) if x is not None}
     event |= {"notes": list(notes), "warnings": list(warnings)}
     if model.prior is not None:
-        event["prior"] = {"kind": "urdf", "strength": model.prior.strength}
+        kept = model.prior.to_dict()
+        event["prior"] = {key: kept[key] for key in ("kind", "rows", "scales")}
     event["criteria"] = data.options.criteria_used
     return Identification(
         model=replace(model, history=(event,)),
@@ -182,16 +213,17 @@ def assess(bounds: Bounds) -> Identification:
         simplex=bounds.simplex,
         recursion=bounds.recursion,
         selection=bounds.selection,
+        headline=headline,
         cross_validation=cross_validation,
         comparison=comparison,
         samples=int(whole.counts.max()),
         notes=notes,
         warnings=warnings,
-        prior=choice,
+        alarms=before if headline is None else headline.alarms,
     )
 
 
-def _model(bounds: Bounds) -> Model:
+def _model(bounds: Bounds, scores: Array) -> Model:
     """The model, as yet without a history."""
     fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
     return Model(
@@ -202,11 +234,12 @@ def _model(bounds: Bounds) -> Model:
         base=problem.reduction.base,
         expressions=tuple(problem.reduction.expressions()),
         estimate=bounds.estimate,
-        mean_torque=problem.whole.sums[:, -1] / problem.whole.counts,
+        mean_torque=problem.whole.sums[:, -1] / np.maximum(problem.whole.counts, 1.0),
         bounds=bounds.boxes,
         reference=data.options.reference,
         recursion=recursion_record(bounds, data.options.criteria),
-        prior=None if fit.choice is None else fit.choice.prior,
+        prior=None if fit.posterior is None else UrdfPrior.of(fit.posterior, problem.whole),
+        fitted=fit_record(fit, scores),
     )
 
 
@@ -221,23 +254,26 @@ def _unexplained(errors: Mapping[str, float], limit: float) -> list[str]:
     ]
 
 
-def _event(
-    data: LogData, effects: Sequence[Effect], errors: Mapping[str, float], comparison: Comparison | None
-) -> dict[str, Any]:
+def _own_headline(model: Model, data: LogData, rms: Array, alarms: Sequence[Alarm]) -> Headline | None:
+    """The cross-validated error with its references; None where a joint's torque never changes."""
+    try:
+        return from_fit(compare(model, data.logs), rms.tolist(), alarms)
+    except InputError:
+        return None
+
+
+def _event(data: LogData, effects: Sequence[Effect], error: float, comparison: Comparison | None) -> dict[str, Any]:
     """Entry of the model's history."""
     return {
         "action": "identify",
         "effects": [str(e) for e in effects],
-        "logs": [
-            {"source": log.source, "sha256": log.identity, "samples": count}
-            for log, count in zip(data.logs, data.summary.samples, strict=True)
-        ],
-        "cross_validated_nrmse": float(np.mean(list(errors.values()))),
+        "logs": [log_entry(log, count) for log, count in zip(data.logs, data.summary.samples, strict=True)],
+        "cross_validated_nrmse": error,
         "held_out_nrmse": None if comparison is None else comparison.nrmse,
-        "held_out_logs": [{"source": log.source, "sha256": log.identity} for log in data.valid],
+        "held_out_logs": [log_entry(log) for log in data.valid],
     }
 
 
 def _nrmse(whole: Gram, variance: Array) -> list[float]:
-    spread = whole.torque_ss() / whole.counts
+    spread = np.maximum(whole.torque_ss() / np.maximum(whole.counts, 1.0), 1e-300)  # a torque that never changes
     return [float(np.sqrt(v / s)) for v, s in zip(variance, spread, strict=True)]

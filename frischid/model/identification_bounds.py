@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frischid.core.types import Array
 from frischid.errors import EmptyBoxError, IdentifiabilityError
@@ -19,6 +20,7 @@ from frischid.estimators.bbrf import Recursion, Variant, bbrf
 from frischid.estimators.box_qp import Selection, select
 from frischid.estimators.errors_in_variables import eiv
 from frischid.estimators.frisch import Box, Simplex, simplex
+from frischid.estimators.frisch_selection import select_published
 from frischid.estimators.instrumental_variables import iv
 from frischid.estimators.least_squares import Estimate
 from frischid.estimators.sensor_noise import noise_limits, sensor_moments
@@ -28,6 +30,9 @@ from frischid.logs.summary import moving_but_locked
 from frischid.model.identification_criteria import IdentificationCriteria
 from frischid.model.identification_stages import Fit
 from frischid.regression.block import Block, stack
+
+NO_INFORMATION = "no information"
+"""Printed for a parameter's bounds by a method that says nothing about the parameter (`without_information`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,18 +44,18 @@ class Bounds:
     fit : Fit
     estimate : Estimate
         The model's values: least squares', or those of the estimator that was asked for.
-    simplex : Simplex
-        The p + 1 least-squares solutions.
+    simplex : Simplex or None
+        The p + 1 least-squares solutions; None where the logs alone do not determine the parameters.
     boxes : dict of str to Box
         Bounds by method: ``"frisch"``, ``"bbrf"``, ``"sensorwise"``.
     recursion : Recursion or None
     selection : Selection or None
-        The best point of the box, for the estimator ``"frisch"``.
+        The point of the box, for the estimators ``"frisch"`` and ``"frisch_squared"``.
     """
 
     fit: Fit
     estimate: Estimate
-    simplex: Simplex
+    simplex: Simplex | None
     boxes: Mapping[str, Box]
     recursion: Recursion | None
     selection: Selection | None
@@ -62,20 +67,23 @@ def bound_parameters(fit: Fit) -> Bounds:
     Raises
     ------
     EmptyBoxError
-        The estimator is ``"frisch"`` and the recursion contradicted itself.
+        The estimator takes a point of the box, and the recursion contradicted itself.
     """
     whole, journal, options = fit.problem.whole, fit.problem.data.journal, fit.problem.data.options
-    moments = (whole.weighted(fit.estimate.weights) + (0.0 if fit.prior is None else fit.prior.moments)) / whole.rows
-    triangle = simplex(moments, whole.names)
-    boxes = {"frisch": triangle.box()}
+    moments = whole.weighted(fit.estimate.weights) / whole.rows
+    triangle = _simplex(fit, moments)
+    boxes = {} if triangle is None else {"frisch": triangle.box()}
     journal.progress("bounding-box recursion")
-    recursion = _recursion(fit)
+    recursion = None if triangle is None else _recursion(fit)
     if recursion is not None and recursion.box is not None:
         boxes["bbrf"] = recursion.box
     estimate, selection = fit.estimate, None
-    if options.estimator == "frisch":
-        selection = select(moments, recursion.require_box() if recursion is not None else boxes["frisch"])
-        estimate = replace(estimate, theta=selection.theta, estimator="frisch")
+    if options.estimator in {"frisch", "frisch_squared"}:
+        within = recursion.require_box() if recursion is not None else boxes["frisch"]
+        unweighted = whole.weighted(np.ones_like(fit.estimate.weights))
+        squared = options.estimator == "frisch_squared"
+        selection = select(moments, within) if squared else select_published(unweighted, within).selection
+        estimate = replace(estimate, theta=selection.theta, estimator=options.estimator)
     if options.estimator in {"sensorwise", "eiv", "iv"}:
         journal.progress(f"estimator {options.estimator}")
         estimate, box = _by_sensors(fit)
@@ -84,9 +92,26 @@ def bound_parameters(fit: Fit) -> Bounds:
     journal.warnings += [
         *estimate.notes,
         *moving_but_locked(fit.problem.data.summary.moving),
-        *_doubts(triangle, recursion),
+        *([] if triangle is None else _doubts(triangle, recursion)),
     ]
     return Bounds(fit, estimate, triangle, boxes, recursion, selection)
+
+
+def _simplex(fit: Fit, moments: Array) -> Simplex | None:
+    """The Frisch simplex of the logs alone: a prior has no part in bounds that only the data set.
+
+    Raises
+    ------
+    IdentifiabilityError
+        The logs do not determine the parameters, and no prior does.
+    """
+    try:
+        return simplex(moments, fit.problem.whole.names)
+    except IdentifiabilityError as error:
+        if fit.posterior is None:
+            raise
+        fit.problem.data.journal.notes.append(f"no Frisch bounds: without the URDF's prior, {error}")
+        return None
 
 
 def _recursion(fit: Fit) -> Recursion | None:
@@ -139,8 +164,7 @@ def _by_sensors(fit: Fit) -> tuple[Estimate, Box | None]:
         return iv(regressor, data.motions, data.lowpass, base, start), None
     if estimator == "eiv":
         return eiv(samples(regressor, data.motions, data.lowpass, data.joints, base), start.columns, data.joints), None
-    names = [c.name for c in start.columns]
-    seen = sensor_moments(regressor, data.motions, data.lowpass, data.joints, base, names=names, weights=start.weights)
+    seen = sensor_moments(regressor, data.motions, data.lowpass, data.joints, base, start)
     found = sensorwise(seen, limits=noise_limits(data.motions, data.robot, data.lowpass))
     notes = (*start.notes, *found.notes)
     return replace(start, theta=found.theta, covariance=found.covariance, estimator=estimator, notes=notes), found.box
@@ -158,6 +182,15 @@ def _doubts(triangle: Simplex, recursion: Recursion | None) -> list[str]:
         )
     if recursion is not None and recursion.emptied is not None:
         doubts.append(str(EmptyBoxError(*recursion.emptied)))
+    if recursion is not None and recursion.box is not None:
+        silent = int((~recursion.box.informs(triangle.box())).sum())
+        if silent:
+            doubts.append(
+                f"the bounding-box recursion ({recursion.variant}) holds no information on {silent} of "
+                f"{len(triangle.names)} parameters: their bounds are open, or not narrower than the one-shot "
+                "Frisch box; "
+                "use --estimator sensorwise for bounds that start from the sensors' noise"
+            )
     return doubts
 
 
@@ -182,6 +215,24 @@ def recursion_record(bounds: Bounds, criteria: IdentificationCriteria) -> dict[s
         "lower": [_six_digits(found.lower[i]) for i in rows],
         "upper": [_six_digits(found.upper[i]) for i in rows],
     }
+
+
+def without_information(bounds: Mapping[str, Box]) -> dict[str, NDArray[np.bool_]]:
+    """Parameters on which a method's bounds say nothing: open ones, and BBRF's where the one-shot box is as narrow.
+
+    Parameters
+    ----------
+    bounds : mapping of str to Box
+        Bounds by method, as `Model.bounds` holds them.
+
+    Returns
+    -------
+    dict of str to ndarray of bool, shape (p,)
+    """
+    silent = {method: ~np.isfinite(box.width) for method, box in bounds.items()}
+    if "bbrf" in bounds and "frisch" in bounds:
+        silent["bbrf"] = ~bounds["bbrf"].informs(bounds["frisch"])
+    return silent
 
 
 def _six_digits(values: Array) -> list[float | None]:

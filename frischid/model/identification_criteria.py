@@ -1,4 +1,4 @@
-"""Every number that decides how an identification goes and what it says, with its unit and its reason."""
+"""Every number that decides the steps and the warnings of an identification, with its unit and its reason."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class IdentificationCriteria:
         called unclear. All serial arms of example-robot-data lie above it (`tests/model/test_identification.py`).
     friction_pieces : int
         Motions of a recording, from its beginning, on which the width of dry friction's sign is chosen: reading all of
-        a recording takes long, and four pieces, of half a minute each at 1 kHz, hold many reversals.
+        a recording takes long, and four motions, of half a minute each at 1 kHz, have many reversals.
     bbrf_rows : int
         Torque rows, at most, that the bounding-box recursion looks at: it holds them in memory and inverts a matrix
         per row.

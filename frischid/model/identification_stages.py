@@ -12,14 +12,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
-from frischid.effects import BASELINE, Effect
+from frischid.effects import BASELINE, Effect, check_effects
 from frischid.errors import InputError
 from frischid.estimators.friction_smoothing import baseline, dry_friction
-from frischid.estimators.least_squares import Estimate, Prior, ols, wls
-from frischid.estimators.urdf_prior import PriorChoice, choose_prior, urdf_priors
+from frischid.estimators.least_squares import Estimate, ols, wls
+from frischid.estimators.map_estimate import MapEstimate, map_estimate
+from frischid.estimators.parameter_prior import ParameterPrior
+from frischid.estimators.urdf_prior import urdf_prior
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording, check_logs
@@ -37,16 +40,16 @@ from frischid.robot.robot import Robot
 
 @dataclass
 class Journal:
-    """Where the stages write what the user is to read.
+    """Messages of the stages to the user.
 
     Attributes
     ----------
     progress : callable
-        Told what is being done.
+        Called with a few words at each stage.
     notes : list of str
-        What was done to the data.
+        Changes of the data.
     warnings : list of str
-        What should make the reader doubt.
+        Reasons to doubt the result.
     """
 
     progress: Callable[[str], None]
@@ -61,7 +64,7 @@ class LogData:
     Attributes
     ----------
     robot : Robot
-        With the joints locked that some log does not hold.
+        The robot, with the joints locked that some log does not hold.
     logs, valid : tuple of Log or Recording
         Logs to fit, and logs to measure the error on.
     joints : tuple of str
@@ -69,9 +72,9 @@ class LogData:
     summary : LogSummary
         Filter, samples and seconds of the logs.
     motions : iterable of Motion
-        In memory; of recordings they are read again each time they are gone through.
+        In memory; motions of recordings are read again in every iteration.
     preparation : Motions
-        Its notes say what was done to the logs, once the motions have been gone through.
+        Its notes name the changes of the logs, after the first iteration over the motions.
     options : IdentifyOptions
     journal : Journal
     """
@@ -95,6 +98,13 @@ class LogData:
     def streamed(self) -> bool:
         """Whether some log is a recording, read anew each time."""
         return any(isinstance(log, Recording) for log in self.logs)
+
+    @property
+    def some_motions(self) -> list[Motion]:
+        """All motions in memory; of recordings the first few."""
+        if isinstance(self.motions, list):
+            return self.motions
+        return list(islice(self.motions, self.options.criteria.friction_pieces))
 
     @property
     def independent_rows(self) -> float:
@@ -135,37 +145,29 @@ class PriorSet:
     Attributes
     ----------
     problem : Problem
-    choice : PriorChoice or None
-        None: no prior was considered.
+    prior : ParameterPrior or None
+        Of all parameters; None: the logs alone.
     """
 
     problem: Problem
-    choice: PriorChoice | None
-
-    @property
-    def prior(self) -> Prior | None:
-        """Prior of the base parameters, if one is used."""
-        used = None if self.choice is None else self.choice.prior
-        return None if used is None else used.of_base(self.problem.reduction.mapping)
+    prior: ParameterPrior | None
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Stage 4: the least-squares estimate.
+    """Stage 4: the estimate.
 
     Attributes
     ----------
     problem : Problem
-    choice : PriorChoice or None
-    prior : Prior or None
-        Of the base parameters.
     estimate : Estimate
+    posterior : MapEstimate or None
+        Of all parameters, where there is a prior.
     """
 
     problem: Problem
-    choice: PriorChoice | None
-    prior: Prior | None
     estimate: Estimate
+    posterior: MapEstimate | None
 
 
 def read_logs(
@@ -178,6 +180,7 @@ def read_logs(
     InputError
         A log is not usable.
     """
+    _check_robot(robot)
     check_logs(logs, valid)
     robot, locked = held_by(robot, logs)
     journal.notes += locked
@@ -198,8 +201,13 @@ def read_logs(
     return data
 
 
+def _check_robot(robot: Any) -> None:
+    if not isinstance(robot, Robot):
+        raise InputError(f"robot must be a frischid.Robot, got {robot!r}: robot=frischid.Robot.load(path or name)")
+
+
 def _check_issues(data: LogData) -> None:
-    """Warn of what is suspicious in the logs; stop at what leaves nothing to identify."""
+    """Warn of suspicious findings in the logs; stop at an issue that makes an identification worthless."""
     data.journal.progress("checking the logs")
     prepared = None if data.streamed else (data.lowpass, list(data.motions))
     reports = report_issues(data.robot, data.logs, prepared)
@@ -221,8 +229,10 @@ def form_moments(data: LogData, effects: Sequence[Effect] | None) -> Problem:
     ----------
     data : LogData
     effects : sequence of Effect, optional
-        By default the baseline, its dry friction as smooth as the logs say.
+        By default the baseline; cross-validation on the logs chooses the smoothing of its dry friction.
     """
+    if effects is not None:
+        check_effects(effects)
     chosen = _default_effects(data) if effects is None else tuple(effects)
     journal = data.journal
     journal.progress("regressor and moments")
@@ -241,9 +251,8 @@ def form_moments(data: LogData, effects: Sequence[Effect] | None) -> Problem:
 
 
 def _default_effects(data: LogData) -> tuple[Effect, ...]:
-    """The baseline, its dry friction as smooth as cross-validation says."""
-    pieces = data.options.criteria.friction_pieces
-    some = data.motions if isinstance(data.motions, list) else list(islice(data.motions, pieces))
+    """The baseline, with the smoothing of dry friction chosen by cross-validation."""
+    some = data.some_motions
     reduction = structure(Regressor(data.robot, BASELINE), data.joints)
     dry = dry_friction(data.robot, some, data.lowpass, data.joints, reduction)
     if dry is None:
@@ -256,43 +265,57 @@ def _default_effects(data: LogData) -> tuple[Effect, ...]:
 
 
 def set_prior(problem: Problem) -> PriorSet:
-    """Stage 3: decide by cross-validation whether the URDF is a prior, and how strong.
-
-    Raises
-    ------
-    IdentifiabilityError
-        The logs determine the parameters neither alone nor with the prior.
-    """
+    """Stage 3: the URDF as a prior, unless the user or the estimator wants the logs alone."""
     options = problem.data.options
-    problem.data.journal.progress("estimate")
-    if options.estimator != "wls" or options.prior == "none":
+    if not options.with_prior:
         return PriorSet(problem, None)
-    choice = choose_prior(
-        problem.blocks,
-        urdf_priors(problem.regressor, problem.reduction, problem.whole, options.prior_criteria),
-        problem.reduction.mapping,
-        always=options.prior == "urdf",
-        independent=problem.data.independent_rows,
-        criteria=options.prior_criteria,
-    )
-    return PriorSet(problem, choice)
+    prior = urdf_prior(problem.regressor, problem.reduction, problem.whole, options.prior_criteria)
+    return PriorSet(problem, prior)
 
 
 def fit_parameters(given: PriorSet) -> Fit:
-    """Stage 4: least squares with standard errors; by a streaming QR where moments would lose digits.
+    """Stage 4: maximum a posteriori with a prior, least squares without.
 
     Raises
     ------
     IdentifiabilityError
         The logs do not determine the parameters.
     """
-    problem, prior, data = given.problem, given.prior, given.problem.data
-    estimate = ols(problem.blocks) if data.options.estimator == "ols" else wls(problem.blocks, prior=prior)
-    if estimate.condition > SAFE_CONDITION and prior is None:
-        data.journal.progress("streaming QR")
-        rows = streaming_qr(problem.regressor, data.motions, data.lowpass, data.joints, problem.reduction.base)
-        estimate = replace(estimate, theta=rows.solve(estimate.weights))
-        data.journal.notes.append(
-            f"condition number {estimate.condition:.1e}: solved by a streaming QR, moments would lose digits"
-        )
-    return Fit(problem, given.choice, prior, estimate)
+    problem, options = given.problem, given.problem.data.options
+    problem.data.journal.progress("estimate")
+    if given.prior is None:
+        return Fit(problem, _least_squares(problem), None)
+    mapping = problem.reduction.mapping
+    found = map_estimate(problem.blocks, mapping, given.prior, options.prior_criteria.scale_rule)
+    before = np.einsum("pc,c,pc->p", mapping, found.prior.total_spread**2, mapping)
+    return Fit(
+        problem,
+        Estimate(
+            problem.whole.columns,
+            found.theta,
+            found.covariance,
+            problem.whole.joints,
+            np.sqrt(found.variance),
+            1.0 / found.variance,
+            found.condition,
+            "map",
+            np.asarray(np.linalg.inv(found.covariance), dtype=float),
+            (),
+            np.clip(1.0 - np.diag(found.covariance) / before, 0.0, 1.0),
+        ),
+        found,
+    )
+
+
+def _least_squares(problem: Problem) -> Estimate:
+    """Least squares with standard errors; by a streaming QR where moments would lose digits."""
+    data = problem.data
+    estimate = ols(problem.blocks) if data.options.estimator == "ols" else wls(problem.blocks)
+    if estimate.condition <= SAFE_CONDITION:
+        return estimate
+    data.journal.progress("streaming QR")
+    rows = streaming_qr(problem.regressor, data.motions, data.lowpass, data.joints, problem.reduction.base)
+    data.journal.notes.append(
+        f"condition number {estimate.condition:.1e}: solved by a streaming QR, moments would lose digits"
+    )
+    return replace(estimate, theta=rows.solve(estimate.weights))

@@ -1,4 +1,4 @@
-"""What a user may decide about an identification, checked when the options are made."""
+"""Options of an identification, checked when they are made."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import Literal, TypedDict
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.urdf_prior import PriorCriteria
 from frischid.logs.preprocessing import VELOCITIES
+from frischid.model.alarms import AlarmCriteria
 from frischid.model.identification_criteria import IdentificationCriteria
 
-ESTIMATORS = ("wls", "ols", "frisch", "sensorwise", "eiv", "iv")
-PRIORS = ("auto", "none", "urdf")
+ESTIMATORS = ("wls", "ols", "frisch", "frisch_squared", "sensorwise", "eiv", "iv")
+PRIORS = ("urdf", "none")
 RECURSIONS = ("strict", "undo", "calibrated", "none")
 Cutoff = float | Literal["auto"] | None
 
@@ -24,13 +25,14 @@ class IdentifyChoices(TypedDict, total=False):
     cutoff: Cutoff
     velocity: str
     estimator: str
-    prior: str
+    prior: str | None
     recursion: str
     window: int | None
     reference: Mapping[str, float] | None
     force: bool
     criteria: IdentificationCriteria
     prior_criteria: PriorCriteria
+    alarm_criteria: AlarmCriteria
 
 
 @dataclass(frozen=True)
@@ -45,14 +47,15 @@ class IdentifyOptions:
         Cut-off of the parallel filter, Hz; None filters nothing.
     velocity : {"auto", "measured", "derived"}
         Where velocities come from: the log's own channel, the derivative of the positions, or whichever is less noisy.
-    estimator : {"wls", "ols", "frisch", "sensorwise", "eiv", "iv"}
-        Whose values become the model's. ``"frisch"`` takes the best point of the Frisch box, ``"sensorwise"`` adds the
+    estimator : {"wls", "ols", "frisch", "frisch_squared", "sensorwise", "eiv", "iv"}
+        Whose values become the model's. ``"frisch"`` takes the point of the Frisch box by the paper's eq. (24) as
+        printed, ``"frisch_squared"`` the box's least-squares point, which depends neither on units nor on the log's
+        length (`frischid.estimators.frisch_selection`); ``"sensorwise"`` adds the
         box of `frischid.estimators.sensorwise`, with the sensors' noise limited to the noise seen in the log;
         ``"eiv"`` and ``"iv"`` are errors-in-variables likelihood and instrumental variables.
-    prior : {"auto", "none", "urdf"}
-        ``"urdf"``: the URDF's parameters are a prior with a stated uncertainty, as strong as predicts best in
-        cross-validation. ``"auto"``: the same, if the logs are too short to determine the parameters alone and
-        cross-validation says that the prior helps. Only with the estimator ``"wls"``.
+    prior : {"urdf", "none"}, optional
+        ``"urdf"``: the URDF's links are a prior, each as good as the logs say (`frischid.estimators.urdf_prior`); only
+        with the estimator ``"wls"``, whose default it is. ``"none"``: the logs alone, the default of all others.
     recursion : {"strict", "undo", "calibrated", "none"}
         Variant of the bounding-box recursion (BBRF).
     window : int, optional
@@ -63,6 +66,7 @@ class IdentifyOptions:
         Go on in spite of an issue of `frischid.checks` that is certain and makes the logs worthless.
     criteria : IdentificationCriteria
     prior_criteria : PriorCriteria
+    alarm_criteria : AlarmCriteria
 
     Raises
     ------
@@ -74,27 +78,39 @@ class IdentifyOptions:
     cutoff: Cutoff = "auto"
     velocity: str = "auto"
     estimator: str = "wls"
-    prior: str = "auto"
+    prior: str | None = None
     recursion: str = "strict"
     window: int | None = None
     reference: Mapping[str, float] | None = None
     force: bool = False
     criteria: IdentificationCriteria = field(default_factory=IdentificationCriteria)
     prior_criteria: PriorCriteria = field(default_factory=PriorCriteria)
+    alarm_criteria: AlarmCriteria = field(default_factory=AlarmCriteria)
 
     def __post_init__(self) -> None:
         for kind, name, known in (
             ("estimator", self.estimator, ESTIMATORS),
             ("recursion", self.recursion, RECURSIONS),
-            ("prior", self.prior, PRIORS),
+            ("prior", self.prior or "none", PRIORS),
             ("velocity", self.velocity, VELOCITIES),
         ):
             if name not in known:
                 raise UnknownNameError(kind, name, known)
+        if isinstance(self.cutoff, bool) or not (self.cutoff in (None, "auto") or isinstance(self.cutoff, int | float)):
+            raise InputError(f"cutoff must be a frequency in Hz, 'auto' or None, got {self.cutoff!r}")
         if self.prior == "urdf" and self.estimator != "wls":
             raise InputError(f"a prior needs the estimator wls, not {self.estimator}; leave one of the two out")
 
     @property
+    def with_prior(self) -> bool:
+        """Whether the URDF is a prior."""
+        return self.estimator == "wls" and self.prior != "none"
+
+    @property
     def criteria_used(self) -> dict[str, object]:
         """The numbers that decide as plain JSON values, for the history of a model."""
-        return {"identification": self.criteria.to_dict(), "prior": self.prior_criteria.to_dict()}
+        return {
+            "identification": self.criteria.to_dict(),
+            "prior": self.prior_criteria.to_dict(),
+            "alarms": self.alarm_criteria.to_dict(),
+        }

@@ -1,6 +1,6 @@
-"""Logs against a robot before anything is fitted: whether they can be used, and what is suspicious in them.
+"""Checks of logs before they are fitted: whether they can be used with a robot, and suspicious findings.
 
-The checks themselves are in `frischid.checks`; here they meet the logs an identification is given.
+The checks themselves are in `frischid.checks`; this module applies them to the logs of an identification.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from frischid.robot.robot import Robot
 
 
 def check(robot: Robot, logs: Sequence[Log]) -> list[LogReport]:
-    """Check that logs can be used with a robot, and say what is suspicious in them.
+    """Check that logs can be used with a robot, and report suspicious findings.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def check(robot: Robot, logs: Sequence[Log]) -> list[LogReport]:
     for log, report in zip(logs, report_issues(robot, logs), strict=True):
         prepared: tuple[str, ...] = ()
         if not report.blocked:
-            with suppress(InputError):  # a log too short for the filters is for `identify` to refuse
+            with suppress(InputError):  # `identify` refuses a log that is too short for the filters
                 lowpass = choose_lowpass([log], robot.joints)
                 prepared = prepare(log.select(robot.joints), lowpass, velocity="derived").notes
         facts = {**report.facts, "joints": list(robot.joints), "notes": [*locked, *log.notes, *prepared]}
@@ -73,7 +73,7 @@ def check(robot: Robot, logs: Sequence[Log]) -> list[LogReport]:
 def report_issues(
     robot: Robot, logs: Sequence[Data], prepared: tuple[LowPass, Sequence[Motion]] | None = None
 ) -> list[LogReport]:
-    """Issues of every log; of a recording those of its first piece.
+    """Issues of every log; of a recording those of its first chunk.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def refuse_worthless(reports: Sequence[LogReport]) -> None:
     for report in reports:
         for issue in report.issues:
             if issue.blocks and issue.sure == "certain":
-                raise InputError(f"{report.source}: {issue}. To go on all the same: --force (force=True)")
+                raise InputError(f"{report.source}: {issue}. To identify anyway: --force (force=True)")
 
 
 def check_cutoff(cutoff: Cutoff, logs: Sequence[Data]) -> None:

@@ -1,7 +1,7 @@
-"""What a log is worth: its clock, the noise of each channel, what was done to it, and how much of the robot it moves.
+"""Quality of a log: its clock, the noise of each channel, its preparation, and the motion of each joint.
 
-Noise is read off the log itself by fourth differences (`noise_level`); excitation is the range, the
-speed and the acceleration each joint reaches, beside the limits of the URDF, and the share of time it stands still.
+Noise is measured in the log by fourth differences (`noise_level`). Excitation is described by the range, the speed and
+the acceleration that each joint reaches, next to the URDF's limits, and by the share of time at standstill.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Quality:
     gaps : int
         Steps longer than five times the median.
     kept : float
-        Seconds left after trimming and splitting.
+        Seconds that remain after trimming and splitting.
     noise : dict of str to ndarray, shape (J,)
         Standard deviation of the white noise of ``q`` and ``tau`` (rad, N·m; m, N), ``v`` where measured.
     lower, upper : ndarray, shape (J,)
@@ -48,7 +48,7 @@ class Quality:
     standstill : ndarray, shape (J,)
         Share of the samples at standstill.
     notes, warnings : tuple of str
-        How the log was prepared, and what is suspicious in it.
+        Changes of the log's data, and suspicious findings.
     """
 
     source: str
@@ -75,7 +75,7 @@ class Quality:
 
 
 def quality(model: Model, logs: Sequence[Log]) -> list[Quality]:
-    """Judge logs as the model's filter sees them.
+    """Measure the quality of logs under the model's filter.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def _judge(model: Model, log: Log) -> Quality:
     channels = {"q": "q", "tau": "tau"} | ({"v": "v"} if chosen.v is not None else {})
     noise = {}
     for name, channel in channels.items():
-        # A measured velocity may have been replaced by one derived from q: its own noise is in the log alone.
+        # The motion may have a velocity derived from q, so the noise of a measured one is measured in the log.
         parts = [chosen.v] if channel == "v" else [getattr(m, channel) for m in motions]
         weight = np.array([len(x) for x in parts if x is not None], dtype=float)
         levels = np.array([noise_level(x) for x in parts if x is not None])

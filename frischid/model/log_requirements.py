@@ -1,4 +1,4 @@
-"""Channels that a log must hold before a model can be held against it."""
+"""Channels that a log must have before a model can be compared with it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from frischid.errors import InputError
 from frischid.logs.log import Log, check_torque
-from frischid.logs.recording import Recording, preview_of
+from frischid.logs.recording import Recording, check_logs, preview_of
 from frischid.robot.robot import Robot
 
 
@@ -17,6 +17,7 @@ def check_logs_fit(robot: Robot, joints: Sequence[str], logs: Sequence[Log | Rec
     ------
     InputError
     """
+    check_logs(logs, ())
     for log in logs:
         head = preview_of(log)
         absent = [n for n in robot.joints if n not in head.joints]

@@ -1,8 +1,8 @@
-"""An identified model: robot, effects, parameters with their bounds, and how they came about.
+"""An identified model: robot, effects, parameters with their bounds, and the history of its steps.
 
     τ(q, q̇, q̈) = Y_base(q, q̇, q̈) θ_base + τ_known
 
-A model is one readable JSON file. It holds the URDF's text, so nothing else is needed to predict with it.
+A model is saved as one readable JSON file. The file holds the URDF's text, so a prediction needs no other file.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from frischid.core.files import write_text
@@ -30,24 +29,13 @@ from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording
+from frischid.model.fit_record import FitRecord, normal_reach
 from frischid.model.log_requirements import check_logs_fit
-from frischid.model.model_file import (
-    SCHEMA,
-    boxes_of,
-    check_columns,
-    effects_of,
-    estimate_of,
-    parameter_dict,
-    plain_numbers,
-    prior_of,
-    read_json,
-    read_records,
-    robot_dict,
-    robot_of,
-    without_robot,
-)
-from frischid.model.model_records import ModelRecord
+from frischid.model.model_digest import check_digest, digest
+from frischid.model.model_file import SCHEMA, read_json, read_records, robot_of
+from frischid.model.model_parts import parts_of, plain_estimate, plain_numbers, robot_dict, without_robot
 from frischid.model.parameters import Parameter, parameters_by_name
+from frischid.model.stored_paths import located, portable
 from frischid.regression.block import Block
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
@@ -62,13 +50,13 @@ class Model:
     robot : Robot
     effects : tuple of Effect
     lowpass : LowPass
-        Filter the parameters were found with, and with which the model is compared.
+        Filter of the identification, and of every later comparison.
     velocity : {"auto", "measured", "derived"}
         Where velocities come from in logs.
     base : tuple of int
         Columns of the full regressor that carry the base parameters.
     expressions : tuple of str
-        Each base parameter as the combination of parameters it stands for.
+        Each base parameter as a combination of parameters.
     estimate : Estimate
         Values, covariance, residual spread of each joint.
     bounds : dict of str to Box
@@ -76,19 +64,21 @@ class Model:
     mean_torque : ndarray, shape (J,)
         Mean of each fitted joint's torque in the identification logs, the constant a model must beat.
     reference : dict of str to float, optional
-        Parameter values from which effects that depend on the load take it; None: the URDF's own.
+        Parameter values that give the load for effects that depend on the load; None: the URDF's values.
     standard : dict of str to float, optional
         Physically consistent value of every parameter, known ones included, that has these base parameters; None until
         `frischid.export.consistency.make_consistent` found them.
     history : tuple of dict
-        What was done, oldest first, in plain JSON values.
+        Steps of the model, oldest first, in plain JSON values.
     previous : Model, optional
         The model before the last step of its history.
     recursion : dict, optional
-        How BBRF's bounds closed in: ``names``, ``units``, ``variant``, ``windows``, ``steps``, ``lower``, ``upper``
+        History of BBRF's bounds: ``names``, ``units``, ``variant``, ``windows``, ``steps``, ``lower``, ``upper``
         (steps × p, null where open), ``emptied``; plain JSON values.
     prior : UrdfPrior, optional
-        The prior the parameters were fitted with; None: the logs alone.
+        Prior of the fit; None: the logs alone.
+    fitted : FitRecord, optional
+        The reach of the fitted logs, and the URDF with fitted friction; None: not known.
 
     Examples
     --------
@@ -117,6 +107,7 @@ class Model:
     previous: Model | None = None
     recursion: Mapping[str, Any] | None = None
     prior: UrdfPrior | None = None
+    fitted: FitRecord | None = None
 
     def __repr__(self) -> str:
         kinds = ", ".join(dict.fromkeys(e.id for e in self.effects))
@@ -147,11 +138,54 @@ class Model:
         ndarray, shape (N, J)
             N·m (N); only the columns of `joints` were identified.
         """
-        q, v, a = (np.atleast_2d(np.asarray(x, dtype=float)) for x in (q, v, a))
-        Y = Regressor(self.robot, self.effects, self.reference)(np.zeros(len(q)) if t is None else t, q, v, a)
+        Y, q, v, a = self._columns(q, v, a, t)
         known = self.robot.known_torque(q, v, a)
         torque = self.full_theta @ Y
         return np.asarray(torque if known is None else torque + known)
+
+    def _columns(self, q: Array, v: Array, a: Array, t: Array | None) -> tuple[Array, Array, Array, Array]:
+        """The regressor (N, C, J), and the motion as arrays of floats (N, J)."""
+        q, v, a = (np.atleast_2d(np.asarray(x, dtype=float)) for x in (q, v, a))
+        regressor = Regressor(self.robot, self.effects, self.reference)
+        return regressor(np.zeros(len(q)) if t is None else t, q, v, a), q, v, a
+
+    def predict(
+        self, q: Array, v: Array, a: Array, t: Array | None = None, *, interval: float = 0.9
+    ) -> tuple[Array, Array, Array]:
+        """Torque of the fitted joints, with the interval in which a measurement is to be expected.
+
+        The half width is ``z sqrt(σ² + y C yᵀ)``: the error on the fitted logs, and the parameters' uncertainty.
+
+        Parameters
+        ----------
+        q, v, a, t
+            As in `inverse_dynamics`.
+        interval : float
+            Share of measurements that the interval is to hold, between 0 and 1.
+
+        Returns
+        -------
+        torque, lower, upper : ndarray, shape (N, J) each
+            N·m (N), of the J joints in `joints`.
+
+        Raises
+        ------
+        InputError
+            The interval is not between 0 and 1.
+        """
+        if not 0 < interval < 1:
+            raise InputError(f"the interval is a share of the measurements between 0 and 1, got {interval}")
+        Y, q, v, a = self._columns(q, v, a, t)
+        index = self.torque_index
+        half = self.interval_reach(interval) * np.sqrt(self.estimate.error_variance(Y[:, list(self.base)][:, :, index]))
+        torque = self.inverse_dynamics(q, v, a, t)[:, index]
+        return torque, torque - half, torque + half
+
+    def interval_reach(self, interval: float) -> Array:
+        """Half width of a prediction interval, in units of the expected error, (J,)."""
+        if self.fitted is None:
+            return np.full(len(self.joints), normal_reach(interval))
+        return self.fitted.interval_reach(interval)
 
     def friction(self, q: Array, v: Array, a: Array | None = None, t: Array | None = None) -> Array:
         """Torque of the model's friction effects alone.
@@ -168,9 +202,7 @@ class Model:
         ndarray, shape (N, J)
             N·m (N), with the sign it has in the equation of motion: along v.
         """
-        q, v = (np.atleast_2d(np.asarray(x, dtype=float)) for x in (q, v))
-        a = np.zeros_like(q) if a is None else np.atleast_2d(np.asarray(a, dtype=float))
-        Y = Regressor(self.robot, self.effects, self.reference)(np.zeros(len(q)) if t is None else t, q, v, a)
+        Y = self._columns(q, v, np.zeros_like(q) if a is None else a, t)[0]
         columns = columns_of(self.robot, self.effects)
         ids = {e.id for e in self.effects if e.friction}
         felt = np.array([c.effect in ids for c in columns])
@@ -247,6 +279,12 @@ class Model:
         return parameters_by_name(self.estimate, self.expressions)
 
     @property
+    def fitted_hashes(self) -> tuple[str | None, ...]:
+        """Hashes of the logs the parameters were last fitted to, in order."""
+        logs: Sequence[Mapping[str, Any]] = next((e["logs"] for e in reversed(self.history) if e.get("logs")), ())
+        return tuple(log.get("sha256") for log in logs)
+
+    @property
     def fitted_to(self) -> int:
         """How many logs the parameters were last fitted to."""
         return next((len(event["logs"]) for event in reversed(self.history) if event.get("logs")), 0)
@@ -263,32 +301,20 @@ class Model:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain JSON values."""
-        e = self.estimate
         return {
             "schema": SCHEMA,
             "frischid": metadata.version("frischid"),
             "robot": robot_dict(self.robot),
             "effects": [effect.to_dict() for effect in self.effects],
             "filter": {"cutoff_hz": self.lowpass.cutoff, "reason": self.lowpass.reason, "velocity": self.velocity},
-            "estimator": e.estimator,
-            "parameters": [
-                {**parameter_dict(e, i, self.bounds), "expression": self.expressions[i], "column": int(self.base[i])}
-                for i in range(len(self.base))
-            ],
-            "joints": [
-                {"name": n, "sigma": float(s), "weight": float(w), "mean_torque": float(m)}
-                for n, s, w, m in zip(e.joints, e.sigma, e.weights, self.mean_torque, strict=True)
-            ],
-            "condition": float(e.condition),
-            "notes": list(e.notes),
+            **plain_estimate(self.estimate, self.base, self.expressions, self.bounds, self.mean_torque),
             "reference": plain_numbers(self.reference),
             "standard": plain_numbers(self.standard),
             "history": [dict(h) for h in self.history],
-            "covariance": e.covariance.tolist(),
-            "information": e.information.tolist(),
             "previous": None if self.previous is None else without_robot(self.previous.to_dict()),
             "recursion": None if self.recursion is None else dict(self.recursion),
             "prior": None if self.prior is None else self.prior.to_dict(),
+            "fitted": None if self.fitted is None else self.fitted.to_dict(),
         }
 
     @classmethod
@@ -302,36 +328,17 @@ class Model:
         """
         records = read_records(data, source)
         robot = robot_of(records[0], source)
-        model = cls._from_record(records[-1], robot, None, source)
+        model = cls(robot=robot, **parts_of(records[-1], robot, source))
         for record in reversed(records[:-1]):  # every step is of the same robot
-            model = cls._from_record(record, robot, model, source)
+            model = cls(robot=robot, previous=model, **parts_of(record, robot, source))
+        check_digest(data, source)
         return model
 
-    @classmethod
-    def _from_record(cls, record: ModelRecord, robot: Robot, previous: Model | None, source: str) -> Model:
-        effects, columns = effects_of(record, robot, source)
-        check_columns(record, columns, robot.joints, source)
-        return cls(
-            robot=robot,
-            effects=effects,
-            lowpass=LowPass(record.filter.cutoff_hz, record.filter.reason),
-            velocity=record.filter.velocity,
-            base=tuple(x.column for x in record.parameters),
-            expressions=tuple(x.expression for x in record.parameters),
-            estimate=estimate_of(record),
-            mean_torque=np.array([j.mean_torque for j in record.joints]),
-            bounds=boxes_of(record, source),
-            reference=record.reference,
-            standard=record.standard,
-            history=tuple(record.history),
-            previous=previous,
-            recursion=None if record.recursion is None else msgspec.to_builtins(record.recursion),
-            prior=prior_of(record),
-        )
-
     def save(self, path: str | Path) -> None:
-        """Write one JSON file; it appears under its name only when complete."""
-        write_text(Path(path), json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        """Write one JSON file; it appears under its name only when complete. Paths of logs are relative to it."""
+        data = portable(self.to_dict(), Path(path).parent)
+        data["sha256"] = digest(data)
+        write_text(Path(path), json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
     @classmethod
     def load(cls, path: str | Path) -> Model:
@@ -342,4 +349,10 @@ class Model:
         InputError
             The file is missing, not JSON, or not a model.
         """
-        return cls.from_dict(read_json(path), str(path))
+        written = read_json(path)
+        found = located(written, Path(path).parent, str(path))
+        if isinstance(found, Mapping):  # the hash is that of the content before the paths were found
+            found = {name: value for name, value in found.items() if name != "sha256"}
+        model = cls.from_dict(found, str(path))
+        check_digest(written, str(path))
+        return model

@@ -16,19 +16,17 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
-from frischid.core.types import Array, Column
-from frischid.effects import EFFECTS, Effect, columns_of, effect_from_dict
-from frischid.errors import EmptyBoxError, InputError
-from frischid.estimators.frisch import Box
-from frischid.estimators.least_squares import Estimate
-from frischid.estimators.urdf_prior import UrdfPrior
-from frischid.model.model_records import ModelRecord
+from frischid.core.types import Column
+from frischid.errors import InputError
+from frischid.model.fit_record import LEVELS
+from frischid.model.model_records import EventRecord, ModelRecord
 from frischid.robot.robot import Robot
 
 SCHEMA = "frischid.model/2"
 FIRST_SCHEMA = "frischid.model/1"
+DEEPEST = 50  # lists and tables in each other, in one step; frischid writes fewer than ten
+LARGEST_IN_FILE = 1e100  # sums of its square still are numbers of double precision
 
 
 def read_json(path: str | Path) -> Any:
@@ -87,6 +85,8 @@ def read_records(data: Any, source: str) -> list[ModelRecord]:
             raise damaged(source, text.replace("`$.", f"`{place}").replace("`$`", f"`{step}`")) from error
         except RecursionError:
             raise _too_deep(source) from None
+        for number, event in enumerate(record.history):
+            _check_event(event, f"{place}history[{number}]", source)
         if not records and record.robot is None:
             raise damaged(source, "Object missing required field `robot`")
         _check_numbers({k: v for k, v in content.items() if k != "previous"}, place, source)
@@ -96,23 +96,34 @@ def read_records(data: Any, source: str) -> list[ModelRecord]:
     return records
 
 
+def _check_event(event: Mapping[str, Any], place: str, source: str) -> None:
+    """Refuse a step of the history whose fields are of another type than they are read as."""
+    try:
+        msgspec.convert(event, EventRecord)
+    except msgspec.ValidationError as error:
+        text = str(error) if " - at " in str(error) else f"{error} - at `$`"
+        raise damaged(source, text.replace("`$", f"`{place}")) from error
+
+
 def damaged(source: str, what: str) -> InputError:
     """The error of a model file that cannot be used, with the field and what was expected there."""
     return InputError(f"{source}: the model file is damaged: {what}")
 
 
 def _check_numbers(data: Mapping[str, Any], place: str, source: str) -> None:
-    """Refuse a number that is not finite, wherever it stands."""
-    waiting: list[tuple[str, Any]] = [(place + k, v) for k, v in data.items()]
+    """Refuse a number that is not finite, or whose square is not, and objects that are nested too deep."""
+    waiting: list[tuple[str, Any, int]] = [(place + k, v, 1) for k, v in data.items()]
     while waiting:
-        where, value = waiting.pop()
-        if isinstance(value, float):
-            if not np.isfinite(value):
-                raise damaged(source, f"expected a finite number, got {value} - at `{where}`")
+        where, value, depth = waiting.pop()
+        if depth > DEEPEST:
+            raise _too_deep(source)
+        if isinstance(value, int | float):
+            if not abs(value) <= LARGEST_IN_FILE:
+                raise damaged(source, f"expected a finite number below {LARGEST_IN_FILE:g}, got {value} - at `{where}`")
         elif isinstance(value, Mapping):
-            waiting += [(f"{where}.{k}", v) for k, v in value.items()]
+            waiting += [(f"{where}.{k}", v, depth + 1) for k, v in value.items()]
         elif isinstance(value, list | tuple):
-            waiting += [(f"{where}[{k}]", v) for k, v in enumerate(value) if not isinstance(v, str)]
+            waiting += [(f"{where}[{k}]", v, depth + 1) for k, v in enumerate(value) if not isinstance(v, str)]
 
 
 def _check_shapes(record: ModelRecord, place: str, source: str) -> None:
@@ -132,6 +143,15 @@ def _check_shapes(record: ModelRecord, place: str, source: str) -> None:
             if value in values[:k]:
                 where = f"joints[{k}].name" if kind == "joints" else f"parameters[{k}].column"
                 raise damaged(source, f"expected each {kind} once, got {value} again - at `{place}{where}`")
+    if record.fitted is not None:
+        lengths = (("velocity", len(record.joints)), ("acceleration", len(record.joints)), ("urdf", p))
+        if [len(row) for row in record.fitted.scores] != [len(record.joints)] * len(LEVELS):
+            raise damaged(
+                source, f"expected {len(LEVELS)} rows of {len(record.joints)} numbers - at `{place}fitted.scores`"
+            )
+        for name, length in lengths:
+            if len(getattr(record.fitted, name)) != length:
+                raise damaged(source, f"expected {length} numbers - at `{place}fitted.{name}`")
     methods = set(record.parameters[0].bounds) if record.parameters else set()
     for k, parameter in enumerate(record.parameters):
         if set(parameter.bounds) != methods:
@@ -168,6 +188,8 @@ def check_columns(record: ModelRecord, columns: Sequence[Column], joints: Sequen
             raise damaged(
                 source, f"expected a joint of the robot ({', '.join(joints)}), got {joint.name} - at `joints[{k}]`"
             )
+    if record.prior is not None and [x.name for x in record.prior.parameters] != [c.name for c in columns]:
+        raise damaged(source, "expected the robot's and the effects' parameters in order - at `prior.parameters`")
     if record.standard is not None:
         absent = [c.name for c in columns if c.name not in record.standard]
         if absent:
@@ -186,113 +208,3 @@ def robot_of(record: ModelRecord, source: str) -> Robot:
         return Robot.from_dict(msgspec.to_builtins(record.robot))
     except InputError as error:
         raise damaged(source, f"{error} - at `robot`") from error
-
-
-def effects_of(record: ModelRecord, robot: Robot, source: str) -> tuple[tuple[Effect, ...], tuple[Column, ...]]:
-    """The effects of a record, and the columns that they and the robot make.
-
-    Raises
-    ------
-    InputError
-        An effect comes from a package that is not installed, or an effect or its values are wrong.
-    """
-    for saved in record.effects:
-        if isinstance(saved.get("package"), Mapping):
-            try:
-                EFFECTS.of_package(str(saved.get("effect")), saved["package"])
-            except InputError as error:
-                raise InputError(f"{source}: {error}") from error
-    try:
-        effects = tuple(effect_from_dict(e) for e in record.effects)
-        return effects, tuple(columns_of(robot, effects))
-    except (InputError, KeyError, TypeError, ValueError) as error:
-        raise damaged(source, f"{type(error).__name__} {error} - at `effects`") from error
-
-
-def estimate_of(record: ModelRecord) -> Estimate:
-    """The estimate of a record."""
-    p = len(record.parameters)
-    shares = [x.from_data for x in record.parameters]
-    known = [share for share in shares if share is not None]
-    return Estimate(
-        tuple(Column(x.name, x.unit, x.joint, x.effect, x.sign) for x in record.parameters),
-        _array([x.value for x in record.parameters]),
-        _array(record.covariance).reshape(p, p),
-        tuple(j.name for j in record.joints),
-        _array([j.sigma for j in record.joints]),
-        _array([j.weight for j in record.joints]),
-        record.condition,
-        record.estimator,
-        _array(record.information).reshape(p, p),
-        tuple(record.notes),
-        _array(known) if len(known) == len(shares) else None,
-    )
-
-
-def boxes_of(record: ModelRecord, source: str) -> dict[str, Box]:
-    """The bounds of a record, by method.
-
-    Raises
-    ------
-    InputError
-        A lower bound lies above its upper bound.
-    """
-    names = tuple(x.name for x in record.parameters)
-    boxes = {}
-    for method in record.parameters[0].bounds if record.parameters else ():
-        lower = _array([-np.inf if (b := x.bounds[method][0]) is None else b for x in record.parameters])
-        upper = _array([np.inf if (b := x.bounds[method][1]) is None else b for x in record.parameters])
-        try:
-            boxes[method] = Box(names, lower, upper)
-        except EmptyBoxError as error:
-            raise damaged(source, f"{error} - at `parameters[].bounds.{method}`") from error
-    return boxes
-
-
-def prior_of(record: ModelRecord) -> UrdfPrior | None:
-    """The prior of a record."""
-    if record.prior is None:
-        return None
-    names, values = tuple(record.prior.parameters), record.prior.parameters.values()
-    return UrdfPrior(names, _array([m for m, _ in values]), _array([s for _, s in values]), record.prior.strength)
-
-
-def parameter_dict(estimate: Estimate, i: int, bounds: Mapping[str, Box]) -> dict[str, Any]:
-    """Parameter `i` of an estimate as a `ParameterRecord` has it, without ``expression`` and ``column``."""
-    column = estimate.columns[i]
-    return {
-        "name": column.name,
-        "unit": column.unit,
-        "joint": column.joint,
-        "effect": column.effect,
-        "sign": column.sign,
-        "value": float(estimate.theta[i]),
-        "stderr": float(estimate.stderr[i]),
-        "from_data": None if estimate.from_data is None else float(estimate.from_data[i]),
-        "bounds": {k: [_or_none(box.lower[i]), _or_none(box.upper[i])] for k, box in bounds.items()},
-    }
-
-
-def robot_dict(robot: Robot) -> dict[str, Any]:
-    """The robot, its numbers as Python's own."""
-    data = robot.to_dict()
-    numbers = {"gravity": list(map(float, data["gravity"]))}
-    return data | numbers | {"locked": plain_numbers(data["locked"]), "known": plain_numbers(data["known"])}
-
-
-def plain_numbers(values: Mapping[str, float] | None) -> dict[str, float] | None:
-    """A mapping of numbers as Python's own floats."""
-    return None if values is None else {name: float(x) for name, x in values.items()}
-
-
-def without_robot(data: dict[str, Any]) -> dict[str, Any]:
-    """Every step is of the same robot: its URDF is kept once."""
-    return {k: v for k, v in data.items() if k != "robot"}
-
-
-def _or_none(x: float) -> float | None:
-    return float(x) if np.isfinite(x) else None
-
-
-def _array(values: Any) -> Array:
-    return np.array(values, dtype=float)

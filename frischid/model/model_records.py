@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta, Struct
 
 NotNegative = Annotated[float, Meta(ge=0)]
+Share = Annotated[float, Meta(ge=0, le=1)]
 CutoffHz = Annotated[float, Meta(ge=1e-3, le=1e6)]
 """Hz. A lower cut-off needs a filter of millions of taps at usual rates; no sensor of a robot is faster."""
 
@@ -47,7 +48,7 @@ class ParameterRecord(Struct, forbid_unknown_fields=True, frozen=True):
     value: float
     stderr: NotNegative
     bounds: dict[str, tuple[float | None, float | None]]
-    from_data: Annotated[float, Meta(ge=0, le=1)] | None = None
+    from_data: Share | None = None
 
 
 class JointRecord(Struct, forbid_unknown_fields=True, frozen=True):
@@ -79,12 +80,76 @@ class RecursionRecord(Struct, forbid_unknown_fields=True, frozen=True):
     upper: list[list[float | None]]
 
 
+class PriorParameterRecord(Struct, forbid_unknown_fields=True, frozen=True):
+    """Prior of one parameter, its value given the logs, and the share of its knowledge that came from the logs."""
+
+    name: str
+    mean: float
+    spread: NotNegative
+    negative: NotNegative
+    nonnegative: bool
+    group: str
+    value: float
+    from_log: Share
+
+
 class PriorRecord(Struct, forbid_unknown_fields=True, frozen=True):
-    """The prior: mean and standard deviation of each parameter."""
+    """The URDF as a prior, and how many rows the data of each joint counted for."""
 
     kind: Literal["urdf"]
-    strength: Annotated[float, Meta(gt=0)]
-    parameters: dict[str, tuple[float, NotNegative]]
+    rows: Annotated[float, Meta(gt=0)]
+    samples: Annotated[float, Meta(gt=0)]
+    scales: dict[str, Annotated[float, Meta(gt=0)]]
+    parameters: list[PriorParameterRecord]
+
+
+class FitFields(Struct, forbid_unknown_fields=True, frozen=True):
+    """Reach of the fitted logs, the URDF with fitted friction, and quantiles of the error on stretches left out."""
+
+    velocity: list[NotNegative]
+    acceleration: list[NotNegative]
+    urdf: list[float]
+    scores: list[list[NotNegative | None]]
+
+
+class EventLogRecord(Struct, frozen=True):
+    """One log of a step: where it was, and its hash."""
+
+    source: str
+    sha256: str | None = None
+    samples: Annotated[int, Meta(ge=0)] | None = None
+
+
+class AlarmRecord(Struct, forbid_unknown_fields=True, frozen=True):
+    """One alarm of an identification."""
+
+    id: str
+    severity: Literal["severe", "doubt"]
+    sentence: str
+    remedy: str
+    joints: list[str] = []
+    value: float = 0.0
+    limit: float = 0.0
+
+
+class EventRecord(Struct, frozen=True):
+    """One step of the history: the fields that are read again. A step may hold more."""
+
+    action: str
+    effects: list[str] = []
+    logs: list[EventLogRecord] = []
+    held_out_logs: list[EventLogRecord] = []
+    cross_validated_nrmse: NotNegative | None = None
+    held_out_nrmse: NotNegative | None = None
+    error_before: NotNegative | None = None
+    error_after: NotNegative | None = None
+    test_before: NotNegative | None = None
+    test_after: NotNegative | None = None
+    measured_on: str = ""
+    sentence: str = ""
+    notes: list[str] = []
+    warnings: list[str] = []
+    alarms: list[AlarmRecord] = []
 
 
 class ModelRecord(Struct, forbid_unknown_fields=True, frozen=True):
@@ -108,3 +173,5 @@ class ModelRecord(Struct, forbid_unknown_fields=True, frozen=True):
     standard: dict[str, float] | None = None
     recursion: RecursionRecord | None = None
     prior: PriorRecord | None = None
+    fitted: FitFields | None = None
+    sha256: str | None = None

@@ -1,19 +1,23 @@
-"""The error that the sensors alone would make: the floor below which no model of this form can push the error.
+"""The noise floor: the error that the sensor noise alone causes; no model of this form can have a smaller one.
 
-A robot exactly like the model, whose dry friction changes sign at once, is sent along the measured path and looked at
-through sensors as noisy as the log's own; the model's error on that is the floor. With F the parallel filter,
+Imagine a robot exactly like the model, with dry friction that changes its sign at once. This robot moves along the
+measured path and is recorded by sensors as noisy as the log's. The model's error on this recording is the floor. With F
+the parallel filter,
 
     floor_j² = ‖F (τ̂(q, q̇, q̈) − τ̂(q + n_q, q̇ + n_q̇, q̈ + n_q̈))_j‖² / N  +  s_j² ‖h‖²
 
-where n are draws of the channels' own noise (`noise_level`), as large in each stretch as it is there, for stamps that
-miss the moment make positions the noisier the faster a joint moves; derived q̇ and q̈ get that of the positions through
-the differentiator, h are the filter's taps, and s_j² is the torque's noise *within* the filter's band: drives' noise is
-seldom white, and the part of it that the filter passes is what counts. Motion hides it there; it is measured in the
-octaves above the band, and carried on into it (`level_within`). The floor contains noise of positions that reaches the
-torque through the accelerations, and reversals that noise moves or makes a model smooth (the second τ̂ has the model's
-own friction or a sharp one, whichever is nearer). A robot whose friction is as smooth as the model's has a lower floor;
-which it is, the error itself says. What wanders as slowly as the motion cannot be told from physics, and counts as
-unexplained.
+- n are random draws of the channels' noise (`noise_level`). Their size is measured in each stretch of time, because
+  wrong time stamps make positions noisier where a joint moves faster. Derived q̇ and q̈ get the noise of the positions
+  through the differentiator.
+- h are the filter's taps, and s_j² is the torque's noise *within* the filter's band. The noise of drives is seldom
+  white, and motion hides it inside the band. So it is measured in the octaves above the band and extrapolated into the
+  band (`level_within`).
+
+The first term contains position noise that reaches the torque through the accelerations. It also contains errors at
+reversals: noise shifts reversals, and the model's friction is smoothed. A robot whose friction is as smooth as the
+model's has a lower floor than one with sharp friction; the residual error decides between the two
+(`NoiseFloor.under`). Noise that varies as slowly as the motion cannot be distinguished from physics, so it is not part
+of the floor and counts as unexplained.
 """
 
 from __future__ import annotations
@@ -33,12 +37,12 @@ from frischid.model.comparison_criteria import COMPARISON_CRITERIA as CRITERIA
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor
 
-DRAW_SEED = 0  # of the draws: the same log gives the same floor
+DRAW_SEED = 0  # seed of the draws, so that the same log gives the same floor
 SIXTH_DIFFERENCE = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
 
 
 class NoiseFloor:
-    """The noise floor of motions, gathered as they pass.
+    """The noise floor of motions, summed motion by motion.
 
     Attributes
     ----------
@@ -46,9 +50,9 @@ class NoiseFloor:
         Sum over samples of the floor's square, (N·m)² (N²): for dry friction as smooth as the model's, and for a sharp
         one.
     samples : int
-        Of the motions looked at.
+        Number of samples in the sum.
     passed : int
-        Motions that passed.
+        Number of motions so far.
     """
 
     def __init__(self, model: Model) -> None:
@@ -56,7 +60,7 @@ class NoiseFloor:
         self.bounds, self.samples, self.passed = np.zeros((2, len(model.joints))), 0, 0
 
     def watch(self, motions: Iterable[Motion]) -> Iterator[Motion]:
-        """Pass motions on, and see each."""
+        """Add every motion to the floor, and pass the motions on."""
         for motion in motions:
             self.passed += 1
             if self.passed <= CRITERIA.full_motions or self.passed.bit_count() == 1:
@@ -72,26 +76,28 @@ class NoiseFloor:
     def under(self, rmse: Array) -> Array:
         """Floor of each joint, N·m (N), shape (J,), for a model with this residual error.
 
-        The residual error says how sharp the robot's friction is: not so sharp that the sensors alone would make more.
+        The floor is the residual error, limited to the range from the floor with friction as smooth as the model's to
+        the floor with sharp friction: the robot's friction is in between.
         """
         smooth, sharp = np.sqrt(self.bounds / self.samples)
         return np.asarray(np.maximum(smooth, np.minimum(sharp, rmse)))
 
 
 def level_within(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
-    """Standard deviation of white noise as strong as that of torques within a filter's band, judged from above it.
+    """Standard deviation of white noise with the same power within a filter's band as the noise of torques.
 
-    Sixth differences over a lag of a quarter of the cut-off's period pass the octave around twice the cut-off, and next
-    to nothing of a motion ten times slower than the cut-off; half that lag passes the octave above, and so on. Moments
-    that see the joint turn round are left out, for dry friction jumps there, and the median is not fooled by other
-    jerks. Noise falls from octave to octave as white noise and noise with a memory do, W + L/(1 + (f/f₀)²).
+    The power is measured above the band and extrapolated. Sixth differences over a lag of a quarter of the cut-off's
+    period pass the octave around twice the cut-off, and hardly any motion ten times slower than the cut-off. Half that
+    lag passes the next octave, and so on. Differences across a reversal of the joint are left out, because dry friction
+    jumps there; the median ignores other jerks. The power of the noise over frequency is modelled as that of white
+    noise and of noise with a memory, W + L/(1 + (f/f₀)²).
 
     Parameters
     ----------
     x, v : ndarray, shape (N, J)
         Torque and speed, uniformly sampled.
     step : float
-        s.
+        Time between samples, s.
     lowpass : LowPass
 
     Returns
@@ -109,7 +115,7 @@ def level_within(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
 
 
 def _power(x: Array, v: Array, step: float, lag: int) -> Array | None:
-    """Variance of white noise as strong as that of torques around 1 / (2 lag step), (J,); None: too few samples."""
+    """Variance of white noise with the torques' power around 1 / (2 lag step), (J,); None: too few samples."""
     differences = np.zeros(6 * lag + 1)
     differences[::lag] = SIXTH_DIFFERENCE
     cutoff = CRITERIA.octave_top / (2 * lag * step)
@@ -120,7 +126,7 @@ def _power(x: Array, v: Array, step: float, lag: int) -> Array | None:
     forward: NDArray[np.intp] = np.cumsum(v > 0, axis=0)
     there = forward[len(both) - 1 :] - forward[: len(passed)]  # of the samples after the first
     one_way = np.isin(there, (0, len(both) - 1))
-    # A joint that turns round all the time shows no such moment: all there is must do.
+    # A joint that reverses all the time has no difference without a reversal: then all differences count.
     kept = np.where(one_way.sum(axis=0) < len(both), True, one_way)
     spread = np.array([np.median(y[here]) for y, here in zip(passed.T, kept.T, strict=True)])
     return np.asarray((spread / 0.6745) ** 2 / (both @ both))
@@ -129,8 +135,8 @@ def _power(x: Array, v: Array, step: float, lag: int) -> Array | None:
 def _carried_on(centres: Array, powers: Array, cutoff: float) -> Array:
     """Power (J,) below a cut-off from powers (K, J) at frequencies (K,) above it, Hz.
 
-    The first octave says how much, all of them how it falls. The corner is that of all joints' drives together; two
-    octaves do not tell a corner from a white floor.
+    The first octave gives the level, all octaves together give the decay. All joints share one corner frequency; with
+    only two octaves a corner cannot be distinguished from white noise.
     """
     if len(centres) < 3 or not (powers > 0).all():
         return np.asarray(powers[0])
@@ -146,7 +152,7 @@ def _carried_on(centres: Array, powers: Array, cutoff: float) -> Array:
 
 
 def _through_the_motion(model: Model, motion: Motion) -> Array:
-    """Mean square of what noise of q, q̇, q̈ does to the model's filtered torque with a smooth and a sharp friction."""
+    """Mean square error of the model's filtered torque from noise of q, q̇, q̈, with smooth and with sharp friction."""
     path = _smoothed(motion.middle(min(1.0, CRITERIA.noise_samples / len(motion.t))), model.lowpass)
     seen = _with_noise(path, motion, model.lowpass)
     regressor, index = Regressor(model.robot, model.effects, model.reference), model.torque_index
@@ -161,7 +167,7 @@ def _through_the_motion(model: Model, motion: Motion) -> Array:
 
 
 def _sharpened(model: Model, motion: Motion) -> Array:
-    """What the torque changes by, unfiltered, where dry friction changes its sign at once, shape (N, J)."""
+    """Change of the unfiltered torque if dry friction changes its sign at once, shape (N, J)."""
     theta = dict(zip((c.name for c in columns_of(model.robot, model.effects)), model.full_theta, strict=True))
     none = np.zeros(motion.q.shape)
     state = State(model.robot, motion.t, motion.q, motion.v, motion.a, none, none, motion.start, motion.extra)
@@ -176,7 +182,7 @@ def _sharpened(model: Model, motion: Motion) -> Array:
 
 
 def _smoothed(motion: Motion, lowpass: LowPass) -> Motion:
-    """The path behind a measured motion: all of it through the filter, which the motion is ten times slower than."""
+    """The true path of a measured motion, nearly: all channels through the filter, which passes the slower motion."""
     taps = lowpass.taps(motion.step)
     if len(motion.t) < 3 * len(taps):
         return motion
@@ -186,7 +192,7 @@ def _smoothed(motion: Motion, lowpass: LowPass) -> Motion:
 
 
 def _with_noise(path: Motion, motion: Motion, lowpass: LowPass) -> Motion:
-    """A path as the sensors of a motion would see it."""
+    """A path with the sensor noise of a motion."""
     rng = np.random.default_rng(DRAW_SEED)
     first, second = (derivative_taps(order, path.step, lowpass.cutoff) for order in (1, 2))
     half = len(first) // 2
@@ -204,7 +210,7 @@ def _with_noise(path: Motion, motion: Motion, lowpass: LowPass) -> Motion:
 
 
 def _levels(x: Array, step: float) -> Array:
-    """Noise level of a channel block by block, at each of its samples, (N, J)."""
+    """Noise level of a channel at each of its samples, measured block by block, (N, J)."""
     size = min(max(CRITERIA.noise_stretch_samples, round(CRITERIA.noise_stretch / step)), len(x))
     count = len(x) // size
     blocks = x[: count * size].reshape(count, size, -1).swapaxes(0, 1)

@@ -1,12 +1,12 @@
-"""A model along some logs: measured torque, the model's, the band its bounds predict, and the motion they belong to.
+"""A model along some logs: measured torque, the model's, the band around it, and the motion.
 
-A torque row is linear in the parameters, so what is known of them carries over directly. For bounds l ≤ θ ≤ u and for a
-covariance C of the estimate,
+A torque row y has the expected error ``e = sqrt(σ² + y C yᵀ)``, with the residual variance σ² and the covariance C of
+the parameters. The band is
 
-    Σ_c min(y_c l_c, y_c u_c) ≤ y θ ≤ Σ_c max(y_c l_c, y_c u_c),        y θ̂ ± 1.96 sqrt(y C yᵀ).
+    y θ̂ ± r e,
 
-The band says how far the *model* is to be trusted. It holds neither the sensors' noise nor what the model lacks: a
-measured torque that leaves it is evidence that something is missing.
+with r from the errors on stretches of time that were left out of the fit (`frischid.model.residual_scores`). Noise and
+the model's own error are in it. A change of the robot since the fit is not.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from frischid.logs.log import Log
 from frischid.model.model import Model
 from frischid.regression.block import Block
 
-NORMAL = 1.96  # standard errors that hold 95 %
+INTERVAL = 0.9
+"""Share of the measurements that the band is to hold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +48,6 @@ class Prediction:
         Torque, N·m (N): measured, the model's, and the band around it.
     used : ndarray of bool, shape (M, J)
         False where the joint rests, so that its dry friction is undetermined.
-    band : str
-        What the band is.
     """
 
     joints: tuple[str, ...]
@@ -64,7 +63,6 @@ class Prediction:
     lower: Array
     upper: Array
     used: NDArray[np.bool_]
-    band: str
 
     @property
     def residual(self) -> Array:
@@ -91,8 +89,7 @@ def predict(
     """
     if not logs:
         raise InputError("there is no log to predict")
-    index = model.torque_index
-    band = _Band(model)
+    index, reach = model.torque_index, model.interval_reach(INTERVAL)
     parts: dict[str, list[Array]] = {
         k: [] for k in ("t", "q", "v", "a", "measured", "fitted", "lower", "upper", "used")
     }
@@ -100,8 +97,8 @@ def predict(
     for number, log in enumerate(logs):
         for block, fitted in model.blocks([log]) if evaluated is None else evaluated[number]:
             known = block.known[:, index]
-            low, high = band(block.Y[:, list(model.base)][:, :, index], fitted[:, index])
-            torques = (block.tau[:, index], fitted[:, index], low, high)
+            half = reach * np.sqrt(model.estimate.error_variance(block.Y[:, list(model.base)][:, :, index]))
+            torques = (block.tau[:, index], fitted[:, index], fitted[:, index] - half, fitted[:, index] + half)
             motion = (block.t - log.t[0], block.q[:, index], block.v[:, index], block.a[:, index])
             rows = (*motion, *(x + known for x in torques), block.used[:, index])
             for store, values in zip(parts.values(), rows, strict=True):
@@ -110,28 +107,4 @@ def predict(
     whole = {k: np.concatenate(x) for k, x in parts.items()}
     used = whole.pop("used").astype(bool)
     sources, starts = tuple(log.source for log in logs), tuple(float(log.t[0]) for log in logs)
-    return Prediction(model.joints, sources, starts, np.concatenate(numbers), **whole, used=used, band=band.name)
-
-
-class _Band:
-    """Lower and upper torque that the parameters' bounds allow."""
-
-    def __init__(self, model: Model) -> None:
-        self.covariance = model.estimate.covariance
-        self.theta = model.estimate.theta
-        box = model.bounds.get("sensorwise")
-        whole = box is not None and bool(np.isfinite(box.lower).all() and np.isfinite(box.upper).all())
-        self.box = box if whole else None
-        self.name = "sensor-wise Frisch bounds" if whole else "95 %, from the standard errors"
-
-    def __call__(self, Y: Array, fitted: Array) -> tuple[Array, Array]:
-        """Band of rows Y (M, p, J) around their torque (M, J)."""
-        if self.box is not None:
-            low, high = (b - self.theta for b in (self.box.lower, self.box.upper))
-            middle, half = (high + low) / 2, (high - low) / 2
-            centre = fitted + np.einsum("mpj,p->mj", Y, middle)
-            reach = np.einsum("mpj,p->mj", np.abs(Y), half)
-            return centre - reach, centre + reach
-        variance = np.einsum("mpj,mpj->mj", Y, np.einsum("pr,mrj->mpj", self.covariance, Y, optimize=True))
-        reach = NORMAL * np.sqrt(np.maximum(variance, 0.0))
-        return fitted - reach, fitted + reach
+    return Prediction(model.joints, sources, starts, np.concatenate(numbers), **whole, used=used)

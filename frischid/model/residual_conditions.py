@@ -1,10 +1,10 @@
 """Where a model fails: its error under each condition of the motion, against its average, joint by joint.
 
 A condition is a set of samples (near a reversal, fast, high load, ...). Its ratio is rms(residual inside) /
-rms(residual everywhere). Residuals are correlated, so the significance comes from blocks of about a second: a one-sided
-t test of the mean squared residual inside against outside, block by block (Welch). Whether the residual depends on a
-variable at all is Chatterjee's ξ (2021, JASA 116(536)) on samples thinned to the residual's correlation time; whether
-it is white is its correlation time against the one the filter alone would give.
+rms(residual everywhere). Residuals are correlated, so the significance comes from blocks of about a second: Welch's
+one-sided t test compares the mean squared residuals of blocks inside and outside. Chatterjee's ξ (2021, JASA 116(536))
+tests whether the residual depends on a variable at all, on samples one correlation time apart. A residual counts as
+white if its correlation time is that of filtered white noise.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ class Condition:
     ratio : float
         Rms residual inside over the joint's rms residual.
     rmse : float
-        Inside, N·m (N).
+        Rms residual inside, N·m (N).
     samples : int
     p_value : float
-        Of a ratio at least this far above one by chance.
+        Probability of so large a ratio by chance.
     """
 
     joint: str
@@ -63,9 +63,9 @@ class Structure:
     Attributes
     ----------
     correlation_time : float
-        Of the residual, s.
+        Correlation time of the residual, s.
     white_time : float
-        What the filter alone would give white noise, s.
+        Correlation time of white noise after the filter, s.
     depends_on : dict of str to float
         Variable -> p value of independence (Chatterjee's ξ).
     """
@@ -76,12 +76,12 @@ class Structure:
 
     @property
     def white(self) -> bool:
-        """Whether the residual is no more correlated than filtered white noise, to within half."""
+        """Whether the residual is hardly more correlated than filtered white noise."""
         return self.correlation_time < CRITERIA.white_ratio * self.white_time
 
 
 class Residuals:
-    """Residuals of a model over some logs, with the motion they belong to.
+    """Residuals of a model over some logs, with the motion of their samples.
 
     Parameters
     ----------

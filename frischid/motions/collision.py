@@ -1,11 +1,12 @@
-"""How far a robot's bodies are from one another and from the floor.
+"""Distances of a robot's bodies from one another and from the floor.
 
-The URDF's ``<collision>`` shapes are taken as they are if primitive, and by their convex hull if meshes (never smaller
-than the mesh, and quick to measure), or by the mesh itself where Coal can make no hull. Distances are Coal's (Gilbert,
-Johnson and Keerthi 1988; negative for overlap). Left out are pairs on one body, pairs joined by a joint, and pairs that
-overlap in nearly every pose by design. Between a body and the next but one the gap is often a few
-millimetres by design: there a tenth of the margin is kept.
-A mesh that is not found is not checked, and `Clearance.notes` says so.
+Primitive ``<collision>`` shapes of the URDF are used directly. A mesh is replaced by its convex hull, which is never
+smaller than the mesh and quick to measure; where Coal cannot make a hull, the mesh itself is used. Distances are
+computed by Coal (Gilbert, Johnson and Keerthi 1988); they are negative for overlap.
+
+Three kinds of pairs are left out: pairs on one body, pairs joined by a joint, and pairs that overlap in nearly every
+pose by design. If exactly one body lies between two others, their gap is often a few millimetres by design; such pairs
+keep a tenth of the margin. A mesh file that is not found is not checked, and `Clearance.notes` names it.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _ALWAYS_SHARE = 0.8
 
 @dataclass(frozen=True, eq=False)
 class Clearance:
-    """Pairs of bodies to keep apart.
+    """Pairs of bodies that must keep a distance.
 
     Attributes
     ----------
@@ -84,7 +85,7 @@ class Clearance:
         return cls(robot, geometry, names, margins, tuple(notes))
 
     def nearest(self, q: Array) -> tuple[Array, NDArray[np.intp]]:
-        """Distance and index of the pair that falls shortest of its margin, in each of N poses.
+        """Distance and index of the pair that is farthest below its margin, in each of N poses.
 
         Parameters
         ----------
@@ -93,7 +94,7 @@ class Clearance:
         Returns
         -------
         distance : ndarray, shape (N,)
-            Metres; infinite where every pair keeps its margin, because only those that do not are measured.
+            m; infinite where every pair keeps its margin, because only pairs below their margin are measured.
         pair : ndarray of int, shape (N,)
         """
         distance, pair = np.full(len(q), np.inf), np.zeros(len(q), dtype=np.intp)
@@ -127,7 +128,8 @@ class Clearance:
 def body_boxes(robot: Robot) -> dict[str, tuple[Array, Array]]:
     """Bounding boxes of the bodies, along the axes of their joint's frame.
 
-    Collision shapes, or visual ones where a body has no other. A body with a mesh that is not found has no box.
+    The boxes are those of the collision shapes, or of the visual shapes where a body has no collision shape. A body
+    whose mesh file is not found has no box.
 
     Returns
     -------
@@ -153,7 +155,7 @@ def _body_of(robot: Robot, link: str) -> str:
 
 
 def _corners(shape: Any) -> Array:
-    """Corners of a shape's own box, in the frame of the joint it hangs on, (8, 3)."""
+    """Corners of a shape's own box, in the frame of the shape's joint, (8, 3)."""
     shape.geometry.computeLocalAABB()
     box = shape.geometry.aabb_local
     low, high = np.asarray(box.min_), np.asarray(box.max_)
@@ -162,7 +164,7 @@ def _corners(shape: Any) -> Array:
 
 
 def _with_meshes(robot: Robot, tag: str) -> tuple[str, list[str]]:
-    """The URDF with the full path of every mesh under `tag`, without those that do not exist, and those."""
+    """The URDF with full paths of the meshes under `tag`, without meshes that do not exist, and the names of these."""
     root, missing = ET.fromstring(robot.urdf), []
     folder = _folder(robot)
     for link in root.findall("link"):
@@ -177,6 +179,13 @@ def _with_meshes(robot: Robot, tag: str) -> tuple[str, list[str]]:
             else:
                 mesh.set("filename", str(path))
     return ET.tostring(root, encoding="unicode"), missing
+
+
+def mesh_files(robot: Robot) -> list[Path]:
+    """Files of the meshes of a robot's URDF, as far as they are on this machine."""
+    folder = _folder(robot)
+    names = [str(mesh.get("filename")) for mesh in ET.fromstring(robot.urdf).iter("mesh")]
+    return [path for path in (_mesh_path(name, folder) for name in dict.fromkeys(names)) if path is not None]
 
 
 def _folder(robot: Robot) -> Path | None:
@@ -215,7 +224,7 @@ def _convex(shape: Any) -> Any:
     try:
         shape.buildConvexHull(True, "Qt")
     except RuntimeError:
-        # Coal gives up on a corner where more than 255 edges meet (the rim of a round cap); the mesh itself is slower.
+        # Coal fails at a corner where more than 255 edges meet (the rim of a round cap); then the slower mesh is used.
         return shape
     return shape.convex
 

@@ -1,15 +1,16 @@
-"""The motion that tells two effects apart.
+"""The motion that distinguishes two effects.
 
-Two effects A and B whose columns, beside all other parameters, span nearly the same space on a log explain it equally
-well. Their largest canonical correlation given everything else,
+If the columns of two effects A and B span nearly the same space on a log, beside all other parameters, both effects
+explain the log equally well. Their largest canonical correlation given all other columns,
 
     ρ = σ_max(S_AA^(−1/2) S_AB S_BB^(−1/2)),   S = M_ee − M_er M_rr⁻¹ M_re   (e: columns of A and B, r: all others),
 
-is 1 where nothing can tell them apart and 0 where each is judged as if the other did not exist. The rest of
-their columns that no other column explains is made as large as possible (`frischid.motions.optimality.Separation`), and
-the motion is searched for as any exciting motion.
-Where one effect has the other's columns and more (a hose is a spring with friction), they differ by the further columns
-alone: the correlation is then theirs with everything else.
+is 1 where no data can distinguish the two, and 0 where the estimate of each does not depend on the other. The planned
+motion maximises the part of both effects' columns that no other column explains
+(`frischid.motions.optimality.Separation`). The search is that of any exciting motion.
+
+If one effect has the other's columns and more (a hose is a spring with friction), the two differ only by the further
+columns. The correlation is then that of the further columns with all others.
 """
 
 from __future__ import annotations
@@ -34,14 +35,14 @@ from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
 TYPICAL = 10
-"""Random motions that the planned one is compared with."""
+"""Number of random motions that the planned one is compared with."""
 CORRELATION_RATE = 50.0
 """Samples per second at which the correlation is computed, Hz."""
 
 
 @dataclass(frozen=True, eq=False)
 class Apart:
-    """A motion that tells two effects apart.
+    """A motion that distinguishes two effects.
 
     Attributes
     ----------
@@ -49,11 +50,11 @@ class Apart:
     first, second : str
         The effects.
     typical, correlation : float
-        Their largest canonical correlation given all other parameters: median of random motions, and on this one. Of an
-        effect that contains the other: of its further columns with all others.
+        Largest canonical correlation of the two given all other parameters: median over random motions, and on this
+        motion. If the second effect contains the first: correlation of its further columns with all others.
     sharper : float
-        How many times smaller the standard errors of both effects' parameters are (geometric mean) than in the median
-        of random motions.
+        Standard errors of both effects' parameters (geometric mean) in the median of random motions, over those on this
+        motion.
     shared : tuple of str
         Columns of the second effect that the first has as well.
     """
@@ -77,16 +78,16 @@ def separate(
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> Apart:
-    """Plan a motion on which two effects differ.
+    """Plan a motion that distinguishes two effects.
 
     Parameters
     ----------
     robot : Robot
     first, second : Effect
     effects : sequence of Effect
-        Effects that are identified beside them.
+        Effects that are identified beside the two.
     options : PlanOptions, optional
-        As for `plan`; the criterion is `Separation` whatever they say.
+        As for `plan`, except that the criterion is always `Separation`.
     workers, progress
         As for `plan`.
 
@@ -99,10 +100,10 @@ def separate(
     InputError
         The two are the same, or one of them is among the other effects.
     IdentifiabilityError
-        No motion can tell one of them from the model's own parameters.
+        On every motion, one of the two acts just as other parameters of the model do.
     """
     if str(first) == str(second):
-        raise InputError(f"{first} and {second} are the same effect: there is nothing to tell apart")
+        raise InputError(f"{first} and {second} are the same effect; name two different ones")
     known = {(e.id, e.joints or robot.joints) for e in effects}
     for effect in (first, second):
         if any(effect.id == name and set(effect.joints or robot.joints) <= set(joints) for name, joints in known):
@@ -110,12 +111,12 @@ def separate(
     pair = f"{first} and {second}"
     lost = [*_lost(robot, effects, first), *_lost(robot, effects, second)]
     if not lost and len(_lost(robot, (*effects, first), second)) == len(second.columns(robot)):
-        first, second = second, first  # the one that has more comes last
+        first, second = second, first  # the effect with more columns comes last
     shared = [] if lost else _lost(robot, (*effects, first), second)
     further = len(second.columns(robot)) - len(shared)
     if lost or not further:
         raise IdentifiabilityError(
-            f"no motion tells {pair} apart: {', '.join(lost or shared)} acts just as other parameters do; "
+            f"no motion can distinguish {pair}: {', '.join(lost or shared)} acts just as other parameters do; "
             "compare two logs, from before and after the change, with `diagnose --situation changed`"
         )
     together = (*effects, first, second)
@@ -134,7 +135,7 @@ def separate(
 
 
 def _lost(robot: Robot, effects: Sequence[Effect], effect: Effect) -> list[str]:
-    """Columns of an effect that act just as those of others do."""
+    """Columns of an effect that act just as those of other effects do."""
     regressor = Regressor(robot, (*effects, effect))
     base = structure(regressor, robot.joints).base
     own = range(len(regressor.columns) - len(effect.columns(robot)), len(regressor.columns))
@@ -142,9 +143,9 @@ def _lost(robot: Robot, effects: Sequence[Effect], effect: Effect) -> list[str]:
 
 
 def _told_apart(regressor: Regressor, base: Array, counts: tuple[int, int], motion: Trajectory) -> tuple[float, float]:
-    """Largest canonical correlation of the last columns, in two groups, given all others; mean log of their size.
+    """Largest canonical correlation of the last columns, in two groups, given all others; and mean log of their size.
 
-    Of one group, the first being empty: with all others.
+    If the first group is empty: the correlation of the second group with all other columns.
     """
     t = np.arange(0.0, motion.duration, 1 / CORRELATION_RATE)
     Y = regressor(t, *motion(t))[:, base].transpose(0, 2, 1).reshape(-1, len(base))

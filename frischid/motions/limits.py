@@ -1,12 +1,12 @@
-"""The limits of a motion, and where a motion does not keep them.
+"""The limits of a motion, and the violations of these limits.
 
-Limits hold for every t, not for some samples:
+Limits must hold for every t, not only at samples:
 
     lower ≤ q(t) ≤ upper,   |q̇(t)| ≤ velocity,   |q̈(t)| ≤ acceleration,   |τ(t)| ≤ torque,   distance(t) ≥ margin.
 
-Position, velocity and acceleration are checked where they are extreme, at the roots of the derivative one order up
-(`frischid.motions.trajectory`), so their limits hold exactly. The torque of the URDF's own parameters and friction, and
-the distances, are checked at 100 Hz.
+Position, velocity and acceleration are checked where they are extreme: at the roots of the next derivative
+(`frischid.motions.trajectory`). So their limits hold exactly. Distances are checked at 100 Hz, and so is the torque of
+the URDF's own parameters and friction.
 """
 
 from __future__ import annotations
@@ -24,22 +24,26 @@ from frischid.motions.trajectory import ClosedForm
 from frischid.robot.robot import Robot
 
 SECONDS_TO_FULL_SPEED = 0.25
-"""A URDF gives no acceleration limit: this long from standstill to full speed, s, is gentle for an industrial arm."""
+"""s from standstill to full speed. A URDF has no acceleration limit; this one is gentle for an industrial arm."""
 CHECK_RATE = 100.0
-"""Torque and distance are checked this often, Hz."""
+"""Hz. Rate at which torque and distance are checked."""
 LIMIT_ROUNDING = 1e-9
-"""Relative excess that is no violation."""
+"""Relative excess of a limit that does not count as a violation."""
 STATE_STEP = 1e-6
-"""Displacement of a state for the slope of its torque or distance."""
+"""Step of a state variable for the finite differences of torque and distance."""
 TIGHT = 0.999
-"""Share of the limits that a search may use, so that little has to be scaled away afterwards."""
+"""Share of the limits that a search may use, so that little has to be scaled down afterwards."""
 DISTANCE_SCALE = 0.1
-"""A distance this much below its margin, m, counts as much as a torque of twice its limit."""
+"""m. A distance this much below its margin counts as much as a torque of twice its limit."""
+
+
+LEAST_SHARE = 1e-6
+"""Least share of the limits to use: no sensor sees a smaller motion, and its moments vanish in double precision."""
 
 
 @dataclass(frozen=True)
 class Violation:
-    """One limit that a motion does not keep, where it is exceeded most.
+    """One limit that a motion violates, at the time of the largest violation.
 
     Attributes
     ----------
@@ -85,21 +89,21 @@ class MotionLimits:
     def of(cls, robot: Robot, scale: float = 0.9, acceleration: float | Sequence[float] | None = None) -> MotionLimits:
         """Take the limits of a robot's URDF.
 
-        Where the URDF is silent: positions within ±π (±0.5 m), velocities below 2 rad/s (m/s), full speed reached in
-        `SECONDS_TO_FULL_SPEED`, any torque. No joint turns further than π from zero, further poses are the same again.
+        Where the URDF states no limit: positions within ±π (±0.5 m), velocities below 2 rad/s (m/s), full speed reached
+        in `SECONDS_TO_FULL_SPEED`, any torque. No joint turns further than π from zero, because poses repeat.
 
         Parameters
         ----------
         robot : Robot
         scale : float
-            Share of every limit that is used, in (0, 1]; of the position range about its middle.
+            Share of every limit that is used, in (0, 1]; position ranges shrink about their middle.
         acceleration : float or sequence of J float, optional
-            Acceleration limits, rad/s² (m/s²), of which `scale` is used as well.
+            Acceleration limits, rad/s² (m/s²), also multiplied by `scale`.
 
         Raises
         ------
         InputError
-            `scale` lies outside (0, 1], or an acceleration is no positive number.
+            `scale` lies outside (0, 1], or an acceleration is not a positive number.
 
         Examples
         --------
@@ -109,15 +113,15 @@ class MotionLimits:
         >>> limits.lower.tolist(), limits.upper.tolist()
         ([-1.5, -1.5], [1.5, 1.5])
         """
-        if not 0.0 < scale <= 1.0:
-            raise InputError(f"the share of the limits that is used must lie in (0, 1], got {scale}")
+        if not LEAST_SHARE <= scale <= 1.0:
+            raise InputError(f"the share of the limits that is used must lie in [{LEAST_SHARE:g}, 1], got {scale}")
         limits, J = robot.limits, len(robot.joints)
         reach = np.where(robot.prismatic, 0.5, np.pi)
         free = ~np.isfinite(limits.lower) | ~np.isfinite(limits.upper)
         revolute = ~robot.prismatic
         lower = np.where(free, -reach, np.where(revolute, np.maximum(limits.lower, -np.pi), limits.lower))
         upper = np.where(free, reach, np.where(revolute, np.minimum(limits.upper, np.pi), limits.upper))
-        bad = np.flatnonzero(lower >= upper)  # a range wholly beyond ±π
+        bad = np.flatnonzero(lower >= upper)  # the whole range is outside ±π
         lower[bad], upper[bad] = limits.lower[bad], limits.upper[bad]
         middle, half = (upper + lower) / 2, scale * (upper - lower) / 2
         velocity = np.where(np.isfinite(limits.velocity), limits.velocity, 2.0)
@@ -139,12 +143,12 @@ class MotionLimits:
 
 
 def extremes(motion: ClosedForm, joints: int) -> tuple[Array, Array]:
-    """Where every derivative of every joint is least and greatest.
+    """Times and values of the extremes of every joint's position, velocity and acceleration.
 
     Returns
     -------
     times, values : ndarray, shape (3, 2, J)
-        Of position, velocity and acceleration; the minimum, then the maximum.
+        First axis: position, velocity, acceleration; second axis: minimum, maximum.
     """
     times, values = np.empty((3, 2, joints)), np.empty((3, 2, joints))
     for order in range(3):
@@ -200,9 +204,9 @@ def _kinematic(robot: Robot, motion: ClosedForm, limits: MotionLimits) -> Iterat
 
 @dataclass(frozen=True, eq=False)
 class Excess:
-    """How far a motion exceeds its limits on a grid of times, as one smooth number and its slope.
+    """Excess of a motion over its limits on a grid of times, as one smooth number with a gradient.
 
-    Every limit contributes ``Σ max(0, |x|/limit − 1)²``, distances ``Σ max(0, (margin − d)/0.1 m)²``.
+    Every limit contributes ``Σ max(0, |x|/limit − 1)²``, every distance d ``Σ max(0, (margin − d)/0.1 m)²``.
     """
 
     robot: Robot
@@ -219,17 +223,17 @@ class Excess:
         return value, gradient
 
     def wider(self, factor: float) -> Excess:
-        """Return the same with the margins between bodies `factor` times as wide."""
+        """The same limits with margins between bodies that are `factor` times as wide."""
         if self.clearance is None:
             return self
         return replace(self, clearance=replace(self.clearance, margins=factor * self.clearance.margins))
 
     def fits(self, states: Array, tolerance: float = 0.0) -> bool:
-        """Whether torques and distances hold at all times."""
+        """Whether torques and distances keep their limits at all times."""
         return self.loads(states, slope=False)[0] <= tolerance
 
     def broken(self, states: Array) -> NDArray[np.intp]:
-        """Times at which a torque or a distance is not kept."""
+        """Indices of the times at which a torque or a distance violates its limit."""
         return np.union1d(self._torque(states, False)[1], self._distance(states, False)[1])
 
     def kinematic(self, states: Array) -> tuple[float, Array]:

@@ -1,7 +1,7 @@
 """A criterion at the samples of a motion, with its gradient.
 
-A cost f of the base regressor Π at N samples has a cheap gradient. The rows of a sample depend on the 3J numbers of
-that sample alone, so 3J displaced regressors give the derivative at all N samples at once,
+A cost f of the base regressor Π at N samples has a cheap gradient. The rows of a sample depend only on the 3J numbers
+q, q̇, q̈ of that sample. So 3J displaced regressors give the derivative at all N samples at once,
 
     ∂f/∂(q, q̇, q̈) = ⟨∂f/∂Π, ∂Π⟩.
 """
@@ -16,14 +16,14 @@ from frischid.core.types import Array
 from frischid.effects import Effect
 from frischid.errors import InputError
 from frischid.motions.limits import STATE_STEP
-from frischid.motions.optimality import EXACT, Criterion
+from frischid.motions.optimality import UNSMOOTHED, Criterion
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
 
 class Cost:
-    """A criterion at the samples of a motion, with its gradient; `evaluations` counts the regressors of all N samples.
+    """A criterion at the samples of a motion, with its gradient; `evaluations` counts regressors of all N samples.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Cost:
         Times of the samples, s.
     criterion : Criterion
     seed : int
-        Of the noise that a criterion may add.
+        Seed of the noise that a criterion may add.
 
     Raises
     ------
@@ -54,12 +54,12 @@ class Cost:
         self.shifts = np.concatenate([np.zeros((1, *shifts.shape[1:])), shifts])
         self.evaluations = 0
 
-    def __call__(self, states: Array, sharpness: float = EXACT) -> float:
+    def __call__(self, states: Array, sharpness: float = UNSMOOTHED) -> float:
         """Cost of q, q̇, q̈ at the samples, (3, N, J)."""
         return self.criterion(self._full(states)[:, :, self.base], sharpness)[0]
 
     def gradient(self, states: Array, sharpness: float) -> tuple[float, Array]:
-        """Cost, and its derivative by the states, (3, N, J)."""
+        """Cost, and its derivative with respect to the states, (3, N, J)."""
         here = self._full(states)
         cost, slope = self.criterion(here[:, :, self.base], sharpness)
         direction = np.zeros_like(here)

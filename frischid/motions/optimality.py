@@ -1,20 +1,21 @@
-"""How exciting a motion is, as a number to make small, with its gradient.
+"""Criteria of a motion: numbers, with gradients, that are small when the motion determines the parameters well.
 
-Least squares spreads an error of the measured torque over the parameters by the inverse of the moments ``M = Πᵀ Π`` of
-the base regressor Π. A motion is good when M is large in every direction and alike in all:
+The covariance of least-squares parameters is proportional to the inverse of the moments ``M = Πᵀ Π`` of the base
+regressor Π. A motion is good when M is large, and about equally large in every direction:
 
     condition    √(λ_max/λ_min) of D M D,  D = diag(M)^(−1/2)           (Gautier and Khalil 1992, columns scaled)
     d_optimal    −(log det M/N)/p          the volume of the confidence ellipsoid (Swevers et al. 1997)
     paper        λ₁ cond Π + λ₂/σ_min(Π) + ψ                            (Massaroli et al., eq. 19)
-    separation   −(log det M − log det M_rest)/k    D_s-optimality of the last k columns, whatever the rest is
+    separation   −(log det M − log det M_rest)/k    D_s-optimality of the last k columns; M_rest: the other columns
 
-with ψ the ∞-norm of the off-diagonal of ``S = Ñᵀ Ñ / (nN)``, ``Ñ = Π(x + noise) − Π(x)``: how strongly noise on q, q̇, q̈
-is correlated between the columns, which the Frisch scheme assumes not to be so. The noise is drawn once.
+with ψ the ∞-norm of the off-diagonal of ``S = Ñᵀ Ñ / (nN)``, ``Ñ = Π(x + noise) − Π(x)``. ψ measures the correlation of
+noise between the columns that comes from noise on q, q̇, q̈; the Frisch scheme assumes that there is none. The noise is
+drawn once.
 
-Extreme eigenvalues have a derivative only where they are simple, and an optimum makes them coalesce. So every
-criterion is written with the soft extremes ``λ_max ≈ (Σ λᵏ)^(1/k)``, ``λ_min ≈ (Σ λ⁻ᵏ)^(−1/k)``, smooth and exact for
-k → ∞; the sharpness k rises as the search comes near. An eigenvalue moves by ``dλ_i = u_iᵀ dM u_i``, so every gradient
-is one matrix G with ``df = tr(G dM)``, and ``∂f/∂Π = 2 Π G``.
+Extreme eigenvalues have a derivative only where they are simple, and at an optimum several become equal. So every
+criterion uses the soft extremes ``λ_max ≈ (Σ λᵏ)^(1/k)``, ``λ_min ≈ (Σ λ⁻ᵏ)^(−1/k)``, which are smooth, and exact for
+k → ∞. The search raises the exponent k, called the sharpness, step by step. An eigenvalue changes by
+``dλ_i = u_iᵀ dM u_i``, so every gradient is one matrix G with ``df = tr(G dM)``, and ``∂f/∂Π = 2 Π G``.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ import numpy as np
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 
-EXACT = np.inf
-"""Sharpness at which soft extremes are the true ones."""
+UNSMOOTHED = np.inf
+"""Exponent k at which soft extremes are the exact ones."""
 CRITERIA: dict[str, type[Criterion]] = {}
 """Every criterion by name; defining a subclass adds one."""
 
@@ -37,15 +38,15 @@ CRITERIA: dict[str, type[Criterion]] = {}
 class Criterion(ABC):
     """A cost of base regressors.
 
-    A criterion sees the base regressor as W of shape (1 + D, N, p, J): at the motion itself, then at the D copies of
-    the motion displaced by `displacements`.
+    A criterion gets the base regressor as W of shape (1 + D, N, p, J): at the motion itself, and at D copies of the
+    motion displaced by `displacements`.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
     positive: ClassVar[bool] = True
     listed: ClassVar[bool] = True
-    """Whether the criterion can be asked for by its name alone."""
+    """Whether the criterion can be chosen by its name alone."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -57,8 +58,8 @@ class Criterion(ABC):
         return np.empty((0, 3, samples, joints))
 
     @abstractmethod
-    def __call__(self, W: Array, sharpness: float = EXACT) -> tuple[float, Array]:
-        """Cost and its derivative by every entry of W.
+    def __call__(self, W: Array, sharpness: float = UNSMOOTHED) -> tuple[float, Array]:
+        """Cost and its derivative with respect to every entry of W.
 
         Parameters
         ----------
@@ -80,7 +81,7 @@ class Condition(Criterion):
     name: ClassVar[str] = "condition"
     title: ClassVar[str] = "condition number, columns at unit norm"
 
-    def __call__(self, W: Array, sharpness: float = EXACT) -> tuple[float, Array]:
+    def __call__(self, W: Array, sharpness: float = UNSMOOTHED) -> tuple[float, Array]:
         """See `Criterion`."""
         M = _moments(W[0])
         size = np.maximum(M.diagonal(), 1e-300)
@@ -89,20 +90,20 @@ class Condition(Criterion):
         (high, low), (G_high, G_low) = _log_extremes(S, sharpness)
         cost = float(np.exp(0.5 * (high - low)))
         G = 0.5 * cost * (G_high - G_low)
-        # The unit norms move with M as well.
+        # The unit norms change with M as well.
         G_M = G / np.outer(root, root) - np.diag((G * S).sum(axis=1) / size)
         return cost, _through_moments(W, G_M)
 
 
 @dataclass(frozen=True)
 class DOptimal(Criterion):
-    """Mean log variance of the parameters; the units of the parameters only add a constant."""
+    """Mean log variance of the parameters; other units of the parameters only add a constant."""
 
     name: ClassVar[str] = "d_optimal"
     title: ClassVar[str] = "−log det of the moments per sample and parameter"
     positive: ClassVar[bool] = False
 
-    def __call__(self, W: Array, sharpness: float = EXACT) -> tuple[float, Array]:
+    def __call__(self, W: Array, sharpness: float = UNSMOOTHED) -> tuple[float, Array]:
         """See `Criterion`."""
         M = _moments(W[0]) / W.shape[1]
         values, vectors = _spectrum(M)
@@ -121,7 +122,7 @@ class Paper(Criterion):
     noise : float
         Standard deviation of the synthetic noise on q, q̇ and q̈; the authors' code uses 1.
     draws : int
-        Noise realisations ψ is averaged over. With the authors' single one, the motion can adapt to that very noise.
+        Noise realisations over which ψ is averaged. With a single one, as the authors use, the motion can adapt to it.
     """
 
     name: ClassVar[str] = "paper"
@@ -142,7 +143,7 @@ class Paper(Criterion):
         noise = np.random.default_rng(seed).normal(size=(self.draws, 3, samples, joints))
         return np.asarray(self.noise * noise)
 
-    def __call__(self, W: Array, sharpness: float = EXACT) -> tuple[float, Array]:
+    def __call__(self, W: Array, sharpness: float = UNSMOOTHED) -> tuple[float, Array]:
         """See `Criterion`."""
         (high, low), (G_high, G_low) = _log_extremes(_moments(W[0]), sharpness)
         cond, inverse = float(np.exp(0.5 * (high - low))), float(np.exp(-0.5 * low))
@@ -153,7 +154,7 @@ class Paper(Criterion):
         return cost, gradient + self.correlation * slope
 
     def _psi(self, W: Array, sharpness: float) -> tuple[float, Array]:
-        """ψ and its derivative by every entry of W."""
+        """ψ and its derivative with respect to every entry of W."""
         moved = W[1:] - W[0]
         scale = 1.0 / (moved.shape[0] * moved.shape[1] * moved.shape[3])
         S = scale * sum(_moments(each) for each in moved)
@@ -170,24 +171,24 @@ class Paper(Criterion):
 
 @dataclass(frozen=True)
 class Separation(Criterion):
-    """How well the last columns can be told from all others and from one another (D_s-optimality).
+    """Joint variance of the parameters of the last columns, beside all other parameters (D_s-optimality).
 
     A. C. Atkinson, A. N. Donev and R. D. Tobias, Optimum Experimental Designs, with SAS, Oxford 2007, section 10.3.
 
     Attributes
     ----------
     count : int
-        How many columns, at the end of the base regressor.
+        Number of these columns, at the end of the base regressor.
     """
 
     name: ClassVar[str] = "separation"
-    title: ClassVar[str] = "−log det of what the rest leaves of the columns to be told apart"
+    title: ClassVar[str] = "−log det of the moments of both effects' columns, given all other columns"
     positive: ClassVar[bool] = False
     listed: ClassVar[bool] = False
 
     count: int
 
-    def __call__(self, W: Array, sharpness: float = EXACT) -> tuple[float, Array]:
+    def __call__(self, W: Array, sharpness: float = UNSMOOTHED) -> tuple[float, Array]:
         """See `Criterion`."""
         M = _moments(W[0]) / W.shape[1]
         rest = len(M) - self.count
@@ -199,7 +200,7 @@ class Separation(Criterion):
 
 
 def criterion_of(criterion: str | Criterion) -> Criterion:
-    """Look a criterion up by name; an unknown name is an `UnknownNameError` that lists what exists."""
+    """The criterion of a name; an unknown name is an `UnknownNameError` that lists the valid names."""
     if isinstance(criterion, Criterion):
         return criterion
     if criterion not in CRITERIA:
@@ -214,20 +215,20 @@ def _moments(W: Array) -> Array:
 
 
 def _through_moments(W: Array, G: Array) -> Array:
-    """Derivative by W of a cost with derivative G (symmetric) by the moments of W[0]."""
+    """Derivative of a cost with respect to W, from its (symmetric) derivative G with respect to the moments of W[0]."""
     gradient = np.zeros_like(W)
     gradient[0] = 2.0 * np.matmul(G, W[0])
     return gradient
 
 
 def _spectrum(M: Array) -> tuple[Array, Array]:
-    """Eigenvalues, none below rounding, and eigenvectors."""
+    """Eigenvalues, at least the level of rounding, and eigenvectors."""
     values, vectors = np.linalg.eigh(M)
     return np.maximum(values, 1e-15 * max(values[-1], 1e-300)), vectors
 
 
 def _log_extremes(M: Array, sharpness: float) -> tuple[tuple[float, float], tuple[Array, Array]]:
-    """Logarithms of the soft largest and smallest eigenvalue, and their derivatives by M."""
+    """Logarithms of the soft largest and smallest eigenvalue, and their derivatives with respect to M."""
     values, vectors = _spectrum(M)
     high, w_high = _soft_max(np.log(values), sharpness)
     low, w_low = _soft_max(-np.log(values), sharpness)

@@ -1,20 +1,20 @@
-"""Coefficients of a motion that make a criterion small within limits: two phases of one search.
+"""Search for the coefficients of a motion that make a criterion small within limits, in two phases.
 
-All families are linear in their coefficients X, (P, J): ``q(t) = β(t) X``, q̇ and q̈ with the derivatives of the row β.
-Three facts follow, and they are the whole method.
+All families are linear in their coefficients X, (P, J): ``q(t) = β(t) X``, and q̇ and q̈ follow with the derivatives of
+the row β. The method rests on three consequences:
 
-- The limits of position, velocity and acceleration are linear in X, and shrinking a motion about a pose is scaling X:
-  any motion is made feasible joint by joint, exactly.
-- βᵀ carries the gradient of a cost at N samples (`frischid.motions.motion_cost`) to X.
-- A nonlinear limit (torque, distance) needs a slope only at the samples where it is exceeded.
+- The limits of position, velocity and acceleration are linear in X, and scaling X shrinks a motion about a pose. So any
+  motion can be made to keep these limits exactly, joint by joint.
+- βᵀ maps the gradient of a cost at N samples (`frischid.motions.motion_cost`) to the gradient with respect to X.
+- A nonlinear limit (torque, distance) needs a gradient only at the samples where it is exceeded.
 
-SciPy's differential evolution (Storn and Price 1997) first looks for a basin among Fourier motions that fit the limits
-by construction. Then L-BFGS-B (Byrd et al. 1995) descends on
+First, SciPy's differential evolution (Storn and Price 1997) searches a good start among Fourier motions that keep the
+limits by construction. Then L-BFGS-B (Byrd et al. 1995) minimises
 
     log f_k(X) + w Σ max(0, excess)²
 
-with soft extremes of sharpness k (`frischid.motions.optimality`) and weight w, both rising. The remaining excess is
-scaled away.
+with the criterion f_k in soft extremes of sharpness k (`frischid.motions.optimality`) and a weight w; k and w rise from
+step to step. In the end the motion is scaled down until no excess remains.
 
 References: R. Storn and K. Price, J. Global Optimization 11, 1997; R. Byrd et al., SIAM J. Scientific Computing 16(5),
 1995.
@@ -46,19 +46,19 @@ Bounds = Literal["everywhere", "points"]
 STAGES = ((4.0, 1e1), (12.0, 1e2), (40.0, 1e3), (150.0, 1e4))
 """Sharpness k and weight w of each descent: from a smooth problem with soft limits to the true one."""
 EXPLORE_SHARE = 0.05
-"""Of the budget, for the first phase."""
+"""Share of the budget for the first phase."""
 POPULATION = 64
 """Motions that differential evolution keeps."""
 WIDER_MARGIN_EXCESS = 1e-6
-"""An excess over the wider margins below this is none over the true margins."""
+"""An excess over the widened margins below this value means that the true margins are kept."""
 ATTEMPTS = 4
-"""Beginnings that are tried until a motion fits."""
+"""Starts that are tried until a motion keeps its limits."""
 REPAIRS = 3
-"""A limit that is exceeded between the times of the grid is repaired at most this often."""
+"""Most repairs of limits that are exceeded between the times of the grid."""
 RESERVE = 0.1
-"""Of the budget, for the repairs."""
+"""Share of the budget for these repairs."""
 WATCH = 4
-"""Rounds of a descent from one look at the true cost to the next."""
+"""Iterations of a descent between two evaluations of the true cost."""
 
 
 class _SpentError(Exception):
@@ -75,18 +75,18 @@ class Search:
     cost : Cost
     excess : Excess
     duration : float
-        Of the motion, s.
+        Length of the motion, s.
     bounds : {"everywhere", "points"}
-        Where the limits hold.
+        Whether the limits hold at all times or only at the via points.
     budget : int
         Evaluations of the cost.
     box : (ndarray, ndarray), optional
         Lower and upper bounds of the coefficients, where `bounds` is ``"points"``.
     progress : callable, optional
     best, found : float, ndarray
-        Least cost of a motion that fits, and its coefficients.
+        Least cost of a motion that keeps its limits, and its coefficients.
     history : list of (int, float)
-        Evaluations and the best cost by then.
+        Number of evaluations, and the best cost so far.
     """
 
     family: Family
@@ -102,23 +102,23 @@ class Search:
     history: list[tuple[int, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        # Bodies come a little closer between the times that are watched.
+        # Between the times of the grid, bodies come a little closer.
         self.wary = self.excess.wider(1.5)
         e = self.excess.limits
         coefficients = len(self.family.constant)
         self.grid = np.linspace(0.0, self.duration, int(np.clip(8 * coefficients, 200, 2000)))
         self.at_samples, self.at_grid = self.family.basis(self.cost.t), self.family.basis(self.grid)
-        self.at_watch = self.at_grid[:, ::2]  # torques and distances cost more to look at
+        self.at_watch = self.at_grid[:, ::2]  # a coarser grid: torques and distances are expensive
         self.size = np.stack([e.half, e.velocity, e.acceleration])
-        # One unit of a coefficient uses up the limit that it meets first.
+        # One unit of a coefficient reaches the first limit.
         reach = np.abs(self.at_grid).max(axis=1)[:, :, None] / self.size[:, None]
         self.unit = 1.0 / reach.max(axis=0)
 
     def run(self, seed: int) -> Array:
-        """Both phases; returns the coefficients of the best motion that fits, made to fit exactly."""
+        """Do both phases and return the coefficients of the best motion, scaled to keep its limits exactly."""
         X = self._attempt(seed)
         for again in range(1, ATTEMPTS):
-            # A motion caught between two bodies stops early, and leaves budget for another start.
+            # A search that is stuck between two bodies stops early and leaves budget for another start.
             if self.found is not None or self.cost.evaluations > self.budget / 2:
                 break
             X = self._attempt(seed + again)
@@ -132,7 +132,7 @@ class Search:
             broken = self.excess.broken(at_fine @ X)
             if self.found is None or len(broken) == 0:
                 break
-            # Those times are watched from now on; the best motion so far no longer counts.
+            # From now on the grid contains these times; the best motion so far no longer counts.
             self.at_watch = np.concatenate([self.at_watch, at_fine[:, broken]], axis=1)
             self.best, self.found = np.inf, None
             last = self.descend(X, STAGES[-1], (self.budget - self.cost.evaluations) / left)
@@ -140,7 +140,7 @@ class Search:
         return self.lighter(self.exactly_within(best), at_fine)
 
     def _attempt(self, seed: int) -> Array:
-        """Both phases once, with the rest of the budget."""
+        """Do both phases once, with the rest of the budget."""
         X = self.explore(seed)
         share = (1.0 - RESERVE) * (self.budget - self.cost.evaluations) / len(STAGES)
         for stage in STAGES:
@@ -148,12 +148,12 @@ class Search:
         return X
 
     def within(self, X: Array, grow: bool = False) -> Array:
-        """Scale each joint about its middle pose until its limits hold on the grid; `grow` up to them."""
+        """Scale each joint about its middle pose until its limits hold on the grid; `grow`: up to the limits."""
         states = self.at_grid @ X
         return self._scaled(X, states.min(axis=1), states.max(axis=1), grow)
 
     def exactly_within(self, X: Array) -> Array:
-        """As `within`, at the true extremes between the grid's times."""
+        """Like `within`, but for the exact extremes, also between the grid's times."""
         _, values = extremes(self.family.build(X), X.shape[1])
         return self._scaled(X, values[:, 0], values[:, 1], False)
 
@@ -168,14 +168,15 @@ class Search:
         return self._about(X, middle, factor, pose)
 
     def _about(self, X: Array, middle: Array, factor: Array | float, pose: Array) -> Array:
-        """Scale a motion about `middle` and move that to `pose`."""
+        """Scale a motion about the pose `middle`, and shift this pose to `pose`."""
         constant = self.family.constant[:, None]
         return np.asarray((X - constant * middle) * factor + constant * pose)
 
     def lighter(self, X: Array, basis: Array) -> Array:
-        """Shrink all joints together until torques and distances hold at the basis' times.
+        """Shrink all joints together until torques and distances keep their limits at the basis' times.
 
-        About their middle poses, or towards the middle of their ranges if even standing there is impossible.
+        The motion shrinks about the joints' middle poses. If even standing there is impossible, it also shifts towards
+        the middle of the joints' ranges.
         """
         if self.excess.fits(basis @ X):
             return X
@@ -188,11 +189,11 @@ class Search:
             fitting = next((each for each in shrunk if self.excess.fits(basis @ each)), None)
             if fitting is not None:
                 return fitting
-        # Better the motion with its violations named than none.
+        # A motion with named violations is better than none.
         return X
 
     def explore(self, seed: int) -> Array:
-        """Differential evolution over Fourier motions grown up to the limits; returns the best one's coefficients."""
+        """Coefficients of the best Fourier motion that differential evolution finds, all scaled to the limits."""
         J, H = len(self.excess.robot.joints), self.waves
         sobol = qmc.Sobol((2 * H + 1) * J, seed=seed).random(POPULATION)
         generations = max(0, int(EXPLORE_SHARE * self.budget / (POPULATION * len(self.cost.shifts))) - 1)
@@ -217,11 +218,11 @@ class Search:
 
     @property
     def waves(self) -> int:
-        """Harmonics of the motions that `explore` looks at: up to 0.5 Hz, and a few at least."""
+        """Harmonics of the motions of `explore`: up to 0.5 Hz, at least a few."""
         return max(5, round(0.5 * self.duration))
 
     def random(self, y: Array) -> Array:
-        """Coefficients of the Fourier motion with the shape of y, (2H + 1, J), grown until a limit stops it."""
+        """Coefficients of the Fourier motion with the shape of y, (2H + 1, J), enlarged until it reaches a limit."""
         return self.within(self._projection @ np.concatenate(self._fourier(y)(self.grid)), grow=True)
 
     def _fourier(self, y: Array) -> Fourier:
@@ -238,7 +239,7 @@ class Search:
 
     @cached_property
     def _projection(self) -> Array:
-        """Least squares of states on the grid by this family, every order by its own size: (P, 3M)."""
+        """Matrix (P, 3M) that fits coefficients to states on the grid; q, q̇ and q̈ are each scaled to unit size."""
         weight = 1.0 / np.sqrt((self.at_grid**2).mean(axis=(1, 2)))
         scaled = self.at_grid * weight[:, None, None]
         inverse = np.linalg.pinv(np.concatenate(scaled))
@@ -247,7 +248,7 @@ class Search:
     def descend(self, X: Array, stage: tuple[float, float], share: float) -> Array:
         """L-BFGS-B on the soft cost plus the weighted excess, for `share` evaluations."""
         stop = self.cost.evaluations + share
-        each = (3 * X.shape[1] + 3) * len(self.cost.shifts)  # a gradient, a look, and one to spare for the end
+        each = (3 * X.shape[1] + 3) * len(self.cost.shifts)  # a gradient, a true cost, and one for the end
         rounds, last = count(1), X
 
         def level(z: Array) -> tuple[float, Array]:
@@ -261,7 +262,7 @@ class Search:
             if next(rounds) % WATCH == 0:
                 self._look(last)
 
-        # The line search of one round may take twenty gradients, so `maxfun` would not keep to the budget.
+        # The line search of one iteration may take twenty gradients, so `maxfun` would exceed the budget.
         options = {"maxfun": self.budget, "maxiter": self.budget, "maxcor": 30, "ftol": 1e-10, "gtol": 1e-9}
         before = np.inf
         with suppress(_SpentError):
@@ -270,7 +271,7 @@ class Search:
                 result = minimize(
                     level, z, jac=True, method="L-BFGS-B", bounds=self._box(), callback=watch, options=options
                 )
-                # At a kink of a distance the search may stop short; without its memory it often goes on.
+                # At a kink of a distance the search may stop early; restarted without memory, it often goes on.
                 if not result.fun < before - 1e-3:
                     break
                 before = result.fun
@@ -278,7 +279,7 @@ class Search:
         return last
 
     def objective(self, Z: Array, sharpness: float, weight: float) -> tuple[float, Array]:
-        """Soft cost plus weighted excess of the coefficients ``Z · unit``, and its derivative by Z, raveled."""
+        """Soft cost plus weighted excess of the coefficients ``Z · unit``, and its derivative by Z as a vector."""
         X = Z * self.unit
         cost, slope = self.cost.gradient(self.at_samples @ X, sharpness)
         value = self._level(cost)
@@ -293,7 +294,7 @@ class Search:
         return value, (gradient * self.unit).ravel()
 
     def _look(self, X: Array) -> None:
-        """Judge coefficients as a user would: scaled into the limits, by the true cost."""
+        """Scale coefficients into the limits, evaluate the true cost, and keep them if they are the best."""
         fits = True
         if self.bounds == "everywhere":
             X = self.within(X)
@@ -301,7 +302,7 @@ class Search:
         self._record(X, self.cost(self.at_samples @ X), fits)
 
     def _box(self) -> Box | None:
-        """Limits at the points themselves, where the coefficients are positions, velocities and accelerations."""
+        """Limits at the via points, where the coefficients are positions, velocities and accelerations."""
         if self.box is None:
             return None
         low, high = self.box
@@ -311,7 +312,7 @@ class Search:
         return float(np.log(cost)) if self.cost.criterion.positive else cost
 
     def _record(self, X: Array, cost: float, fits: bool) -> None:
-        """Keep the best motion that fits, and tell how far the search is."""
+        """Keep the best motion that fits, and report the progress of the search."""
         if fits and cost < self.best:
             self.best, self.found = cost, X
             self.history.append((self.cost.evaluations, cost))

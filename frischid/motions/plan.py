@@ -1,12 +1,12 @@
-"""The motion that tells a robot's parameters apart best, within the robot's limits.
+"""The motion from which a robot's parameters can be estimated best, within the robot's limits.
 
     plan(robot, options=PlanOptions(duration=20)).save("exciting.csv")
 
-A criterion of the base regressor Π of the motion is made small (`optimality`): its condition number, the volume of the
-confidence ellipsoid, or the paper's cost (19). The decision variables are the coefficients of a family of motions
-(`trajectory`): Fourier series, B-splines, or m points (q, q̇, q̈) joined by quintics, all at standstill at both ends. The
-limits hold at every instant, not only at samples (`limits`), and bodies keep clear of one another and of the floor
-(`collision`). `frischid.motions.optimize` tells how the search works.
+The plan minimises a criterion of the base regressor Π of the motion (`optimality`): its condition number, the volume of
+the confidence ellipsoid, or the paper's cost (19). The decision variables are the coefficients of a family of motions
+(`trajectory`): Fourier series, B-splines, or m points (q, q̇, q̈) joined by quintics, all at standstill at both ends.
+The limits hold at every instant, not only at samples (`limits`), and bodies touch neither one another nor the floor
+(`collision`). `optimize` explains the search.
 
 References: J. Swevers et al., "Optimal robot excitation and identification", IEEE Trans. Robotics and Automation 13(5),
 1997; M. Gautier and W. Khalil, "Exciting trajectories for the identification of base inertial parameters of robots",
@@ -42,25 +42,25 @@ from frischid.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A motion to excite a robot with.
+    """A motion that excites a robot's parameters.
 
     Attributes
     ----------
     joints : tuple of str
     trajectory : Fourier, BSpline or Quintic
     criterion : str
-        Name of the cost.
+        Name of the criterion.
     cost : float
         Its value at the samples of the final motion.
     history : ndarray, shape (n, 2)
-        Evaluations used, and the best cost by then of a motion that seemed to fit. A step up marks a repair: that
-        motion exceeded a limit between the times that were watched.
+        Number of evaluations, and the best cost so far of a motion that seemed to keep its limits. A step up marks a
+        repair: the motion exceeded a limit between the times of the grid.
     evaluations : int
-        Regressors of all N samples that were computed; a gradient counts as all the displaced ones it takes.
+        Number of computed regressors of all N samples; a gradient counts as the displaced regressors that it needs.
     seconds : float
-        Time the search took.
+        Time of the search, s.
     violations : tuple of Violation
-        Limits that are not met somewhere on the motion, with joint and time.
+        Limits that the motion does not keep, with joint and time.
     notes : tuple of str
         Limits and distances that were not checked.
     """
@@ -107,10 +107,10 @@ def plan(
     options : PlanOptions, optional
         ``PlanOptions()`` by default.
     workers : Workers, optional
-        Where the searches are done, this process by default; the motion is the same.
+        Processes that do the searches, this process by default; the motion is the same.
     progress : callable, optional
-        Called with the share of the budget that is used and the best cost so far; elsewhere, with the share of the
-        searches that are done.
+        Called with the share of the budget that is used and the best cost so far; with workers, with the share of
+        finished searches.
 
     Returns
     -------
@@ -161,7 +161,7 @@ class _Task:
 
 
 def _searched(seed: int, task: _Task, progress: Progress | None = None) -> Plan:
-    """One start, in any process."""
+    """The search from one start, in any process."""
     options, shape = task.options, task.options.shape()
     search = Search(
         family=shape,
@@ -191,12 +191,12 @@ def _searched(seed: int, task: _Task, progress: Progress | None = None) -> Plan:
 
 
 def _share(progress: Progress, number: int, starts: int) -> Progress:
-    """Progress of one start as progress of all."""
+    """Progress of all starts from the progress of one."""
     return lambda share, best: progress((number + share) / starts, best)
 
 
 def _box(limits: MotionLimits, shape: Family) -> tuple[Array, Array]:
-    """Limits at the via points, as limits of their coefficients."""
+    """Limits at the via points, as limits of the family's coefficients."""
     count = int(shape.constant.sum())
     repeats = (count, count - 2, count - 2)
     high = np.repeat(np.stack([limits.upper, limits.velocity, limits.acceleration]), repeats, axis=0)

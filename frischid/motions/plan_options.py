@@ -1,8 +1,8 @@
-"""Options of a planned motion: how long, of which family, how good, within which limits.
+"""Options of a planned motion: its length, family, criterion and limits.
 
-A family of motions is linear in its coefficients, and `PlanOptions.size` says how many there are: harmonics up to about
-1.2 Hz, two control points per second, or one via point per second (Swevers et al. 1997, IEEE Trans. Robotics and
-Automation 13(5), use five harmonics of 0.1 Hz).
+A family of motions is linear in its coefficients; `PlanOptions.size` gives their number. By default there are harmonics
+up to about 1.2 Hz, two control points per second, or one via point per second (Swevers et al. 1997, IEEE Trans.
+Robotics and Automation 13(5), use five harmonics of 0.1 Hz).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from frischid.motions.trajectory import FAMILIES, Family
 
 @dataclass(frozen=True, eq=False)
 class PlanOptions:
-    """Which motion to look for, and how long to look.
+    """The motion to search for, and the effort of the search.
 
     Attributes
     ----------
@@ -30,10 +30,10 @@ class PlanOptions:
         Seconds.
     family : {"fourier", "bspline", "points"}
     size : int, optional
-        Harmonics, control points or via points; `default_size` when not given.
+        Number of harmonics, control points or via points; `default_size` when not given.
     samples : int, optional
-        Equally spaced instants at which the criterion is computed; the via points themselves in the family
-        ``"points"``.
+        Number of equally spaced instants at which the criterion is computed; in the family ``"points"`` these are the
+        via points.
     criterion : str or Criterion
         Name in `frischid.motions.optimality.CRITERIA`, or an instance.
     bounds : {"everywhere", "points"}
@@ -42,13 +42,13 @@ class PlanOptions:
     limits : MotionLimits or float
         Limits, or the share of the URDF's limits to use.
     clearance : Clearance, optional
-        Pairs of bodies to keep apart; made from the URDF's collision shapes, floor at the base, when not given.
+        Pairs of bodies that must not touch; by default from the URDF's collision shapes and a floor at the base.
     budget : int
         Evaluations of the criterion per start, the cost of its gradients included.
     seed : int
         The same seed gives the same motion.
     starts : int
-        Searches from different beginnings; the best motion that fits is taken.
+        Number of searches from different starts; the best motion that keeps its limits is taken.
 
     Raises
     ------
@@ -102,7 +102,7 @@ class PlanOptions:
 
     @property
     def family_size(self) -> int:
-        """The size given, or the default one."""
+        """The given size, or the default one."""
         return default_size(self.family, self.duration) if self.size is None else self.size
 
     def shape(self) -> Family:

@@ -1,9 +1,9 @@
-"""Logs of a robot that is known exactly, for demonstrations, tests and what-if questions.
+"""Logs of a robot with known parameters, for demonstrations, tests and what-if questions.
 
     τ = Γ(q, q̇, q̈) θ_rigid + Σ_effects C_e θ_e + e_τ
 
-along a trajectory given in closed form, then every channel gets its own white noise and, if wanted, the quantisation
-of its encoder. The motion itself is exact: noise hides no more than the sensors would.
+along a trajectory in closed form. Then every channel gets its own white noise and, if wanted, the quantisation of its
+encoder. The motion itself is exact; only the recorded channels have noise.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.robot.robot import Robot
 
 MOST_VALUES = 2_000_000
-"""Numbers of the regressor in memory at once: 16 MB."""
+"""Numbers of the regressor that are in memory at once: 16 MB."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class Noise:
     q, v, a : float
         rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints).
     tau : float
-        Share of each joint's own torque spread (0.01: one percent).
+        Share of each joint's own torque standard deviation (0.01: one percent).
     quantum : float
-        Resolution of the position encoders, rad (m); zero: none.
+        Resolution of the position encoders, rad (m); zero: no quantisation.
 
     Raises
     ------
@@ -64,7 +64,7 @@ class Noise:
 
 
 def parameters_of(robot: Robot, effects: Sequence[Effect], values: Mapping[str, float] | None = None) -> Array:
-    """True value of every column: the URDF's own, changed by `values`.
+    """True parameter of every column: the URDF's value, or that of `values`.
 
     Raises
     ------
@@ -103,15 +103,15 @@ def simulate(
     effects : sequence of Effect
         Effects that act on the robot besides its links.
     parameters : mapping of str to float
-        Values that differ from the URDF's, by parameter name; parameters the URDF says nothing of are zero.
+        Values that differ from the URDF's, by parameter name; other parameters without a value in the URDF are zero.
     noise : Noise, optional
         None: the log is exact.
     channels : sequence of {"v", "a"}
-        Derivatives the log holds besides q.
+        Derivatives in the log besides q.
     seed : int
-        Of the noise.
+        Seed of the noise.
     name : str
-        The log's name in messages.
+        Name of the log in messages.
 
     Returns
     -------
@@ -120,9 +120,9 @@ def simulate(
     Raises
     ------
     InputError
-        The rate is no positive number, or the trajectory moves another number of joints.
+        The rate is not a positive number, or the trajectory has another number of joints.
     UnknownNameError
-        A name in `parameters` is no parameter of this robot with these effects.
+        A name in `parameters` is not a parameter of this robot with these effects.
 
     Examples
     --------
@@ -137,7 +137,7 @@ def simulate(
     True
     """
     if not (np.isfinite(rate) and rate > 0):
-        raise InputError(f"the rate must be a positive number of samples a second, got {rate}")
+        raise InputError(f"the rate must be a positive number of samples per second, got {rate}")
     noise = noise or Noise()
     rng = np.random.default_rng(seed)
     t = np.arange(round(trajectory.duration * rate) + 1) / rate
@@ -162,10 +162,10 @@ def simulate(
 
 
 def torque(robot: Robot, effects: Sequence[Effect], theta: Array, t: Array, q: Array, v: Array, a: Array) -> Array:
-    """Torque of a parameter vector along a motion, (N, J), a chunk at a time."""
+    """Torque of a parameter vector along a motion, (N, J), computed chunk by chunk."""
     regressor = Regressor(robot, effects)
     parts = []
-    # an effect with memory needs the whole motion at once, and every chunk the time at which the log begins
+    # an effect with memory needs the whole motion at once; every chunk needs the time at which the log begins
     most = max(64, MOST_VALUES // (len(regressor.columns) * len(robot.joints)))
     chunk = len(t) if any(effect.memory for effect in effects) else most
     for start in range(0, len(t), chunk):

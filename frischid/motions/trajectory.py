@@ -1,12 +1,13 @@
-"""Motions as functions of time: q(t), q̇(t), q̈(t) in closed form, nothing differentiated numerically.
+"""Motions as functions of time: q(t), q̇(t), q̈(t) in closed form, without numerical differentiation.
 
-Three families: joint-wise finite Fourier series (Swevers et al. 1997) that start and end at standstill, quintic
+Three families: finite Fourier series for each joint (Swevers et al. 1997) that start and end at standstill, quintic
 polynomials through given points (q, q̇, q̈) (Massaroli et al., section 3.2), and quintic B-splines. All are linear in
-their coefficients, and all know exactly where they turn: a trigonometric polynomial is an ordinary one on the circle,
+their coefficients, and all know exactly where they turn back. For a Fourier series this holds because a trigonometric
+polynomial is an ordinary one on the unit circle,
 
     Σ_k (s_k sin kφ + c_k cos kφ) = 0   ⇔   Σ_k (c_k + i s_k) z^{K−k} + (c_k − i s_k) z^{K+k} = 0,   z = e^{iφ},
 
-so the extremes of a motion are roots of polynomials, not the largest of some samples.
+so the extremes of a motion are roots of polynomials, not the largest values of some samples.
 
 References: J. Swevers et al., "Optimal robot excitation and identification", IEEE Trans. Robotics and Automation
 13(5), 1997; S. Massaroli et al., "Frisch Scheme Identification of Robots Dynamic Parameters"; C. de Boor, "A Practical
@@ -30,7 +31,7 @@ from frischid.robot.robot import Robot
 
 
 class Trajectory(Protocol):
-    """Anything that gives a motion of J joints over ``[0, duration]`` seconds."""
+    """An object that gives the motion of J joints over ``[0, duration]`` seconds."""
 
     @property
     def duration(self) -> float:
@@ -43,7 +44,7 @@ class Trajectory(Protocol):
 
 
 class ClosedForm(Trajectory, Protocol):
-    """A trajectory that knows where it turns."""
+    """A trajectory that knows the times at which it turns back."""
 
     def turning(self, order: int, joint: int) -> Array:
         """Times in the open interval at which derivative `order` (0, 1 or 2) of a joint may be extreme."""
@@ -56,7 +57,7 @@ class Fourier:
 
         q_j(t) = c_j + Σ_k [A_kj (sin ω_k t)/ω_k − B_kj (cos ω_k t − 1)/ω_k],   ω_k = 2πk / duration
 
-    with Σ_k A_kj = 0 and Σ_k k B_kj = 0, which makes q̇ and q̈ vanish at the ends; `rested` projects onto that.
+    with Σ_k A_kj = 0 and Σ_k k B_kj = 0, so that q̇ and q̈ are zero at the ends; `rested` makes coefficients so.
 
     Attributes
     ----------
@@ -92,19 +93,19 @@ class Fourier:
     def turning(self, order: int, joint: int) -> Array:
         """Times in the open interval at which derivative `order` (0, 1 or 2) of a joint may be extreme."""
         w = 2 * np.pi * np.arange(1, len(self.A) + 1) / self.duration
-        # The derivative one order up, as sine and cosine coefficients of each harmonic.
+        # The next derivative, as sine and cosine coefficients of each harmonic.
         A, B = self.A[:, joint], self.B[:, joint]
         sine, cosine = ((B, A), (-A * w, B * w), (-B * w**2, -A * w**2))[order]
         half = cosine + 1j * sine
         roots = np.roots(np.concatenate([half.conj()[::-1], [0.0], half]))
-        # Rounding moves roots off the circle; a time that is no extreme after all does no harm.
+        # Rounding moves roots off the circle, so near ones count too; a time that is no extreme does no harm.
         angle = np.angle(roots[np.abs(np.abs(roots) - 1.0) < 0.05])
         return np.asarray(np.mod(angle, 2 * np.pi) * self.duration / (2 * np.pi))
 
 
 @dataclass(frozen=True, eq=False)
 class Quintic:
-    """Quintic polynomials through points given with velocity and acceleration.
+    """Quintic polynomials through points with given positions, velocities and accelerations.
 
     Attributes
     ----------
@@ -168,12 +169,15 @@ SPLINE_DEGREE = 5
 
 @dataclass(frozen=True, eq=False)
 class BSpline:
-    """Uniform quintic B-spline with clamped ends: four times continuously differentiable, local, in its points' hull.
+    """Uniform quintic B-spline with clamped ends.
+
+    It is four times continuously differentiable, each control point changes it locally, and it stays in the hull of its
+    control points.
 
     Attributes
     ----------
     points : ndarray, shape (M, J)
-        Control points, rad (m). Three equal ones at an end mean standstill there: see `rested`.
+        Control points, rad (m). Three equal ones at an end mean standstill at that end: see `rested`.
     duration : float
         Length, s.
     """
@@ -209,9 +213,9 @@ class BSpline:
 
 
 def _roots(piecewise: Any, duration: float) -> Array:
-    """Where a piecewise polynomial crosses zero, and its breaks, where it may jump across."""
+    """Zeros of a piecewise polynomial, and its breaks, where it may jump across zero."""
     roots = piecewise.roots(extrapolate=False)
-    # A polynomial that is zero throughout gives NaN: nothing turns there.
+    # A polynomial that is zero everywhere gives NaN; there the motion has no turning point.
     candidates = np.concatenate([roots[np.isfinite(roots)], piecewise.x])
     return np.asarray(candidates[(candidates > 0.0) & (candidates < duration)])
 
@@ -273,7 +277,7 @@ def random_fourier(robot: Robot, duration: float, *, seed: int, harmonics: int =
     harmonics : int
         Number of harmonics of 1/duration; raised so that the fastest is at least 0.4 Hz.
     scale : float
-        Share of the limits used.
+        Share of the limits that is used.
 
     Returns
     -------
@@ -282,7 +286,7 @@ def random_fourier(robot: Robot, duration: float, *, seed: int, harmonics: int =
     Raises
     ------
     InputError
-        The duration is no positive number.
+        The duration is not a positive number.
 
     Examples
     --------

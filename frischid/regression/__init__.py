@@ -1,6 +1,6 @@
-"""Motions become columns, columns become moments, and moments say which parameters can be identified.
+"""From motions to columns, from columns to moments, and from moments to the parameters that can be identified.
 
 Comes in: a robot, its effects and filtered motions. Goes out: moments of [Y τ] over the base parameters.
 Start with `frischid.regression.moments`; `regressor` fills blocks of columns, `accumulation` sums them, and
-`base_parameters` finds what can be identified.
+`base_parameters` finds the parameters that can be identified.
 """

@@ -1,10 +1,12 @@
-"""Moments of motions, summed over blocks of consecutive time.
+"""Moments of motions, summed over blocks of time.
 
     G_b = Σ_{k in block b} z_k z_kᵀ,   G = Σ_b G_b,   z = [y; τ]
 
-Moments add, so a log of any length is one pass over its chunks. The sums of each block are kept beside each other:
-leaving out some blocks is a subtraction. So cross-validation and standard errors that respect correlation (the block
-jackknife; Künsch 1989, Annals of Statistics 17(3)) need no second pass.
+Moments add, so a log of any length needs one pass over its chunks. The sums of each block are kept separately, so that
+blocks can be left out by subtraction. Cross-validation and standard errors that respect correlation (block jackknife)
+then need no second pass.
+
+Source of the block jackknife: Künsch 1989, Annals of Statistics 17(3).
 """
 
 from __future__ import annotations
@@ -26,21 +28,21 @@ from frischid.regression.streaming_qr import StreamingQR
 from frischid.robot.robot import Robot
 
 BLOCKS_OF_A_SHORT_LOG = 16
-"""A log shorter than this many seconds has this many blocks; those of a longer log last a second or more."""
+"""Least number of blocks. A log shorter than this many seconds has this many; blocks of longer logs last over 1 s."""
 MAX_BLOCKS = 64
-"""Blocks aimed at: more of them make standard errors hardly better, and take memory."""
+"""Blocks of a long log. More blocks hardly improve standard errors, and take memory."""
 BLOCK_BYTES = 128 * 2**20
-"""Memory of all blocks together: with hundreds of parameters on dozens of joints there are fewer blocks."""
+"""Bytes of all blocks together. With hundreds of parameters on dozens of joints, fewer blocks are kept."""
 BLOCKS_KEPT = 24
-"""However large blocks are, this many are kept, so that half of them still make standard errors."""
+"""Blocks that are kept however large they are, so that half of them still give standard errors."""
 
 
 def gram_of(regressor: Regressor, block: Block, joints: Sequence[str]) -> Gram:
-    """Moments of one block over the torque rows of `joints`: the sums Σ_k z_k z_kᵀ of each, and Σ_k z_k."""
+    """Moments of one block over the torque rows of `joints`: Σ_k z_k z_kᵀ and Σ_k z_k of each joint."""
     result = Gram.zeros(regressor.columns, joints)
     for row, name in enumerate(joints):
         j = regressor.robot.joints.index(name)
-        Z = block.Z[:, :, j].T[regressor.gathered[j]]  # columns first: gathered whole, and the product likes it
+        Z = block.Z[:, :, j].T[regressor.gathered[j]]  # columns first: gathered as a whole, and a faster product
         if not block.used[:, j].all():
             Z = Z[:, block.used[:, j]]
         sums, where = Z @ Z.T, regressor.gathered[j][:-1]
@@ -59,23 +61,23 @@ def accumulate(
     seconds: float | None = None,
     base: Sequence[int] | None = None,
 ) -> Blocks:
-    """Moments of motions in blocks of consecutive time.
+    """Moments of motions in blocks of time.
 
-    Blocks serve cross-validation and standard errors that respect correlation: about `MAX_BLOCKS` of equal length,
-    at least one second each where the logs are long enough for sixteen. No block spans two motions, unless there are
-    more than twice `MAX_BLOCKS`, or than `BLOCK_BYTES` hold: neighbours are then added, so that memory does not grow
-    with the logs.
+    Blocks serve cross-validation and standard errors that respect correlation. There are about `MAX_BLOCKS` of equal
+    length, each at least one second long where the logs are long enough for sixteen blocks. No block spans two motions,
+    with one exception: if the blocks become more than twice `MAX_BLOCKS`, or larger than `BLOCK_BYTES`, neighbouring
+    ones are added, so that memory does not grow with the logs.
 
     Parameters
     ----------
     regressor : Regressor
     motions : iterable of Motion
-        Gone through once when `seconds` is given.
+        Read one at a time if `seconds` is given, otherwise all at once.
     lowpass : LowPass
     joints : sequence of str
         Joints whose torque rows are used.
     seconds : float, optional
-        Length of all motions together; summed up by default.
+        Length of all motions together, s; computed by default.
     base : sequence of int, optional
         Columns to keep, all by default.
 
@@ -87,8 +89,8 @@ def accumulate(
         motions = list(motions)
         seconds = float(sum(m.t[-1] - m.t[0] for m in motions))
     kept = Blocks()
-    each, level = 1, 0  # blocks added into one, and how many of them the last one has
-    # Small products are slower on several threads, and sums then depend on their number.
+    each, level = 1, 0  # number of blocks added into one, and their number in the last one so far
+    # Small products are slower on several threads, and the rounding of sums would depend on the number of threads.
     with _threads().limit(limits=1, user_api="blas"):
         for gram in _sums(regressor, motions, lowpass, joints, seconds):
             part = gram if base is None else gram.select(base)
@@ -121,7 +123,7 @@ def streaming_qr(
 
 @lru_cache(maxsize=1)
 def _threads() -> ThreadpoolController:
-    """Looking for the threaded libraries takes longer than many a sum."""
+    """The threaded libraries, searched once: the search takes longer than a short sum."""
     return ThreadpoolController()
 
 
@@ -137,7 +139,7 @@ def _sums(
         chunk = max(1, round(samples / parts / every)) * every
         grams = (gram_of(regressor, block, joints) for block in regressor.blocks(motion, lowpass, chunk))
         for first in grams:
-            # one by one: in long blocks there are many, and they need not all be there at once
+            # one by one: long blocks have many, and all at once would take memory
             yield total(chain([first], islice(grams, parts - 1)))
 
 

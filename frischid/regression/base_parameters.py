@@ -1,23 +1,26 @@
-"""Base parameters: the few combinations of parameters that a log can tell apart.
+"""Base parameters: the combinations of parameters that a log determines.
 
-A regression ``τ = W θ`` rarely sees every entry of θ. Some columns of W vanish, others are linear
-combinations of one another whatever the motion, so only p = rank(W) combinations of θ leave a trace in the
-torque. Two singular value decompositions find them, from nothing but numbers:
+A regression ``τ = W θ`` rarely determines every entry of θ. Some columns of W are zero, and others are linear
+combinations of one another in every motion. So the torque depends on only p = rank(W) combinations of θ. Two singular
+value decompositions find these, from numbers alone:
 
-1. ``W = U diag(σ) [V1 V2]ᵀ`` with the columns of W at unit norm. θ_n, the parameters with a zero row in V1,
-   are not identifiable; θ_a, with a zero row in V2, are identifiable alone; θ_l, the rest, only together.
-2. On the columns of θ_l alone, ``W_l V2 = 0``. Split the rows of V2 into V22, d rows that make a regular
-   matrix, and V21, the others. The parameters θ_l2 of V22 are then redundant: the torque depends on
+1. ``W = U diag(σ) [V1 V2]ᵀ`` with the columns of W scaled to unit norm. The parameters θ_n, with a zero row in V1, are
+   not identifiable. The parameters θ_a, with a zero row in V2, are identifiable alone. The rest, θ_l, are identifiable
+   only in combination.
+2. On the columns of θ_l alone, ``W_l V2 = 0``. Split the rows of V2 into V22, d rows that form a regular matrix, and
+   V21, the others. Then the parameters θ_l2 of V22 are redundant: the torque depends only on
 
-       θ_d = θ_l1 − V21 V22⁻¹ θ_l2
+       θ_d = θ_l1 − V21 V22⁻¹ θ_l2.
 
-   alone. Any regular V22 will do; the one taken minimises ``α1 cond(V22) + α2 / |det V22|``.
+   Any regular V22 is possible; the one taken minimises ``α1 cond(V22) + α2 / |det V22|``.
 
-V2 is brought back to the parameters' own units before that choice. It then depends on the robot's structure
-and not on the motion, and so does the choice: different logs of one robot give the same base parameters.
+Before that choice V2 is scaled back to the parameters' own units. Then V2 and the choice depend on the robot's
+structure and not on the motion: different logs of one robot give the same base parameters.
 
 References: M. Gautier, "Numerical calculation of the base inertial parameters of robots", J. Robotic Systems
-8(4), 1991; S. Massaroli et al., "Frisch Scheme Identification of Robots Dynamic Parameters", eqs. 11-17.
+8(4), 1991; S. Massaroli et al., "Frisch Scheme Identification of Robots Dynamic Parameters", eqs. 11 to
+15 and 17. Eq. (16), Theorem 3, is wrong as printed: the base columns are the independent ones, Γ_d = Γ_l1, as here
+(`frischid/paper/planar_arm.py` has the proof and the size of the error).
 """
 
 from __future__ import annotations
@@ -35,15 +38,15 @@ from frischid.errors import IdentifiabilityError, InputError
 
 Indices = NDArray[np.intp]
 
-_EXHAUSTIVE = 20_000  # subsets of rows that are all tried before turning to exchanges
+_EXHAUSTIVE = 20_000  # up to so many subsets of rows, all are tried; beyond, rows are exchanged one by one
 _TIE = 1e-6  # relative difference below which two costs or two coefficients count as equal
-_ROUNDING = 1e-7  # relative singular value that rounding, even of moments, does not reach
-_MISALIGNED = 100.0  # × tol: an exact relation is only so exact with an angle written 1.5708 (off by 3.7e-6 rad)
+_ROUNDING = 1e-7  # relative singular value above all rounding, even that of moments
+_MISALIGNED = 100.0  # × tol: error of an exact relation when an angle is written 1.5708 (off by 3.7e-6 rad)
 
 
 @dataclass(frozen=True)
 class Reduction:
-    """Which parameters are identifiable, alone or together, and the base parameters that result.
+    """The parameters that are identifiable, alone or in combination, and the base parameters.
 
     Attributes
     ----------
@@ -54,12 +57,12 @@ class Reduction:
     singular_values : ndarray
         Descending, of the columns at unit norm, without the null columns.
     gap : float
-        ``σ_p / σ_{p+1}``, with σ_{p+1} no less than ``tol / 10 σ_1``, where rounding reigns. Below 1e2 the
-        rank is not clear: the motion excites some combination too weakly to tell it from rounding.
+        ``σ_p / σ_{p+1}``, with σ_{p+1} at least ``tol / 10 σ_1``, the level of rounding. Below 1e2 the rank is not
+        clear: the motion excites some combination so weakly that it could be rounding.
     absolute, none, linear : tuple of int
         Columns of θ_a (identifiable alone), θ_n (not identifiable) and θ_l (only in combination).
     independent, dependent : tuple of int
-        Columns of θ_l1, which stay, and of θ_l2, which are regrouped into them.
+        Columns of θ_l1, which stay, and of θ_l2, which are regrouped into those of θ_l1.
     mapping : ndarray, shape (p, C)
         K in ``θ_base = K θ``, so that ``W θ = W[:, base] K θ``.
     """
@@ -86,8 +89,8 @@ class Reduction:
         Returns
         -------
         tuple of Column, length p
-            The leading columns. One that carries regrouped terms is renamed (``mx1`` becomes ``mx1R``), and
-            its sign is known only where all its terms push the same way.
+            The leading columns. A column with regrouped terms is renamed (``mx1`` becomes ``mx1R``), and its sign is
+            known only where all its terms have the same sign.
         """
         return tuple(self._regrouped(row, lead) for row, lead in zip(self.mapping, self.base, strict=True))
 
@@ -100,15 +103,15 @@ class Reduction:
         return replace(column, name=f"{column.name}R", sign=sign)
 
     def expressions(self) -> list[str]:
-        """Write each base parameter the way a roboticist does: ``Izz1 + Ia1 + 0.25 m2``."""
+        """Each base parameter as a sum of parameters: ``Izz1 + Ia1 + 0.25 m2``."""
         return [self._expression(row, lead) for row, lead in zip(self.mapping, self.base, strict=True)]
 
     def _expression(self, row: Array, lead: int) -> str:
-        # Plain sums first: Izz1 + Ia1 belong together more than Izz1 + 0.25 m2 do.
+        # Terms without a factor come first: Izz1 + Ia1 + 0.25 m2.
         others = sorted((abs(row[i]) != 1.0, i) for i in np.flatnonzero(row) if i != lead)
         text = self.columns[lead].name
         for scaled, i in others:
-            # Twice rounded: the last bit of 0.012345 must not decide between 0.01234 and 0.01235.
+            # Rounded twice, so that the last bit of 0.012345 does not decide between 0.01234 and 0.01235.
             factor = f"{float(f'{abs(row[i]):.9g}'):.4g} " if scaled else ""
             text += f" {'-' if row[i] < 0 else '+'} {factor}{self.columns[i].name}"
         return text
@@ -125,10 +128,9 @@ def reduce(
         Any R with ``RᵀR = WᵀW``: W itself, or `root_of` its moments.
     columns : sequence of Column, length C
     tol : float
-        Singular values below ``tol σ_1`` are zero, unless the spectrum has a wider gap within a factor 10
-        below or 100 above. The default suits a root of moments, whose singular values are true to about
-        1e-8 σ_1; a W in full precision allows 1e-9. A column of norm below ``100 tol`` times the largest is
-        null.
+        Singular values below ``tol σ_1`` count as zero, unless the spectrum has a wider gap between ``tol σ_1 / 10``
+        and ``100 tol σ_1``. The default suits a root of moments, whose singular values are accurate to about 1e-8 σ_1;
+        a W in full precision allows 1e-9. A column of norm below ``100 tol`` times the largest counts as zero.
     alpha : (float, float)
         α1 and α2, the weights of conditioning and volume in the choice of the dependent parameters.
 
@@ -141,19 +143,19 @@ def reduce(
     InputError
         The shapes disagree, or `root` holds NaN or infinity.
     IdentifiabilityError
-        Every column is null.
+        Every column is zero.
     """
     root, columns = _compact(root, len(columns), tol), tuple(columns)
     norms = np.linalg.norm(root, axis=0)
-    # A column of unit norm has no zero row in V1, so θ_n is exactly the null columns.
-    # Units differ from one effect to the next, so only a rigid column is measured against its like.
+    # A column of unit norm has no zero row in V1, so θ_n are exactly the zero columns.
+    # Units differ from one effect to the next, so only rigid columns are compared with one another.
     rigid = np.array([c.effect == "rigid" for c in columns], dtype=bool)
     largest = norms.max(initial=0.0)
     seen = norms > np.where(rigid, _MISALIGNED * tol * norms.max(initial=0.0, where=rigid), 1e-12 * largest)
     if not seen.any():
         raise IdentifiabilityError(
-            f"none of the {len(columns)} parameters can be identified: the regression has no column that "
-            "is not zero; use a log in which the robot moves"
+            f"none of the {len(columns)} parameters can be identified: every column of the regression is zero; use a "
+            "log in which the robot moves"
         )
     kept = np.flatnonzero(seen)
     sigma, V = _right_svd(root[:, kept] / norms[kept])
@@ -181,7 +183,7 @@ def reduce(
 
 
 def root_of(moments: Array) -> Array:
-    """Square root of moments, a small stand-in for the regression matrix that made them.
+    """Square root of moments: a small matrix with the moments of the whole regression matrix.
 
     Parameters
     ----------
@@ -200,15 +202,15 @@ def root_of(moments: Array) -> Array:
     """
     moments = _finite(moments, "the moment matrix")
     if moments.shape[0] != moments.shape[1]:
-        raise InputError(f"a moment matrix is square, this one is {moments.shape[0]} x {moments.shape[1]}")
-    # A unit diagonal keeps the rounding of the large columns out of the small ones.
+        raise InputError(f"a moment matrix must be square; this one is {moments.shape[0]} x {moments.shape[1]}")
+    # With a unit diagonal, rounding errors of large columns do not spoil small ones.
     norms = np.sqrt(np.maximum(moments.diagonal(), 0.0))
     scale = np.where(norms > 0.0, norms, 1.0)
     values, vectors = np.linalg.eigh((moments + moments.T) / (2.0 * np.outer(scale, scale)))
     if values.min(initial=0.0) < -1e-9 * values.max(initial=0.0):
         raise InputError(
-            f"the moment matrix has the negative eigenvalue {values[0]:.3g} (columns at unit norm), so it is "
-            "no sum of squares; check that only logs that had been added were subtracted"
+            f"the moment matrix has the negative eigenvalue {values[0]:.3g} (columns at unit norm), so it is not a "
+            "sum of squares; check that only logs that had been added were subtracted"
         )
     return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * norms)
 
@@ -224,7 +226,7 @@ def _finite(matrix: Array, what: str) -> Array:
 
 
 def _compact(root: Array, count: int, tol: float) -> Array:
-    """Check the arguments of `reduce`, and shrink a tall root to a square one: the SVDs then cost nothing."""
+    """Check the arguments of `reduce`, and reduce a tall root to a square one, so that the SVDs are cheap."""
     root = _finite(root, "the regression matrix")
     if root.shape[1] != count:
         raise InputError(f"the regression matrix has {root.shape[1]} columns but {count} are named")
@@ -246,7 +248,7 @@ def _rank(sigma: Array, tol: float) -> tuple[int, float, float]:
     ahead = np.maximum(np.append(relative[1:], 0.0), dust)
     gaps = np.where((relative > dust) & (ahead <= _MISALIGNED * tol), relative / ahead, 0.0)
     p = int(np.argmax(gaps)) + 1
-    # Rounding perturbs the moments, and V2 to second order; a misaligned axis perturbs W, and V2 to first.
+    # Rounding perturbs the moments, and so V2 to second order; a misaligned axis perturbs W, and so V2 to first order.
     after = float(np.append(relative, 0.0)[p])
     error = after / relative[p - 1] if after > _ROUNDING else (tol / relative[p - 1]) ** 2
     return p, float(gaps[p - 1]), float(np.clip(10.0 * error, 1e-8, 1e-3))
@@ -255,18 +257,18 @@ def _rank(sigma: Array, tol: float) -> tuple[int, float, float]:
 def _regrouping(root: Array, norms: Array, d: int, alpha: tuple[float, float], blur: float) -> tuple[Indices, Array]:
     """Rows of θ_l2 in θ_l, and ``B = −V21 V22⁻¹``, from the columns of θ_l alone."""
     V2 = _right_svd(root / norms)[1][:, len(norms) - d :]
-    null = np.linalg.qr(V2 / norms[:, None])[0]  # found at unit norms, wanted in the parameters' units
+    null = np.linalg.qr(V2 / norms[:, None])[0]  # from columns at unit norm back to the parameters' units
     rows = _dependent_rows(null, alpha)
     B = -np.delete(null, rows, axis=0) @ np.linalg.inv(null[rows])
-    # A coefficient is rounding where it adds hardly anything to the torque, relative to the parameter it belongs to.
+    # A coefficient that adds hardly anything to its base parameter's torque is rounding.
     B[np.abs(B) * np.delete(norms, rows)[:, None] < blur * norms[rows]] = 0.0
     return rows, _tidy(B)
 
 
 def _dependent_rows(null: Array, alpha: tuple[float, float]) -> Indices:
-    """Choose the d rows of `null` that form V22; of equally good choices, the one that comes last.
+    """Choose the d rows of `null` that form V22; among equally good choices, the last rows.
 
-    Later parameters are then regrouped into earlier ones: m2 into mx1, Ia1 into Izz1.
+    So later parameters are regrouped into earlier ones: m2 into mx1, Ia1 into Izz1.
     """
     n, d = null.shape
     if comb(n, d) > _EXHAUSTIVE:
@@ -279,7 +281,7 @@ def _dependent_rows(null: Array, alpha: tuple[float, float]) -> Indices:
 
 def _cheapest(null: Array, subsets: Indices, volumes: Array, alpha: tuple[float, float]) -> int:
     """Last of the subsets of rows with the least ``α1 cond + α2 / |det|``; `volumes` are their |det|."""
-    # cond ≥ 1 bounds the cost from below, and the largest volume sets a mark: few cond need computing.
+    # cond ≥ 1 bounds each cost from below, and the largest volume bounds the least cost: few cond are needed.
     floor = alpha[0] + alpha[1] / np.maximum(volumes, 1e-300)
     mark = volumes.argmax()
     limit = floor[mark] + alpha[0] * (np.linalg.cond(null[subsets[mark]]) - 1.0)
@@ -289,8 +291,8 @@ def _cheapest(null: Array, subsets: Indices, volumes: Array, alpha: tuple[float,
 
 
 def _pivots(null: Array) -> Indices:
-    """Rows that span the most volume one after another, as pivoted QR picks them, with ties to the last."""
-    # The projector does not depend on the basis that the decomposition happened to return.
+    """Rows that span the most volume one after another, as pivoted QR picks them; ties go to the last row."""
+    # The projector does not depend on the basis that the decomposition returned.
     projector, rows = null @ null.T, np.empty(null.shape[1], dtype=np.intp)
     for k in range(len(rows)):
         left = projector.diagonal()
@@ -303,12 +305,12 @@ def _exchanged(null: Array, rows: Indices, alpha: tuple[float, float]) -> Indice
     """Exchange one row at a time while that lowers the cost."""
     n, d = null.shape
     for _ in range(10 * n):
-        # |B[i, k]| is the factor on |det V22| when row i takes the place of the k-th chosen one.
+        # Replacing the k-th chosen row by row i multiplies |det V22| by |B[i, k]|.
         V22 = null[rows]
         factors = np.abs(null @ np.linalg.inv(V22))
         outside = np.setdiff1d(np.arange(n), rows)
         arrive, leave = (index.ravel() for index in np.meshgrid(outside, np.arange(d), indexing="ij"))
-        # Staying comes as shift 0: among equals, only a move towards later rows is preferred to it.
+        # Keeping the row is shift 0: among equal costs, only a move towards later rows is preferred.
         arrive, leave = np.append(arrive, rows[0]), np.append(leave, 0)
         order = np.argsort(arrive - rows[leave], kind="stable")
         arrive, leave = arrive[order], leave[order]
@@ -322,7 +324,7 @@ def _exchanged(null: Array, rows: Indices, alpha: tuple[float, float]) -> Indice
 
 
 def _tidy(B: Array) -> Array:
-    """Snap near-integers, and give repeated magnitudes one value, so that structure survives rounding."""
+    """Round near-integers to integers and nearly equal magnitudes to one value, so that rounding hides no structure."""
     size, sign = np.abs(B), np.sign(B)
     whole = np.round(size)
     snapped = (whole > 0.0) & (np.abs(size - whole) < _TIE * whole)

@@ -2,7 +2,7 @@
 
     Z = [Y | τ | 1 | τ_known | q | q̇ | q̈]
 
-One array holds the regressor and all channels beside it, because one filter serves them all.
+One array holds the regressor and all channels, because the same filter is applied to all of them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ COLUMNS_BESIDE_Y = 6
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Consecutive samples of a motion, as far as a regressor depends on them.
+    """The channels of consecutive samples of a motion that a regressor needs.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Samples:
         return cls(motion.t, motion.q, motion.v, motion.a, motion.start, motion.extra)
 
     def part(self, kept: slice) -> Samples:
-        """Some consecutive ones."""
+        """Some consecutive samples of these."""
         extra = {name: values[kept] for name, values in self.extra.items()}
         return Samples(self.t[kept], self.q[kept], self.v[kept], self.a[kept], self.start, extra)
 
@@ -63,9 +63,9 @@ class Block:
     ----------
     t : ndarray, shape (M,)
     Z : ndarray, shape (M, C + 6, J)
-        The C columns of Y, then `tau`, ones, `known`, `q`, `v`, `a`: one array, because one filter serves them all.
+        The C columns of Y, then `tau`, ones, `known`, `q`, `v`, `a`.
     used : ndarray of bool, shape (M, J)
-        False at standstill, where dry friction is undetermined: such a torque row is neither fitted nor counted in
+        False at standstill, where dry friction is undetermined: such a torque row is not fitted and does not count in
         errors.
     source : str
         The log.
@@ -83,12 +83,12 @@ class Block:
 
     @property
     def tau(self) -> Array:
-        """Measured torque less that of parameters known outright, (M, J), N·m (N); NaN where not measured."""
+        """Measured torque less that of the known parameters, (M, J), N·m (N); NaN where not measured."""
         return self.Z[:, -6]
 
     @property
     def known(self) -> Array:
-        """Torque of the parameters known outright, (M, J), N·m (N)."""
+        """Torque of the known parameters, which are not fitted, (M, J), N·m (N)."""
         return self.Z[:, -4]
 
     @property
@@ -108,7 +108,7 @@ class Block:
 
 
 def stack(blocks: Sequence[Block], robot: Robot, joints: Sequence[str]) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Rows of several blocks, sample by sample, the joints of a sample in order, joints at standstill left out.
+    """Rows of several blocks, sample by sample and joint by joint, without the rows of joints at standstill.
 
     Returns
     -------

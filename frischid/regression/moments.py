@@ -1,12 +1,12 @@
-"""Second moments of the stacked regression: the numerical half needs nothing else from a log.
+"""Second moments of the stacked regression: least squares needs nothing else from a log.
 
 For every joint j the sums ``G_j = Σ_k z_jk z_jkᵀ`` with ``z_jk = [y_jk ; τ_jk]`` are kept, where ``y_jk`` is the
-regressor row of joint j at sample k. Sums add: a log in chunks, several logs, and a fleet of machines are the same
-``+``, and a cross-validation fold is a ``-``. Every least-squares quantity follows from them,
+regressor row of joint j at sample k. Sums add: chunks of a log, several logs, and logs of many machines are joined by
+the same ``+``, and a cross-validation fold is left out by ``-``. Every least-squares quantity follows from the moments,
 
     YᵀWY = Σ_j w_j G_j[:C, :C],   YᵀWτ = Σ_j w_j G_j[:C, C],   τᵀWτ = Σ_j w_j G_j[C, C].
 
-Trying another set of effects is choosing columns.
+Another set of effects is another choice of columns.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from frischid.core.types import Array, Column
 from frischid.errors import InputError, UnknownNameError
 
 PACKED_ABOVE = 2**20
-"""Bytes of moments above which a block is packed; packing a smaller one takes longer than adding it."""
+"""Bytes of moments above which a block is packed; packing a smaller block takes longer than adding it."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class Gram:
         )
 
     def weighted(self, weights: Array | None = None) -> Array:
-        """Sum the joints' moments with `weights`.
+        """Weighted sum of the joints' moments.
 
         Parameters
         ----------
@@ -153,9 +153,9 @@ class Gram:
 class Blocks(Sequence[Gram]):
     """Moments of consecutive stretches of time.
 
-    Large ones are kept as triangles over the columns that are not zero, and made whole when they are asked for: a joint
-    feels the links it moves, and moments are symmetric. Of a chain of thirty joints that leaves a sixth of the numbers.
-    Small ones stay as they are: packing them would take longer than adding them.
+    Large blocks are packed, and unpacked when they are asked for. Moments are symmetric, and a joint's columns of links
+    that it does not move are zero, so only a triangle over the nonzero columns is kept. For a chain of thirty joints
+    that is a sixth of the numbers. Small blocks are not packed: packing takes longer than adding.
     """
 
     def __init__(self, grams: Iterable[Gram] = ()) -> None:
@@ -164,30 +164,30 @@ class Blocks(Sequence[Gram]):
             self.append(gram)
 
     def append(self, gram: Gram) -> None:
-        """Add a block behind the others."""
+        """Append a block."""
         self._kept.append(_kept(gram))
 
     def merge(self, gram: Gram) -> None:
-        """Add to the last block."""
+        """Add moments to the last block."""
         self._kept[-1] = _sum(self._kept[-1], _kept(gram))
 
     def halve(self) -> None:
-        """Add neighbours to each other, of an even number of blocks."""
+        """Add each pair of neighbouring blocks; the number of blocks must be even."""
         self._kept = [_sum(a, b) for a, b in zip(self._kept[::2], self._kept[1::2], strict=True)]
 
     def described(self, columns: Sequence[Column]) -> Blocks:
-        """The same with other words for the columns."""
+        """The same moments with other names and units for the columns."""
         found = Blocks()
         found._kept = [replace(block, columns=tuple(columns)) for block in self._kept]
         return found
 
     def total(self) -> Gram:
-        """Sum of all, of which there is at least one."""
+        """Sum of all blocks; there must be at least one."""
         return _whole(reduce(_sum, self._kept))
 
     @property
     def nbytes(self) -> int:
-        """Of all blocks together."""
+        """Bytes of all blocks together."""
         return sum(block.moments.nbytes if isinstance(block, Gram) else block.nbytes for block in self._kept)
 
     def __len__(self) -> int:
@@ -238,7 +238,7 @@ class _Packed:
         return cls(gram.columns, gram.joints, where, triangles, gram.sums, gram.counts)
 
     def whole(self) -> Gram:
-        """The Gram it was made of."""
+        """The Gram that was packed."""
         size = len(self.columns) + 1
         moments = np.zeros((len(self.joints), size, size))
         for M, own, triangle in zip(moments, self.where, self.triangles, strict=True):

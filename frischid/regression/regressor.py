@@ -2,9 +2,10 @@
 
     τ = Y θ,   Y = [Γ(q, q̇, q̈) | C_effect1 | C_effect2 | ...]
 
-Pinocchio writes Γ sample by sample. Effects add their columns over a whole chunk. The parallel low-pass goes over τ and
-Y together and keeps every D-th sample. Only one chunk is in memory at a time. The last samples of a chunk that a filter
-still needs are carried into the next one, so the length of the chunks changes nothing.
+Pinocchio computes Γ sample by sample. Effects add their columns over a whole chunk of samples. The same low-pass filter
+is applied to τ and Y ("parallel" filtering), and every D-th sample is kept. Only one chunk is in memory at a time. The
+last samples of a chunk that the filter still needs are carried into the next chunk, so the length of the chunks has no
+influence on the result.
 
 Source: C. Atkeson, C. An and J. Hollerbach, "Estimation of inertial parameters of manipulator loads and links", Int. J.
 Robotics Research 5(3), 1986.
@@ -25,7 +26,7 @@ from frischid.regression.block import COLUMNS_BESIDE_Y, Block, Samples
 from frischid.robot.robot import Robot
 
 CHUNK_SAMPLES = 256
-"""Samples evaluated at once: the columns of so many fit the processor's cache."""
+"""Samples that are evaluated at once, so that their columns fit into the processor's cache."""
 STANDSTILL_WEIGHT = 0.01
 """Share of a filtered sample's weight that may come from standstill before its torque is left out."""
 
@@ -38,7 +39,7 @@ class Regressor:
     robot : Robot
     effects : sequence of Effect
     reference : mapping of str to float, optional
-        Parameter values that give the load of effects which depend on it; the URDF's own by default.
+        Parameter values that give the load for effects that depend on the load; the URDF's values by default.
 
     Examples
     --------
@@ -67,14 +68,14 @@ class Regressor:
         )
         self.active = self._active()
         C = len(self.columns)
-        # the rows of Z that a joint's moments are made of: its columns, its torque, ones
+        # the rows of Z from which a joint's moments are computed: its columns, its torque, ones
         self.gathered = [np.append(active, [C, C + 1]) for active in self.active]
         dry = {n for effect in effects if effect.dry for _, n, _ in effect.acts_on(robot)}
         # dry friction at standstill is undetermined: such torque samples are left out
         self.drops_standstill = np.array([n in dry for n in robot.joints])
 
     def _active(self) -> list[NDArray[np.intp]]:
-        """For each joint, the columns that can be other than zero: links it moves, and effects that act on it."""
+        """For each joint, the columns that can be nonzero: those of links it moves and of effects that act on it."""
         J, rigid = len(self.robot.joints), len(self.robot.columns)
         mask = np.zeros((len(self.columns), J), bool)
         q, v, a = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 8, J))
@@ -126,8 +127,8 @@ class Regressor:
         ----------
         samples : Samples
         remembered : mapping, optional
-            Columns of effects with memory at these samples, as `remember` gives them for a whole motion. Without them
-            such an effect remembers nothing from before the first sample.
+            Columns of effects with memory at these samples, as `remember` computes them for a whole motion. Without
+            them, an effect with memory starts at the first sample.
         out : ndarray, shape (N, C, J), optional
             Where to write.
 
@@ -154,7 +155,7 @@ class Regressor:
                 rows = [dict(term.rows) for term in effect.terms(state)]
             written += [(column + k, joint, values) for k, row in enumerate(rows) for joint, values in row.items()]
             column += len(rows)
-        # Chunk by chunk, so that all columns of a sample are written while the sample is in the processor's cache.
+        # Chunk by chunk: all columns of a sample are written while the sample is in the processor's cache.
         for first in range(0, len(t), 2 * CHUNK_SAMPLES):
             s = slice(first, first + 2 * CHUNK_SAMPLES)
             if not self.loaded:
@@ -174,7 +175,7 @@ class Regressor:
         return np.asarray(torque)
 
     def remember(self, motion: Motion) -> dict[int, list[dict[int, Array]]]:
-        """Columns of effects with memory over a whole motion: effect's place -> for each column, joint -> values."""
+        """Columns of effects with memory over a whole motion: position of the effect -> per column, joint -> values."""
         if not any(effect.memory for effect in self.effects):
             return {}
         state = self.state(motion)
@@ -185,7 +186,7 @@ class Regressor:
         }
 
     def state(self, motion: Motion) -> State:
-        """A whole motion as effects see it, with the torque of the reference parameters (static columns only)."""
+        """State of a whole motion for effects, with the torque of the reference parameters (static columns only)."""
         static = Regressor(self.robot, [e for e in self.effects if not e.memory])
         values = dict(zip((c.name for c in self.columns), self.reference, strict=True))
         static.reference = np.array([values[c.name] for c in static.columns])
@@ -200,13 +201,13 @@ class Regressor:
         return self._state_of(samples, load, torque, static.reference[:rigid], self.dry)
 
     def _state_of(self, samples: Samples, load: Array, torque: Array, rigid: Array, dry: Array | None = None) -> State:
-        """Samples as effects see them."""
+        """State for effects at some samples."""
         motion = (samples.t, samples.q, samples.v, samples.a)
         return State(self.robot, *motion, load, torque, samples.start, samples.extra, rigid, dry)
 
     @property
     def dry(self) -> Array:
-        """Level of the reference's dry friction on each joint, N·m (N), (J,)."""
+        """Dry friction on each joint according to the reference parameters, N·m (N), (J,)."""
         level = np.zeros(len(self.robot.joints))
         for column, value in zip(self.columns, self.reference, strict=True):
             if column.effect == Coulomb.id:
@@ -237,7 +238,7 @@ class Regressor:
         reach = len(taps) - 1
         stride = max(1, chunk // every) * every
         width, J = len(self.columns) + COLUMNS_BESIDE_Y, len(self.robot.joints)
-        # One buffer for all chunks where a filter makes something new of them; its end is moved to its beginning.
+        # With a filter, all chunks share one buffer; the samples that the filter still needs move to its beginning.
         filtered = bool(reach) or every > 1
         room = np.empty((min(stride + reach, len(motion.t)) if filtered else 0, width, J))
         tail, standing = room[:0], np.empty((0, J))
@@ -263,7 +264,7 @@ class Regressor:
             tail, standing = buffer[done:], at_standstill[done:]
 
     def counted(self, standstill: Array) -> NDArray[np.bool_]:
-        """Which filtered torques count, from the share of their weight that comes from standstill, both (N, J)."""
+        """Whether each filtered torque counts, from the share of its weight that comes from standstill, both (N, J)."""
         return np.asarray((standstill < STANDSTILL_WEIGHT) | ~self.drops_standstill)
 
     def _fill(self, motion: Motion, part: slice, remembered: Mapping[int, list[dict[int, Array]]], out: Array) -> None:

@@ -1,8 +1,8 @@
 """The report: one HTML file that can be sent to a colleague and opens offline.
 
-It reads top-down: the verdict, measured against model, where it fails, what is missing, how the error fell, parameters,
-data. The figures are those of `frischid.figures`; plotly.js is embedded once, and a content security policy in the page
-forbids every address outside the file.
+The chapters, in order: the verdict, measured and predicted torque, where the model fails, missing effects, how the
+error fell, parameters, data. The figures are those of `frischid.figures`. plotly.js is embedded once, and a content
+security policy in the page forbids every address outside the file.
 """
 
 from __future__ import annotations
@@ -43,24 +43,24 @@ def report(
     ----------
     model : Model
     logs : sequence of Log
-        At least one. Those the model was fitted to are told from the others by its history.
+        At least one. The model's history says which of them it was fitted to.
     path : str or Path
-        Of the HTML file; it appears under its name only when complete.
+        The HTML file; it appears under this name only when complete.
     diagnosis : Diagnosis, optional
-        Of this model on these logs, when there is one already.
+        Diagnosis of this model on these logs, if there is one already.
     situation : {"auto", "always", "changed"}
-        See `frischid.diagnosis.diagnosis.diagnose`.
+        Whether the robot changed since it was identified, as in `frischid.diagnosis.diagnosis.diagnose`.
     truth : ndarray, shape (p,), optional
         True base parameters of a simulated robot.
     model_path : str
-        Name of the model's file in the commands the page proposes.
+        Name of the model's file in the commands that the page proposes.
     progress : callable
         Called with the name of each step of the work.
 
     Returns
     -------
     Study
-        What the page shows.
+        The content of the page.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def report(
     >>> diagnosis = fr.diagnose(model, [log], effects=["joint_spring"])  # leave it out to try the whole catalogue
     >>> shown = fr.report(model, [log], "report.html", diagnosis=diagnosis)
     >>> shown.warnings()[0]
-    'Every log here was used to fit the model: its error on new motion is larger than shown.'
+    'Every log here was used to fit the model: its error on new motion may be larger.'
     """
     check_writable(path)
     found = study(model, logs, diagnosis=diagnosis, situation=situation, truth=truth, progress=progress)

@@ -1,4 +1,4 @@
-"""Everything a report shows, computed once: the model along the logs, where it fails, what is missing, the data."""
+"""The content of a report, computed once: the model along the logs, where it fails, missing effects, the data."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ import numpy as np
 
 from frischid.core.text import listed
 from frischid.core.types import Array
-from frischid.diagnosis.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.diagnosis import Diagnosis
+from frischid.diagnosis.roles import diagnose_in_roles
 from frischid.errors import FrischidError, InputError
 from frischid.export.consistency import Consistency, make_consistent
 from frischid.logs.log import Log
 from frischid.model.comparison import Comparison, compare
+from frischid.model.headline import Headline, headline
 from frischid.model.identification_criteria import IdentificationCriteria
 from frischid.model.log_quality import Quality, quality
 from frischid.model.model import Model
@@ -29,7 +31,7 @@ HARDLY_KNOWN = 0.5  # standard error over value, above which a parameter is call
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A model on some logs.
+    """The content of a report: a model on some logs.
 
     Attributes
     ----------
@@ -39,25 +41,28 @@ class Study:
         Sources of the logs the model was not fitted to.
     prediction : Prediction
         Along all logs, in their order.
+    headline : Headline
+        The model's error: on the logs it was not fitted to, or cross-validated without any.
     comparison : Comparison
         On all logs.
     verdict : Comparison
-        On the logs that were held out, where there are any; on all of them otherwise.
+        On the held-out logs if there are any, otherwise on all logs.
     diagnosis : Diagnosis or None
-        On the logs the model was fitted to, where there are any: the others test. On all logs otherwise.
+        The model's own logs select, the others test: see `frischid.diagnosis.roles`.
     qualities : tuple of Quality
     reduction : Reduction or None
-        Which parameters are identifiable; None when it is not that of the model (another version made it).
+        The identifiable parameters; None when they are not those of the model (another version made the model).
     nominal, truth : ndarray, shape (p,), or None
         Base parameters of the URDF, and of a simulated robot.
     physical : Consistency or str
-        Links that could exist behind the base parameters, or why there are none.
+        Links that could exist and have the base parameters, or the reason why there are none.
     """
 
     model: Model
     logs: tuple[Log, ...]
     held_out: tuple[str, ...]
     prediction: Prediction
+    headline: Headline
     comparison: Comparison
     verdict: Comparison
     diagnosis: Diagnosis | None
@@ -78,7 +83,7 @@ class Study:
 
     @property
     def impossible(self) -> list[str]:
-        """Parameters whose sign is known and not the estimate's, by more than two standard errors."""
+        """Parameters whose estimate has the impossible sign, by more than two standard errors."""
         e = self.model.estimate
         return [c.name for c, x, s in zip(e.columns, e.theta, e.stderr, strict=True) if c.sign * x < -2 * s]
 
@@ -92,7 +97,7 @@ class Study:
         """Reasons to doubt the model, most serious first."""
         found = []
         if not self.held_out:
-            found.append("Every log here was used to fit the model: its error on new motion is larger than shown.")
+            found.append("Every log here was used to fit the model: its error on new motion may be larger.")
         limit = IdentificationCriteria().unexplained_nrmse
         hopeless = [n for n, j in self.verdict.joints.items() if j.nrmse > limit]
         if hopeless:
@@ -102,7 +107,7 @@ class Study:
             )
         worse = [n for n, j in self.verdict.joints.items() if j.nominal < j.nrmse and n not in hopeless]
         if worse:
-            found.append(f"The URDF's own parameters predict {listed(worse)} better than this model does.")
+            found.append(f"The URDF with fitted friction predicts {listed(worse)} better than this model does.")
         if self.diagnosis is not None and self.diagnosis.verdict != "none":
             found.append(f"{missing(self.diagnosis)}.")
         if self.impossible:
@@ -122,16 +127,18 @@ class Study:
 
 
 def missing(diagnosis: Diagnosis) -> str:
-    """A diagnosis in one clause."""
+    """A diagnosis in one clause, as the subject line of a page."""
     best = next((f for f in diagnosis.findings if f.significant and f.members), None)
     named = "" if best is None else f"{best.effect} on {listed(best.joints) or 'the whole robot'}"
+    if best is not None and best.undecided:
+        named += f", or {best.undecided[0]}: these logs alone cannot tell which"
     if diagnosis.verdict == "contact":
         count = len(diagnosis.contacts)
         touched = f"Something touched the robot {'once' if count == 1 else f'{count} times'} (left out)"
-        return f"{touched}; besides, missing: {named}" if named else touched
+        return f"{touched}; also missing: {named}" if named else touched
     if diagnosis.verdict == "unknown":
         part = f"; {named} explains a part of it" if named else ""
-        return f"Something is missing that nothing in the catalogue explains{part}"
+        return f"Something is missing that no effect of the catalogue explains{part}"
     return f"Missing: {named}" if named else f"{diagnosis.remainder[:1].upper()}{diagnosis.remainder[1:]}"
 
 
@@ -150,23 +157,23 @@ def study(
     truth: Array | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Study:
-    """Compute what a report shows.
+    """Compute the content of a report.
 
     Parameters
     ----------
     model : Model
     logs : sequence of Log
-        Those the model was fitted to are told from the others by its history.
+        The model's history says which of them it was fitted to.
     diagnosis : Diagnosis, optional
-        Of this model on those of these logs that are not held out, when there is one already.
+        Diagnosis of this model on those of these logs that are not held out, if there is one already.
     diagnosed : bool
-        Whether to diagnose when there is none.
+        Whether to diagnose if `diagnosis` is None.
     situation : {"auto", "always", "changed"}
-        See `frischid.diagnosis.diagnosis.diagnose`.
+        Whether the robot changed since it was identified, as in `frischid.diagnosis.diagnosis.diagnose`.
     truth : ndarray, shape (p,), optional
         True base parameters of a simulated robot.
     progress : callable
-        Told what is being done.
+        Called with the name of each step of the work.
     """
     if not logs:
         raise InputError("there is no log to report on")
@@ -176,17 +183,18 @@ def study(
     comparison = compare(model, logs, [b for part in evaluated for b in part])
     prediction = predict(model, logs, evaluated)
     if diagnosis is None and diagnosed:
-        own = [log for log in logs if model.made_from(log)]
-        diagnosis = diagnose(model, own or logs, valid=held if own else (), situation=situation, progress=progress)
+        diagnosis = diagnose_in_roles(model, logs, situation=situation, progress=progress)
     progress("parameters")
     reduction = _reduction(model)
+    verdict = compare(model, held) if held and len(held) < len(logs) else comparison
     return Study(
         model,
         tuple(logs),
         tuple(log.source for log in held),
         prediction,
+        headline(model, held or logs, verdict),
         comparison,
-        compare(model, held) if held and len(held) < len(logs) else comparison,
+        verdict,
         diagnosis,
         tuple(quality(model, logs)),
         reduction,

@@ -1,8 +1,8 @@
-"""HTML from templates: Jinja2 with autoescape on, so that nothing read from a file becomes markup.
+"""HTML from templates: Jinja2 with autoescape on, so that no text from a file becomes markup.
 
-Templates lie in `templates/`, one per chapter; `macros.html` holds what chapters share: tables, figures, commands. A
-name that a template does not know raises an error instead of leaving a gap. Only two things are inserted unescaped:
-plotly.js and the figures' JSON, both as `Markup` made here or in `page`.
+Templates are in `templates/`, one per chapter; `macros.html` holds the parts that chapters share: tables, figures,
+commands. A name that a template does not know raises an error instead of leaving a gap. Only plotly.js and the figures'
+JSON are inserted unescaped, both as `Markup` made here or in `page`.
 """
 
 from __future__ import annotations
@@ -38,5 +38,5 @@ def render(template: str, values: Mapping[str, Any]) -> Markup:
 
 
 def spec(drawing: Drawing) -> Markup:
-    """A figure as JSON inside a script element, which "<" is the one character to end early."""
+    """A figure as JSON for a script element; "<" is escaped, because it could end the element early."""
     return Markup(str(drawing.figure.to_json()).replace("<", "\\u003c"))

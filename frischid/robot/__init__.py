@@ -1,6 +1,5 @@
-"""A URDF becomes a robot whose torques are linear in its inertial parameters.
+"""From a URDF to a robot whose torques are linear in its inertial parameters.
 
-Comes in: the text of a URDF. Goes out: a `Robot`, which gives the rigid regressor of any motion.
-Start with `frischid.robot.robot`; `urdf_reading`, `mimics`, `joint_limits` and `pinocchio_model` are the parts it is
-made of.
+Comes in: the text of a URDF. Goes out: a `Robot`, which computes the rigid regressor of any motion.
+Start with `frischid.robot.robot`, which uses `urdf_reading`, `mimics`, `joint_limits` and `pinocchio_model`.
 """

@@ -38,18 +38,19 @@ def parameter_transform(H: Array) -> Array:
 
 
 def is_physical(theta: Array) -> NDArray[np.bool_]:
-    """Which of several bodies (..., 10) could exist: P positive semidefinite up to rounding."""
+    """Whether each of several bodies (..., 10) could exist: P is positive semidefinite up to rounding."""
     P = pseudo_inertia(theta)
     size = np.maximum(np.trace(P, axis1=-2, axis2=-1), 0.0)
     return np.asarray(np.linalg.eigvalsh(P)[..., 0] >= -1e-9 * size)
 
 
 def redistributed(parts: Array, whole: Array, main: int) -> Array:
-    """Change the parts of a body so that together they are another body.
+    """Change the parts of a body so that together they have the inertia of another body.
 
-    The affine map that carries the old distribution of mass to the new one with the least work (optimal transport of
-    Gaussians) is applied to every part alike: parts keep their shares, and stay physical if they were. Mass that a flat
-    old body cannot supply is added to the main part; a body without mass gives all to it.
+    One affine map is applied to every part: the map that carries the old distribution of mass to the new one with the
+    least work (optimal transport of Gaussians). So parts keep their shares, and stay physical if they were. Inertia
+    that no map of a flat old body can give is added to the main part; if the old body has no mass, the main part gets
+    all.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ def redistributed(parts: Array, whole: Array, main: int) -> Array:
 def _transport(old: Array, new: Array) -> Array:
     (m, c, C), (n, d, D) = _moments(old), _moments(new)
     values, axes = np.linalg.eigh(C)
-    # a flat old body is thickened by a tenth of a millimetre, for the map's sake only
+    # a flat old body is thickened by a tenth of a millimetre, only to compute the map
     half = _root((axes * np.maximum(values, 1e-8 + 1e-6 * values[-1])) @ axes.T)
     inverse = np.linalg.inv(half)
     R = inverse @ _root(half @ D @ half) @ inverse

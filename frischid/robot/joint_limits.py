@@ -2,7 +2,7 @@
 
     lower ≤ q ≤ upper,   |q̇| ≤ velocity,   |τ| ≤ effort
 
-A URDF may give none, and Pinocchio then invents zeros or huge numbers: such a limit is infinite here.
+If a URDF gives none, Pinocchio sets zeros or huge numbers; here such a limit is infinite.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from frischid.core.types import Array
 
 LARGEST_LIMIT = 1e6
-"""A velocity (rad/s, m/s) or an effort (N·m, N) above this is a placeholder: no robot is as fast or as strong."""
+"""A velocity (rad/s, m/s) or an effort (N·m, N) above this is a placeholder; no robot is so fast or strong."""
 
 
 @dataclass(frozen=True)

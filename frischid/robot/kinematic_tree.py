@@ -1,10 +1,10 @@
-"""A robot's kinematic tree as plain numbers, for whoever writes it down in another language.
+"""A robot's kinematic tree as plain numbers, for exports to other formats and languages.
 
-Body i hangs on body p(i) by a joint that turns or slides along a fixed axis of its own frame:
+Body i is connected to its parent body p(i) by a joint that turns or slides along a fixed axis s_i of its own frame:
 
     R_i = R⁰_i exp(s_i q_i),  p_i = p⁰_i       or       R_i = R⁰_i,  p_i = p⁰_i + R⁰_i s_i q_i
 
-with q_i = factor · q_leader + shift, which is the independent joint itself unless the joint mimics another.
+with q_i = factor · q_leader + shift. The leader is the joint itself, unless the joint mimics another one.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from frischid.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """One moving body and the joint it hangs on.
+    """One moving body, and the joint that connects it to its parent.
 
     Attributes
     ----------
     joint : str
     parent : int
-        Index of the body it hangs on; -1 for the base.
+        Index of the parent body; -1 for the base.
     rotation, translation : ndarray, shape (3, 3) and (3,)
         Pose of the joint at zero in the parent's joint frame.
     axis : ndarray, shape (3,)
     slides : bool
     leader : int
-        Index of the independent joint that moves it.
+        Index of the independent joint that moves the body.
     factor, shift : float
     """
 

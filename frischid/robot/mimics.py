@@ -47,7 +47,7 @@ def mimic_rules(urdf: str) -> dict[str, MimicRule]:
     Raises
     ------
     InputError
-        Mimic joints follow one another in a circle, or follow no moving joint.
+        Mimic joints follow one another in a circle, or a leader is not a moving joint.
 
     Examples
     --------
@@ -73,6 +73,6 @@ def mimic_rules(urdf: str) -> dict[str, MimicRule]:
             leader, inner, more = direct[leader]
             factor, shift = factor * inner, factor * more + shift
         if not any(j.get("name") == leader and j.get("type") != "fixed" for j in joints):
-            raise InputError(f"mimic joint '{name}' follows '{leader}', which is no moving joint of the URDF")
+            raise InputError(f"mimic joint '{name}' follows '{leader}', which is not a moving joint of the URDF")
         resolved[name] = MimicRule(leader, factor, shift)
     return resolved

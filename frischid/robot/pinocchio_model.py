@@ -32,7 +32,7 @@ def build_model(urdf: str, source: str, locked: Mapping[str, float], gravity: Se
     locked : mapping of str to float
         Joints that are fixed, with their angle, rad (m). Mimic joints of a locked leader are locked with it.
     gravity : sequence of 3 float
-        In the base frame, m/s².
+        Gravity in the base frame, m/s².
 
     Returns
     -------
@@ -91,7 +91,7 @@ def gravity_in_base(gravity: Sequence[float], base_rpy: Sequence[float] | None) 
     Raises
     ------
     InputError
-        One of them is not three finite numbers.
+        `gravity` or `base_rpy` is not three finite numbers.
     """
     g = np.asarray(gravity, dtype=float)
     if g.shape != (3,) or not np.isfinite(g).all():

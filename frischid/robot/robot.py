@@ -1,6 +1,6 @@
-"""A URDF, read as a machine whose torques are linear in its inertial parameters.
+"""A robot from a URDF; its torques are linear in its inertial parameters.
 
-Pinocchio turns the URDF into a kinematic tree. For every sample it gives the regressor Γ(q, q̇, q̈) with
+Pinocchio turns the URDF into a kinematic tree. For every sample, Pinocchio computes the regressor Γ(q, q̇, q̈) with
 
     τ = Γ(q, q̇, q̈) θ,      θ_link = (m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz)
 
@@ -10,7 +10,7 @@ parameters without changing the physics:
 - another frame of a link: with the pseudo-inertia P = [[Σ, h], [hᵀ, m]] of a body, ``P_joint = H P_frame Hᵀ`` is
   linear in θ_frame, so ``Γ_frame = Γ_joint T`` with a 10 × 10 block T per link;
 - mimic joints: q_full = G q + g, and virtual work gives ``τ = Gᵀ τ_full``;
-- parameters known outright: their columns leave Γ and their torque leaves τ.
+- known parameters: their columns are removed from Γ, and their torque is subtracted from τ.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Robot:
     name : str
         Name in the URDF.
     source : str
-        Path or name it was loaded from.
+        Path or name that the robot was loaded from.
     urdf : str
         The URDF's text, so that a saved model needs no other file.
     gravity : tuple of float
@@ -58,9 +58,9 @@ class Robot:
     locked : dict of str to float
         Joints that are fixed, with their angle, rad (m).
     frames : str or dict
-        ``"joint"``, ``"far_end"``, or joint name -> URDF frame the link's parameters are expressed about.
+        ``"joint"``, ``"far_end"``, or joint name -> URDF frame in which the link's parameters are expressed.
     known : dict of str to float
-        Rigid parameters taken as given; they have no column.
+        Known rigid parameters; they are not fitted and have no column.
 
     Examples
     --------
@@ -82,7 +82,10 @@ class Robot:
         for name in self.known:
             if name not in self.all_names:
                 raise UnknownNameError("parameter", name, self.all_names, self.source)
-        _ = self.model, self.transforms  # nothing left to move, an unknown frame: errors now, not at the first sample
+        _ = (
+            self.model,
+            self.transforms,
+        )  # errors (no joint left to move, an unknown frame) come now, not at the first sample
 
     @classmethod
     def load(
@@ -105,23 +108,23 @@ class Robot:
         joints : sequence of str, optional
             Joints that move; all others are locked. All joints by default.
         lock : mapping or sequence of str
-            Joints to lock, with their angle in rad (m), or at zero moved into the joint's limits.
+            Joints to lock, with their angle in rad (m); without an angle, at zero, or the nearest value in the limits.
         gravity : sequence of 3 float
             Gravity in the world frame, m/s².
         base_rpy : sequence of 3 float, optional
             Roll, pitch and yaw (rad) of the base in the world.
         frames : str or mapping
-            ``"joint"`` (URDF joint frames), ``"far_end"`` (same axes, origin at the next joint or the tip, as
-            Denavit-Hartenberg frames have it), or joint name -> name of a URDF link fixed to that body.
+            ``"joint"`` (URDF joint frames), ``"far_end"`` (same axes, origin at the next joint or the tip, similar to
+            Denavit-Hartenberg frames), or joint name -> name of a URDF link fixed to that body.
         known : mapping of str to float, optional
-            Rigid parameters known outright, for example ``{"my1": 0.0}``.
+            Known rigid parameters, for example ``{"my1": 0.0}``.
 
         Raises
         ------
         InputError
-            The file is not a URDF, or it has joints frischid cannot handle.
+            The file is not a URDF, or has joints that frischid cannot handle.
         UnknownNameError
-            No such robot, joint, frame or parameter.
+            There is no such robot, joint, frame or parameter.
         """
         source, text = read_urdf(robot)
         tree = parse_urdf(text, source)
@@ -162,7 +165,7 @@ class Robot:
         return cls(**{**data, "gravity": tuple(data["gravity"])})
 
     def keep(self, joints: Sequence[str]) -> Robot:
-        """Lock every joint that is not in `joints`, at zero moved into its limits."""
+        """Lock every joint that is not in `joints`, at zero or the nearest value in its limits."""
         extra = {j: self.angle_at_lock(j) for j in self.joints if j not in set(joints)}
         return replace(self, locked={**self.locked, **extra}) if extra else self
 
@@ -198,7 +201,7 @@ class Robot:
 
     @cached_property
     def prismatic(self) -> NDArray[np.bool_]:
-        """Which of the independent joints slide, shape (J,)."""
+        """Whether each independent joint is prismatic, shape (J,)."""
         return np.array([self.model.joints[self.numbers[n]].shortname().startswith("JointModelP") for n in self.joints])
 
     @cached_property
@@ -227,7 +230,7 @@ class Robot:
 
     @cached_property
     def columns(self) -> tuple[Column, ...]:
-        """Columns of the rigid regressor: all rigid parameters that are not known outright."""
+        """Columns of the rigid regressor: all rigid parameters that are not `known`."""
         owners = [(n, u) for n in self.bodies for u in LINK_UNITS]
         return tuple(
             Column(name, unit, joint, "rigid", sign=1 if name.rstrip("0123456789") in {"m", "Ixx", "Iyy", "Izz"} else 0)
@@ -255,7 +258,7 @@ class Robot:
         return frame_placement(self.model, joint, self.frames, self.source)
 
     def angle_at_lock(self, joint: str) -> float:
-        """Zero moved into the joint's limits, rad (m): where a joint is locked when nobody says where."""
+        """Angle at which a joint is locked if none is given, rad (m): zero, or the nearest value in its limits."""
         i = self.joints.index(joint)
         return float(np.clip(0.0, self.limits.lower[i], self.limits.upper[i]))
 
@@ -319,7 +322,7 @@ class Robot:
         plain = self.transforms is None and not self.known and not self.mimics
         full = out if plain else np.empty((len(q), len(self.all_names), len(self.bodies)))
         model, data, compute = self.model, self.data, pin.computeJointTorqueRegressor
-        # Pinocchio's array is column-major: seen as (joint, parameter), source and target run through memory alike.
+        # Pinocchio's array is column-major: as (joint, parameter), source and target have the same order in memory.
         rows = zip(full.transpose(0, 2, 1), self.configuration(q), self.full_rates(v), self.full_rates(a), strict=True)
         for target, x, y, z in rows:
             target[...] = compute(model, data, x, y, z)
@@ -332,7 +335,7 @@ class Robot:
         out[:] = self.project(full, axis=2)[:, unknown]
 
     def known_torque(self, q: Array, v: Array, a: Array) -> Array | None:
-        """Torque of the parameters known outright, (N, J); None when all of them are zero."""
+        """Torque of the `known` parameters, (N, J); None when all of them are zero."""
         values = np.array([self.known.get(n, 0.0) for n in self.all_names])
         if not values.any():
             return None

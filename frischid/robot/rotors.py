@@ -1,13 +1,13 @@
 """Spinning rotors on moving links: the torque of a motor's rotor inertia, gyroscopic terms included.
 
 A symmetric rotor of inertia I about its axis spins at ``ratio · q̇_i`` about joint i's axis z_i, mounted on link i−1.
-Its spin momentum ``h = I ratio q̇_i z_i`` loads the joints before i with z_j·ḣ, and joint i with the motor's own
-balance:
+Its angular momentum ``h = I ratio q̇_i z_i`` adds the torque z_j·ḣ to the joints j before i, and the torque balance of
+the motor itself to joint i:
 
     row j < i:  I ratio (q̈_i z_j·z_i + q̇_i z_j·(ω_{i−1} × z_i))
     row i:      I (ratio² q̈_i + ratio z_i·ω̇_{i−1})
 
-The rotor's inertia about its own axis as a part of link i−1 belongs to that link's parameters.
+The inertia of the rotor when it does not spin against link i−1 belongs to the parameters of that link.
 
 Source: L. Sciavicco, B. Siciliano and L. Villani, "Lagrange and Newton-Euler dynamic modeling of a gear-driven robot
 manipulator with inclusion of motor inertia effects", Advanced Robotics 10(3), 1996.

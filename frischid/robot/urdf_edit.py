@@ -1,7 +1,7 @@
-"""A URDF as text: inertials and joint friction are replaced where they stand, and not a byte elsewhere.
+"""A URDF as text: inertials and joint friction are replaced in place, and no other byte changes.
 
-An XML library that reads and writes again would reorder attributes, drop comments or change white space. Here the
-parser only says *where* things are, in bytes; the edits are then made from the last to the first.
+An XML library that reads and writes the file would reorder attributes, drop comments or change white space. Here the
+parser only finds the *places* of elements, in bytes; the edits are then made from the last to the first.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Span = tuple[int, int]
 
 @dataclass
 class Element:
-    """Where an element stands: its start tag and the whole of it, in bytes, its attributes and its children."""
+    """Place of an element: byte ranges of its start tag and of the whole element; its attributes and children."""
 
     name: str
     attributes: dict[str, str]
@@ -57,7 +57,7 @@ class UrdfText:
         return "" if child is None else child.attributes.get("link", "")
 
     def pseudo_inertia(self, link: str) -> Array:
-        """Pseudo-inertia (4, 4) of a link in its own frame as the URDF states it; zero without an inertial."""
+        """Pseudo-inertia (4, 4) of a link in its own frame, from the URDF; zero without an inertial."""
         inertial = self.links[link].child("inertial")
         if inertial is None:
             return np.zeros((4, 4))
@@ -118,7 +118,7 @@ class UrdfText:
         return f"{self._newline}{indent}".join(lines)
 
     def _inserted(self, parent: Element, lines: Sequence[str]) -> tuple[Span, str]:
-        """Put a new child first into an element, on a line of its own if its other children have theirs."""
+        """Insert a first child into an element, on a line of its own if the other children have their own lines."""
         newline = self._newline
         if parent.empty:
             start, end = parent.tag
@@ -133,7 +133,7 @@ class UrdfText:
         return (parent.tag[1], parent.tag[1]), f"{newline}{inner}{self._joined(lines, inner)}"
 
     def _indent(self, place: int) -> str:
-        """White space before a place, if nothing else stands there on its line."""
+        """White space before a place, if the line has nothing else before the place."""
         line = self.data[self.data.rfind(b"\n", 0, place) + 1 : place].decode()
         return line if not line.strip() else ""
 
@@ -186,7 +186,7 @@ def _elements(data: bytes) -> Element:
 
 
 def _tag_end(data: bytes, begin: int) -> int:
-    """Place behind the ``>`` of a start tag; a ``>`` inside quotes is none."""
+    """Place after the ``>`` that ends a start tag; a ``>`` inside quotes does not end it."""
     quote = 0
     for place in range(begin, len(data)):
         byte = data[place]

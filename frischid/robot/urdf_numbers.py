@@ -1,10 +1,10 @@
-"""Numbers of a URDF, read before the parser of the URDF reads them.
+"""A check of the numbers of a URDF before Pinocchio's parser reads them.
 
     number = [+-] digits [. digits] [e [+-] digits]
 
-The parser behind Pinocchio drops a whole inertial of which it cannot read one number, and says so on the terminal only:
-the link then weighs nothing. So every number that makes the dynamics is read here first, and one that is not finite is
-an error that names its line. A mass must not be negative.
+If Pinocchio's parser cannot read one number of an inertial, it drops the whole inertial and only prints a message: the
+link then weighs nothing. So every number of the dynamics is read here first. A number that cannot be read or is not
+finite is an error that names its line. A mass must not be negative.
 
 Format: URDF, https://wiki.ros.org/urdf/XML.
 """
@@ -19,10 +19,10 @@ from xml.parsers import expat
 from frischid.errors import InputError
 
 NUMBER_PATTERN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-"""A number as the parser behind Pinocchio reads it: in plain digits, without a space or a comma."""
+"""A number that Pinocchio's parser can read: plain digits, without a space or a comma."""
 
 Quantities = Mapping[str, int]
-"""Attribute -> how many numbers the attribute holds."""
+"""Attribute -> count of numbers in the attribute."""
 
 _POSE: Quantities = {"xyz": 3, "rpy": 3}
 _NUMBERS: Mapping[tuple[str, ...], Quantities] = {
@@ -35,13 +35,13 @@ _NUMBERS: Mapping[tuple[str, ...], Quantities] = {
     ("joint", "dynamics"): {"damping": 1, "friction": 1},
     ("joint", "mimic"): {"multiplier": 1, "offset": 1},
 }
-"""Elements below ``<robot>`` whose numbers make the dynamics."""
+"""Elements below ``<robot>`` whose numbers decide the dynamics."""
 _REQUIRED = {("link", "inertial", "mass"), ("link", "inertial", "inertia")}
-"""Elements of which no number may be missing: without one of them the whole inertial is dropped."""
+"""Elements in which no number may be missing, because the parser would then drop the whole inertial."""
 
 
 def check_numbers(text: str, source: str) -> None:
-    """Refuse a URDF that holds a number nobody can read, or a negative mass.
+    """Refuse a URDF with an unreadable number or a negative mass.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def check_numbers(text: str, source: str) -> None:
     Raises
     ------
     InputError
-        A number of an inertial or of a joint is none, is not finite or is missing, or a mass is negative. The message
+        A number of an inertial or of a joint is unreadable, not finite or missing, or a mass is negative. The message
         names the file, the line, the element and the value.
 
     Examples

@@ -1,7 +1,7 @@
-"""A URDF file, found by path or by name, and read as text that is known to be a URDF.
+"""A URDF file, found by path or by name, and read as text after a check that it is a URDF.
 
-The text stays as it is, byte for byte, so that an export changes nothing but the numbers it must change. The checks
-here are those that an XML parser can make; `frischid.robot.pinocchio_model` makes those of the kinematic tree.
+The text stays the same, byte for byte, so that an export changes only the numbers that it must change. The checks here
+are those of the XML; `frischid.robot.pinocchio_model` checks the kinematic tree.
 
 Format: URDF, https://wiki.ros.org/urdf/XML.
 """
@@ -31,7 +31,7 @@ def robot_names() -> dict[str, Path]:
         share = metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")
         files += sorted(Path(str(share)).rglob("*.urdf"))
     except metadata.PackageNotFoundError:
-        pass  # the shipped robots load by name all the same, and so does every path
+        pass  # the robots shipped with frischid still load by name, and every path does
     stems = [p.stem for p in files]
     names: dict[str, Path] = {}
     for path in files:
@@ -49,12 +49,12 @@ def read_urdf(robot: str | Path) -> tuple[str, str]:
     Returns
     -------
     source, text : str
-        Path or name as given, and the file's text.
+        The given path or name, and the file's text.
 
     Raises
     ------
     InputError
-        The path is a folder, does not exist, or is no text file.
+        The path is a folder, does not exist, or is not a text file.
     UnknownNameError
         There is no robot of that name.
     """
@@ -70,7 +70,9 @@ def read_urdf(robot: str | Path) -> tuple[str, str]:
     elif not path.exists():
         raise InputError(f"{path}: no such URDF file; give a path, or a name that `frischid info` lists")
     try:
-        return text, path.read_bytes().decode("utf-8")  # line ends as they are: an export changes nothing else
+        return text, path.read_bytes().decode(
+            "utf-8"
+        )  # decoded from bytes, so that line ends stay the same in an export
     except UnicodeDecodeError as error:
         raise InputError(
             f"{path}: not a UTF-8 text file, so not a URDF ({error.reason} at byte {error.start})"
@@ -83,7 +85,7 @@ def parse_urdf(text: str, source: str) -> ET.Element:
     Raises
     ------
     InputError
-        The text is no XML, has another root than ``<robot>``, is a xacro file, or holds a number nobody can read.
+        The text is not XML, has another root than ``<robot>``, is a xacro file, or has an unreadable number.
     """
     try:
         root = ET.fromstring(text)

@@ -1,12 +1,12 @@
 """The studio: a page on localhost to work in.
 
-The robot moves along the log, its joints coloured by where the model fails. A click on a finding adds its effect,
-refits the model and changes curves, colours and staircase before the user's eyes; every step can be undone. The page is
-viser's; the figures are those of the report (`frischid.figures`); the computations are in `frischid.studio.bench`,
-which knows no page.
+The robot moves along the log; the colour of a joint shows the model's error there. A click on a finding adds its
+effect, refits the model and updates curves, colours and the history of errors; every step can be undone. The page is
+made with viser; the figures are those of the report (`frischid.figures`); the computations are in
+`frischid.studio.bench`, which does not depend on the page.
 
-The page opens before anything is computed: a browser takes as long to read viser's scripts as the model
-takes to be evaluated along its logs, and the two go on side by side. Hence this module imports little at its top.
+The page opens before anything is computed, because a browser takes as long to load viser's scripts as the model takes
+to be evaluated along its logs. Both then run at the same time. So this module imports little at its top.
 """
 
 from __future__ import annotations
@@ -15,12 +15,14 @@ import contextlib
 import io
 import threading
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from frischid.errors import InputError
 from frischid.studio.frame import Frame
+from frischid.studio.gate import Gate
 
 if TYPE_CHECKING:
     from frischid.logs.log import Log
@@ -28,28 +30,28 @@ if TYPE_CHECKING:
     from frischid.studio.bench import Bench
     from frischid.studio.tab import Tab
 
-FRAME = 0.05  # s between two poses of a robot that plays
+FRAME = 0.05  # s between two poses of a moving robot
 
 
 class Studio:
-    """A page that is served, at first without a model: `show` puts one on it.
+    """A served page. At first it has no model; `show` puts one on the page.
 
     Parameters
     ----------
     host : str
-        Address to listen on. Whoever reaches it can change the model and write its file: leave it at loopback unless
-        you trust the network.
+        Address to listen on. Anybody who knows `address` and reaches the page can change the model and write its file.
+        The address crosses the network unencrypted: keep the loopback address unless you trust the network.
     port : int
-        The next free one is taken when it is in use.
+        Port to listen on; if it is in use, the next free one is taken.
 
     Attributes
     ----------
     address : str
-        Where it is to be found.
+        Address of the page, with the secret token that lets a browser in.
     bench : Bench
-        Once there is a model.
+        The model and its logs, after `show`.
     tabs : dict of int to Tab
-        The browser tabs that show it, by viser's number of the client.
+        The browser tabs that show the page, by viser's number of the client.
 
     Raises
     ------
@@ -64,15 +66,16 @@ class Studio:
             import viser
         except ImportError:
             raise InputError('the studio needs viser: pip install "frischid[studio]"') from None
-        with contextlib.redirect_stdout(io.StringIO()):  # viser announces itself; the command prints its own line
-            self.server = viser.ViserServer(host=host, port=port, label="frischid studio", verbose=False)
-        # Lit by two lamps and the sky: without a GPU, viser's picture of a warehouse and its shadows take seconds.
+        gate = Gate(host)
+        with contextlib.redirect_stdout(io.StringIO()):  # viser prints an announcement; the command prints its own line
+            self.server = gate.opened(lambda: viser.ViserServer(host, port, label="frischid studio", verbose=False))
+        # Two lamps and the sky light the scene: without a GPU, viser's default surroundings and shadows take seconds.
         self.server.scene.configure_environment_map(None)
         self.server.scene.configure_default_lights(cast_shadow=False)
         self.server.scene.add_light_hemisphere("/sky", ground_color=(150, 150, 150), intensity=2.0)
-        shown = "localhost" if host in ("127.0.0.1", "localhost", "0.0.0.0") else host
-        self.address = f"http://{shown}:{self.server.get_port()}"
-        self._lock = threading.Lock()  # over who waits and who is shown the model
+        shown = "localhost" if host in ("127.0.0.1", "localhost", "::1", "0.0.0.0", "::") else host
+        self.address = f"http://{shown}:{self.server.get_port()}/{gate.token}"
+        self._lock = threading.Lock()  # guards the lists of tabs that wait and tabs that show the model
         self._waiting: dict[int, Frame] = {}
         self.tabs: dict[int, Tab] = {}
         self._open: Callable[[Frame], None] | None = None
@@ -86,9 +89,9 @@ class Studio:
         ----------
         model : Model
         logs : sequence of Log
-            Those the model was fitted to are fitted again with every effect added; the others measure the error.
+            Logs the model was fitted to are fitted again with every added effect; the others only measure the error.
         output : str or Path
-            Where the page's button saves the model; the report goes beside it.
+            File in which the page's button saves the model; the report is written into the same folder.
 
         Raises
         ------
@@ -108,7 +111,10 @@ class Studio:
 
         def show(frame: Frame) -> None:
             tab = self.tabs[frame.client.client_id] = Tab(frame, bench, track)
-            tab.refresh()  # what changed while it was drawn
+            if frame.client.client_id not in self.server.get_clients():  # it was closed while the tab was drawn
+                self.tabs.pop(frame.client.client_id, None)
+                return
+            tab.refresh()  # shows changes that came while the tab was drawn
             bench.look()
 
         with self._lock:
@@ -122,7 +128,7 @@ class Studio:
 
     def stop(self) -> None:
         """Close the page's server."""
-        with contextlib.redirect_stdout(io.StringIO()):  # viser takes its leave
+        with contextlib.redirect_stdout(io.StringIO()):  # viser prints a farewell
             self.server.stop()
 
     def _arrived(self, client: Any) -> None:
@@ -143,7 +149,9 @@ class Studio:
         for number, tab in list(self.tabs.items()):
             try:
                 do(tab)
-            except Exception:  # a tab that was closed meanwhile must not keep the others from being told
+            except Exception:  # viser's errors for a tab that was closed meanwhile have no common class
+                if number in self.server.get_clients():  # the tab is open: the error is ours, and is shown
+                    traceback.print_exc()
                 self.tabs.pop(number, None)
 
     def _play(self) -> None:

@@ -1,8 +1,8 @@
-"""The work bench behind the studio's page: one model, its logs, and the jobs that change it.
+"""The work bench behind the studio's page: one model, its logs, and the jobs that change the model.
 
-It knows nothing of the page. All that is shown is one frozen `State`; a job computes the next one and puts it in place
-only when all of it has worked, so a failure leaves everything as it was. Jobs run one at a time: a second one, from
-whatever tab, is refused while the first runs, and so is one that was meant for a state that is no longer the present.
+The bench does not depend on the page. The page shows one frozen `State`. A job computes the next state and replaces the
+present one only when the whole job has succeeded, so a failure changes nothing. Jobs run one at a time: while one runs,
+a second one from any tab is refused. A job that was started for an older state is refused too.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from frischid.effects import EFFECTS, Effect, effect_from_dict
 from frischid.errors import FrischidError, InputError
 from frischid.logs.log import Log
 from frischid.model.comparison import Comparison, compare
+from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
 from frischid.model.prediction import Prediction, predict
 
-if TYPE_CHECKING:  # jobs load what they need: the first picture does not wait for it
+if TYPE_CHECKING:  # jobs import these modules themselves, so that the first picture does not wait
     from frischid.diagnosis.diagnosis import Diagnosis
     from frischid.diagnosis.findings import Finding
 
@@ -41,21 +42,21 @@ class State:
         Along all logs.
     comparison : Comparison
         On all logs.
-    error : float
-        NRMSE on the logs held out, or on all of them when none was.
+    headline : Headline
+        The model's error: on the logs it was not fitted to, or cross-validated without any.
     diagnosis : Diagnosis or None
-        Of this very model; None while it is being made.
+        Diagnosis of this model; None until it is finished.
     problem : str
-        Why there is none, when it failed.
+        Why the diagnosis failed; empty otherwise.
     before : State or None
-        What `undo` goes back to at once; None where it has to be computed.
+        State before the last step, for `undo`; None where that state has to be computed.
     """
 
     revision: int
     model: Model
     prediction: Prediction
     comparison: Comparison
-    error: float
+    headline: Headline
     diagnosis: Diagnosis | None = None
     problem: str = ""
     before: State | None = None
@@ -66,52 +67,54 @@ class SupersededError(Exception):
 
 
 class Bench:
-    """A model on its logs, open for change.
+    """A model, its logs, and the jobs that change the model.
 
     Parameters
     ----------
     model : Model
     logs : sequence of Log
-        Those the model was fitted to are fitted again when an effect is added, and decide what is missing. The others
-        only test. When it was fitted to none of them, all are fitted.
+        Logs the model was fitted to are fitted again when an effect is added, and select the missing effects. The
+        others only test. The model's own logs that are not given are looked for: see `frischid.diagnosis.roles`.
     output : Path
-        Where `save` writes; `export` writes beside it.
+        File that `save` writes; `export` writes into the same folder.
 
     Attributes
     ----------
     fit, valid : list of Log
-        Those that are fitted again and decide, and those that only test.
+        Logs that are fitted again and select effects, and logs that only test.
+    note : str
+        Where the logs that select come from, if not from the logs given; otherwise empty.
     absent : int
-        Number of logs that the model was fitted to and that are not here: new effects are fitted without them.
+        Number of logs that the model was fitted to but that were not given: new effects are fitted without them.
     """
 
     def __init__(self, model: Model, logs: Sequence[Log], output: Path) -> None:
-        self.logs, self.output = list(logs), output
-        fitted = [log for log in self.logs if model.made_from(log)]
-        self.fit = fitted or self.logs
-        self.valid = [log for log in self.logs if fitted and log not in fitted]
-        self.absent = max(model.fitted_to - len(fitted), 0) if fitted else 0
+        self.output = output
+        self.fit, self.valid, self.note = _by_role(model, logs)
+        self.logs = [*self.fit, *self.valid]
+        fitted = sum(model.made_from(log) for log in self.fit)
+        self.absent = max(model.fitted_to - fitted, 0) if fitted else 0
         self._turn = threading.Lock()
-        self._change = threading.Lock()  # over what the state is; held for no longer than it takes to replace it
+        self._change = threading.Lock()  # guards the state; held only while the state is replaced
         self._doing = ""
         self._looked = -1
         self._listeners: list[Callable[[], None]] = []
         self._progress: Callable[[str, float], None] = lambda _text, _share: None
         self.state = self._state(model, 0)
 
-    # ------------------------------------------------------------------ who listens
+    # ------------------------------------------------------------------ listeners
 
     def listen(self, changed: Callable[[], None]) -> Callable[[], None]:
-        """Call `changed` after every new state; the function returned ends it."""
+        """Call `changed` after every new state, until the returned function is called."""
         self._listeners.append(changed)
         return lambda: self._listeners.remove(changed)
 
     def on_progress(self, progress: Callable[[str, float], None]) -> None:
-        """Tell `progress` what is being done and the share that is done; an empty text when nothing is."""
+        """Call `progress` with the present work and the finished share; with an empty text when no work is done."""
         self._progress = progress
 
     def _put(self, state: State, revision: int) -> None:
-        """Show a state made from that of a revision, unless the model has been changed since."""
+        """Show a new state that was computed from the state of `revision`, unless the model has changed since."""
         with self._change:
             if self.state.revision != revision:
                 return
@@ -123,13 +126,13 @@ class Bench:
 
     @contextmanager
     def _job(self, doing: str, revision: int) -> Iterator[State]:
-        """Take the turn, or say who has it."""
+        """Start a job, or raise an error that names the running one."""
         if not self._turn.acquire(blocking=False):
             raise InputError(f"busy: {self._doing}; try again when it is done")
         try:
             self._doing = doing
             if revision != self.state.revision:
-                raise InputError("the model was changed in another tab; look at what it is now, then try again")
+                raise InputError("the model was changed in another tab; look at the present model, then try again")
             self._progress(doing, 0.1)
             yield self.state
         finally:
@@ -137,12 +140,12 @@ class Bench:
             self._progress("", 1.0)
 
     def add(self, effects: Sequence[Effect], revision: int, finding: Finding | None = None) -> State:
-        """Add effects, refit, and show the new state; then look for what is missing next.
+        """Add effects, refit, show the new state, and then diagnose it.
 
         Raises
         ------
         InputError
-            Another job runs, the state is not the present one, or the effects cannot be added.
+            Another job runs, the revision is not the present one, or the effects cannot be added.
         """
         from frischid.diagnosis.improvement import add
 
@@ -160,7 +163,7 @@ class Bench:
         return self.add([effect_from_dict({"effect": "formula", "joints": where, "expression": expression})], revision)
 
     def undo(self, revision: int) -> State:
-        """Take the last step back: at once, and to what was found missing then, where it was done here."""
+        """Take the last step back; if the step was done on this bench, the state before comes back at once."""
         from frischid.diagnosis.improvement import undo
 
         with self._job("taking the last step back", revision) as now:
@@ -176,7 +179,7 @@ class Bench:
         return self.output
 
     def export(self) -> Path:
-        """Write the report on the present model, beside it."""
+        """Write the report on the present model into the model's folder."""
         from frischid.reports.page import report
 
         state = self.state
@@ -189,27 +192,27 @@ class Bench:
         return path
 
     def look(self) -> None:
-        """Diagnose in the background, once a state; what comes of it is a new state."""
+        """Diagnose in the background, once per state; the result is a new state."""
         state = self.state
         if state.diagnosis is not None or self._looked == state.revision:
             return
         self._looked = state.revision
 
         def work() -> None:
-            if self.state.revision != state.revision:  # it was changed again, and is looked at anew
+            if self.state.revision != state.revision:  # the model changed again; the new state is diagnosed
                 return
             try:
                 self.diagnose()
-            except Exception as error:  # nobody waits for this thread: what went wrong is shown
+            except Exception as error:  # nobody waits for this thread, so the page shows the error
                 self._put(replace(state, problem=message_of(error)), state.revision)
 
-        # First the page draws what is new: the diagnosis would take the processor from it.
+        # First the page draws the new state: the diagnosis would take processor time from the drawing.
         timer = threading.Timer(DIAGNOSIS_DELAY, work)
         timer.daemon = True
         timer.start()
 
     def diagnose(self) -> None:
-        """Find what the present model is missing; given up when the model changes meanwhile."""
+        """Find the effects that the present model misses; the diagnosis is abandoned if the model changes meanwhile."""
         from frischid.diagnosis.diagnosis import diagnose
 
         state = self.state
@@ -220,7 +223,7 @@ class Bench:
                 raise SupersededError
             name = text.removeprefix("trying ")
             tried.add(name)
-            self._progress(f"looking for what is missing: {name}", len(tried & EFFECTS.keys()) / len(EFFECTS))
+            self._progress(f"looking for missing effects: {name}", len(tried & EFFECTS.keys()) / len(EFFECTS))
 
         try:
             found = diagnose(state.model, self.fit, valid=self.valid, progress=progress)
@@ -228,6 +231,8 @@ class Bench:
             return
         finally:
             self._progress("", 1.0)
+        if self.note:
+            found = replace(found, notes=(*found.notes, self.note))
         self._put(replace(state, diagnosis=found), state.revision)
 
     def _state(self, model: Model, revision: int) -> State:
@@ -235,12 +240,25 @@ class Bench:
         evaluated = [list(model.blocks([log])) for log in logs]
         comparison = compare(model, logs, [b for part in evaluated for b in part])
         held_out = [b for part in evaluated[len(self.fit) :] for b in part]
-        error = compare(model, self.valid, held_out).nrmse if self.valid else comparison.nrmse
+        tested = compare(model, self.valid, held_out) if self.valid else comparison
+        error = headline(model, self.valid or self.fit, tested)
         return State(revision, model, predict(model, logs, evaluated), comparison, error)
 
 
+def _by_role(model: Model, logs: Sequence[Log]) -> tuple[list[Log], list[Log], str]:
+    """Logs that are fitted and select, logs that test, and a note where others than those given select."""
+    own = [log for log in logs if model.made_from(log)]
+    if own and len(own) >= model.fitted_to:  # nothing to look for
+        return own, [log for log in logs if log not in own], ""
+    from frischid.diagnosis.roles import roles
+
+    given = roles(model, logs)
+    fit, valid = ([log for log in part if isinstance(log, Log)] for part in (given.select, given.test))
+    return fit, valid, given.note
+
+
 def message_of(error: Exception) -> str:
-    """What to tell the user of a failed job."""
+    """Message to the user on a failed job."""
     if isinstance(error, FrischidError):
         return str(error)
-    return f"{type(error).__name__}: {error}; the model is as it was"
+    return f"{type(error).__name__}: {error}; the model has not changed"

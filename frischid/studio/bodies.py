@@ -1,8 +1,7 @@
-"""Bodies to draw: the URDF's own where they can be read, simple ones from the kinematics where they cannot.
+"""Bodies to draw: the URDF's own where they can be read, otherwise simple ones from the kinematics.
 
-A link's picture is the first of these that can be read here: its visual geometry, its collision geometry, rods from
-its joint to each joint that hangs on it. So every URDF shows something, and a missing mesh costs one link and not the
-robot.
+A link is drawn with the first of these that can be read: its visual geometry, its collision geometry, rods from its
+joint to the joints of the next links. So every URDF can be drawn, and a missing mesh changes one link only.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ def urdf_of(robot: Robot) -> Any:
     urdf = yourdfpy.URDF.load(BytesIO(text), filename_handler=yourdfpy.urdf.filename_handler_null)
     for body in urdf.scene.geometry.values():
         if body.visual.kind == "face":
-            # A colour without a material is taken for bare metal, which is black where there is nothing to mirror.
+            # A colour without a material would be drawn as bare metal, which is black where nothing is mirrored.
             dull = visual.material.PBRMaterial(
                 baseColorFactor=body.visual.main_color, metallicFactor=0.0, roughnessFactor=0.8
             )
@@ -69,14 +68,14 @@ def thickness_of(robot: Robot) -> float:
 
 
 def _thickness(tree: ET.Element) -> float:
-    """A fraction of the distance between joints, to which long links count for more."""
+    """A fraction of the mean distance between joints, in which long links have more weight."""
     offsets = [float(np.linalg.norm(_xyz(joint.find("origin")))) for joint in tree.findall("joint")]
     usual = [x for x in offsets if x > 1e-3]
     return float(np.clip(0.08 * np.sqrt(np.mean(np.square(usual))), 0.004, 0.06)) if usual else 0.03
 
 
 def _folders(robot: Robot) -> list[Path]:
-    """Where packages and relative file names may lie."""
+    """Folders that may hold packages and relative file names."""
     here = Path(robot.source)
     folders = list(here.resolve().parents) if here.exists() else []
     folders += [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
@@ -88,11 +87,11 @@ def _folders(robot: Robot) -> list[Path]:
 
 
 def _found(filename: str, folders: list[Path]) -> Path | None:
-    """The file behind ``package://``, ``file://``, a relative or an absolute name."""
+    """The file with a ``package://``, ``file://``, relative or absolute name."""
     plain = filename.removeprefix("file://").removeprefix("package://")
     package = plain.partition("/")
     for folder in folders:
-        # A package is a folder of that name, or this very folder if it is called so.
+        # A package is a subfolder of that name, or the folder itself if it has that name.
         for path in (folder / plain, folder / package[2] if folder.name == package[0] else None):
             if path is not None and path.is_file():
                 return path
@@ -100,7 +99,7 @@ def _found(filename: str, folders: list[Path]) -> Path | None:
 
 
 def _readable(link: ET.Element, kind: str, folders: list[Path]) -> Iterator[ET.Element]:
-    """Geometry elements of a link that can be drawn, as visuals, with the paths of their files."""
+    """Geometry elements of a link that can be drawn, as visual elements with the paths of their files."""
     for element in link.findall(kind):
         mesh = element.find("geometry/mesh")
         if mesh is not None:
@@ -114,7 +113,7 @@ def _readable(link: ET.Element, kind: str, folders: list[Path]) -> Iterator[ET.E
 
 
 def _children(tree: ET.Element) -> dict[str, list[Array]]:
-    """For each link the origins of the joints that hang on it."""
+    """For each link the origins of the joints of its child links."""
     found: dict[str, list[Array]] = {}
     for joint in tree.findall("joint"):
         parent = joint.find("parent")
@@ -134,7 +133,7 @@ def _xyz(origin: ET.Element | None) -> Array:
 
 
 def _simple(ends: list[Array], centre: Array | None, radius: float) -> list[ET.Element]:
-    """Rods from the joint to where the link goes on; a last link reaches twice as far as its centre of mass."""
+    """Rods from a link's joint to the next joints; the rod of a last link is twice as long as to its centre of mass."""
     if not ends:
         if centre is None:
             return []
@@ -145,7 +144,7 @@ def _simple(ends: list[Array], centre: Array | None, radius: float) -> list[ET.E
 
 
 def _rpy(direction: Array) -> str:
-    """Angles that turn z to a direction."""
+    """Roll, pitch and yaw that turn the z axis to a direction, as text."""
     x, y, z = direction / np.linalg.norm(direction)
     return f"0 {math.acos(min(1.0, max(-1.0, z))):.9g} {math.atan2(y, x):.9g}"
 

@@ -1,6 +1,6 @@
-"""The frame of a page, before there is a model: its panels in their places, and a line: more will come.
+"""The frame of a page before there is a model: empty panels in their places, and one line of text.
 
-A browser takes a good part of a second to move the panels and to fit the scene between them; it does so while the model
+A browser takes a good part of a second to move the panels and to fit the scene between them. It does so while the model
 is read and evaluated.
 """
 
@@ -10,8 +10,8 @@ from typing import Any
 
 READING = "Reading the logs …"
 WIDTH = 430  # pixels of each panel
-SHEETLESS = 0.4  # of a phone's height, above its sheet
-PHONE = 576  # pixels: viser's own limit, below which the panels are sections of one sheet at the bottom
+SHEETLESS = 0.4  # share of a phone's height that stays free above the sheet
+PHONE = 576  # pixels: below this width viser shows the panels as sections of one sheet at the bottom
 STYLE = """<style>
 :root { --mantine-color-dimmed: #555 !important; }
 .mantine-Notification-description { color: #333 !important; }
@@ -23,9 +23,9 @@ STYLE = """<style>
   canvas { filter: invert(1) hue-rotate(180deg); }
 }
 </style>"""
-"""Viser's grey words can be read. On a phone the sheet is as wide as the page, not two thirds of it. In the dark, light
-and dark change places and hues stay: viser's own dark colours cannot follow the reader's choice. The scene, which has
-no background of its own, is turned back."""
+"""Changes of viser's look. Grey text is dark enough to read. On a phone the sheet is as wide as the page, not two
+thirds of it. If the reader prefers dark pages, light and dark are exchanged and hues stay, because viser's own dark
+colours do not follow the reader's choice. The scene, which has no background of its own, is exchanged back."""
 
 
 class Frame:
@@ -40,14 +40,14 @@ class Frame:
     phone : bool
         Whether the page is so narrow that the panels are sections of a sheet.
     free : tuple of float
-        Width that no panel covers, and how much of the height from above, as shares of the page's height.
+        Width and height (from above) of the part that no panel covers, as shares of the page's height.
     headline, motion : handles
-        The words at the top of the right panel; what stands in the left one.
+        The text at the top of the right panel, and the content of the left one.
     """
 
     def __init__(self, client: Any) -> None:
         self.client, gui = client, client.gui
-        # Pixels; of the whole page, before the panels take their part of the scene's.
+        # Pixels of the whole page, before the panels cover parts of the scene.
         width, height = client.camera.image_width, client.camera.image_height
         self.phone = width < PHONE
         between = max(width - 2 * WIDTH, 0.2 * width)

@@ -1,4 +1,4 @@
-"""The robot in space, in one tab: it takes the pose of a moment of the logs, and its joints the colour of the error."""
+"""The robot's scene in one tab: the robot has its pose at one moment of the logs, the colour of a joint its error."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from frischid.studio.bodies import thickness_of, urdf_of
 from frischid.studio.track import Track
 
 Colouring = Literal["over all logs", "at this moment"]
-AROUND = 0.25  # s on either side of a moment over which the error is averaged
+AROUND = 0.25  # s before and after a moment over which the error is averaged
 COOL, HOT = np.array([150.0, 170.0, 190.0]), np.array([213.0, 94.0, 0.0])
-MOMENTS = 30  # of the logs, at which the robot must be seen
-AHEAD = np.array([-0.8, 0.9, -0.6]) / np.linalg.norm([0.8, 0.9, 0.6])  # where the camera looks
-LETTER = 7.5  # pixels of the label's text
+MOMENTS = 30  # moments of the logs at which the camera must show the whole robot
+AHEAD = np.array([-0.8, 0.9, -0.6]) / np.linalg.norm([0.8, 0.9, 0.6])  # direction in which the camera looks
+LETTER = 7.5  # pixels per character of the label's text
 MARGIN = 1.1  # joints are drawn a little larger than their bodies
 
 
@@ -39,14 +39,14 @@ class Stage:
     bench : Bench
     track : Track
     chosen : callable
-        Told the name of a joint that was clicked.
+        Called with the name of a joint that was clicked.
     free : tuple of float
-        Width, in the middle, and height, from above, that nothing covers, as shares of the page's height.
+        Width (in the middle) and height (from above) of the part that no panel covers, as shares of the page's height.
 
     Attributes
     ----------
     viewpoint : tuple of ndarray, shape (3,)
-        Where the camera was put and the point it looks at, m.
+        Position of the camera, and the point that it looks at, m.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Stage:
         size = float(self.urdf.scene.scale) if self.urdf.scene.geometry else 1.0
         self.markers: dict[str, Any] = {}
         radius = max(min(0.045 * size, 0.3 * self._apart(size)), 1.6 * thickness_of(robot))
-        self._above = np.array([0.0, 0.0, 1.4 * radius])  # a label is read, and its joint is seen
+        self._above = np.array([0.0, 0.0, 1.4 * radius])  # the label is above its joint, so that both are seen
         for name in bench.state.model.joints:
             marker = client.scene.add_cylinder(f"/joints/{name}", radius=radius, height=1.5 * radius)
             marker.on_click(partial(_clicked, chosen, name))
@@ -74,7 +74,7 @@ class Stage:
         self.viewpoint = self._look(free)
 
     def _look(self, free: tuple[float, float]) -> tuple[Array, Array]:
-        """Put the camera so near that the robot just fits into the free part of the page, wherever its logs take it."""
+        """Place the camera so that the robot, in all poses of its logs, just fits into the free part of the page."""
         camera, places = self.client.camera, self._places()
         middle = (places.min(axis=0) + places.max(axis=0)) / 2
         right = np.cross(AHEAD, [0.0, 0.0, 1.0])
@@ -83,17 +83,17 @@ class Stage:
         x, y, z = np.array([right, up, AHEAD]) @ (places - middle).T
         half = float(np.tan(camera.fov / 2))
         wide, high = half * free[0], free[1]
-        # Of a place at distance + z, x and y from what is looked at: its picture within the free part's four sides.
+        # The picture of a point at (x, y, distance + z) from the camera must lie within the free part's four sides.
         sides = np.abs(x) / wide - z, (y / half - z) / high, ((1 - 2 * high) * z - y / half) / high
         distance = MARGIN * float(np.max(sides))
-        middle = middle - (1 - high) * half * distance * up  # what is free is above what is not
-        # In this order: moving the camera takes what it looks at along.
+        middle = middle - (1 - high) * half * distance * up  # the free part is the upper part of the page
+        # In this order, because moving the camera also moves the point that it looks at.
         camera.position = tuple(middle - distance * AHEAD)
         camera.look_at = tuple(middle)
         return middle - distance * AHEAD, middle
 
     def _places(self) -> Array:
-        """Corners of the base and of the joints' bodies at moments spread evenly, m, (P, 3)."""
+        """Corners of the base and of the joints' bodies at evenly spread moments, m, (P, 3)."""
         boxes = [self._box(self.urdf.joint_map[name].child) for name in self.bench.state.model.joints]
         places = [np.zeros((1, 3))]
         for x in np.linspace(0.0, self.track.x[-1], MOMENTS):
@@ -114,12 +114,12 @@ class Stage:
         return np.asarray(bounds.corners([together.min(axis=0), together.max(axis=0)]))
 
     def _poses(self) -> Array:
-        """Poses of the joints' links as the robot stands, (J, 4, 4)."""
+        """Present poses of the joints' links, (J, 4, 4)."""
         links = (self.urdf.joint_map[name].child for name in self.bench.state.model.joints)
         return np.array([self.urdf.get_transform(link) for link in links])
 
     def _apart(self, usual: float) -> float:
-        """How far joints that follow each other are apart, m; `usual` where there is but one."""
+        """Distance of neighbouring joints, m; `usual` where there is only one joint."""
         gaps = np.linalg.norm(np.diff(self._poses()[:, :3, 3], axis=0), axis=1)
         return float(np.median(gaps[gaps > 1e-3])) if (gaps > 1e-3).any() else usual
 
@@ -137,7 +137,7 @@ class Stage:
             self.label.anchor = self._anchor()
 
     def _anchor(self) -> Literal["bottom-left", "bottom-center", "bottom-right"]:
-        """Where the label's text goes from its joint, so that no panel covers it."""
+        """Side of the joint on which the label's text is drawn, so that no panel covers the text."""
         camera = self.client.camera
         x, _, z = tf.SO3(camera.wxyz).inverse() @ (self.label.position - camera.position)
         place = x / (max(z, 1e-6) * float(np.tan(camera.fov / 2)))  # in halves of the page's height, from its middle
@@ -173,7 +173,7 @@ def moment(prediction: Prediction, x: float) -> NDArray[np.bool_]:
 
 
 def colour_of(error: float, top: float) -> tuple[int, int, int]:
-    """Blue-grey where the model is right, vermilion where it misses as much as it did at worst."""
+    """Blue-grey without error, vermilion at the largest error `top`."""
     share = float(np.clip(error / top, 0.0, 1.0))
     r, g, b = (int(x) for x in COOL + share * (HOT - COOL))
     return r, g, b

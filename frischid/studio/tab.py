@@ -1,7 +1,7 @@
-"""One browser tab: what it shows of the bench, and what its buttons ask of it.
+"""One browser tab: it shows the state of the bench, and its buttons start the bench's jobs.
 
-Every tab has its own moment, joint and playing; the model is the bench's and the same in all of them. A button carries
-the revision it was made for, so that a click on yesterday's finding changes nothing.
+Every tab has its own time, chosen joint and play button; the model is the bench's and the same in all tabs. A button
+knows the revision of the model that it was made for, so that a click on an outdated finding changes nothing.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 FINDINGS_IN_PANEL = 6
 VARIABLE_CHOICES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "load", "time": "t"}
 EVERY = "every joint"
-NUMBERS = "On the buttons: NRMSE on data left out of each fit, without the effect → with it."
+NUMBERS = "On the buttons: change of the cross-validated error with the effect."
 BLINK, STORAGE_TIMEOUT = 0.05, 3.0  # s
-HIGH, HIGH_ON_PHONE = 0.95, 1.2  # of the height that a figure has in the report, in a panel and in the sheet
+HIGH, HIGH_ON_PHONE = 0.95, 1.2  # height of a figure over its height in the report: in a panel, and in a phone's sheet
 
 
 @dataclass(eq=False)
 class _Place:
-    """Where a figure goes: words above and below it, then the figure itself."""
+    """The place of a figure: text above and below, and the figure itself."""
 
     within: Any
     title: Any
@@ -47,12 +47,12 @@ class _Place:
 
 
 class Tab:
-    """What one browser tab shows.
+    """The content of one browser tab.
 
     Parameters
     ----------
     frame : Frame
-        Where it is shown.
+        The frame that holds the content.
     bench : Bench
     track : Track
     """
@@ -66,34 +66,34 @@ class Tab:
         worst = max(bench.state.comparison.joints, key=lambda joint: joint.nrmse).name
         gui = self.client.gui
         gui.set_panel_label(f"frischid: {bench.state.model.robot.name}")
-        with self._lock:  # a control that is moved as soon as it is there waits for the others
+        with self._lock:  # a control that is used at once waits until the others are there
             self._curves(gui, joints, worst)
             self._work(gui, joints)
-            # Words first, then curves (their library takes a second to read), then the robot (without a GPU: longer).
+            # First text, then curves (their library takes a second to load), then the robot (longer without a GPU).
             self._headline(self._drawn)
             self._come()
             self._torque()
             self._come()
-            from frischid.studio.stage import Stage  # its libraries of shapes take as long to load as the browser draws
+            from frischid.studio.stage import Stage  # loads while the browser draws the curves
 
             self.stage = Stage(self.client, bench, track, self._choose, frame.free)
             self.pose()
             self._stairs(self._drawn)
-            # What is out of sight at first must not keep the browser from drawing what is in sight.
+            # Parts that are hidden at first must not delay the visible ones.
             self._come()
             self._elsewhere(self._drawn)
             self._list(self._drawn)
 
     def _come(self) -> None:
-        """Wait until the browser has come to what was sent, and for a moment in which it may draw it."""
-        with contextlib.suppress(RuntimeError, TimeoutError):  # it was closed, or keeps no storage, or is too busy
+        """Wait until the browser has read the data sent so far, and for a moment in which it may draw them."""
+        with contextlib.suppress(RuntimeError, TimeoutError):  # the tab is closed, has no storage, or is too busy
             self.client.local_storage.get_item("frischid", timeout=STORAGE_TIMEOUT)
         time.sleep(BLINK)
 
-    # ------------------------------------------------------------------ what is on the page
+    # ------------------------------------------------------------------ content of the page
 
     def _curves(self, gui: Any, joints: Sequence[str], worst: str) -> None:
-        """Left: motion, the joint's torque, the staircase."""
+        """Left panel: motion, the joint's torque, the history of errors."""
         with self.frame.motion as motion:
             self.play = gui.add_button("Play")
             end = round(float(self.track.x[-1]), 2)
@@ -109,9 +109,9 @@ class Tab:
         self.colouring.on_update(lambda _: self.pose())
 
     def _work(self, gui: Any, joints: Sequence[str]) -> None:
-        """Right: the verdict, the findings, where it fails, and what to keep."""
+        """Right panel: the verdict, the findings, where the model fails, and the buttons that save."""
         self.doing = gui.add_markdown("", visible=False)
-        self.bar = gui.add_progress_bar(0.0, visible=False)  # still: stripes that move cost two cores without a GPU
+        self.bar = gui.add_progress_bar(0.0, visible=False)  # not animated: moving stripes load two cores without a GPU
         group = gui.add_tab_group()
         with group.add_tab("Missing"):
             self.undo = gui.add_button("Undo the last step", color="gray")
@@ -122,7 +122,7 @@ class Tab:
                 )
                 self.where = gui.add_dropdown("On", (EVERY, *joints))
                 self.use = gui.add_button("Add this formula", color="gray")
-        with group.add_tab("Fails where") as fails:
+        with group.add_tab("Where it fails") as fails:
             self.matrix = self._figure(gui, fails)
             self.variable = gui.add_dropdown("Residual against", tuple(VARIABLE_CHOICES), initial_value="velocity")
             self.against = self._figure(gui, fails)
@@ -138,13 +138,13 @@ class Tab:
         self.export.on_click(lambda _: self._attempt(lambda: self._said("Report", self.bench.export())))
 
     def _figure(self, gui: Any, within: Any) -> _Place:
-        """A title and a reading; between them comes the figure."""
+        """A title and a text that explains the figure; the figure goes between them."""
         return _Place(within, gui.add_markdown(""), gui.add_markdown(""))
 
     # ------------------------------------------------------------------ showing
 
     def refresh(self) -> None:
-        """Show the bench's state, as far as it is another than what is shown."""
+        """Show the bench's state, as far as it differs from the one shown."""
         with self._lock:
             state, before = self.bench.state, self._drawn
             if state is before:
@@ -159,50 +159,53 @@ class Tab:
             self._list(state)
 
     def _stairs(self, state: State) -> None:
-        self._show(self.stairs, figures.staircase(state.model, state.comparison.noise_floor))
+        self._show(self.stairs, figures.staircase(state.model, state.headline.noise_floor))
 
     def _elsewhere(self, state: State) -> None:
-        """Show what is on the tabs behind the first."""
+        """Update the panel's tabs behind the first one."""
         self._show(self.matrix, figures.matrix(state.comparison))
         self._residual()
         self.undo.disabled = state.model.previous is None
 
     def progress(self, text: str, share: float) -> None:
-        """Show what the bench is doing; an empty text when it is doing nothing."""
+        """Show the present work of the bench; an empty text when no work is done."""
         self.doing.visible = self.bar.visible = bool(text)
         self.doing.content = plain(f"{text[:1].upper()}{text[1:]} …")
         self.bar.value = 100 * share
 
     def pose(self) -> None:
-        """Put the robot, once there is one, where it was at the slider's time."""
+        """Move the robot, once it is drawn, to its pose at the slider's time."""
         if self.stage is not None:
             self.stage.pose(float(self.time.value), str(self.joint.value), self.colouring.value)
 
     def step(self, seconds: float) -> None:
-        """Let the robot move on, if it plays."""
+        """Advance the time, if the tab plays."""
         if self.playing:
             after = float(self.time.value) + seconds
             self.time.value = after if after < self.time.max else 0.0
             self.pose()
 
     def _headline(self, state: State) -> None:
-        kind = "held-out" if self.bench.valid else "fitted"
-        steps = steps_of(state.model)
-        fall = ""
-        if len(steps) > 1 and (before := steps[-1][1]) is not None:
-            name = plain(steps[-1][0])
-            fall = f"\n\nLast step, **{name}**: {before:.4f} → **{steps[-1][2]:.4f}** ({plain(_measured_on(state))})."
-            fall += _on_test_logs(state)
+        error = state.headline
+        fall = _last_step(state)
+        kinds = {"severe": "Alarm", "doubt": "Doubt"}
+        alarms = "".join(f"**{kinds[alarm.severity]}:** {plain(str(alarm))}\n\n" for alarm in error.alarms)
         self.frame.headline.content = (
-            f"The model misses **{100 * state.error:.1f} %** of the torque's spread (NRMSE {state.error:.4f}, "
-            f"{kind} logs; sensors alone {100 * state.comparison.noise_floor:.1f} %).{fall}{self._absent()}"
+            f"{alarms}The model misses **{100 * error.nrmse:.1f} %** of the torque's spread {error.where} (NRMSE "
+            f"{error.nrmse:.4f}). Sensors alone {100 * error.noise_floor:.1f} %, URDF with fitted friction "
+            f"{100 * error.urdf_nrmse:.0f} %, constant torque {100 * error.constant_nrmse:.0f} %."
+            f"{fall}{self._absent()}{self._origin()}"
         )
 
     def _absent(self) -> str:
-        """Whether a refit has less to go by than the model had."""
+        """A note where logs the model was fitted to are missing; otherwise empty."""
         count = self.bench.absent
         few = f"{count} log{'s' * (count > 1)} the model was fitted to {'is' if count == 1 else 'are'} not here"
         return f"\n\n{few}: new effects are fitted without {'it' if count == 1 else 'them'}." if count else ""
+
+    def _origin(self) -> str:
+        """Where the logs that select come from, if not from those given."""
+        return f"\n\n{plain(self.bench.note[:1].upper() + self.bench.note[1:])}." if self.bench.note else ""
 
     def _torque(self) -> None:
         state, joint = self.bench.state, str(self.joint.value)
@@ -216,7 +219,7 @@ class Tab:
 
     def _show(self, place: _Place, drawing: Drawing) -> None:
         place.title.content = f"**{plain(drawing.title)}**"
-        # In a narrow panel a legend takes two lines.
+        # In a narrow panel the legend needs two lines.
         aspect = (HIGH_ON_PHONE if self.frame.phone else HIGH) * drawing.height / WIDTH
         figure = drawing.figure.update_layout(height=None, margin={"t": 44} if drawing.legend else {})
         if place.figure is None:
@@ -230,7 +233,7 @@ class Tab:
         place.reading.content = plain(drawing.reading)
 
     def _list(self, state: State) -> None:
-        """The findings, each with its button; rebuilt, because they are others after every step."""
+        """Show the findings, each with a button; the list is rebuilt because the findings change with every step."""
         from frischid.diagnosis.findings import HOW_RANKED
         from frischid.reports.study import missing
 
@@ -240,7 +243,7 @@ class Tab:
         with self.findings:
             if state.diagnosis is None:
                 self._listed.append(
-                    self.client.gui.add_markdown(plain(state.problem or "Looking for what is missing …"))
+                    self.client.gui.add_markdown(plain(state.problem or "Looking for missing effects …"))
                 )
                 return
             passing = [f for f in state.diagnosis.findings if f.significant and f.members]
@@ -252,9 +255,7 @@ class Tab:
     def _offer(self, finding: Finding, revision: int) -> None:
         from frischid.reports.study import opened
 
-        button = self.client.gui.add_button(
-            f"Add {finding.effect}: {finding.error_before:.4f} → {finding.error_after:.4f}"
-        )
+        button = self.client.gui.add_button(f"Add {finding.effect}: error {finding.change}")
         button.on_click(lambda _: self._change(lambda: self.bench.add(finding.members, revision, finding)))
         confused = f" Could also be {listed(finding.confused_with)}." if finding.confused_with else ""
         text = (
@@ -265,19 +266,19 @@ class Tab:
     # ------------------------------------------------------------------ doing
 
     def _revision(self) -> int:
-        """Of the state this tab shows, which a click is meant for."""
+        """Revision of the state that this tab shows; a click is meant for this state."""
         return self._drawn.revision
 
     def _change(self, job: Callable[[], Any]) -> None:
-        """Change the model, then look for what is missing next."""
+        """Change the model, then diagnose it again."""
         if self._attempt(job):
             self.bench.look()
 
     def _attempt(self, job: Callable[[], Any]) -> bool:
-        """Do it, or say why not."""
+        """Do a job; if it fails, show the reason."""
         try:
             job()
-        except Exception as error:  # whatever fails, the page stays and says so
+        except Exception as error:  # the page must survive any failure, and shows it
             self.client.add_notification("Not done", message_of(error), color="red", auto_close_seconds=20.0)
             return False
         return True
@@ -308,18 +309,20 @@ class Tab:
         return bool(robot.prismatic[robot.joints.index(joint)])
 
 
-def _measured_on(state: State) -> str:
-    return str(state.model.history[-1].get("measured_on", "cross-validated"))
-
-
-def _on_test_logs(state: State) -> str:
-    """The last step's error on the logs that decide nothing; empty where there was none."""
-    errors = test_errors(state.model.history[-1])
-    return f" Not fitted: {errors[0]:.4f} → **{errors[1]:.4f}**." if len(errors) == 2 else ""
+def _last_step(state: State) -> str:
+    """The fall of the error with the last step, on its test logs where there were any; empty without a step."""
+    steps = steps_of(state.model)
+    if len(steps) < 2 or steps[-1][1] is None:
+        return ""
+    event = state.model.history[-1]
+    tested = test_errors(event)
+    before, after = tested if len(tested) == 2 else steps[-1][1:]
+    where = "on the logs not fitted" if len(tested) == 2 else event.get("measured_on", "cross-validated")
+    return f"\n\nLast step, **{plain(steps[-1][0])}**: {before:.4f} → **{after:.4f}** ({plain(str(where))})."
 
 
 def plain(text: str) -> str:
-    """Text for viser's markdown, which takes braces and angle brackets for code."""
+    """Text for viser's markdown, which would read braces and angle brackets as code."""
     text = typeset(text)
     for sign, code in (("<", "&lt;"), ("{", "&#123;"), ("}", "&#125;"), ("*", "\\*")):
         text = text.replace(sign, code)

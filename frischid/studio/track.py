@@ -1,4 +1,4 @@
-"""Where the robot is along the logs, which are laid side by side on one axis of time."""
+"""Poses of the robot along the logs, which follow one another on one axis of time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from frischid.studio.bench import Bench
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Poses along the logs, side by side on one axis of time; shared by all tabs.
+    """Poses along the logs on one axis of time; shared by all tabs.
 
     Attributes
     ----------
@@ -28,12 +28,12 @@ class Track:
 
     @classmethod
     def of(cls, bench: Bench) -> Track:
-        """Positions as recorded, over the axis of the figures."""
+        """Recorded positions over the time axis of the figures."""
         robot = bench.state.model.robot
         starts, _ = side_by_side(bench.state.prediction)
         logs = [*bench.fit, *bench.valid]
         x = np.concatenate([log.t - log.t[0] + start for log, start in zip(logs, starts, strict=True)])
-        order = np.argsort(x, kind="stable")  # a log's end, which the filter trims, may reach into the next
+        order = np.argsort(x, kind="stable")  # a log's end, which the figures trim, may overlap the next log
         q = np.concatenate([log.select(robot.joints).q for log in logs])
         return cls(x[order], q[order])
 

@@ -1,4 +1,4 @@
-"""Every benchmark script starts, and those of the paper's case study write what they document."""
+"""Every benchmark script starts, and the recursion's writes what it documents."""
 
 from __future__ import annotations
 
@@ -17,8 +17,6 @@ SCRIPTS = sorted(
     for path in FOLDER.glob("*.py")
     if path.name != "readme_picture.py" and '__name__ == "__main__"' in path.read_text(encoding="utf-8")
 )
-DATA = os.environ.get("FRISCHID_DATA")
-needs_data = pytest.mark.skipif(DATA is None, reason="FRISCHID_DATA is not set")
 
 
 def run(script: str, *arguments: str | Path, data: str | None = None) -> subprocess.CompletedProcess[str]:
@@ -40,21 +38,8 @@ def document(script: str, path: Path, *arguments: str | Path, data: str | None =
     return dict(content)
 
 
-def planar(path: Path, *arguments: str | Path, data: str | None = None) -> dict[str, Any]:
-    content = document("paper_planar.py", path, "--runs", "2", "--draws", "2", *arguments, data=data)
-    tables, runs = content["tables"], content["settings"]["runs"]
-    assert set(tables) == {"table2", "table3", "table4", "bounds"}
-    assert tables["bounds"] == content["rows"]
-    assert runs == 2
-    assert {row["runs"] for row in content["rows"]} == {runs}, "a run was discarded"
-    assert content["settings"]["samples"] == 4951
-    assert {row["σ_q"] for row in tables["table3"]} == {"0.001", "0.01"}
-    assert len(tables["table3"]) == 18
-    return content
-
-
 def test_scripts_are_found() -> None:
-    assert {"bbrf.py", "paper_planar.py", "regressor.py"} <= set(SCRIPTS)
+    assert {"bbrf.py", "estimators.py", "regressor.py"} <= set(SCRIPTS)
 
 
 @pytest.mark.parametrize("script", SCRIPTS)
@@ -64,29 +49,6 @@ def test_help(script: str) -> None:
     assert "--json" in result.stdout
 
 
-def test_paper_planar_on_a_fourier_motion(tmp_path: Path) -> None:
-    content = planar(tmp_path / "figures.json", "--no-pictures", "--workers", "2")
-    assert "Fourier" in content["settings"]["motion"]
-    assert all(row["off %"] == "other motion" for row in content["tables"]["table2"])
-
-
-@needs_data
-def test_paper_planar_on_the_authors_points(tmp_path: Path) -> None:
-    content = planar(tmp_path / "figures.json", "--workers", "1", "--pictures", tmp_path / "pictures", data=DATA)
-    values = {row["figure"]: row for row in content["tables"]["table2"]}
-    for figure, paper in (("σ max", 74.59), ("σ min", 6.686), ("cond", 11.16)):
-        assert values[figure]["paper"] == paper
-        assert values[figure]["at the points"] == pytest.approx(paper, rel=0.03)
-    pictures = sorted(path.name for path in (tmp_path / "pictures").glob("*.png"))
-    assert [name.split("_")[0] for name in pictures] == ["figure1", "figure2", "figure3", "figure4"]
-
-
-def test_paper_planar_rejects_a_single_run() -> None:
-    result = run("paper_planar.py", "--runs", "1")
-    assert result.returncode == 2
-    assert "--runs must be at least 2" in result.stderr
-
-
 def test_bbrf_is_the_published_recursion_and_faster(tmp_path: Path) -> None:
     content = document("bbrf.py", tmp_path / "figures.json", "--samples", "1500", "--windows", "100", "--rounds", "1")
     assert [row["p"] for row in content["rows"]] == [9, 46]
@@ -94,3 +56,28 @@ def test_bbrf_is_the_published_recursion_and_faster(tmp_path: Path) -> None:
         assert row["agree"], row
         assert row["largest difference"] <= 1e-6
         assert row["ratio"] > 3.0  # a loaded machine may be slow, but not that slow
+
+
+def test_no_edit_of_a_model_file_passes_unnoticed(tmp_path: Path) -> None:
+    """The reduced form of the thousand edits; another seed than by default."""
+    content = document("mutated_models.py", tmp_path / "edits.json", "--edits", "60", "--seed", "3")
+    kept, removed = content["rows"]
+    assert kept["refused"] == 60
+    assert removed["refused"] + removed["used"] == 60
+
+
+def test_bad_inputs_end_in_a_sentence(tmp_path: Path) -> None:
+    """The reduced form of the table of bad inputs: one row of 40, of every kind."""
+    content = document("bad_inputs.py", tmp_path / "table.json", "--every", "40")
+    assert len(content["rows"]) >= 60
+    assert {row["verdict"] for row in content["rows"]} == {"right"}
+    kinds = {str(row["kind"]).split()[0] for row in content["rows"]}
+    assert kinds == {"column", "file", "robot", "mapping", "model", "formula", "argument"}
+
+
+def test_a_kill_leaves_no_half_file(tmp_path: Path) -> None:
+    """The reduced form of the two hundred kills: two of each command but the slow ones."""
+    options = ("--kills", "6", "--only", "identify,export,simulate")
+    content = document("kills.py", tmp_path / "kills.json", *options)
+    assert sum(row["kills"] for row in content["rows"]) == 6
+    assert all(row["half"] == row["left"] == 0 for row in content["rows"])

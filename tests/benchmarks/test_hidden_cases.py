@@ -196,7 +196,7 @@ def test_tables_of_a_perfect_diagnosis_and_of_one_that_crashes():
     rows = run_all(specs, 1, oracle)
     assert all(row["first"] for row in rows)
     printed = tables(rows)
-    assert all(row["wrong"] == 0 for row in printed["What was said instead"])
+    assert all(row["wrong"] == 0 for row in printed["Wrong answers"])
     crashed = run(specs[0], crash)
     assert not crashed["first"]
     assert "ValueError" in crashed["error"]

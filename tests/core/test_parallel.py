@@ -1,5 +1,7 @@
 """Diagnosis, excitation and Monte Carlo do their work where `cluster` says, with the same result."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from functools import cache
 
@@ -53,3 +55,27 @@ def test_starts_of_a_search_are_the_same_in_another_process(process):
     single = plan(ARM, options=replace(options, starts=1))
     assert plain.cost <= single.cost
     assert plain.evaluations > single.evaluations
+
+
+INTERRUPTED = """
+import os, signal, sys, threading, time
+from frischid.core.parallel import workers
+if __name__ == "__main__":
+    try:
+        with workers("local", 2) as pool:
+            threading.Timer(0.5, lambda: os.killpg(0, signal.SIGINT)).start()
+            pool.gather(pool.map(time.sleep, [30, 30]))
+    except KeyboardInterrupt:
+        sys.exit(130)
+"""
+
+
+def test_ctrl_c_reaches_this_process_and_no_worker(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(INTERRUPTED)
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, timeout=60, start_new_session=True, check=False
+    )
+    assert done.returncode == 130
+    assert "Traceback" not in done.stderr
+    assert "KeyboardInterrupt" not in done.stderr

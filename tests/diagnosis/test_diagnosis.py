@@ -204,7 +204,7 @@ def test_the_command_line(tmp_path):
     }
     assert keys <= set(first)
     assert len({f["effect"] for f in data["findings"]}) == len(data["findings"])
-    assert set(data["joints"]["elbow_joint"]) == {"error", "noise_floor"}
+    assert set(data["search"]["joints"]["elbow_joint"]) == {"error", "noise_floor"}
     shown = runner.invoke(main, ["diagnose", model, paths[0], "--valid", paths[1]])
     assert "an effect is missing" in shown.output
     new = str(tmp_path / "new.json")
@@ -212,18 +212,18 @@ def test_the_command_line(tmp_path):
     result = runner.invoke(main, [*added, "--json"])
     assert result.exit_code == 0, result.output
     step = json.loads(result.output)
-    assert step["error_after"] < step["error_before"]
+    assert step["step"]["error_after"] < step["step"]["error_before"]
     assert "asymmetric_viscous" in runner.invoke(main, ["history", new]).output
     old = str(tmp_path / "old.json")
     assert runner.invoke(main, ["history", new, "--undo", "-o", old]).exit_code == 0
     assert Model.load(old).effects == BASELINE
-    compared = json.loads(runner.invoke(main, ["compare", new, paths[1], "--json"]).output)
+    compared = json.loads(runner.invoke(main, ["compare", new, paths[1], "--json"]).output)["comparison"]
     assert {"nrmse", "noise_floor", "joints", "conditions"} <= set(compared)
     assert {"joint", "condition", "ratio", "p_value"} <= set(compared["conditions"][0])
-    assert "on test logs" in runner.invoke(main, ["history", new]).output
+    assert "not fitted to" in " ".join(runner.invoke(main, ["history", new]).output.split())
     twice = runner.invoke(main, ["add", model, "stribeck@elbow_joint", paths[0], "--joints", "wrist_1*", "-o", new])
     assert twice.exit_code == 2
-    assert "give one of them" in twice.output
+    assert "name them only once" in twice.output
     wrong = runner.invoke(main, ["add", model, "stribek", paths[0], "-o", new])
     assert wrong.exit_code == 2
     assert "stribeck" in wrong.output
@@ -420,7 +420,7 @@ def test_dry_friction_that_turns_a_little_early_or_late_raises_no_alarm():
         (
             1.5,
             0.4,
-            "it explains 40% of the error above the sensor noise there, and at only 1.5 noise floors an effect must",
+            "it explains 40% of the error above the sensor noise there; where the error is 1.5 times the noise",
         ),
         (1.5, 0.6, ""),
         (1.1, 1.0, "the error there is hardly more than the sensor noise"),

@@ -297,7 +297,7 @@ def test_elasticity_is_the_first_order_of_links_behind_springs(name):
         inside = slice(20, -20)
         left.append(np.abs(torque - seen.load - first)[inside].max() / np.abs(torque - seen.load)[inside].max())
     assert left[1] < 0.02
-    assert left[1] < 0.6 * left[0], "what is left is of second order"
+    assert left[1] < 0.6 * left[0], "the rest is of second order"
 
 
 def on_the_table(t, speed, load, dry=0.0):

@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shlex
 import subprocess
 import sys
 import sysconfig
@@ -68,9 +70,9 @@ def clean(tmp_path_factory):
     Path(site, "others.pth").write_text("\n".join([str(ROOT), *dict.fromkeys(others)]) + "\n", encoding="utf-8")
     surroundings = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
 
-    def run(*arguments, fails=False):
+    def run(*arguments, fails=False, folder=path):
         done = subprocess.run(
-            [python, *map(str, arguments)], cwd=path, capture_output=True, text=True, env=surroundings
+            [python, *map(str, arguments)], cwd=folder, capture_output=True, text=True, env=surroundings
         )
         assert (done.returncode != 0) == fails, done.stdout + done.stderr
         return done.stderr if fails else done.stdout
@@ -108,7 +110,7 @@ def test_a_saved_model_opens_on_the_command_line(installed):
     knows, lacks = (
         json.loads(installed.cli("compare", f"{m}.json", "log2.parquet", "--json")) for m in ("knows", "lacks")
     )
-    assert knows["nrmse"] < 0.2 * lacks["nrmse"]
+    assert knows["headline"]["nrmse"] < 0.2 * lacks["headline"]["nrmse"]
 
 
 def test_diagnose_names_it_first(installed):
@@ -119,10 +121,23 @@ def test_diagnose_names_it_first(installed):
     assert found["findings"][0]["parameters"]["width"] == pytest.approx(0.3, abs=0.02)
 
 
+def test_the_commands_of_its_readme(installed):
+    """In the README's order, from a folder without files; the report and the studio have tests below."""
+    steps = re.findall(r"`frischid ([^`]+)`", (PACKAGE / "README.md").read_text(encoding="utf-8"))
+    commands = [shlex.split(c) for c in dict.fromkeys(steps) if not c.startswith(("report", "studio"))]
+    assert [c[0] for c in commands] == ["effects", "simulate", "identify", "diagnose", "add", "compare"]
+    folder = installed.path / "readme"
+    folder.mkdir()
+    said = {c[0]: " ".join(installed.cli(*c, folder=folder).split()) for c in commands}
+    assert "joint2 is pulled towards one position, but only near that position: a magnetic detent" in said["diagnose"]
+    assert "position = 0.6 rad, width = 0.3 rad" in said["diagnose"]
+    assert "magnetic_detent(position=0.6, width=0.3)@joint2 added" in said["add"], "the shape that diagnose finds"
+
+
 def test_the_report_shows_it(installed):
     installed.cli("report", "lacks.json", "log1.parquet", "log2.parquet", "-o", "page.html")
     page = (installed.path / "page.html").read_text(encoding="utf-8")
-    assert "pulled to one position and let go a little farther: a magnetic detent" in page
+    assert "pulled towards one position, but only near that position: a magnetic detent" in page
     assert "magnetic_detent: Magnetic detent: two magnets pull the joint to one position" in page
 
 

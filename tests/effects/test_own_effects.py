@@ -68,8 +68,8 @@ def defined(name="Detent", **body):
         ({"annotations": {"package": "str"}, "package": "x"}, "'package' cannot be a field"),
         ({"annotations": {"id": "str"}}, "'id' cannot be a field"),
         ({"annotations": {"dry": "float"}, "dry": 1.0}, "'dry' cannot be a field"),
-        ({"shapes": {"speed": (1.0, 2.0)}}, "shapes names speed, which is no field; the fields are: none"),
-        ({"units": {"speed": ("m/s", "m/s")}}, "units names speed, which is no field"),
+        ({"shapes": {"speed": (1.0, 2.0)}}, "shapes names speed, which is not a field; the fields are: none"),
+        ({"units": {"speed": ("m/s", "m/s")}}, "units names speed, which is not a field"),
         ({"annotations": {"speed": "float"}, "speed": 1.0, "shapes": {"speed": (2.0, 1.0)}}, "ascending numbers"),
         ({"annotations": {"speed": "float"}, "speed": 1.0, "shapes": {"speed": ()}}, "ascending numbers"),
         ({"annotations": {"speed": "float"}, "speed": 1.0, "shapes": {"speed": 1.0}}, "ascending numbers"),
@@ -94,9 +94,9 @@ def test_what_is_wrong_with_a_class_is_said_when_it_is_made(catalogue, body, say
 
 def test_fields_without_the_decorator_are_noticed_at_first_use(catalogue):
     kind = defined(annotations={"speed": "float"}, speed=1.0)
-    with pytest.raises(InputError, match=r"has fields \(speed\) but is no dataclass; put @dataclass\(frozen=True\)"):
+    with pytest.raises(InputError, match=r"has fields \(speed\) but is not a dataclass; put @dataclass\(frozen=True\)"):
         columns_of(robot("planar2"), [kind()])
-    with pytest.raises(InputError, match="is no dataclass"):
+    with pytest.raises(InputError, match="is not a dataclass"):
         catalogue["detent"]
     assert "detent" not in catalogue, "the catalogue works without it"
     with pytest.raises(TypeError, match="non-frozen"):
@@ -229,8 +229,8 @@ def test_the_studio_offers_it(hidden, tmp_path):
     ((label,), _), ((text,), _) = tab.client.gui.add_button.call_args, tab.client.gui.add_markdown.call_args
     assert label.startswith("Add detent")
     assert "the effect detent describes" in text
-    before = bench.state.error
-    assert bench.add(finding.members, bench.state.revision, finding).error < 0.2 * before
+    before = bench.state.headline.nrmse
+    assert bench.add(finding.members, bench.state.revision, finding).headline.nrmse < 0.2 * before
 
 
 def test_code_for_a_control_loop_says_what_is_missing(catalogue, tmp_path):
@@ -311,7 +311,7 @@ def test_a_package_whose_effect_breaks_a_rule_is_left_out(packages):
         warnings.simplefilter("always")
         assert set(packages.catalogue) == {"viscous"}
     assert ["'viscous' is taken" in str(w.message) for w in told] == [True, False, False]
-    assert "is no dataclass" in str(told[1].message)
+    assert "is not a dataclass" in str(told[1].message)
     assert "names no effect" in str(told[2].message)
 
 

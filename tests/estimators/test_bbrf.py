@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators import bbrf as module
-from frischid.estimators.bbrf import bbrf
+from frischid.estimators.bbrf import Calibration, bbrf
 from frischid.estimators.bbrf_windows import window_moments
 from frischid.estimators.frisch import simplex
 
@@ -225,8 +225,7 @@ def test_long_histories_are_thinned(monkeypatch):
         ({"window": 4}, "window of 4 rows .* at least 5.* 60 rows"),
         ({"window": 61}, "window of 61 rows .* 60 rows"),
         ({"window": 20, "stride": 0}, "stride must be at least 1"),
-        ({"window": 20, "confidence": 1.0}, "confidence"),
-        ({"window": 20, "variant": "calibrated", "correlation": 6}, "correlation is 6 .* 1 to 5"),
+        ({"window": 20, "variant": "calibrated", "calibration": Calibration(correlation=6)}, "is 6 rows; .* 1 to 5"),
         ({"window": 20, "signs": [1]}, "1 signs given for 3"),
     ],
 )
@@ -234,6 +233,12 @@ def test_unusable_options_say_the_numbers(options, says):
     rows = noisy_rows(np.random.default_rng(0), 60, np.ones(3))
     with pytest.raises(InputError, match=says):
         bbrf(rows, names_of(3), **options)
+
+
+@pytest.mark.parametrize("confidence", [0.0, 1.0])
+def test_a_confidence_is_a_share(confidence):
+    with pytest.raises(InputError, match="strictly between 0 and 1, not"):
+        Calibration(confidence)
 
 
 def test_unusable_rows():

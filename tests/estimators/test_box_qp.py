@@ -45,6 +45,17 @@ def test_equals_bvls(seed, ridge):
     assert max(found.primal, found.dual) < 1e-9
 
 
+@pytest.mark.parametrize("seed", [10, 32, 55, 78, 268, 300])
+def test_a_box_as_narrow_as_rounding_allows(seed):
+    rng = np.random.default_rng(seed)
+    W = rng.normal(size=(80, 9)) @ rng.normal(size=(9, 9))
+    tau = W @ rng.normal(size=9) + 0.02 * rng.normal(size=80)
+    width = 10.0 ** rng.uniform(-6, -3, 9)
+    lower = np.linalg.lstsq(W, tau)[0] + width * rng.uniform(-1, 0.2, 9)
+    found = select(moments_of(W, tau), Box(names_of(9), lower, lower + width))
+    assert found.dual <= module.KKT_TOLERANCE
+
+
 def test_an_open_box_gives_least_squares():
     W, tau, _, _ = problem(0)
     found = select(moments_of(W, tau), Box.unbounded(names_of(6)))

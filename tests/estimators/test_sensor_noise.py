@@ -6,7 +6,7 @@ import pytest
 
 import frischid as fr
 from frischid.errors import InputError
-from frischid.estimators.sensor_noise import moved, noise_levels, sensor_moments, sensors_of
+from frischid.estimators.sensor_noise import Probe, moved, noise_levels, sensor_moments, sensors_of
 from frischid.estimators.state_samples import samples
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
@@ -83,7 +83,7 @@ def test_square_of_a_sign_has_no_noise():
 @pytest.mark.parametrize("sensor", ["q joint1", "v joint2"])
 def test_noise_adds_what_is_predicted(sensor):
     regressor, base, m = planar()
-    data = sensor_moments(regressor, [m], NOTHING, regressor.robot.joints, base, step=0.01)
+    data = sensor_moments(regressor, [m], NOTHING, regressor.robot.joints, base, probe=Probe(step=0.01))
     owner = next(s for s in sensors_of(m, regressor.robot, NOTHING) if s.name == sensor)
     sigma, rng = 0.03, np.random.default_rng(0)
     added = []
@@ -99,7 +99,7 @@ def test_noise_adds_what_is_predicted(sensor):
 def test_derived_and_filtered_noise_is_followed_through_the_pipeline():
     regressor, base, _ = planar()
     motion, lowpass = derived()
-    data = sensor_moments(regressor, [motion], lowpass, regressor.robot.joints, base, repeats=4)
+    data = sensor_moments(regressor, [motion], lowpass, regressor.robot.joints, base, probe=Probe(repeats=4))
     owner = sensors_of(motion, regressor.robot, lowpass)[0]
     sigma, rng, added = 1e-3, np.random.default_rng(0), []
     reach = max(len(t) for t in owner.taps.values()) // 2

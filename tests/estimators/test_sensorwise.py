@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.errors_in_variables import covariance_of
@@ -175,3 +176,18 @@ def test_what_cannot_be_used_is_said():
     short = SensorMoments(NAMES, data.sensors, data.moments[:3], data.noise[:, :3])
     with pytest.raises(IdentifiabilityError, match="3 blocks"):
         sensorwise(short)
+
+
+@pytest.mark.parametrize(("share", "closed"), [(0.97, False), (1.03, True)])
+def test_bounds_close_where_a_t_test_over_blocks_sees_the_slope(share, closed):
+    """With all noise in x, θ = ⟨ττ⟩/⟨xτ⟩: the bounds are finite where the mean of ⟨xτ⟩ over blocks is not zero."""
+    count = 8
+    z = np.random.default_rng(0).normal(size=count)
+    z = (z - z.mean()) / z.std(ddof=1)
+    t = student.isf(0.025, count - 1)
+    slopes = 1e-4 * (z + share * t / np.sqrt(count))  # their own t is `share` of the critical one
+    moments = 100 * np.array([[[1.0, c], [c, 1.0]] for c in slopes])
+    noise = np.zeros((2, count, 2, 2))
+    noise[0, :, 0, 0] = noise[1, :, 1, 1] = 100
+    found = sensorwise(SensorMoments(("a",), ("x", TORQUE), moments, noise), confidence=0.95)
+    assert np.isfinite(found.box.width[0]) == closed

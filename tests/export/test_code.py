@@ -126,7 +126,8 @@ def test_code_of_every_effect_is_its_column(effect, sign, tmp_path):
     machine = robot("mixed mimic")
     values = {name: sign * x for name, x in random_values(machine, [effect]).items()}
     standard = dict(zip(machine.all_names, map(float, machine.nominal), strict=True)) | values
-    data = {**physical("mixed mimic", ()).to_dict(), "effects": [effect.to_dict()], "standard": standard}
+    nothing = {"prior": None, "fitted": None}  # of the effect that is put in
+    data = {**physical("mixed mimic", ()).to_dict(), **nothing, "effects": [effect.to_dict()], "standard": standard}
     model = Model.from_dict(data)
     q, v, a = states(machine, 20)
     without = Model.from_dict({**data, "effects": []}).inverse_dynamics(q, v, a)

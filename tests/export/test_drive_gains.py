@@ -16,12 +16,14 @@ from frischid.cli import main
 from frischid.effects import BASELINE, Payload
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.drive_gain_ls import total_least_squares
+from frischid.export.drive_gain_problem import KnownPayload
 from frischid.export.drive_gains import find_gains
 from frischid.motions.simulation import Noise
 
 DATA = os.environ.get("FRISCHID_DATA")
 NAME = "ur10"
 MASS, CENTRE = 5.0, np.array([0.05, 0.1, 0.03])
+PAYLOAD = KnownPayload(MASS)
 GAINS = np.array([12.0, 13.0, 9.0, 4.0, 5.0, 6.0])
 
 
@@ -44,9 +46,9 @@ def logs(noise=0.02, seconds=30.0):
     return tuple(replace(log, tau=None, current=log.tau / GAINS) for log in (unloaded, loaded))
 
 
-def found(**options):
+def found(centre=None, **options):
     unloaded, loaded = logs()
-    return find_gains(robot(NAME), [unloaded], [loaded], MASS, **options)
+    return find_gains(robot(NAME), [unloaded], [loaded], KnownPayload(MASS, centre), **options)
 
 
 @pytest.mark.parametrize("centre", [None, CENTRE])
@@ -62,7 +64,7 @@ def test_gains_are_recovered_within_their_bounds(centre):
 
 def test_exact_logs_give_exact_gains():
     unloaded, loaded = logs(noise=1e-6, seconds=20.0)
-    result = find_gains(robot(NAME), [unloaded], [loaded], MASS, cutoff=None)
+    result = find_gains(robot(NAME), [unloaded], [loaded], PAYLOAD, cutoff=None)
     for gains in (result.gains, result.total_least_squares, result.constrained):
         np.testing.assert_allclose(gains, GAINS, rtol=1e-3)
 
@@ -76,7 +78,7 @@ def test_given_gains_weigh_the_payload():
 
 def test_a_mis_scaled_torque_channel_is_found():
     scaled = [replace(log, tau=log.current * GAINS * [1, 1, 0.8, 1, 1, 1], current=None) for log in logs()]
-    result = find_gains(robot(NAME), scaled[:1], scaled[1:], MASS)
+    result = find_gains(robot(NAME), scaled[:1], scaled[1:], PAYLOAD)
     assert result.channel == "tau"
     np.testing.assert_array_equal(result.given, 1.0)
     assert result.gains[2] == pytest.approx(1.25, rel=0.05)
@@ -91,23 +93,23 @@ def test_what_cannot_be():
     unloaded, loaded = logs()
     machine = robot(NAME)
     with pytest.raises(InputError, match="positive number of kg"):
-        find_gains(machine, [unloaded], [loaded], 0.0)
+        KnownPayload(0.0)
     with pytest.raises(InputError, match="gains are given for some joints only"):
-        find_gains(machine, [unloaded], [loaded], MASS, given={"elbow_joint": 1.0})
+        find_gains(machine, [unloaded], [loaded], PAYLOAD, given={"elbow_joint": 1.0})
     with pytest.raises(UnknownNameError, match="elbow"):
-        find_gains(machine, [unloaded], [loaded], MASS, carrier="elbow")
+        find_gains(machine, [unloaded], [loaded], KnownPayload(MASS, carrier="elbow"))
     with pytest.raises(InputError, match="three finite numbers"):
-        find_gains(machine, [unloaded], [loaded], MASS, centre=[0.0, 1.0])
+        KnownPayload(MASS, centre=[0.0, 1.0])
     with pytest.raises(InputError, match="neither current_<joint> nor tau_<joint>"):
-        find_gains(machine, [unloaded], [replace(loaded, current=None)], MASS)
+        find_gains(machine, [unloaded], [replace(loaded, current=None)], PAYLOAD)
     with pytest.raises(IdentifiabilityError):  # nothing was loaded
-        find_gains(machine, [unloaded], [], MASS)
+        find_gains(machine, [unloaded], [], PAYLOAD)
 
 
 def test_a_payload_without_torque_fixes_nothing():
     M = np.zeros((1, 3, 3))
     M[0, 0, 0] = M[0, 2, 2] = 1.0
-    with pytest.raises(IdentifiabilityError, match="makes no torque"):
+    with pytest.raises(IdentifiabilityError, match="causes no torque"):
         total_least_squares(M, np.array([10.0]))
 
 
@@ -120,7 +122,7 @@ def test_command(tmp_path):
                  str(tmp_path / "loaded.parquet"), "--payload", str(MASS)]  # fmt: skip
     text = CliRunner().invoke(main, [*arguments, "--map", str(tmp_path / "map.toml")]).output
     assert "drive gains: torque per ampere" in text
-    assert "with the gains given the payload is" in text
+    assert "with the given gains the payload would be" in text
     data = json.loads(CliRunner().invoke(main, [*arguments, "--json", "--com", "0.05", "0.1", "0.03"]).output)
     assert data["payload"] is None
     assert data["joints"][2]["gain"] == pytest.approx(9.0, rel=0.05)
@@ -138,7 +140,7 @@ def test_the_weight_of_a_real_payload_and_the_gains_it_gives():
     unloaded, loaded = (
         fr.read_log(folder / f"logs/{n}.parquet", machine.joints, {"current_gain": card}) for n in names
     )
-    result = find_gains(machine, [unloaded], [loaded], 2.805, given=card)
+    result = find_gains(machine, [unloaded], [loaded], KnownPayload(2.805), given=card)
     assert result.payload.mass == pytest.approx(2.805, rel=0.03)
     expected = np.array(list(card.values()))
     assert (np.abs(result.gains - expected) < 4 * result.stderr).all()

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from frischid.effects import BASELINE
 from frischid.errors import InputError
-from frischid.logs.cutoff_choice import choose_lowpass
+from frischid.logs.cutoff_choice import LogSpectra, choose_lowpass, spectra_of
 from frischid.logs.derivatives import Derivatives
 from frischid.logs.filters import LowPass, correlate, decimating_filter, derivative_taps, noise_level
 from frischid.logs.log import Log
@@ -366,9 +366,60 @@ def test_cutoff_is_lower_where_the_torque_is_noisy():
         for share in (0.0, 1.0)
     )
     assert loud.cutoff < 0.8 * quiet.cutoff
-    assert "nears its noise" in loud.reason
+    assert "the torque nears its noise" in loud.reason
     band = float(loud.reason.split("bandwidth is ")[1].split(" Hz")[0])
     assert loud.cutoff >= 0.95 * 4 * band
+
+
+def coarse(bits, rate=200.0, **options):
+    """A log of a 2-joint arm with encoders of so many steps per turn."""
+    noise = Noise(q=0.3 * 2 * np.pi / 2**bits, quantum=2 * np.pi / 2**bits)
+    return exact_log(robot("planar2"), BASELINE, seconds=24.0, rate=rate, noise=noise, **options)
+
+
+def test_cutoff_is_lower_where_the_positions_are_noisy():
+    fine, rough = (choose_lowpass([coarse(bits, channels=())], ["joint1", "joint2"]) for bits in (20, 12))
+    assert rough.cutoff < 0.8 * fine.cutoff
+    assert "noise of the positions" in rough.reason
+    measured = choose_lowpass([coarse(12, channels=("a",))], ["joint1", "joint2"])
+    assert measured.cutoff == fine.cutoff, "a measured acceleration holds no noise of the positions"
+
+
+@pytest.mark.parametrize("bits", [11, 13])
+def test_the_share_of_noise_is_that_of_the_filtered_acceleration(bits):
+    """Against the difference of the accelerations of a noisy and a noise-free log, both through the filter."""
+    noisy, clean = coarse(bits, channels=()), coarse(40, channels=())
+    for cutoff in (4.0, 8.0):
+        lowpass = LowPass(cutoff)
+        a, exact = (correlate(lowpass.taps(m.step), m.a) for m in (motion_of(x, lowpass) for x in (noisy, clean)))
+        power = np.mean((a - exact) ** 2, axis=0) / np.mean(exact**2, axis=0)
+        said = [spectra_of(noisy, [name]).noise_share(cutoff) for name in noisy.joints]
+        np.testing.assert_allclose(said, power / (1 + power), rtol=0.5)
+
+
+def test_held_samples_and_single_lines_are_no_motion():
+    """Positions of a 100 Hz loop logged at 400 Hz: held for four samples, with images of the motion at 100 Hz."""
+    t = np.arange(0, 30, 0.0025)
+    q = np.sin(2 * np.pi * 0.5 * (t // 0.01) * 0.01) + 1e-5 * np.random.default_rng(0).normal(size=t.size)
+    chosen = choose_lowpass([log_of(t, q)], ["j"])
+    assert chosen.cutoff <= 10 * 0.75
+    assert float(chosen.reason.split("bandwidth is ")[1].split(" Hz")[0]) < 1.0
+
+
+def test_two_motions_of_one_joint_are_both_its_bandwidth():
+    slow, quick = np.sin(2 * np.pi * 0.3 * T), 0.05 * np.sin(2 * np.pi * 1.0 * T)
+    noise = 1e-7 * np.random.default_rng(0).normal(size=T.size)
+    chosen = choose_lowpass([log_of(T, slow + quick + noise)], ["j"])
+    assert float(chosen.reason.split("bandwidth is ")[1].split(" Hz")[0]) == pytest.approx(1.0, abs=0.3)
+
+
+def test_spectra_of_several_logs_add():
+    logs = [coarse(bits, channels=()) for bits in (12, 14)]
+    both = sum((spectra_of(log, log.joints) for log in logs), LogSpectra())
+    assert len(both.joints) == 4
+    assert both.rate == logs[0].rate
+    assert both.lowpass() == choose_lowpass(logs, logs[0].joints)
+    assert LogSpectra().noise_share(10.0) == 0.0
 
 
 def test_cutoff_without_motion_or_torque():

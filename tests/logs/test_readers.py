@@ -1,5 +1,6 @@
 import hashlib
 import os
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from frischid.checks import defects
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import CHANNELS, GARBAGE, Log, check_torque
 from frischid.logs.mapping import JointMap, LogMap
@@ -404,7 +406,7 @@ def test_mapping_against_the_robot(tmp_path):
     with pytest.raises(UnknownNameError, match="unknown joint 'amr' in mapping; did you mean: arm"):
         read_log(path, ["arm", "lift"], {"current_gain": {"amr": 1.0}})
     log = read_log(path, ["arm", "lift"], {"current_gain": {"lift": 1.0, "arm": 2.0}})
-    assert "mapping of lift not used: the log has no position of it" in log.notes
+    assert "mapping of lift not used: the log has no position of this joint" in log.notes
     assert "current_gain of arm not used: there is no current to convert" in log.notes
 
 
@@ -494,3 +496,65 @@ def test_mujoco_arrays(tmp_path):
     np.savez(path, time=np.arange(40) * 0.002, joints=np.array(["a", "b", "c"]), **arrays)
     motor = read_log(path, mapping={"default": {"tau": "ctrl_{joint}"}})
     np.testing.assert_array_equal(motor.tau, arrays["ctrl"])
+
+
+def hostile_npz(path, offsets, value):
+    """An NPZ file with another number in two bytes of every entry's headers."""
+    np.savez(path, t=np.arange(20.0), q_joint=np.arange(20.0))
+    content = bytearray(path.read_bytes())
+    for signature, offset in zip((b"PK\x03\x04", b"PK\x01\x02"), offsets, strict=True):
+        start = 0
+        while (start := content.find(signature, start)) >= 0:
+            content[start + offset : start + offset + 2] = value.to_bytes(2, "little")
+            start += 4
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("offsets", "value", "said"),
+    [((6, 8), 1, "encrypted"), ((8, 10), 97, "compression method"), ((8, 10), 12, "Invalid data"),
+     ((8, 10), 14, "cannot be read as npz")],
+)  # fmt: skip
+def test_an_npz_that_python_cannot_unpack_is_said(tmp_path, offsets, value, said):
+    path = tmp_path / "log.npz"
+    hostile_npz(path, offsets, value)
+    with pytest.raises(InputError, match=said):
+        read_log(path)
+
+
+def test_an_npz_that_claims_more_than_any_memory_is_said(tmp_path):
+    path = tmp_path / "log.npz"
+    header = b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (999999999999999,), }"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("t.npy", header.ljust(127) + b"\n" + bytes(80))
+    with pytest.raises(InputError, match="memory"):
+        read_log(path)
+
+
+@pytest.mark.parametrize("line", [0, 5])
+def test_a_cell_longer_than_any_number_is_said(tmp_path, line):
+    path = tmp_path / "log.csv"
+    rows = ["t,q_joint", *(f"{k / 100},{k / 7}" for k in range(20))]
+    rows[line] = f"{rows[line].partition(',')[0]},{'1' * 140_000}"
+    path.write_text("\n".join(rows))
+    with pytest.raises(InputError, match="line"):
+        read_log(path)
+    defects(path, LogMap())
+
+
+HOSTILE_MAPPINGS = {
+    "a number of 400 digits": ("[joint.elbow]\noffset = " + "9" * 400, "expected a number"),
+    "a number of 5000 digits": ("[joint.elbow]\noffset = " + "9" * 5000, "not TOML"),
+    "a number of 5000 hexadecimal digits": ("[joint.elbow]\noffset = 0x" + "f" * 5000, "thousands of digits"),
+    "nothing to divide by": ("[joint.elbow]\ngear_ratio = 1e-300", "other than 0"),
+    "lists in lists": ("a = " + "[" * 50_000, "nested too deep"),
+}
+
+
+@pytest.mark.parametrize(("text", "said"), HOSTILE_MAPPINGS.values(), ids=HOSTILE_MAPPINGS)
+def test_a_hostile_mapping_is_said(tmp_path, text, said):
+    path = tmp_path / "map.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=said) as error:
+        LogMap.load(path)
+    assert len(str(error.value)) < 400

@@ -12,14 +12,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from frischid.core.files import check_writable
-from frischid.effects import BASELINE, parse_effects
+from frischid.effects import BASELINE, columns_of, parse_effects
 from frischid.errors import InputError
 from frischid.estimators.frisch import Box
 from frischid.logs.filters import LowPass
 from frischid.logs.recording import Recording
 from frischid.model.identification import identify
 from frischid.model.model import Model
-from frischid.model.model_file import FIRST_SCHEMA, SCHEMA, without_robot
+from frischid.model.model_file import FIRST_SCHEMA, SCHEMA
+from frischid.model.model_parts import without_robot
 from frischid.motions.simulation import Noise
 from frischid.regression.regressor import nominal_parameters
 from frischid.robot.robot import Robot
@@ -321,13 +322,14 @@ def test_the_prior_is_saved_with_the_model(tmp_path):
     before = quick(robot("planar2"), [log], prior="urdf").model
     before.save(tmp_path / "model.json")
     after = Model.load(tmp_path / "model.json")
-    assert before.prior.names == after.prior.names
-    assert before.prior.strength == after.prior.strength
-    np.testing.assert_array_equal(after.prior.mean, before.prior.mean)
-    np.testing.assert_array_equal(after.prior.spread, before.prior.spread)
-    criteria = after.history[0]["criteria"]
-    assert criteria["prior"]["enough_rows"] == 10.0
-    assert criteria["identification"]["unexplained_nrmse"] == 0.8
+    assert after.prior.to_dict() == before.prior.to_dict()
+    assert after.fitted.to_dict() == before.fitted.to_dict()
+    assert after.prior.parameters.names == tuple(c.name for c in columns_of(after.robot, after.effects))
+    assert after.history[0]["criteria"]["identification"]["unexplained_nrmse"] == 0.8
+    damaged = json.loads((tmp_path / "model.json").read_text(encoding="utf-8"))
+    damaged["prior"]["parameters"].reverse()
+    with pytest.raises(InputError, match=r"in order - at `prior\.parameters`"):
+        Model.from_dict(damaged, "model.json")
 
 
 def test_parameters_by_position_and_by_name():
@@ -398,3 +400,30 @@ def test_history_says_what_was_done():
     assert event["effects"] == [str(e) for e in model().effects]
     assert event["held_out_nrmse"] == found().comparison.nrmse
     assert any("low-passed at 8 Hz" in n for n in event["notes"])
+
+
+def test_an_edited_number_is_noticed_and_another_layout_is_not(tmp_path):
+    path = tmp_path / "model.json"
+    model().save(path)
+    data = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(dict(reversed(data.items())), indent=7).replace(" 1.0,", " 1,"), encoding="utf-8")
+    assert Model.load(path).to_dict() == model().to_dict()
+    data["parameters"][0]["value"] *= 1.001
+    path.write_text(json.dumps(data), encoding="utf-8")
+    refused(path, "a value was changed after frischid wrote the file", "delete its field `sha256`")
+    del data["sha256"]
+    path.write_text(json.dumps(data), encoding="utf-8")
+    assert Model.load(path).estimate.theta[0] == data["parameters"][0]["value"]
+
+
+def test_a_step_of_the_history_has_types(tmp_path):
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(changed(model().to_dict(), "history", 0, "logs", to="all of them")))
+    refused(path, "Expected `array`, got `str`", "history[0].logs")
+
+
+def test_a_field_that_is_nested_deep_is_said(tmp_path):
+    path = tmp_path / "model.json"
+    deep = json.loads("[" * 500 + "]" * 500)
+    path.write_text(json.dumps(changed(model().to_dict(), "history", 0, "criteria", to=deep)))
+    refused(path, "nested too deep")

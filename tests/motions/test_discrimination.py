@@ -12,7 +12,7 @@ from frischid.robot.robot import Robot
 PLANAR = Robot.load("planar2")
 
 
-def test_the_planned_motion_tells_two_effects_apart_better_than_random_ones():
+def test_the_planned_motion_distinguishes_two_effects_better_than_random_ones():
     spring, gain = parse_effects("joint_spring@joint2, drive_gain@joint2")
     apart = separate(PLANAR, spring, gain, options=PlanOptions(duration=10.0, budget=2000))
     assert apart.sharper > 1.2
@@ -20,9 +20,9 @@ def test_the_planned_motion_tells_two_effects_apart_better_than_random_ones():
     assert not apart.plan.violations
 
 
-def test_what_no_motion_tells_apart_is_said():
+def test_effects_that_no_motion_distinguishes_are_refused():
     payload, spring = parse_effects("payload@joint2, joint_spring@joint2")
-    with pytest.raises(IdentifiabilityError, match="no motion tells payload"):
+    with pytest.raises(IdentifiabilityError, match="no motion can distinguish payload"):
         separate(PLANAR, payload, spring, options=PlanOptions(budget=100))
     with pytest.raises(InputError, match="same effect"):
         separate(PLANAR, spring, spring, options=PlanOptions(budget=100))

@@ -194,9 +194,9 @@ def test_verdict_names_the_spring_and_counts_the_warnings(spring):
     assert "-o still-better.json" in re.sub(
         "</?span>", "", chapter("verdict", spring[1], "better.json")
     )  # not over what it reads
-    assert "On a log it has never seen" in text
+    assert "on logs it was not fitted to" in text
     start = text.index('id="missing"')
-    for words in ("Evidence", "Could also be", "To be sure", "what joint_spring adds"):
+    for words in ("Evidence", "Could also be", "To be sure", "torque of joint_spring"):
         assert words in text[start:]
 
 
@@ -210,7 +210,7 @@ def test_long_commands_break_after_commas():
 def test_the_verdict_has_no_legend_of_a_figure(spring):
     shown = spring[1]
     few = replace(shown.verdict, residuals=FewConditions())
-    assert figures.matrix(few).reading.endswith("Blank: too few samples to say.")
+    assert figures.matrix(few).reading.endswith("Blank: too few samples.")
     assert "Blank" not in chapter("verdict", replace(shown, verdict=few))
 
 
@@ -230,9 +230,9 @@ def test_shapes_in_the_history_are_rounded():
 def test_an_unknown_verdict_names_what_explains_a_part(spring):
     diagnosis = spring[1].diagnosis
     assert missing(replace(diagnosis, verdict="unknown")).endswith(
-        "nothing in the catalogue explains; joint_spring on joint2 explains a part of it"
+        "no effect of the catalogue explains; joint_spring on joint2 explains a part of it"
     )
-    assert missing(replace(diagnosis, verdict="unknown", findings=())).endswith("nothing in the catalogue explains")
+    assert missing(replace(diagnosis, verdict="unknown", findings=())).endswith("no effect of the catalogue explains")
 
 
 def test_every_noise_has_the_unit_of_its_joint(spring):
@@ -245,8 +245,8 @@ def test_a_recursion_of_an_earlier_model_is_said_to_be_one(spring):
     shown = spring[1]
     assert shown.model.recursion is not None
     later = replace(shown, model=replace(shown.model, recursion=None, previous=shown.model))
-    assert "before anything was added" not in chapter("parameters", shown)
-    assert "before anything was added" in chapter("parameters", later)
+    assert "before any effect was added" not in chapter("parameters", shown)
+    assert "before any effect was added" in chapter("parameters", later)
 
 
 def test_what_was_found_has_its_units(spring):
@@ -337,13 +337,13 @@ def test_every_number_of_the_table_of_parameters_is_the_models(spring):
         assert ("impossible sign" in cells[column.name][-2]) == (column.name in shown.impossible)
 
 
-def test_the_verdicts_percentages_are_the_comparisons(spring):
-    shown = spring[1].verdict
+def test_the_verdicts_percentages_are_the_headlines(spring):
+    shown = spring[1].headline
     text = chapter("verdict", spring[1]).replace("\u00a0", " ")
     assert f"<strong>{100 * shown.nrmse:.1f} %</strong>" in text
     for words in (
-        f"URDF alone misses {100 * shown.nominal:.0f} %",
-        f"a constant torque {100 * shown.constant:.0f} %",
+        f"URDF with fitted friction misses {100 * shown.urdf_nrmse:.0f} %",
+        f"a constant torque {100 * shown.constant_nrmse:.0f} %",
         f"noise alone would cause {100 * shown.noise_floor:.1f} %",
     ):
         assert words in text

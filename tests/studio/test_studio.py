@@ -89,17 +89,17 @@ def test_add_undo_save_export(bench):
     best = bench.state.diagnosis.findings[0]
     assert best.effect == "joint_spring"
     after = bench.add(best.members, 0, best)
-    assert after.error < 0.1 * before.error
-    assert after.model.history[-1]["test_after"] == pytest.approx(after.error)
+    assert after.headline.nrmse < 0.1 * before.headline.nrmse
+    assert after.model.history[-1]["test_after"] == pytest.approx(after.headline.nrmse)
     assert after.diagnosis is None
     undone = bench.undo(after.revision)
     assert undone.model is before.model
-    assert undone.error == before.error
+    assert undone.headline.nrmse == before.headline.nrmse
     assert Model.load(bench.save()).history[-1]["action"] == "identify"
     assert bench.export().read_text(encoding="utf-8").startswith("<!doctype html>")
     stop()
     bench.add_formula("q", ["joint2"], undone.revision)
-    assert bench.state.error < 0.1 * before.error
+    assert bench.state.headline.nrmse < 0.1 * before.headline.nrmse
     assert seen == [0, 1, 2]
 
 
@@ -130,7 +130,7 @@ def test_what_was_undone_is_not_looked_at(bench, monkeypatch):
 def test_undo_of_a_step_made_elsewhere_is_computed(bench, case):
     added = bench.add(SPRING, 0).model
     other = Bench(added, case[1], bench.output)
-    assert other.undo(0).error == pytest.approx(Bench(*case, bench.output).state.error)
+    assert other.undo(0).headline.nrmse == pytest.approx(Bench(*case, bench.output).state.headline.nrmse)
 
 
 def test_a_diagnosis_that_comes_too_late_does_not_undo_a_step(bench, monkeypatch):
@@ -162,7 +162,7 @@ def test_a_failure_leaves_everything_as_it_was(bench, monkeypatch):
     with pytest.raises(RuntimeError, match="out of luck"):
         bench.add(SPRING, 0)
     assert bench.state is before
-    assert "the model is as it was" in bench_module.message_of(RuntimeError("x"))
+    assert "the model has not changed" in bench_module.message_of(RuntimeError("x"))
     monkeypatch.undo()
     assert bench.add(SPRING, 0).revision == 1
 
@@ -274,7 +274,7 @@ def test_a_session_in_the_browser(case, tmp_path):
             page.set_default_timeout(180_000)
             page.wait_for_selector(".js-plotly-plot .scatterlayer path")
             before = error_shown(page)
-            assert before == pytest.approx(running.bench.state.error, abs=1e-4)
+            assert before == pytest.approx(running.bench.state.headline.nrmse, abs=1e-4)
             page.get_by_role("button", name="Play").click()
             slider = page.get_by_role("slider").first
             settled(lambda: float(slider.get_attribute("aria-valuenow")) > 0.2)
@@ -300,7 +300,7 @@ def test_a_session_in_the_browser(case, tmp_path):
             page.get_by_role("button", name="Export the report").click()
             page.wait_for_selector("text=Report written to")
             assert (tmp_path / "model.html").exists()
-            page.get_by_role("tab", name="Fails where").click()
+            page.get_by_role("tab", name="Where it fails").click()
             page.wait_for_selector(".heatmaplayer image")
             bad = [c for c in seen.complaints if "Error" in c or "Uncaught" in c]
             assert bad == []
@@ -368,7 +368,7 @@ def test_a_click_on_a_joint_shows_its_curves(case, tmp_path):
                     return chosen.input_value() == joint
 
                 settled(clicked)
-                page.wait_for_selector(f"text={joint}: measured torque against the model's")
+                page.wait_for_selector(f"text={joint}: measured and predicted torque")
                 settled(lambda joint=joint: shown(joint))
     finally:
         running.stop()
@@ -414,7 +414,7 @@ def test_on_a_phone_the_robot_stands_above_a_sheet_as_wide_as_the_page(case, tmp
                 assert 0 < y < top
             page.get_by_text("Motion", exact=True).click()
             page.wait_for_selector(".js-plotly-plot .scatterlayer path")
-            page.get_by_role("tab", name="Fails where").click()
+            page.get_by_role("tab", name="Where it fails").click()
             page.wait_for_selector(".heatmaplayer image")
             settled(lambda: page.evaluate(f"({OVERLAPS})(document)") == [])
     finally:
@@ -431,7 +431,7 @@ def test_a_page_may_be_there_before_its_model(case, tmp_path):
                 running.show(case[0], [], tmp_path / "model.json")
             running.show(*case, tmp_path / "model.json")
             seen.page.wait_for_selector(".js-plotly-plot .scatterlayer path")
-            assert error_shown(seen.page) == pytest.approx(running.bench.state.error, abs=1e-4)
+            assert error_shown(seen.page) == pytest.approx(running.bench.state.headline.nrmse, abs=1e-4)
             assert seen.page.get_by_text("Reading the logs").count() == 0
     finally:
         running.stop()
@@ -597,7 +597,7 @@ def test_being_open_to_others_is_said(case, tmp_path, monkeypatch):
     for host, said in (("0.0.0.0", True), ("127.0.0.1", False)):
         result = CliRunner().invoke(main, [*arguments, "--host", host])
         assert result.exit_code == 0, result.output
-        assert ("whoever reaches it can change the model" in result.stdout.replace("\n", " ")) == said
+        assert ("anybody who reaches the page can change the model" in result.stdout.replace("\n", " ")) == said
         assert "model-studio.json" in result.stdout.replace("\n", "")
 
 

@@ -50,7 +50,7 @@ def check(reports: Sequence[LogReport]) -> Page:
 
 
 def lines(issue: LogIssue) -> list[str]:
-    """An issue for people: what and where, then what to do."""
+    """An issue as text: evidence and joints, then the remedy."""
     place = f"{', '.join(issue.where)}: " if issue.where else ""
     colour = "red" if issue.blocks else "yellow"
     return [
@@ -76,8 +76,8 @@ def _clock(facts: Mapping[str, Any]) -> list[str]:
     low, usual, high = facts["steps_ms"]
     words = f"  true rate {facts['mean_rate_hz']:.4g} Hz, steps {low:.4g} to {high:.4g} ms (usual {usual:.4g} ms)"
     if "stamps_follow" in facts:
-        words += f", jitter {facts['jitter']:.1%} of a step; positions follow it by {facts['stamps_follow']:.2f} ± "
-        words += f"{facts['stamps_follow_error']:.2g} (1: stamps are true)"
+        words += f", jitter {facts['jitter']:.1%} of a step; the positions follow it by a factor of "
+        words += f"{facts['stamps_follow']:.2f} ± {facts['stamps_follow_error']:.2g} (1: stamps are true)"
     if facts.get("missing_share"):
         words += f"; {facts['missing_share']:.1%} of the samples missing"
     return [words]
@@ -102,18 +102,17 @@ def _parameters(facts: Mapping[str, Any]) -> list[str]:
         return [f"  {facts['nominal']}"] if "nominal" in facts else []
     if not unseen:
         return [
-            f"  all {facts['rigid_parameters']} rigid base parameters are seen: standard errors below their size "
-            "in the URDF"
+            f"  this log determines all {facts['rigid_parameters']} rigid base parameters: their standard errors are "
+            "below their size in the URDF"
         ]
     return [
-        f"  {len(unseen)} of {facts['rigid_parameters']} rigid base parameters are not seen by this log alone "
-        "(standard error "
-        f"above their size in the URDF): {', '.join(unseen)}"
+        f"  this log alone does not determine {len(unseen)} of {facts['rigid_parameters']} rigid base parameters "
+        f"(standard error above their size in the URDF): {', '.join(unseen)}"
     ]
 
 
 def datasets(known: Mapping[str, Dataset]) -> Page:
-    """Data sets there are."""
+    """The data sets that can be fetched."""
     data = [
         {"name": name, "title": x.title, "licence": x.licence, "page": x.page, "files": len(x.files)}
         for name, x in known.items()
@@ -126,7 +125,7 @@ def datasets(known: Mapping[str, Dataset]) -> Page:
 
 
 def fetched(name: str, about: str, paths: Sequence[str]) -> Page:
-    """Where a data set lies now, whose it is, and what to do with it."""
+    """A fetched data set: its origin, and the files that were written."""
     return Page(
         {"name": name, "about": about, "logs": list(paths)}, [escape(about.strip()), *(f"written: {p}" for p in paths)]
     )

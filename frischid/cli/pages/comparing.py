@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from typing import Any
 
-from frischid.cli.pages.page import Page, depends, figure, table_of
+from frischid.cli.pages.page import Page, depends, figure, headline_line, table_of
 from frischid.model.comparison import Comparison
+from frischid.model.headline import Headline
 from frischid.model.residual_conditions import CONDITION_ORDER
 
 
-def comparison(result: Comparison) -> Page:
-    """Errors of a model, joint by joint."""
-    parts: list[Any] = [*error_tables(result), *_where(result), *_residual_error(result)]
-    return Page(result.to_dict(), parts)
+def comparison(result: Comparison, error: Headline) -> Page:
+    """The model's error, then the errors behind it: joint by joint, and where it fails."""
+    parts: list[Any] = [headline_line(error)]
+    parts += [*error_tables(result), *_where(result), *_residual_error(result)]
+    return Page({"headline": error.to_dict(), "comparison": result.to_dict()}, parts, error.alarms)
 
 
 def error_tables(result: Comparison) -> list[Any]:
-    """Errors joint by joint, and what was left out of them."""
+    """Errors joint by joint, and the share of samples left out of them."""
     where = ", ".join(result.sources)
     table = table_of(
-        "joint", "RMSE", "NRMSE", "noise floor", "fit %", "bias", "nominal URDF", "constant", "worst error", "at",
-        title=f"measured against model on {where}: mean NRMSE {result.nrmse:.4f}",
+        "joint", "RMSE", "NRMSE", "noise floor", "fit %", "bias", "URDF + friction", "constant", "worst error", "at",
+        title=f"joint by joint, measured against model on {where}",
     )  # fmt: skip
     for name, j in result.joints.items():
         error = j.worst.measured - j.worst.predicted
@@ -33,7 +35,7 @@ def error_tables(result: Comparison) -> list[Any]:
     if result.standstill > 0:
         parts.append(
             f"{result.standstill:.1%} of the torque samples are left out: the joint is at standstill, where dry "
-            f"friction is undetermined (mean NRMSE with them {result.nrmse_with_standstill:.4f})"
+            f"friction is undetermined (NRMSE with them {result.nrmse_with_standstill:.4f})"
         )
     return parts
 

@@ -9,11 +9,11 @@ from rich.markup import escape
 from frischid.cli.pages.page import Page, figure, plain, table_of
 from frischid.export.drive_gains import Gains
 
-UNCERTAIN_GAIN = 0.05  # standard error over value, above which a drive gain is called hardly known
+UNCERTAIN_GAIN = 0.05  # standard error over value, above which a drive gain is called uncertain
 
 
 def gains(found: Gains) -> Page:
-    """Gains three ways, beside those given, and what those make of the payload."""
+    """Gains by three methods, the given gains, and the payload that the given gains would measure."""
     what = "torque per ampere" if found.channel == "current" else "factor on the torque channel"
     extra = [] if found.given is None else ["given", "ratio"]
     table = table_of("joint", "gain", "± s.e.", "total least squares", "physical", *extra, title=f"drive gains: {what}")
@@ -49,8 +49,8 @@ def gains(found: Gains) -> Page:
         change = p.mass / found.mass - 1
         centre = ", ".join(f"{x:.3f}" for x in p.centre)
         parts.append(
-            f"with the gains given the payload is {p.mass:.3f} ± {p.mass_stderr:.3f} kg ({change:+.1%} of what it "
-            f"weighs), its centre of mass at ({centre}) m"
+            f"with the given gains the payload would be {p.mass:.3f} ± {p.mass_stderr:.3f} kg ({change:+.1%} off its "
+            f"true mass), its centre of mass at ({centre}) m"
         )
         data["payload"] = {
             "mass": p.mass,

@@ -15,7 +15,7 @@ from frischid.model.model import Model
 
 
 def consistency(found: Consistency, output: str | None) -> Page:
-    """Links, what holds them where they are, and what it cost the base parameters."""
+    """Links, the limits that they reach, and the change of the base parameters."""
     parts: list[Any] = [_verdict(found), links(found.model, found), *_changes(found), *_held(found)]
     if output:
         parts.append(f"model written to {output}")
@@ -73,8 +73,8 @@ def _verdict(found: Consistency) -> str:
     blame = ", ".join(f"{name} ({share:.0f})" for name, share in result.blame[:3])
     return (
         f"[bold]no physical links have these base parameters within their bounds[/bold]: the nearest are "
-        f"{found.unexplained:.1f} standard errors away (χ² {result.misfit:.0f}). It costs most at "
-        f"{blame or 'no one link'}"
+        f"{found.unexplained:.1f} standard errors away (χ² {result.misfit:.0f}). The misfit is largest at "
+        f"{blame or 'no single link'}"
     )
 
 
@@ -82,7 +82,7 @@ def _changes(found: Consistency) -> list[str]:
     columns, change = found.model.estimate.columns, found.change
     worst = [i for i in np.argsort(-np.abs(change))[:5] if abs(change[i]) > 0.5]
     listing = ", ".join(f"{columns[i].name} {change[i]:+.1f}" for i in worst)
-    return [f"base parameters changed most, in their standard errors: {listing or 'none by more than half of one'}"]
+    return [f"base parameters that change most, in standard errors: {listing or 'none by more than half of one'}"]
 
 
 def _held(found: Consistency) -> list[str]:
@@ -93,7 +93,7 @@ def _held(found: Consistency) -> list[str]:
 
 
 def export(done: Export) -> Page:
-    """What was written, and what it could not hold."""
+    """The file that was written, and the effects that its format cannot hold."""
     parts: list[Any] = []
     data: dict[str, Any] = {"file": str(done.path), "format": done.format, "notes": list(done.notes)}
     if done.consistency is not None:

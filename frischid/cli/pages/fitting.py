@@ -5,26 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
 from frischid.cli.pages.comparing import error_tables
-from frischid.cli.pages.page import Page, figure, plain, table_of, warning_lines
-from frischid.estimators.urdf_prior import PriorChoice
+from frischid.cli.pages.page import Page, figure, headline_line, table_of, warning_lines
 from frischid.model.identification import Identification
+from frischid.model.identification_bounds import NO_INFORMATION, without_information
 from frischid.model.model import Model
 
 
 def identification(found: Identification, output: str | None) -> Page:
     """Parameters with bounds, and errors."""
     model = found.model
-    parts: list[Any] = [summary(found), *(f"  {escape(n)}" for n in found.notes), parameters(model)]
+    parts: list[Any] = [
+        summary(found),
+        *([] if found.headline is None else [headline_line(found.headline)]),
+        *(f"  {escape(n)}" for n in found.notes),
+        parameters(model),
+    ]
     parts += error_tables(found.comparison) if found.comparison else []
     parts += [cross_validation(found), *warning_lines(found.warnings)]
     if output:
         parts.append(f"model written to {output}")
-    return Page(identified(found), parts)
+    return Page(identified(found), parts, found.alarms)
 
 
 def identified(found: Identification) -> dict[str, Any]:
@@ -41,8 +45,10 @@ def identified(found: Identification) -> dict[str, Any]:
         "condition": model.estimate.condition,
         "estimator": model.estimate.estimator,
         "parameters": content["parameters"],
-        "prior": None if found.prior is None else _prior(found.prior),
-        "frisch": {
+        "prior": content["prior"],
+        "frisch": None
+        if triangle is None
+        else {
             "same_orthant": triangle.same_orthant,
             "changing_sign": list(triangle.disagreeing),
             "exact": triangle.exact,
@@ -55,29 +61,28 @@ def identified(found: Identification) -> dict[str, Any]:
             "skipped": recursion.skipped,
             "emptied": None if recursion.emptied is None else recursion.emptied._asdict(),
         },
+        "headline": None if found.headline is None else found.headline.to_dict(),
         "cross_validation": found.cross_validation,
-        "cross_validated_nrmse": float(np.mean(list(found.cross_validation.values()))),
         "comparison": None if found.comparison is None else found.comparison.to_dict(),
+        "alarms": [alarm.to_dict() for alarm in found.alarms],
         "notes": list(found.notes),
         "warnings": list(found.warnings),
     }
-
-
-def _prior(choice: PriorChoice) -> dict[str, Any]:
-    """Whether a prior was used, and what cross-validation said of each strength."""
-    errors = {f"{strength:g}": plain(error) for strength, error in choice.errors.items()}
-    return {"used": choice.prior is not None, "strength": choice.strength, "cross_validated_nrmse": errors}
 
 
 def parameters(model: Model, truth: Sequence[float] | None = None) -> Table:
     """Table of base parameters: value, standard error, boxes, and the truth where it is known."""
     known = [] if truth is None else ["true"]
     e = model.estimate
-    shares = [] if e.from_data is None else ["from data"]
+    shares = [] if e.from_data is None else ["from logs"]
     boxed = (f"{k} box" for k in model.bounds)
+    silent = without_information(model.bounds)
     table = table_of("parameter", "stands for", "unit", *known, "value", "± s.e.", *shares, *boxed)
     for i, column in enumerate(e.columns):
-        boxes = [f"{figure(b.lower[i])} … {figure(b.upper[i])}" for b in model.bounds.values()]
+        boxes = [
+            NO_INFORMATION if silent[method][i] else f"{figure(b.lower[i])} … {figure(b.upper[i])}"
+            for method, b in model.bounds.items()
+        ]
         expected = [] if truth is None else [figure(truth[i])]
         row = [column.name, model.expressions[i], column.unit, *expected, figure(e.theta[i]), figure(e.stderr[i])]
         share = [] if e.from_data is None else [f"{e.from_data[i]:.0%}"]
@@ -86,7 +91,7 @@ def parameters(model: Model, truth: Sequence[float] | None = None) -> Table:
 
 
 def summary(found: Identification) -> str:
-    """One sentence on what was fitted."""
+    """One sentence on the fit."""
     model, e = found.model, found.model.estimate
     cut = "unfiltered" if model.lowpass.cutoff is None else f"low-passed at {model.lowpass.cutoff:g} Hz"
     return (
@@ -99,6 +104,5 @@ def summary(found: Identification) -> str:
 
 def cross_validation(found: Identification) -> str:
     """Cross-validated error of each joint, in a line."""
-    values = found.cross_validation
-    listing = ", ".join(f"{n} {x:.4f}" for n, x in values.items())
-    return f"cross-validated NRMSE on stretches left out of the fit: {np.mean(list(values.values())):.4f} ({listing})"
+    listing = ", ".join(f"{n} {x:.4f}" for n, x in found.cross_validation.items())
+    return f"joint by joint, cross-validated on stretches left out of the fit: {listing}"

@@ -1,4 +1,4 @@
-"""A fleet as a page: what its robots have in common, and who is different."""
+"""A fleet as a page: the parameters its robots share, and the robots that differ."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from frischid.cli.pages.page import Page, figure, plain, quantities, table_of, w
 from frischid.fleet.results import Fleet, Member
 from frischid.robot.robot import Robot
 
-MOST = 5  # skipped logs, and warnings, that are listed
+MOST = 5  # skipped logs and warnings that are listed; of further ones only the number is printed
 
 
 def fleet(found: Fleet, output: str | None) -> Page:
@@ -28,14 +28,14 @@ def fleet(found: Fleet, output: str | None) -> Page:
     ]
     if different:
         parts += [
-            f"{len(different)} of {len(members)} robots differ from the others, most first",
+            f"{len(different)} of {len(members)} robots differ from the others, the largest difference first",
             _different(different, found.model.robot),
         ]
         parts += [f"{escape(m.name)}: {escape(sentence(m))}" for m in different if sentence(m)]
     else:
-        parts.append(f"none of {len(members)} robots differs from the others by more than robots of this fleet do")
+        parts.append(f"none of {len(members)} robots differs from the others by more than is usual in this fleet")
     if found.skipped:
-        parts.append(f"{len(found.skipped)} logs skipped, the others counted:")
+        parts.append(f"{len(found.skipped)} logs skipped; the figures are those of the other logs:")
         parts += [f"  {escape(s.address)}: {escape(s.reason)}" for s in found.skipped[:MOST]]
         parts += [f"  and {len(found.skipped) - MOST} more"] * (len(found.skipped) > MOST)
     parts += warning_lines(found.warnings[:MOST])
@@ -46,7 +46,7 @@ def fleet(found: Fleet, output: str | None) -> Page:
 
 
 def _spread(found: Fleet) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Standard deviation of the robots' own values, of those that are alike and determine them."""
+    """Standard deviation of the robots' own parameter values, over robots that do not differ from the fleet."""
     own = [m.deviation.own.theta for m in found.members if m.deviation.own is not None and not m.differs]
     if len(own) < 2:
         return np.full(len(found.model.base), np.nan)
@@ -55,7 +55,7 @@ def _spread(found: Fleet) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 def _parameters(found: Fleet) -> Table:
     estimate = found.model.estimate
-    table = table_of("parameter", "stands for", "unit", "value", "± s.e.", "robots ±", title="what the robots share")
+    table = table_of("parameter", "stands for", "unit", "value", "± s.e.", "robots ±", title="shared parameters")
     rows = zip(estimate.columns, found.model.expressions, estimate.theta, estimate.stderr, _spread(found), strict=True)
     for column, expression, value, error, spread in rows:
         table.add_row(column.name, expression, column.unit, figure(value), figure(error), figure(spread))
@@ -85,12 +85,12 @@ def _values(m: Member, robot: Robot) -> str:
 
 
 def sentence(m: Member) -> str:
-    """What changed on a robot, in words."""
+    """A sentence on the change of a robot."""
     if m.parameters_explain:
-        return "parameters that the model has already are no longer the fleet's: " + ", ".join(
+        return "these parameters of the model differ from those of the fleet: " + ", ".join(
             f"{c.effect} of {c.joint}" for c in m.changes
         )
-    return "it differs, and nothing in the catalogue explains it" if m.finding is None else m.finding.sentence
+    return "this robot differs, and no effect of the catalogue explains it" if m.finding is None else m.finding.sentence
 
 
 def _data(found: Fleet) -> dict[str, Any]:

@@ -1,34 +1,32 @@
-"""Diagnoses and the steps they lead to, as pages."""
+"""Diagnoses, and the steps that add their findings, as pages."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-from frischid.cli.pages.page import Page, change, quantities, table_of
+from frischid.cli.pages.page import Page, change, headline_line, quantities, table_of
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import HOW_RANKED
-from frischid.diagnosis.history import measured_on, selection_errors, test_errors
+from frischid.diagnosis.history import error_after
 from frischid.diagnosis.improvement import Step
 from frischid.effects import EFFECTS
+from frischid.model.headline import headline_of
 from frischid.model.model import Model
 
 
 def diagnosis(result: Diagnosis) -> Page:
-    """Verdict, ranking and what could be confused."""
-    changed = "the robot changed since it was identified" if result.situation == "changed" else "it was always so"
-    head = (
-        f"[bold]{verdict_of(result)}[/bold] (taken as: {changed}). Cross-validated NRMSE {result.error:.4f} "
-        f"(each part of these logs predicted from the others), noise floor {result.noise_floor:.4f}."
-    )
-    parts: list[Any] = [head, *_on_test_logs(result)]
+    """Verdict, ranking, and effects that these data cannot distinguish."""
+    changed = "changed since it was identified" if result.situation == "changed" else "has not changed"
+    head = f"[bold]{verdict_of(result)}[/bold] (assumed: the robot {changed})."
+    parts: list[Any] = [head, headline_line(result.headline)]
     for c in result.contacts:
         parts.append(f"contact in {c.source} from {c.start:.2f} to {c.stop:.2f} s on {', '.join(c.joints)}; left out")
-    table = table_of("effect", "where", "NRMSE after", "explains", "gain", "p", "confused with")
+    table = table_of("effect", "where", "error", "explains", "gain", "p", "confused with")
     for f in result.findings[:10]:
         where = ", ".join(f.joints) or "robot"
         table.add_row(
-            f.effect, where, f"{f.error_after:.4f}", f"{f.share:.0%}", f"{f.gain:.1f}", "< 1e-16" if f.p_value <
+            f.effect, where, f.change, f"{f.share:.0%}", f"{f.gain:.1f}", "< 1e-16" if f.p_value <
             1e-16 else f"{f.p_value:.1e}",
             ", ".join(f.confused_with),
         )  # fmt: skip
@@ -43,17 +41,10 @@ def diagnosis(result: Diagnosis) -> Page:
     if len(significant) > 1:
         parts.append(f"{HOW_RANKED} `frischid improve` adds them one at a time.")
     parts.append(
-        "explains: share of the error above the sensor noise on its joints; gain: cross-validated log "
-        "likelihood less its price"
+        "error: change of the mean error with this effect alone, cross-validated on the logs that select; explains: "
+        "share of the error above the sensor noise on its joints; gain: log likelihood less its price"
     )
-    return Page(result.to_dict(), parts)
-
-
-def _on_test_logs(result: Diagnosis) -> list[str]:
-    """The model's error on the test logs, where there are any."""
-    if result.test_error is None:
-        return []
-    return [f"On the test logs (--valid) the model as it is has NRMSE {result.test_error:.4f}; they decide nothing."]
+    return Page(result.to_dict(), parts, result.headline.alarms)
 
 
 def verdict_of(result: Diagnosis) -> str:
@@ -62,89 +53,96 @@ def verdict_of(result: Diagnosis) -> str:
         "none": result.remainder,
         "effect": "an effect is missing",
         "contact": "something touched the robot",
-        "unknown": "something is missing, and nothing in the catalogue explains it",
+        "unknown": "something is missing, and no effect of the catalogue explains it",
     }[result.verdict]
 
 
 def added(step: Step, output: str) -> Page:
     """Error before and after."""
     names = ", ".join(str(e) for e in step.model.effects)
+    error = step.headline
     data = {
         "effect": str(step.effect),
+        "headline": None if error is None else error.to_dict(),
+        "step": step_errors(step),
+        "model": output,
+    }
+    return Page(
+        data,
+        [
+            f"{step.effect} added: {fall_of(step)}",
+            *([] if error is None else [headline_line(error)]),
+            f"effects now: {names}",
+            f"model written to {output}",
+        ],
+        () if error is None else error.alarms,
+    )
+
+
+def step_errors(step: Step) -> dict[str, Any]:
+    """Errors before and after a step, as plain JSON values."""
+    return {
         "error_before": step.error_before,
         "error_after": step.error_after,
         "measured_on": step.measured_on,
         "test_before": step.test_before,
         "test_after": step.test_after,
-        "model": output,
     }
-    fall = (
-        f"NRMSE {step.error_before:.4f} → {step.error_after:.4f} ({change(step.error_before, step.error_after)}), "
-        f"{step.measured_on}"
-    )
-    return Page(
-        data,
-        [
-            f"{step.effect} added: {fall}",
-            *_fall_on_test_logs(step),
-            f"effects now: {names}",
-            f"model written to {output}",
-        ],
-    )
 
 
-def _fall_on_test_logs(step: Step) -> list[str]:
-    """The error on the test logs before and after, where there are any."""
-    if step.test_before is None or step.test_after is None:
-        return []
-    fall = change(step.test_before, step.test_after)
-    return [f"on the test logs (--valid): NRMSE {step.test_before:.4f} → {step.test_after:.4f} ({fall})"]
+def fall_of(step: Step) -> str:
+    """The error before and after a step, measured as its headline is."""
+    if step.test_before is not None and step.test_after is not None:
+        before, after, where = step.test_before, step.test_after, "on the test logs, which decide nothing"
+    else:
+        before, after, where = step.error_before, step.error_after, step.measured_on
+    return f"NRMSE {before:.4f} → {after:.4f} ({change(before, after)}), {where}"
 
 
 def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> Page:
-    """The staircase."""
+    """The steps of an improvement with the error before and after each."""
     tested = any(step.test_after is not None for step in steps)
-    headings = ("step", "effect", "where", "NRMSE before", "after", "change", *(["on test logs"] if tested else []))
-    how = ", ".join(dict.fromkeys(step.measured_on for step in steps))
-    table = table_of(*headings, title=f"the error falls ({how})")
+    how = "on the test logs" if tested else ", ".join(dict.fromkeys(step.measured_on for step in steps))
+    table = table_of("step", "effect", "where", "NRMSE before", "after", "change", title=f"the error falls ({how})")
     rows = []
     for i, step in enumerate(steps, start=1):
         finding = step.finding
         where = ", ".join(finding.joints) if finding is not None and finding.joints else "robot"
         effect = finding.effect if finding is not None else step.effect.id
-        fall = change(step.error_before, step.error_after)
-        test = [f"{step.test_before:.4f} → {step.test_after:.4f}"] if step.test_after is not None else []
-        table.add_row(str(i), effect, where, f"{step.error_before:.4f}", f"{step.error_after:.4f}", fall, *test)
-        rows.append(
-            {"effect": effect, "joints": list(finding.joints) if finding is not None else [],
-             "error_before": step.error_before, "error_after": step.error_after, "measured_on": step.measured_on,
-             "test_before": step.test_before, "test_after": step.test_after}
-        )  # fmt: skip
-    parts: list[Any] = [table] if steps else [f"no effect was added; cross-validated NRMSE {last.error:.4f}"]
-    parts.append(f"noise floor {last.noise_floor:.4f}; {verdict_of(last)}")
+        before, after = (step.test_before, step.test_after) if tested else (step.error_before, step.error_after)
+        if before is not None and after is not None:
+            table.add_row(str(i), effect, where, f"{before:.4f}", f"{after:.4f}", change(before, after))
+        joints = list(finding.joints) if finding is not None else []
+        rows.append({"effect": effect, "joints": joints, **step_errors(step)})
+    parts: list[Any] = [headline_line(last.headline), *([table] if steps else ["no effect was added"])]
+    parts.append(verdict_of(last))
     parts += [f"{note[:1].upper()}{note[1:]}." for note in last.notes if "was not added: " in note]
     if output:
         parts.append(f"model written to {output}")
     elif steps:
-        parts.append("no model was written: -o FILE keeps the improved one")
+        parts.append("no model was written; -o FILE saves the improved one")
     return Page(
         {
+            "headline": last.headline.to_dict(),
             "steps": rows,
-            "noise_floor": last.noise_floor,
-            "test_error": last.test_error,
             "criteria": last.criteria.to_dict(),
             "last": last.to_dict(),
         },
         parts,
+        last.headline.alarms,
     )
 
 
 def history(model: Model) -> Page:
-    """Steps of a model."""
-    table = table_of("step", "action", "effects", "NRMSE before", "after", "measured on", "on test logs", "logs fitted")
+    """The model's error, and its steps."""
+    last = headline_of(model.history[-1]) if model.history else None
+    table = table_of("step", "action", "effects", "NRMSE", "measured", "logs fitted")
     for i, event in enumerate(model.history):
-        errors = ["–" if x is None else f"{x:.4f}" for x in selection_errors(event)]
-        test = " → ".join(f"{x:.4f}" for x in test_errors(event)) or "–"
-        effects = ", ".join(event["effects"])
-        table.add_row(str(i), event["action"], effects, *errors, measured_on(event), test, str(len(event["logs"])))
-    return Page([dict(e) for e in model.history], [table])
+        error = error_after(event)
+        found = ("–", "–") if error is None else (f"{error[0]:.4f}", error[1])
+        table.add_row(str(i), event["action"], ", ".join(event["effects"]), *found, str(len(event["logs"])))
+    data = {
+        "headline": None if last is None else last.to_dict(),
+        "steps": [dict(event) for event in model.history],
+    }
+    return Page(data, [*([] if last is None else [headline_line(last)]), table])

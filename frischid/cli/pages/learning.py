@@ -9,9 +9,8 @@ import numpy as np
 from frischid.cli.demo import HIDDEN, STRENGTH, Demo
 from frischid.cli.pages.comparing import comparison
 from frischid.cli.pages.fitting import identified, parameters, summary
-from frischid.cli.pages.improving import diagnosis
-from frischid.cli.pages.page import Page, change, quantities, table_of, warning_lines
-from frischid.diagnosis.improvement import Step
+from frischid.cli.pages.improving import diagnosis, fall_of
+from frischid.cli.pages.page import Page, quantities, table_of, warning_lines
 from frischid.effects import EFFECTS, Effect
 
 
@@ -43,7 +42,7 @@ def effect(kind: type[Effect]) -> Page:
 
 
 def _origin(kind: type[Effect]) -> str:
-    """Package of an effect that is not ours; empty for our own."""
+    """Package that an effect comes from; empty for the effects of frischid."""
     package = EFFECTS.package(kind)
     return "" if package is None else str(package)
 
@@ -69,7 +68,7 @@ def _effect_data(kind: type[Effect]) -> dict[str, Any]:
 
 
 def _hidden(result: Demo) -> list[Any]:
-    """The second half: what was hidden, what the diagnosis said, how the error fell."""
+    """The second part: the hidden effect, the diagnosis, the fall of the error."""
     step, best = result.step, result.diagnosis.findings[0]
     found = quantities(best.found(result.model.robot))
     values = ", ".join(f"{k} {v:.4g}" for k, v in STRENGTH.items())
@@ -78,38 +77,30 @@ def _hidden(result: Demo) -> list[Any]:
         "frischid diagnose:",
         *diagnosis(result.diagnosis).parts[:3],
         f"{best.sentence}. Found: {found}.",
-        f"Added: cross-validated NRMSE {step.error_before:.4f} → {step.error_after:.4f} "
-        f"({change(step.error_before, step.error_after)}), noise floor {result.diagnosis.noise_floor:.4f}.",
-        *_on_motion_b(step),
+        f"Added: {fall_of(step)}",
     ]
-
-
-def _on_motion_b(step: Step) -> list[str]:
-    """The fall of the error on the motion that decided nothing."""
-    if step.test_before is None or step.test_after is None:
-        return []
-    fall = change(step.test_before, step.test_after)
-    return [f"On motion B, which decided nothing: NRMSE {step.test_before:.4f} → {step.test_after:.4f} ({fall})."]
 
 
 def demo(result: Demo, output: str | None, page: str) -> Page:
     """The demonstration, with the truth beside every estimate."""
     found = result.found
     assert found.comparison is not None  # the demonstration always holds a motion out
+    assert found.headline is not None
     within = np.abs(found.model.estimate.theta - result.truth) <= 2 * found.model.estimate.stderr
     story = (
         f"A planar arm with known parameters made two motions of {result.seconds:g} s, recorded at {result.rate:g} "
         "Hz with noisy "
         "positions and torques. The parameters were identified on motion A; motion B was only predicted."
     )
-    verdict = (
-        f"{int(within.sum())} of {len(within)} true values lie within two standard errors. Held-out error on motion "
-        "B: NRMSE "
-        f"{found.comparison.nrmse:.4f}, against {found.comparison.nominal:.4f} of the URDF alone and "
-        f"{found.comparison.constant:.4f} of a constant torque."
-    )
+    verdict = f"{int(within.sum())} of {len(within)} true values lie within two standard errors."
     parts: list[Any] = [story, summary(found), parameters(found.model, result.truth.tolist())]
-    parts += [*comparison(found.comparison).parts, verdict, *warning_lines(found.warnings), "", *_hidden(result)]
+    parts += [
+        *comparison(found.comparison, found.headline).parts,
+        verdict,
+        *warning_lines(found.warnings),
+        "",
+        *_hidden(result),
+    ]
     if output:
         parts.append(f"model written to {output}")
     parts.append(f"report on the arm with the hidden effect written to {page}: open it in a browser")
@@ -120,7 +111,6 @@ def demo(result: Demo, output: str | None, page: str) -> Page:
     data["hidden"] = {
         "truth": HIDDEN,
         "diagnosis": result.diagnosis.to_dict(),
-        "error_after": result.step.error_after,
-        "test_after": result.step.test_after,
+        "headline": None if result.step.headline is None else result.step.headline.to_dict(),
     }
     return Page(data, parts)

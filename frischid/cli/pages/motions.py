@@ -11,17 +11,20 @@ NOTABLY_SHARPER = 1.05  # ratio of standard errors above which a planned motion 
 
 
 def excitation(planned: Plan, output: str, picture: str | None, apart: Apart | None = None) -> Page:
-    """What was planned, and which limits could not be met."""
+    """A planned motion, and the limits that it does not keep."""
     told = []
     if apart is not None:
         better = f"{apart.sharper:.1f} times smaller than" if apart.sharper > NOTABLY_SHARPER else "no smaller than"
-        whose = "the parts of their columns that no other parameter explains correlate by"
+        whose = "correlation of those parts of their columns that no other parameter explains:"
         if apart.shared:
-            whose = f"{apart.second} has all that {apart.first} has, and more; that correlates with all others by"
+            whose = (
+                f"{apart.second} contains {apart.first}; correlation of the further columns of {apart.second} with all "
+                "other columns:"
+            )
         told = [
             f"{apart.first} and {apart.second}: their parameters' standard errors are {better} on a random motion",
-            f"{whose} {apart.correlation:.2f} ({apart.typical:.2f} on a random motion; 1 would be: nothing tells them "
-            "apart)",
+            f"{whose} {apart.correlation:.2f} ({apart.typical:.2f} on a random motion; at 1 no data can distinguish "
+            "the two effects)",
         ]
     lines = [
         *told,
@@ -53,7 +56,7 @@ def excitation(planned: Plan, output: str, picture: str | None, apart: Apart | N
 
 
 def simulated(log: Log, output: str, noisy: bool) -> Page:
-    """Where a simulated log went."""
+    """The file of a simulated log."""
     data = {
         "output": output,
         "samples": len(log),

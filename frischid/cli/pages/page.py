@@ -1,4 +1,4 @@
-"""A result as a page: for people and as JSON for machines, side by side. No mathematics: numbers are only arranged."""
+"""A result as a page: text and tables for people, JSON for machines. Pages arrange numbers and compute none."""
 
 from __future__ import annotations
 
@@ -10,13 +10,31 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from frischid.model.alarms import Alarm
+from frischid.model.headline import Headline
+
 
 @dataclass(frozen=True)
 class Page:
-    """A result, ready to print."""
+    """A result, ready to print.
+
+    Attributes
+    ----------
+    data : plain JSON values
+    parts : sequence
+        Text and tables.
+    alarms : sequence of Alarm
+        They stand above everything; a severe one makes the command end with exit code 1.
+    """
 
     data: Any
     parts: Sequence[Any]
+    alarms: Sequence[Alarm] = ()
+
+    @property
+    def exit_code(self) -> int:
+        """1 where an alarm is severe, so that a script does not trust the figures; otherwise 0."""
+        return int(any(alarm.severity == "severe" for alarm in self.alarms))
 
 
 def change(before: float, after: float) -> str:
@@ -30,7 +48,7 @@ def quantities(found: Sequence[tuple[str, float, str]]) -> str:
 
 
 def depends(variables: Sequence[str]) -> str:
-    """The variables that a residual is not independent of."""
+    """The variables on which a residual depends, in words."""
     return f"not independent of {', '.join(variables)}" if variables else ""
 
 
@@ -39,8 +57,22 @@ def warning_lines(warnings: Sequence[str]) -> list[str]:
     return [f"[yellow]warning:[/yellow] {escape(w)}" for w in warnings]
 
 
+def alarm_lines(alarms: Sequence[Alarm]) -> list[str]:
+    """Alarms, one per line, each with its remedy; an empty list without alarms."""
+    colours = {"severe": "bold red", "doubt": "yellow"}
+    return [
+        f"[{colours[a.severity]}]ALARM {a.id}:[/{colours[a.severity]}] {escape(a.sentence)} {escape(a.remedy)}"
+        for a in alarms
+    ]
+
+
+def headline_line(error: Headline) -> str:
+    """The model's one error, with its references."""
+    return f"[bold]NRMSE {error.nrmse:.4f}[/bold] {error.where} ({error.references})"
+
+
 def table_of(*columns: str, title: str | None = None) -> Table:
-    """An empty table with the house's headings."""
+    """An empty table; headings of numbers are aligned to the right."""
     table = Table(title=title, title_justify="left", header_style="bold", box=None, pad_edge=False)
     words = {
         "joint",
@@ -55,6 +87,7 @@ def table_of(*columns: str, title: str | None = None) -> Table:
         "kind",
         "effect",
         "what",
+        "measured",
         "equation",
         "robot",
         "parameters",

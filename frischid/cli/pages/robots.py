@@ -11,7 +11,7 @@ from frischid.robot.robot import LINK_PARAMETERS, LINK_UNITS, Robot
 
 
 def robots(names: Sequence[str]) -> Page:
-    """Robots that load by name."""
+    """Robots that can be loaded by name."""
     return Page(sorted(names), [", ".join(sorted(names))])
 
 

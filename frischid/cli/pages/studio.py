@@ -1,4 +1,4 @@
-"""A studio that runs, as a page; apart from the others, for it is printed before anything heavy is imported."""
+"""The address of a running studio, as a page; a module of its own, because nothing heavy may be imported before."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from frischid.cli.pages.page import Page, warning_lines
 
 
 def studio(address: str, output: str, host: str) -> Page:
-    """Where the studio is, and who can reach it."""
+    """The studio's address, and a warning if other machines can reach it."""
     open_to = [] if host in ("127.0.0.1", "localhost", "::1") else [
-        f"listening on {host}, not only on this machine: whoever reaches it can change the model and write {output}"
+        f"listening on {host}, not only for this machine: anybody who reaches the page can change the model and "
+        f"write {output}"
     ]  # fmt: skip
     data = {"address": address, "output": output, "warnings": open_to}
-    return Page(data, [f"studio: {address} (Ctrl-C ends it); it saves to {output}", *warning_lines(open_to)])
+    return Page(data, [f"studio: {address} (Ctrl-C ends it); the model is saved to {output}", *warning_lines(open_to)])

@@ -27,7 +27,7 @@ class Chapter:
         Name of its template and of its place on the page.
     heading : str
     content : callable
-        What the template shows, from a study and the name of the model's file.
+        Makes the values for the template from a study and the name of the model's file.
     """
 
     anchor: str

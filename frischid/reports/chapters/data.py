@@ -1,4 +1,4 @@
-"""Data quality: the logs, what was done to them, noise and excitation."""
+"""Data quality: the logs, their preparation, noise and excitation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EXCITATION = ("joint", "fastest", "largest acceleration", "at standstill", "nois
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
-    """What the template shows."""
+    """Values for the template."""
     model = study.model
     lowpass = model.lowpass
     cut = f"{lowpass.cutoff:g} Hz" if lowpass.cutoff else "nothing"
@@ -65,7 +65,7 @@ def _excitation(study: Study) -> Table:
 
 
 def _notes(study: Study) -> list[str]:
-    """What was done to the logs, each note once with the logs it holds for; notes on most logs come first."""
+    """Notes on the preparation of the logs, each once with the logs concerned; notes on most logs come first."""
     found: dict[str, list[str]] = {}
     for q in study.qualities:
         for note in q.notes:

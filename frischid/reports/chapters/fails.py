@@ -1,4 +1,4 @@
-"""Where it fails: joints by conditions, then each joint's residual against every variable it might depend on."""
+"""Where the model fails: a table of joints and conditions, then each joint's residual over every variable."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ DEPENDENT = 0.01  # p-value below which a residual is said to depend on a variab
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
-    """What the template shows; the worst joint is unfolded."""
+    """Values for the template; the worst joint is unfolded."""
     shown = study.comparison
     structure = shown.residuals.structure()
     worst = max(shown.joints, key=lambda joint: joint.nrmse).name

@@ -15,8 +15,8 @@ HISTORY_HEADINGS = ("step", "action", "effects", "before", "after", "NRMSE measu
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
-    """What the template shows."""
-    floor = study.diagnosis.noise_floor if study.diagnosis is not None else study.verdict.noise_floor
+    """Values for the template."""
+    floor = study.headline.noise_floor
     rows = []
     for i, event in enumerate(study.model.history):
         errors = ["–" if x is None else f"{x:.4f}" for x in selection_errors(event)]

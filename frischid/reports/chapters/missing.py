@@ -16,16 +16,17 @@ from frischid.reports.study import Study, missing, opened
 
 FINDING_CARDS = 6  # findings with a card; the others stand in the ranking
 RANK_CAPTION = (
-    "NRMSE after: with this effect alone; explains: share of the error above the sensor noise on its joints; gain: "
-    "of log likelihood; p: probability of such a gain by chance. Ranked by how much the error rises when one "
-    "effect is taken out of a model that has all of them: what several effects explain equally well is not counted"
+    "error: its change with this effect alone, cross-validated; explains: share of the error above the sensor noise on "
+    "its joints; gain: of log likelihood; p: probability of such a gain by chance. Ranked by the rise of the "
+    "error when one effect is taken out of a model that has all of them: error that several effects explain equally "
+    "well does not count"
 )
-RANK_HEADINGS = ("effect", "where", "NRMSE after", "explains", "gain", "p", "confused with")
+RANK_HEADINGS = ("effect", "where", "error", "explains", "gain", "p", "confused with")
 TINY = 1e-15  # probability below which only its bound is printed
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
-    """What the template shows."""
+    """Values for the template."""
     diagnosis = study.diagnosis
     if diagnosis is None:
         return {"diagnosis": None}
@@ -49,12 +50,12 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
 
 def _row(f: Finding) -> list[str]:
     p = "< 10⁻¹⁵" if f.p_value < TINY else number(f.p_value, 2)
-    evidence = [f"{f.error_after:.4f}", f"{100 * f.share:.0f} %", number(f.gain, 3), p]
+    evidence = [f.change, f"{100 * f.share:.0f} %", number(f.gain, 3), p]
     return [f.effect, ", ".join(f.joints) or "robot", *evidence, ", ".join(f.confused_with) or "–"]
 
 
 def _card(study: Study, finding: Finding) -> dict[str, Any]:
-    """A finding; only its sentence where the effect is none of the catalogue."""
+    """A finding; only its sentence where the catalogue has no such effect."""
     card: dict[str, Any] = {
         "sentence": opened(finding.sentence, finding.joints),
         "facts": [],
@@ -68,10 +69,10 @@ def _card(study: Study, finding: Finding) -> dict[str, Any]:
     confused = listed(finding.confused_with) or "nothing on these logs"
     general = f" (in general: {listed(kind.confused_with)})" if kind.confused_with else ""
     other = next(iter((*finding.confused_with, *kind.confused_with)), "")
-    plan = f" To plan a motion that tells it from {other}:" if other else ""
+    plan = f" To plan a motion that distinguishes it from {other}:" if other else ""
     p = "below 10⁻¹⁵" if finding.p_value < TINY else number(finding.p_value, 2)
     evidence = (
-        f"cross-validated NRMSE {finding.error_before:.4f} → {finding.error_after:.4f}; explains "
+        f"error {finding.change}, cross-validated; explains "
         f"{100 * finding.share:.0f} % of the error above the sensor noise on its joints; log likelihood gained "
         f"{finding.gain:.0f}, probability by chance {p}"
     )

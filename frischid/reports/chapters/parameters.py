@@ -5,18 +5,18 @@ from __future__ import annotations
 import re
 from typing import Any
 
-import numpy as np
-
 from frischid import figures
 from frischid.core.text import listed
 from frischid.export.consistency import Consistency
 from frischid.figures.style import number
+from frischid.model.identification_bounds import NO_INFORMATION, without_information
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study
 
 ESTIMATOR_TITLES = {
     "wls": "weighted least squares", "ols": "least squares", "map": "least squares with the URDF as a prior",
-    "frisch": "best point of the Frisch box", "sensorwise": "sensor-wise Frisch scheme", "eiv": "errors in variables",
+    "frisch": "point of the Frisch box by eq. (24)", "frisch_squared": "least squares in the Frisch box",
+    "sensorwise": "sensor-wise Frisch scheme", "eiv": "errors in variables",
     "iv": "instrumental variables",
 }  # fmt: skip
 RECURSION_TITLES = {
@@ -27,7 +27,7 @@ PARAMETERS_CAPTION = "Base parameters; R marks one that others are regrouped int
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
-    """What the template shows."""
+    """Values for the template."""
     model, e = study.model, study.model.estimate
     record = figures.parameters.recursion_of(model)
     return {
@@ -54,10 +54,14 @@ def _values(study: Study) -> Table:
     """One row per base parameter."""
     model, e = study.model, study.model.estimate
     given = {name: x for name, x in (("true", study.truth), ("URDF", study.nominal)) if x is not None}
+    silent = without_information(model.bounds)
     rows = []
     for i, column in enumerate(e.columns):
         flags = ["impossible sign"] * (column.name in study.impossible) + ["hardly known"] * (column.name in study.weak)
-        boxes = [_range(float(b.lower[i]), float(b.upper[i])) for b in model.bounds.values()]
+        boxes = [
+            NO_INFORMATION if silent[method][i] else f"{number(b.lower[i], 3)} … {number(b.upper[i], 3)}"
+            for method, b in model.bounds.items()
+        ]
         known = [number(float(x[i])) for x in given.values()]
         unit = "–" if column.unit == "1" else column.unit
         row = [column.name, unit, number(e.theta[i]), number(e.stderr[i], 2)]
@@ -68,19 +72,12 @@ def _values(study: Study) -> Table:
 
 
 def _sum(expression: str) -> str:
-    """A regrouped parameter, with minus signs, and factors that stay with what they multiply."""
+    """A regrouped parameter with proper minus signs; a line never breaks between a factor and its parameter."""
     return re.sub(r"(?<=\d) (?=[a-zA-Z])", "\u00a0", expression.replace(" - ", " − "))
 
 
-def _range(low: float, high: float) -> str:
-    """A box's side; an open end is infinite."""
-    if np.isinf(low) and np.isinf(high):
-        return "open"
-    return f"{'−∞' if np.isinf(low) else number(low, 3)} … {'∞' if np.isinf(high) else number(high, 3)}"
-
-
 def _held(found: Consistency | str) -> str:
-    """The limits that physical links run into."""
+    """The limits that physical links reach."""
     if isinstance(found, str):
         return ""
     limits: dict[str, list[str]] = {}

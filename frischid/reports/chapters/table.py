@@ -1,4 +1,4 @@
-"""What a table holds; how a table looks is the template's (`macros.html`)."""
+"""The content of a table; the template (`macros.html`) decides its look."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Table:
     rows : sequence of sequence of str
         As many cells per row as there are headings.
     words : int
-        How many columns, from the left, hold words; the others hold numbers.
+        Number of columns, from the left, that hold words; the others hold numbers.
     caption : str
     """
 

@@ -1,4 +1,4 @@
-"""Measured against model: the errors as a table, and one figure per joint."""
+"""Measured and predicted torque: the errors as a table, and one figure per joint."""
 
 from __future__ import annotations
 
@@ -9,9 +9,13 @@ from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study
 
+OWN_LOGS = (
+    ". On the logs the model was fitted to, these are the errors of the fit: smaller than the cross-validated error at "
+    "the top"
+)
 ERRORS_CAPTION = (
-    "Errors joint by joint, over all logs. NRMSE is the rms error over the torque's standard deviation; so are the "
-    "three columns after it: the error that the sensors' noise alone causes, and the errors of two simpler models. "
+    "Errors joint by joint, over all logs. NRMSE is the rms error over the torque's standard deviation. The three "
+    "columns after it, in the same unit: the error of the sensors' noise alone, and those of two simpler models. "
     "fit = 100 (1 − NRMSE)"
 )
 ERROR_HEADINGS = (
@@ -21,17 +25,17 @@ ERROR_HEADINGS = (
     "bias",
     "NRMSE",
     "noise floor",
-    "URDF alone",
+    "URDF with friction",
     "constant torque",
     "fit, %",
 )
-ROUNDING = 1e-9  # share of the rms error below which a bias is a zero that was rounded
+ROUNDING = 1e-9  # share of the rms error below which a bias is rounding
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
-    """What the template shows."""
+    """Values for the template."""
     contacts = study.diagnosis.contacts if study.diagnosis is not None else ()
-    rows = []
+    rows, own = [], len(study.held_out) < len(study.logs)
     for name, j in study.comparison.joints.items():
         bias = j.bias if abs(j.bias) > ROUNDING * j.rmse else 0.0
         errors = [number(j.rmse), number(bias), f"{j.nrmse:.4f}", f"{j.noise_floor:.4f}"]
@@ -41,10 +45,9 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         for name in study.model.joints
     ]
     return {
-        "errors": Table(ERROR_HEADINGS, rows, words=2, caption=ERRORS_CAPTION),
+        "errors": Table(ERROR_HEADINGS, rows, words=2, caption=f"{ERRORS_CAPTION}{OWN_LOGS * own}"),
         "standstill": study.comparison.standstill,
         "nrmse_with_standstill": study.comparison.nrmse_with_standstill,
-        "band": study.prediction.band,
         "contacts": bool(contacts),
         "several": len(study.logs) > 1,
         "drawings": drawings,

@@ -1,4 +1,4 @@
-"""The verdict: how good the model is, what is wrong with it, what to do next; then every warning."""
+"""The verdict: the model's error, its largest fault, the next step, and every warning."""
 
 from __future__ import annotations
 
@@ -13,18 +13,13 @@ LISTED = 4  # parameters named in a sentence; the table of parameters has the ot
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
-    """What the template shows."""
-    shown = study.verdict
-    count = len(study.held_out) or len(study.logs)
-    worst = max(shown.joints, key=lambda joint: joint.nrmse).name
+    """Values for the template."""
     return {
-        "logs": f"{count} logs" if count > 1 else "a log",
-        "held_out": bool(study.held_out),
-        "shown": shown,
-        "worst": worst,
-        "worst_condition": figures.failure.worst(shown),
+        "error": study.headline,
+        "worst_condition": figures.failure.worst(study.verdict),
         "missing": "" if study.diagnosis is None else missing(study.diagnosis),
         "next": _next(study, model_path),
+        "alarms": study.headline.alarms,
         "warnings": study.warnings(),
     }
 
@@ -35,13 +30,16 @@ def _next(study: Study, model_path: str) -> dict[str, Any]:
     if diagnosis is not None and diagnosis.verdict == "unknown":
         return {"kind": "formula"}
     passing = [] if diagnosis is None else [f for f in diagnosis.findings if f.significant and f.members]
+    if passing and passing[0].undecided:
+        pair = f"{passing[0].effect},{passing[0].undecided[0]}"
+        return {"kind": "separate", "command": f"frischid excite ROBOT --separate {pair} -o motion.csv"}
     if passing:
         best = passing[0]
         where = f" --joints {','.join(best.joints)}" if best.joints else ""
         given = Path(model_path).name
         better = "better.json" if given != "better.json" else "still-better.json"
         add = f"frischid add {shlex.quote(given)} {best.effect}{where} LOG... -o {better}"
-        return {"kind": "add", "before": best.error_before, "after": best.error_after, "command": add}
+        return {"kind": "add", "change": best.change, "command": add}
     if study.weak:
         more = " …" * (len(study.weak) > LISTED)
         return {"kind": "excite", "count": len(study.weak), "names": ", ".join(study.weak[:LISTED]) + more}

@@ -1,0 +1,165 @@
+"""Edit a model file at random; every edit must be noticed, and none may end in another error than frischid's.
+
+A model file is read in two states. As frischid wrote it, the file holds the hash of its content, and every edit must
+be refused. Without the hash, as an editor's file may be, an edit may be used; it must then work, or be refused in a
+sentence. The model has a prior, bounds of both kinds, an effect that was added, and physical links.
+
+    python benchmarks/mutated_models.py                 1,000 edits in each state
+    python benchmarks/mutated_models.py --edits 50000   the long run
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import random
+import signal
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from common import parser, publish
+
+import frischid as fr
+
+LONGEST = 10  # s that an edited model may take
+STATES = ("with its hash", "without a hash")
+
+
+def main() -> None:
+    options = parser(__doc__)
+    options.add_argument("--edits", type=int, default=1000)
+    options.add_argument("--seed", type=int, default=0)
+    given = options.parse_args()
+    with TemporaryDirectory() as folder:
+        rows, notes = measure(given.edits, given.seed, Path(folder))
+    publish(f"{given.edits} random edits of a model file, in each of two states", rows, given.json, notes)
+    if any(row["unnoticed"] or row["other errors"] for row in rows):
+        raise SystemExit("an edit passed unnoticed, or ended in another error than frischid's")
+
+
+def measure(edits: int, seed: int, folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
+    """Outcomes by state, and every bad one in words."""
+    original, log = subject(folder)
+    rows, notes = [], []
+    for state in STATES:
+        rng, outcomes = random.Random(seed), Counter[str]()
+        for _ in range(edits):
+            data = copy.deepcopy(original)
+            if state == STATES[1]:
+                del data["sha256"]
+            edit = changed(data, rng)
+            outcome = tried(data, log, folder / "edited.json")
+            if outcome == "used" and state == STATES[0]:
+                outcome = "unnoticed"
+            outcomes[outcome.partition(":")[0]] += 1
+            if outcome.startswith(("unnoticed", "other")):
+                notes.append(f"{state}: {edit}: {outcome}")
+        columns = ("refused", "used", "unnoticed", "other errors")
+        rows.append({"state": state, "edits": edits} | {name: outcomes[name] for name in columns})
+    return rows, notes or ["refused: an error of frischid names the field; used: the model was held against a log"]
+
+
+def subject(folder: Path) -> tuple[dict[str, Any], fr.Log]:
+    """A model file that has something of everything, and a log."""
+    robot = fr.Robot.load("planar2")
+    spring = fr.parse_effects("joint_spring@joint2")
+    log = fr.simulate(
+        robot, fr.random_fourier(robot, 8.0, seed=1), rate=50, effects=(*fr.BASELINE, *spring), parameters={"ks2": 1.5},
+        noise=fr.Noise(q=1e-5, tau=0.01),
+    )  # fmt: skip
+    model = fr.add(fr.identify(robot, [log]).model, spring, [log]).model
+    fr.make_consistent(model).model.save(folder / "model.json")
+    return json.loads((folder / "model.json").read_text(encoding="utf-8")), log
+
+
+def places(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    """Paths of all values inside a value."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in items:
+        yield (*path, key)
+        yield from places(inner, (*path, key))
+
+
+EDITS: dict[str, Callable[[Any, random.Random], Any]] = {
+    "other number": lambda x, rng: x * rng.choice([1.01, -1, 1e6, 1e-6, 1e300]) if x else rng.choice([1, -1, 1e9]),
+    "no number": lambda _, rng: rng.choice([math.nan, math.inf, -math.inf]),
+    "other type": lambda _, rng: rng.choice([None, True, "text", [], {}, 0, -1, 1.5, [[]], {"a": 1}, 10**400]),
+    "other text": lambda x, rng: rng.choice([x + "x", x[:-1], "", "joint1", "\x00", x.upper(), "../../etc/passwd"]),
+    "order": lambda x, _: x[::-1],
+    "once more": lambda x, rng: [*x, x[rng.randrange(len(x))]],
+    "one less": lambda x, _: x[:-1],
+    "nested deep": lambda _, __: json.loads("[" * 500 + "]" * 500),
+}
+
+
+def kinds(value: Any) -> list[str]:
+    """Names of the edits that fit a value."""
+    if isinstance(value, bool) or value is None:
+        return ["other type"]
+    if isinstance(value, int | float):
+        return ["other number", "other number", "no number", "other type"]
+    if isinstance(value, str):
+        return ["other text", "other type"]
+    if isinstance(value, list) and value:
+        return ["order", "once more", "one less", "other type", "nested deep"]
+    return ["other type", "nested deep"]
+
+
+def changed(data: dict[str, Any], rng: random.Random) -> str:
+    """Edit a model file's content at one place, and say how; the file says something else afterwards."""
+    before = json.dumps(data, sort_keys=True)
+    everywhere = [path for path in places(data) if path[0] != "sha256"]
+    while True:
+        *way, key = rng.choice(everywhere)
+        place: Any = data
+        for step in way:
+            place = place[step]
+        old = place[key]
+        name = rng.choice([*kinds(old), "gone"]) if isinstance(place, dict) else rng.choice(kinds(old))
+        if name == "gone":
+            del place[key]
+        else:
+            place[key] = EDITS[name](old, rng)
+        if json.dumps(data, sort_keys=True) != before and (name == "gone" or place[key] != old):
+            return f"{name} at {'.'.join(map(str, (*way, key)))}"
+        place[key] = old
+
+
+def tried(data: dict[str, Any], log: fr.Log, path: Path) -> str:
+    """Outcome of a model file: it is loaded, held against a log, and exported."""
+    path.write_text(json.dumps(data), encoding="utf-8")
+    try:
+        with limited(LONGEST):
+            model = fr.Model.load(path)
+            fr.compare(model, [log])
+            fr.export(model, path.with_suffix(".c"), force=True)
+            model.save(path)
+    except fr.FrischidError:
+        return "refused"
+    except Exception as error:
+        return f"other errors: {type(error).__name__}: {str(error)[:150]}"
+    return "used"
+
+
+@contextmanager
+def limited(seconds: int) -> Iterator[None]:
+    """Interrupt what takes longer."""
+
+    def late(*_: Any) -> None:
+        raise TimeoutError(f"longer than {seconds} s")
+
+    signal.signal(signal.SIGALRM, late)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+
+
+if __name__ == "__main__":
+    main()

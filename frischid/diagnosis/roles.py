@@ -1,0 +1,159 @@
+"""Which logs select the effects and which only test, when somebody shows a model together with some logs.
+
+The logs a model was fitted to, its *own* logs, select; every other log tests. So a model has one verdict, whatever logs
+it is shown with:
+
+1.  Own logs among those given select, together with the own logs that are found again by path and hash, in the order
+    in which the model was fitted to them.
+2.  Where no own log is given, the given ones say whether the robot changed since it was identified. If it changed, they
+    select: the change is in them. If not, the own logs that are found again select, and the given ones test.
+3.  Where no own log is found, the given ones select, and a note says what they cannot show.
+
+`frischid.diagnosis.diagnosis.diagnose` itself takes the roles as they are given to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from frischid.core.parallel import Workers
+from frischid.core.text import listed
+from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
+from frischid.diagnosis.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.situation import SituationOption, cross_validator
+from frischid.logs.log import Log
+from frischid.logs.recording import Recording
+from frischid.model.model import Model
+from frischid.model.own_logs import own_logs
+
+_REASONS = 3  # logs that were not found and are named in a note
+
+
+class Roles(NamedTuple):
+    """Logs by their role in a diagnosis.
+
+    Attributes
+    ----------
+    select, test : tuple of Log or Recording
+    situation : {"auto", "always", "changed"}
+    note : str
+        Where the logs that select come from, if somebody might expect others; otherwise empty.
+    """
+
+    select: tuple[Log | Recording, ...]
+    test: tuple[Log | Recording, ...]
+    situation: SituationOption
+    note: str
+
+
+def roles(
+    model: Model,
+    logs: Sequence[Log | Recording],
+    *,
+    valid: Sequence[Log | Recording] = (),
+    situation: SituationOption = "auto",
+    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
+) -> Roles:
+    """Give each log its role.
+
+    Parameters
+    ----------
+    model : Model
+    logs : sequence of Log or Recording
+    valid : sequence of Log or Recording
+        Logs that test in any case.
+    situation : {"auto", "always", "changed"}
+        A robot that changed is diagnosed on the logs given.
+    criteria : DiagnosisCriteria, optional
+
+    Returns
+    -------
+    Roles
+    """
+    model.check([*logs, *valid])
+    own = tuple(log for log in logs if model.made_from(log))
+    if situation == "changed":
+        return Roles(tuple(logs), tuple(valid), situation, "")
+    if not own and situation == "auto":
+        situation = cross_validator(model, logs, criteria=criteria)[1]
+        if situation == "changed":
+            return Roles(tuple(logs), tuple(valid), situation, "")
+    others = tuple(log for log in logs if not model.made_from(log))
+    tested = {log.identity for log in valid}
+    found = own_logs(model, own)
+    more = tuple(log for log in found.logs if log.identity not in tested)
+    if not own and not more:
+        return Roles(others, tuple(valid), situation, _alone(found.missing))
+    order = {sha256: number for number, sha256 in enumerate(model.fitted_hashes)}
+    select = sorted((*own, *more), key=lambda log: order.get(log.identity, len(order)))
+    return Roles(tuple(select), (*others, *valid), situation, _with_own(len(own), len(more), found.missing))
+
+
+def _alone(missing: Sequence[str]) -> str:
+    """Note on logs that select although the model was fitted to none of them."""
+    why = f"its own logs were not found ({_reasons(missing)})" if missing else "its file names no logs of its own"
+    return (
+        f"the model was not fitted to these logs, and {why}: so these logs alone select; they show what is missing on "
+        "their own motion, and an effect that this motion hardly shows may be ranked too low"
+    )
+
+
+def _with_own(given: int, more: int, missing: Sequence[str]) -> str:
+    """Note on the model's own logs, where they are not simply those given."""
+    parts = []
+    if more:
+        which = f"{more} more found" if given else f"{more} found"
+        parts.append(f"effects are selected on the model's own logs ({which} by path and hash); all other logs test")
+    if missing:
+        parts.append(f"not found: {_reasons(missing)}")
+    return "; ".join(parts)
+
+
+def _reasons(missing: Sequence[str]) -> str:
+    few = list(missing[:_REASONS])
+    return listed([*few, f"{len(missing) - _REASONS} more"] if len(missing) > _REASONS else few)
+
+
+def diagnose_in_roles(
+    model: Model,
+    logs: Sequence[Log | Recording],
+    *,
+    valid: Sequence[Log | Recording] = (),
+    situation: SituationOption = "auto",
+    effects: Sequence[str] | None = None,
+    workers: Workers | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Find the effect that a model misses: its own logs select, all others test.
+
+    Parameters
+    ----------
+    model : Model
+    logs, valid : sequence of Log or Recording
+        See `roles`.
+    situation, effects, workers, progress
+        As in `frischid.diagnosis.diagnosis.diagnose`.
+
+    Returns
+    -------
+    Diagnosis
+        Its notes say where the logs that select come from.
+
+    Raises
+    ------
+    InputError, UnknownNameError
+        As in `diagnose`.
+    """
+    given = roles(model, logs, valid=valid, situation=situation)
+    found = diagnose(
+        model,
+        given.select,
+        valid=given.test,
+        situation=given.situation,
+        effects=effects,
+        workers=workers,
+        progress=progress,
+    )
+    return replace(found, notes=(*found.notes, given.note)) if given.note else found

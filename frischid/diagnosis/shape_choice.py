@@ -1,0 +1,58 @@
+"""Shapes for effects that a user names without a shape: the shape that a diagnosis would find."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
+from frischid.diagnosis.scored_candidate import scored
+from frischid.diagnosis.shape_refinement import refined
+from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
+from frischid.effects import Effect
+from frischid.errors import InputError
+from frischid.logs.log import Log
+from frischid.logs.recording import Recording
+from frischid.model.model import Model
+
+
+def searched(
+    model: Model,
+    effects: Sequence[Effect],
+    text: str,
+    logs: Sequence[Log | Recording],
+    situation: SituationOption,
+    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
+) -> tuple[Effect, ...]:
+    """Find the best shape, joint by joint, of effects whose shape the user did not state, as `diagnose` finds it.
+
+    Parameters
+    ----------
+    model : Model
+    effects : sequence of Effect
+    text : str
+        The effects as the user wrote them; an effect written with parentheses keeps its shape.
+    logs : sequence of Log or Recording
+    situation : {"auto", "always", "changed"}
+    criteria : DiagnosisCriteria, optional
+
+    Raises
+    ------
+    InputError
+        The model's own columns already span every effect.
+    """
+    chosen: list[Effect] = []
+    for effect in effects:
+        if not effect.shapes or "(" in text:
+            chosen.append(effect)
+            continue
+        taken: Situation = "changed" if situation == "changed" else "always"
+        validator, _ = cross_validator(model, logs, taken, criteria=criteria)
+        places = [(n,) for n in effect.joints or model.joints] if effect.candidate == "joint" else [effect.joints]
+        for place in places:
+            candidates = [c for c in validator.candidates(effect.variants(place)) if c.columns]
+            found = scored(validator, candidates) if candidates else None
+            if found is not None:
+                chosen.append(refined(validator, found).effect)
+    if not chosen:
+        raise InputError(f"{text}: on these logs the model's own columns span this effect; adding it changes nothing")
+    return tuple(chosen)

@@ -1,0 +1,289 @@
+"""Maximum a posteriori parameters: with a prior, and with data that count as many rows as their motion has shapes.
+
+    minimise  Σ_j κ / (n_j σ_j²) ‖τ_j − Y_j θ‖²  +  Σ_c (θ_c − μ_c)² / (s_l d_c)²   over   θ_c ≥ 0 of known sign
+
+*Data.* A model is never exact. Its error is a function of the motion, so the error does not average out: a log of the
+same motion that is twice as long repeats the error. To second order in r effective shapes of the motion, such an error
+can take κ = r (r + 1) / 2 forms, and no log can distinguish it from the model's own columns in more than κ ways. So any
+number of rows of a joint counts as κ rows. The shapes are counted on the joint's own columns, scaled to unit norm: with
+eigenvalues λ of their correlation, r = (Σ λ)² / Σ λ² (the participation ratio). κ uses the median joint's r.
+
+
+*Prior.* Each parameter has a mean μ and a standard deviation d. The scale s_l of a link says how good the prior is for
+this link. The data give the scale by evidence (automatic relevance determination): with posterior covariance C of the
+link's p_l parameters, ``s_l² = (Σ ((θ − μ)² + C_cc) / d² + ν) / (p_l + ν)``.
+
+*Noise.* σ_j² is the residual variance, corrected for the γ_j of the κ rows that determine parameters. If a
+cross-validated fit with the unscaled prior has a smaller variance, σ_j² is that variance.
+
+Sources: MacKay 1992, Bayesian interpolation, Neural Computation 4(3), for evidence and γ; Tipping 2001, Sparse Bayesian
+learning and the relevance vector machine, JMLR 1, for the scales; Stark and Parker 1995, Bounded-variable least
+squares, Computational Statistics 10, for the signs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import linalg
+
+from frischid.core.types import Array
+from frischid.errors import IdentifiabilityError
+from frischid.estimators.held_out import Fold, held_out_stretches, held_out_variance
+from frischid.estimators.map_problem import MapProblem
+from frischid.estimators.parameter_prior import ParameterPrior, ScaleRule
+from frischid.regression.moments import Gram, total
+
+ROUNDS = 60
+"""Most iterations of scales and noise; they converge in about ten."""
+SETTLED = 1e-3
+"""Relative change of scales and noise below which the iterations end."""
+EXACT_FIT = 1e-10
+"""Residual variance over the torque's power below which a joint fits exactly: rounding, not noise."""
+HELD = 1e-4
+"""Share of its standard deviation within which a parameter is held; its inverse leaves a parameter free."""
+
+
+@dataclass(frozen=True, eq=False)
+class MapEstimate:
+    """Parameters fitted with a prior, with a covariance that contains the model's own error.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (p,)
+        Base parameters.
+    covariance : ndarray, shape (p, p)
+    full : ndarray, shape (C,)
+        Every parameter of the prior.
+    full_covariance : ndarray, shape (C, C)
+    variance : ndarray, shape (J,)
+        Residual variance σ² of each joint.
+    rows : float
+        κ, rows that each joint's data count for.
+    prior : ParameterPrior
+        The prior with the scales from the data.
+    condition : float
+        Square root of the condition number of the scaled normal equations.
+    contradicted : tuple of (str, float)
+        Parameters of known sign to which the data would give the other sign, and by how many standard errors.
+    """
+
+    theta: Array
+    covariance: Array
+    full: Array
+    full_covariance: Array
+    variance: Array
+    rows: float
+    prior: ParameterPrior
+    condition: float
+    contradicted: tuple[tuple[str, float], ...]
+
+    @property
+    def from_log(self) -> Array:
+        """Share of each parameter's knowledge that came from the log, 1 − posterior / prior variance, (C,)."""
+        return np.asarray(np.clip(1.0 - np.diag(self.full_covariance) / self.prior.total_spread**2, 0.0, 1.0))
+
+
+def shapes(correlated: Array) -> float:
+    """Number of independent shapes among columns: the participation ratio of their correlation's eigenvalues.
+
+    Parameters
+    ----------
+    correlated : ndarray, shape (C, C)
+        Moments of the columns, YᵀY; columns of zeros do not count.
+
+    Returns
+    -------
+    float
+        1 when all columns are alike, their number when they are orthogonal, 0 when there is none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from frischid.estimators.map_estimate import shapes
+    >>> shapes(np.diag([1.0, 4.0, 0.0]))
+    2.0
+    """
+    power = np.diag(correlated)
+    felt = power > 1e-12 * power.max(initial=0.0)
+    if not felt.any():
+        return 0.0
+    unit = correlated[np.ix_(felt, felt)] / np.sqrt(np.outer(power[felt], power[felt]))
+    return float(np.trace(unit) ** 2 / np.sum(unit**2))
+
+
+def map_estimate(
+    blocks: Sequence[Gram],
+    mapping: Array,
+    prior: ParameterPrior,
+    rule: ScaleRule | None = None,
+) -> MapEstimate:
+    """Fit base parameters with a prior of all parameters.
+
+    Parameters
+    ----------
+    blocks : sequence of Gram
+        Moments of consecutive stretches of time, base columns only.
+    mapping : ndarray, shape (p, C)
+        Regrouping of all parameters into base parameters, ``θ_b = K θ``.
+    prior : ParameterPrior
+        At scale 1.
+    rule : ScaleRule, optional
+
+    Returns
+    -------
+    MapEstimate
+
+    Raises
+    ------
+    IdentifiabilityError
+        No joint has a torque row.
+    """
+    rule, whole = rule or ScaleRule(), total(blocks)
+    if not whole.counts.any():
+        raise IdentifiabilityError(
+            "no joint has a torque row: all are at standstill, or the log is too short to filter"
+        )
+    problem = MapProblem(whole, mapping, prior)
+    rows = effective_rows(problem.G[:, : len(prior.names), : len(prior.names)])
+    floor = EXACT_FIT * problem.torque / problem.counts + 1e-300
+    variance, limit = _first_noise(problem, blocks, floor)
+    scales = {g: 1.0 for g in prior.group if g}
+    for _ in range(ROUNDS):
+        weights = rows / (problem.counts * variance)
+        H, b = problem.normal(weights, problem.precision(scales))
+        x = problem.solve(H, b)
+        C = problem.covariance(H, ~problem.bounded | (x > 0))
+        used = weights * np.einsum("jab,ba->j", problem.G, C)
+        residual = problem.squares(x) / problem.counts * rows / np.maximum(rows - used, 0.05 * rows)
+        updated = np.maximum(np.minimum(residual, limit), floor)
+        fresh = _scales(problem, x, C, rule)
+        done = np.allclose(updated, variance, rtol=SETTLED) and all(
+            abs(fresh[g] - s) <= SETTLED * s for g, s in scales.items()
+        )
+        variance, scales = updated, fresh
+        if done:
+            break
+    return _finish(problem, replace(prior, scales=scales), variance, rows)
+
+
+def effects_alone(blocks: Sequence[Gram], mapping: Array, prior: ParameterPrior) -> Array:
+    """Base parameters of the prior's links with only friction and offsets fitted: the model of a careful URDF user.
+
+    Parameters
+    ----------
+    blocks : sequence of Gram
+        Base columns only.
+    mapping : ndarray, shape (p, C)
+    prior : ParameterPrior
+        Links keep its mean; parameters with a negative side (rotors) stay at zero.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+    """
+    held = np.array([bool(g) for g in prior.group]) | (prior.negative > 0)
+    spread = prior.spread * np.where(held, HELD, 1.0 / HELD)
+    problem = MapProblem(total(blocks), mapping, replace(prior, spread=spread, negative=np.zeros(len(spread))))
+    precision = problem.precision({})
+    floor = EXACT_FIT * problem.torque / problem.counts + 1e-300
+    variance = np.maximum(0.1 * problem.torque / problem.counts, floor)
+    for _ in range(6):
+        x = problem.solve(*problem.normal(1.0 / variance, precision))
+        variance = np.maximum(problem.squares(x) / problem.counts, floor)
+    return np.asarray(problem.A @ x)
+
+
+def effective_rows(G: Array) -> float:
+    """κ, the rows that a joint's data count for, from the moments (J, m, m) of its columns; see the module's text."""
+    found = [r for r in (shapes(g) for g in G) if r > 0]
+    r = float(np.median(found)) if found else 1.0
+    return r * (r + 1) / 2
+
+
+def _first_noise(problem: MapProblem, blocks: Sequence[Gram], floor: Array) -> tuple[Array, Array]:
+    """Residual variances to start from, and the cross-validated ones that limit them, under the unscaled prior."""
+    precision = problem.precision({})
+    variance = np.maximum(0.1 * problem.torque / problem.counts, floor)
+    for _ in range(6):
+        x = problem.solve(*problem.normal(1.0 / variance, precision))
+        variance = np.maximum(problem.squares(x) / problem.counts, floor)
+    if len(blocks) < 2:
+        return variance, np.full(len(variance), np.inf)
+    return variance, np.maximum(held_out_variance(tuple(_folds(problem, blocks, 1.0 / variance, precision))), floor)
+
+
+def _folds(problem: MapProblem, blocks: Sequence[Gram], weights: Array, precision: Array) -> Iterator[Fold]:
+    """Fits without each stretch of time in turn."""
+    for out in held_out_stretches(blocks):
+        kept = np.maximum(1.0 - out.counts / problem.counts, 1e-3)
+        yield Fold(out, problem.A @ problem.solve(*problem.normal(weights / kept, precision, out)))
+
+
+def map_folds(blocks: Sequence[Gram], mapping: Array, estimate: MapEstimate) -> tuple[Fold, ...]:
+    """Fits without each stretch of time in turn, under the estimate's prior, scales and noise.
+
+    Parameters
+    ----------
+    blocks : sequence of Gram
+        Moments that the estimate was made from; five contiguous parts of them are left out in turn.
+    mapping : ndarray, shape (p, C)
+    estimate : MapEstimate
+
+    Returns
+    -------
+    tuple of Fold
+
+    Raises
+    ------
+    IdentifiabilityError
+        The log is too short to hold any of it out.
+    """
+    problem = MapProblem(total(blocks), mapping, estimate.prior)
+    weights = estimate.rows / (problem.counts * estimate.variance)
+    return tuple(_folds(problem, blocks, weights, problem.precision(estimate.prior.scales)))
+
+
+def _scales(problem: MapProblem, x: Array, C: Array, rule: ScaleRule) -> dict[str, float]:
+    """Scale of each group by evidence."""
+    prior, found = problem.prior, {}
+    known = np.diag(C)[: len(prior.names)]
+    off = ((x[: len(prior.names)] - prior.mean) ** 2 + known) / prior.spread**2
+    for group in dict.fromkeys(g for g in prior.group if g):
+        own = off[[g == group for g in prior.group]]
+        squared = (own.sum() + rule.freedom) / (len(own) + rule.freedom)
+        found[group] = float(np.clip(np.sqrt(squared), rule.least, rule.most))
+    return found
+
+
+def _finish(problem: MapProblem, prior: ParameterPrior, variance: Array, rows: float) -> MapEstimate:
+    weights = rows / (problem.counts * variance)
+    H, b = problem.normal(weights, problem.precision(prior.scales))
+    x, C = problem.solve(H, b), problem.covariance(H)  # a bound cuts the distribution off, it does not make it certain
+    scale = 1.0 / np.sqrt(np.diag(H))
+    values = linalg.eigvalsh(H * np.outer(scale, scale))
+    return MapEstimate(
+        problem.A @ x,
+        problem.A @ C @ problem.A.T,
+        problem.pick @ x,
+        problem.pick @ C @ problem.pick.T,
+        variance,
+        rows,
+        prior,
+        float(np.sqrt(values[-1] / max(values[0], 1e-300))),
+        _contradicted(problem, x, H, b, C),
+    )
+
+
+def _contradicted(problem: MapProblem, x: Array, H: Array, b: Array, C: Array) -> tuple[tuple[str, float], ...]:
+    """Parameters held at zero by their sign: how far beyond the data would put them, in standard errors."""
+    found, push = [], H @ x - b
+    for k, name in enumerate(problem.prior.names):
+        if problem.prior.nonnegative[k] and x[k] <= 0 and push[k] > 0:
+            among = (~problem.bounded) | (x > 0)
+            among[k] = True
+            alone = problem.covariance(H, among)[k, k]  # of this parameter with all others that are free
+            found.append((name, float(push[k] * np.sqrt(alone))))
+    return tuple(found)

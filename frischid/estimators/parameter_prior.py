@@ -1,0 +1,74 @@
+"""Prior of a robot's parameters before any log: independent normal distributions, with a scale for each link.
+
+    θ_c ~ N(μ_c, s_l² d_c²),   θ_c ≥ 0 of known sign,   l the link of parameter c
+
+`frischid.estimators.urdf_prior` makes it from a URDF; `frischid.estimators.map_estimate` finds the scales.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.core.types import Array
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterPrior:
+    """Prior of C parameters before any log, each independent of the others.
+
+    Attributes
+    ----------
+    names : tuple of str
+    mean : ndarray, shape (C,)
+        Each in its parameter's unit.
+    spread : ndarray, shape (C,)
+        Standard deviations d.
+    group : tuple of str
+        Link whose scale the parameter shares; empty for a parameter without a scale of its own.
+    nonnegative : ndarray of bool, shape (C,)
+        Parameters whose sign is known.
+    negative : ndarray, shape (C,)
+        Standard deviation on the negative side of a parameter that is usually positive, but need not be; zero for
+        others. Such a parameter is the difference of two nonnegative ones.
+    scales : dict of str to float
+        Scale s of each group; a missing scale is 1.
+    """
+
+    names: tuple[str, ...]
+    mean: Array
+    spread: Array
+    group: tuple[str, ...]
+    nonnegative: NDArray[np.bool_]
+    negative: Array
+    scales: dict[str, float]
+
+    @property
+    def scaled_spread(self) -> Array:
+        """Standard deviations at the groups' scales, shape (C,)."""
+        return np.asarray(self.spread * [self.scales.get(g, 1.0) for g in self.group])
+
+    @property
+    def total_spread(self) -> Array:
+        """Standard deviations with the negative side, shape (C,)."""
+        return np.asarray(np.hypot(self.scaled_spread, self.negative))
+
+
+@dataclass(frozen=True)
+class ScaleRule:
+    """Rule for the scale of a link's prior, given the data.
+
+    Attributes
+    ----------
+    freedom : float
+        ν, weight of the assumption that the scale is 1, as a number of parameters. It is four of a link's ten, so that
+        a link that the log hardly moves keeps its scale.
+    least, most : float
+        Bounds of the scale: no URDF has less than three percent, or more than ten times, of the usual error.
+    """
+
+    freedom: float = 4.0
+    least: float = 0.03
+    most: float = 10.0

@@ -1,0 +1,248 @@
+"""Tests made at every identification and comparison, each with one sentence and one remedy.
+
+A model can be wrong where nobody looked. The alarms look there:
+
+- the fitted motion run twice as fast (q̇ × 2, q̈ × 4): where the logs alone and the logs with the URDF disagree about its
+  torque, the logs do not determine the model;
+- another log: the error to expect there is ``√(σ² + y C yᵀ)``, with the posterior covariance C, which holds the model's
+  own error. Far above the error on the fitted logs, it means extrapolation; far below the error that was measured, it
+  means that the robot or the sensors are not those of the fitted logs.
+
+An alarm never changes a number. It says which numbers not to trust.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.logs.cutoff_choice import LogSpectra
+
+Severity = Literal["severe", "doubt"]
+
+
+@dataclass(frozen=True)
+class AlarmCriteria:
+    """Every number that decides whether an alarm is raised.
+
+    The experiment behind them: 26 pairs of measured logs of six robots (`benchmarks/trust.py`).
+
+    Attributes
+    ----------
+    faster : float
+        Factor on the speed of the fitted motion at which least squares and the fit with a prior are compared.
+    disagreement : float
+        Share of the torque's standard deviation (median joint) by which they may differ there. Logs that determine the
+        model: at most 0.16. Logs that do not: 0.31 to 0.68.
+    extrapolation : float
+        NRMSE to expect on a log over the cross-validated one, beyond which the model may be wrong there: the factor by
+        which a user would call an error another one.
+    surprise : float
+        Measured error over expected error of a joint. Ordinary pairs: at most 1.9; a tilted base or another day: 3.5 to
+        7.6.
+    held_out_ratio : float
+        Held-out over cross-validated NRMSE, for models without a prior, whose expected error is of noise alone.
+    worse_than_urdf : float
+        NRMSE over that of the URDF with fitted friction: less is no difference.
+    above_noise : float
+        NRMSE over the noise floor: below it the sensors' noise decides which model is better.
+    outside_share : float
+        Share of samples whose speed or acceleration is outside the fitted range.
+    sign_errors : float
+        Standard errors by which a parameter may contradict its sign.
+    least_seconds : float
+        s. Logs shorter than this hold too few stretches to leave one out.
+    noisy_acceleration : float
+        Share of the acceleration's power that is position noise (median joint) at the filter's cut-off.
+    """
+
+    faster: float = 2.0
+    disagreement: float = 0.3
+    extrapolation: float = 2.0
+    surprise: float = 3.0
+    held_out_ratio: float = 4.0
+    worse_than_urdf: float = 1.1
+    above_noise: float = 1.5
+    outside_share: float = 0.3
+    sign_errors: float = 2.0
+    least_seconds: float = 4.0
+    noisy_acceleration: float = 0.5
+
+    def to_dict(self) -> dict[str, float]:
+        """Plain JSON values."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """One reason not to trust a model, or an error, as it stands.
+
+    Attributes
+    ----------
+    id : str
+        Kind of alarm, the same for every robot.
+    severity : {"severe", "doubt"}
+        ``"severe"``: do not use the model for this. ``"doubt"``: read the sentence first.
+    sentence : str
+        What was found.
+    remedy : str
+        What to do.
+    joints : tuple of str
+        Where; empty for the whole robot.
+    value, limit : float
+        The figure that was compared, and the bound that it exceeded.
+
+    Examples
+    --------
+    >>> from frischid.model.alarms import Alarm
+    >>> print(Alarm("log-too-short", "doubt", "The logs last 2 s.", "Record longer.", (), 2.0, 4.0))
+    The logs last 2 s. Record longer.
+    """
+
+    id: str
+    severity: Severity
+    sentence: str
+    remedy: str
+    joints: tuple[str, ...] = ()
+    value: float = 0.0
+    limit: float = 0.0
+
+    def __str__(self) -> str:
+        return f"{self.sentence} {self.remedy}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return asdict(self) | {"joints": list(self.joints)}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Alarm:
+        """Inverse of `to_dict`."""
+        return cls(**{**data, "joints": tuple(data["joints"])})
+
+
+def by_severity(alarms: Sequence[Alarm]) -> tuple[Alarm, ...]:
+    """Alarms, the severe ones first."""
+    return tuple(sorted(alarms, key=lambda alarm: alarm.severity != "severe"))
+
+
+def undetermined(disagreement: Array | None, joints: Sequence[str], criteria: AlarmCriteria) -> list[Alarm]:
+    """The logs alone do not determine the model.
+
+    Parameters
+    ----------
+    disagreement : ndarray, shape (J,), or None
+        Difference of the two fits' torques on the faster motion, over the torque's standard deviation; None: the logs
+        alone have no solution.
+    joints : sequence of str
+    criteria : AlarmCriteria
+    """
+    remedy = (
+        "Trust the model only on motions like the fitted ones; plan a motion that excites more (frischid excite) and "
+        "record it."
+    )
+    if disagreement is None:
+        return [
+            Alarm(
+                "log-leaves-open",
+                "severe",
+                "The logs do not determine the parameters: without the URDF's values there is no unique fit.",
+                remedy,
+                (),
+                float("inf"),
+                criteria.disagreement,
+            )
+        ]
+    middle = float(np.median(disagreement))
+    if middle <= criteria.disagreement:
+        return []
+    where = tuple(n for n, x in zip(joints, disagreement, strict=True) if x > criteria.disagreement)
+    return [
+        Alarm(
+            "log-leaves-open",
+            "severe",
+            f"The logs leave the model open: on the same motion {criteria.faster:g} times as fast, a fit to the logs "
+            f"alone and the fit with the URDF as prior differ by {middle:.0%} of the torque (median joint). There the "
+            "URDF decides, not the measurement.",
+            remedy,
+            where,
+            middle,
+            criteria.disagreement,
+        )
+    ]
+
+
+def wrong_signs(contradicted: Sequence[tuple[str, float]], criteria: AlarmCriteria) -> list[Alarm]:
+    """Parameters of known sign that the data would give the other sign.
+
+    Parameters
+    ----------
+    contradicted : sequence of (str, float)
+        Parameter, and by how many standard errors.
+    criteria : AlarmCriteria
+    """
+    bad = [(n, x) for n, x in contradicted if x > criteria.sign_errors]
+    if not bad:
+        return []
+    listed = ", ".join(f"{n} ({x:.1f} s.e.)" for n, x in bad)
+    return [
+        Alarm(
+            "impossible-sign",
+            "doubt",
+            f"The logs would give a negative value to parameters that cannot be negative: {listed}. The model holds "
+            "them at or near zero.",
+            "Check the signs of torque and motion of these joints (frischid check), then look for a missing effect "
+            "(frischid diagnose).",
+            (),
+            max(x for _, x in bad),
+            criteria.sign_errors,
+        )
+    ]
+
+
+def too_short(seconds: float, criteria: AlarmCriteria) -> list[Alarm]:
+    """The logs are too short for any error measured on them to mean much."""
+    if seconds >= criteria.least_seconds:
+        return []
+    return [
+        Alarm(
+            "log-too-short",
+            "severe",
+            f"The logs last {seconds:.1f} s in all: the cross-validated error says little.",
+            "Record at least ten seconds, better a minute.",
+            (),
+            seconds,
+            criteria.least_seconds,
+        )
+    ]
+
+
+def noisy_cutoff(spectra: LogSpectra, cutoff: float | None, criteria: AlarmCriteria) -> list[Alarm]:
+    """The filter lets position noise through that is as large as the acceleration.
+
+    Parameters
+    ----------
+    spectra : LogSpectra
+        Of the fitted logs.
+    cutoff : float or None
+        Hz.
+    criteria : AlarmCriteria
+    """
+    middle = spectra.noise_share(cutoff)
+    if not middle > criteria.noisy_acceleration:
+        return []
+    at = "no filter" if cutoff is None else f"a cut-off of {cutoff:g} Hz"
+    return [
+        Alarm(
+            "cut-off-admits-noise",
+            "severe",
+            f"With {at}, {middle:.0%} of the acceleration's power is noise of the positions (median joint).",
+            "Lower the cut-off (--cutoff, cutoff=), to a few times the motion's own frequencies.",
+            (),
+            middle,
+            criteria.noisy_acceleration,
+        )
+    ]

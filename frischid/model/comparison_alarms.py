@@ -1,0 +1,138 @@
+"""Alarms of a model on logs that it was not fitted to.
+
+The error to expect there is ``√(σ² + y C yᵀ)`` (`frischid.model.expected_error`), with the posterior covariance C. Far
+above the error on the fitted logs, it means extrapolation. Far below the error that was measured, it means that the
+robot or the sensors are not those of the fitted logs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.model.alarms import Alarm, AlarmCriteria
+
+
+@dataclass(frozen=True, eq=False)
+class Elsewhere:
+    """A model on logs that it was not fitted to.
+
+    Attributes
+    ----------
+    joints : tuple of str
+    spread : ndarray, shape (J,)
+        Standard deviation of the torque on these logs, N·m (N).
+    expected, measured : ndarray, shape (J,)
+        Root mean square error on these logs: to be expected from the model's uncertainty (NaN for a model without a
+        prior, whose uncertainty is of noise alone), and measured, N·m (N).
+    outside : ndarray, shape (J,)
+        Share of samples whose speed or acceleration the fitted logs do not reach.
+    nrmse, noise_floor : float
+        Mean NRMSE on these logs, and of the sensors' noise alone.
+    cross_validated : float
+        Mean NRMSE, cross-validated on the fitted logs; NaN if unknown.
+    urdf : float
+        Mean NRMSE of the URDF with fitted friction on these logs; NaN if unknown.
+    """
+
+    joints: tuple[str, ...]
+    spread: Array
+    expected: Array
+    measured: Array
+    outside: Array
+    nrmse: float
+    noise_floor: float
+    cross_validated: float
+    urdf: float
+
+
+def elsewhere(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
+    """Alarms of a model on logs that it was not fitted to."""
+    found = [*_extrapolation(seen, criteria), *_surprise(seen, criteria)]
+    if seen.nrmse > max(criteria.worse_than_urdf * seen.urdf, criteria.above_noise * seen.noise_floor):
+        found.append(
+            Alarm(
+                "worse-than-urdf",
+                "severe",
+                f"On these logs the URDF with fitted friction does better: NRMSE {seen.urdf:.4f}, the model "
+                f"{seen.nrmse:.4f}.",
+                "Do not use the model for such motions; identify from logs that hold them.",
+                (),
+                seen.nrmse,
+                seen.urdf,
+            )
+        )
+    return found
+
+
+def _extrapolation(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
+    found = []
+    share = seen.expected / np.maximum(seen.spread, 1e-300)
+    ratio = float(np.mean(share)) / max(seen.cross_validated, 1e-300)
+    if ratio > criteria.extrapolation:
+        found.append(
+            Alarm(
+                "extrapolation",
+                # The torque was measured here: an error that did not come makes the warning a doubt.
+                "severe" if seen.nrmse > criteria.extrapolation * seen.cross_validated else "doubt",
+                f"These logs ask for more than the fitted ones showed: the error to expect here is {ratio:.1f} times "
+                "the cross-validated one.",
+                "Identify from logs that hold such motions.",
+                tuple(
+                    n
+                    for n, x in zip(seen.joints, share, strict=True)
+                    if x > criteria.extrapolation * seen.cross_validated
+                ),
+                ratio,
+                criteria.extrapolation,
+            )
+        )
+    wide = float(np.median(seen.outside))
+    if wide > criteria.outside_share:
+        found.append(
+            Alarm(
+                "faster-than-fitted",
+                "doubt",
+                f"{wide:.0%} of the samples are faster, or accelerate more, than any sample that was fitted (median "
+                "joint).",
+                "Identify from logs as fast as these.",
+                tuple(n for n, x in zip(seen.joints, seen.outside, strict=True) if x > criteria.outside_share),
+                wide,
+                criteria.outside_share,
+            )
+        )
+    return found
+
+
+def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
+    ratio = seen.measured / np.maximum(seen.expected, 1e-300)
+    where = tuple(n for n, x in zip(seen.joints, ratio, strict=True) if x > criteria.surprise)
+    if where:
+        return [
+            Alarm(
+                "unlike-the-fitted-logs",
+                "severe",
+                f"The error on {', '.join(where)} is {float(ratio.max()):.1f} times the error that the "
+                "model's uncertainty allows: the robot, its base, its load or its sensors are not as they were.",
+                "Ask what changed: frischid diagnose on these logs names the effect.",
+                where,
+                float(ratio.max()),
+                criteria.surprise,
+            )
+        ]
+    if seen.nrmse > criteria.held_out_ratio * seen.cross_validated:
+        return [
+            Alarm(
+                "held-out-error",
+                "severe",
+                f"The error on these logs is {seen.nrmse / seen.cross_validated:.1f} times the cross-validated one "
+                f"({seen.nrmse:.4f} and {seen.cross_validated:.4f}).",
+                "Do not trust the cross-validated error; identify from logs like these, or with the URDF as prior.",
+                (),
+                seen.nrmse / seen.cross_validated,
+                criteria.held_out_ratio,
+            )
+        ]
+    return []

@@ -1,0 +1,80 @@
+"""The record that a model keeps of the logs it was fitted to, for later comparisons with other logs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from frischid.core.types import Array
+
+LEVELS = (0.5, 0.6827, 0.8, 0.9, 0.95, 0.99)
+"""Shares of the measurements at which quantiles of the error are kept; the normal's are stretched between them."""
+
+
+@dataclass(frozen=True, eq=False)
+class FitRecord:
+    """The reach of the fitted logs, and the reference that a model must beat.
+
+    Attributes
+    ----------
+    velocity, acceleration : ndarray, shape (J,)
+        Speed and acceleration of the fitted joints below which 99 % of the samples are, rad/s (m/s), rad/s² (m/s²).
+    urdf : ndarray, shape (p,)
+        Base parameters of the URDF's links with friction and offsets fitted to the same logs: the model of a careful
+        user of the URDF. A simulator's damping is not used.
+    scores : ndarray, shape (L, J)
+        Quantiles of each joint's error on stretches left out of the fit, in units of the expected error; NaN for a
+        joint without rows (`frischid.model.residual_scores`).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from frischid.model.fit_record import FitRecord
+    >>> record = FitRecord(np.ones(2), np.ones(2), np.zeros(3), np.ones((6, 2)))
+    >>> FitRecord.from_dict(record.to_dict()).urdf.shape
+    (3,)
+    """
+
+    velocity: Array
+    acceleration: Array
+    urdf: Array
+    scores: Array
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {
+            "velocity": [float(x) for x in self.velocity],
+            "acceleration": [float(x) for x in self.acceleration],
+            "urdf": [float(x) for x in self.urdf],
+            "scores": [[float(x) if np.isfinite(x) else None for x in row] for row in self.scores],
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> FitRecord:
+        """Inverse of `to_dict`."""
+        return cls(*(np.array(data[key], dtype=float) for key in ("velocity", "acceleration", "urdf", "scores")))
+
+    def extended(self, count: int) -> FitRecord:
+        """The same for a model with further parameters, which the URDF knows nothing of."""
+        return FitRecord(self.velocity, self.acceleration, np.append(self.urdf, np.zeros(count)), self.scores)
+
+    def interval_reach(self, interval: float) -> Array:
+        """Half width of a prediction interval, in units of the expected error, (J,).
+
+        Parameters
+        ----------
+        interval : float
+            Share of the measurements that the interval is to hold, between 0 and 1.
+        """
+        normal, known = normal_reach(interval), np.array([normal_reach(level) for level in LEVELS])
+        stretches = np.where(np.isfinite(self.scores), self.scores / known[:, None], 1.0).T
+        return np.array([normal * np.interp(normal, known, stretch) for stretch in stretches])
+
+
+def normal_reach(interval: float) -> float:
+    """Half width of the interval that holds a share of a normal distribution, in standard deviations."""
+    return NormalDist().inv_cdf(0.5 + 0.5 * interval)

@@ -1,0 +1,99 @@
+"""Alarms of an identification, and the record of the fit that later alarms are held against.
+
+The two fits are compared along the fitted motion run faster by a factor f, ``(q, f q̇, f² q̈)``: with the least-squares
+parameters θ_LS of the logs alone and θ of the fit with the prior they differ by ``rms(Y (θ_LS − θ)) / std(τ)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.errors import IdentifiabilityError
+from frischid.estimators.least_squares import NormalEquations
+from frischid.estimators.map_estimate import MapEstimate, effects_alone, map_estimate
+from frischid.estimators.urdf_prior import urdf_prior
+from frischid.model.alarms import Alarm, by_severity, noisy_cutoff, too_short, undetermined, wrong_signs
+from frischid.model.fit_record import FitRecord
+from frischid.model.identification_stages import Fit, Problem
+
+STATES = 400
+"""States per motion along which two fits are compared: enough for a mean square, cheap to evaluate."""
+REACHED = 0.99
+"""Share of the samples that lie within the fitted range: single jerks do not widen it."""
+
+
+def fit_record(fit: Fit, scores: Array) -> FitRecord:
+    """Record of a fit.
+
+    Parameters
+    ----------
+    fit : Fit
+    scores : ndarray, shape (L, J)
+        From `frischid.model.residual_scores.residual_scores`.
+    """
+    problem = fit.problem
+    index = [problem.data.robot.joints.index(n) for n in problem.data.joints]
+    reach = np.zeros((2, len(index)))
+    for motion in problem.data.motions:
+        for row, x in enumerate((motion.v, motion.a)):
+            reach[row] = np.maximum(reach[row], np.quantile(np.abs(x[:, index]), REACHED, axis=0))
+    prior = urdf_prior(problem.regressor, problem.reduction, problem.whole, problem.data.options.prior_criteria)
+    return FitRecord(reach[0], reach[1], effects_alone(problem.blocks, problem.reduction.mapping, prior), scores)
+
+
+def fit_alarms(fit: Fit) -> tuple[Alarm, ...]:
+    """Alarms of an identification, most severe first."""
+    problem, criteria = fit.problem, fit.problem.data.options.alarm_criteria
+    posterior = _posterior(fit)
+    found = [
+        *undetermined(_disagreement(problem, posterior, criteria.faster), problem.data.joints, criteria),
+        *noisy_cutoff(problem.data.summary.spectra, problem.data.lowpass.cutoff, criteria),
+        *too_short(problem.data.summary.seconds, criteria),
+        *wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria),
+    ]
+    return by_severity(found)
+
+
+def _posterior(fit: Fit) -> MapEstimate:
+    """The fit with the prior, made for the alarms where the model does without."""
+    if fit.posterior is not None:
+        return fit.posterior
+    problem, criteria = fit.problem, fit.problem.data.options.prior_criteria
+    prior = urdf_prior(problem.regressor, problem.reduction, problem.whole, criteria)
+    return map_estimate(problem.blocks, problem.reduction.mapping, prior, criteria.scale_rule)
+
+
+def _disagreement(problem: Problem, posterior: MapEstimate, factor: float) -> Array | None:
+    """Difference of the two fits on the faster motion, over the standard deviation of the torque, (J,)."""
+    whole = problem.whole
+    try:
+        alone = NormalEquations(whole.weighted(1.0 / posterior.variance), whole.names).theta
+    except IdentifiabilityError:
+        return None
+    index = [problem.data.robot.joints.index(n) for n in problem.data.joints]
+    squares, count = np.zeros(len(index)), 0
+    for Y in _faster(problem, factor):
+        difference = np.einsum("ncj,c->nj", Y[:, list(problem.reduction.base)][:, :, index], alone - posterior.theta)
+        squares, count = squares + (difference**2).sum(axis=0), count + len(difference)
+    spread = np.sqrt(np.maximum(whole.torque_ss(), 1e-300) / np.maximum(whole.counts, 1.0))
+    return np.asarray(np.sqrt(squares / max(count, 1)) / spread)
+
+
+def _faster(problem: Problem, factor: float) -> Iterator[Array]:
+    """Columns along states of the fitted motions at a multiple of their speed, (N, C, J)."""
+    for motion in problem.data.motions:
+        some = motion.part(slice(None, None, max(1, len(motion.t) // STATES)))
+        yield problem.regressor(some.t / factor, some.q, factor * some.v, factor**2 * some.a, extra=dict(some.extra))
+
+
+def _negative_rotors(problem: Problem, posterior: MapEstimate) -> list[tuple[str, float]]:
+    """Rotor inertias that came out negative: by how many standard errors."""
+    error = np.sqrt(np.diag(posterior.full_covariance))
+    return [
+        (name, float(-posterior.full[k] / error[k]))
+        for k, name in enumerate(posterior.prior.names)
+        if posterior.prior.negative[k] > 0 and posterior.full[k] < 0
+    ]

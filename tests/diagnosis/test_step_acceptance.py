@@ -1,0 +1,143 @@
+"""May a step of `improve` stay: every joint counts by its relative change, and chance makes no joint worse."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from frischid.diagnosis import improvement
+from frischid.diagnosis.criteria import DiagnosisCriteria
+from frischid.diagnosis.step_acceptance import reason_against, worse_joints, worse_with_standstill
+from frischid.effects import parse_effects
+
+CRITERIA = DiagnosisCriteria()
+
+
+def rising(p_value, count=30, seed=0):
+    """Rises of blocks whose one-sided t test has this p value."""
+    z = np.random.default_rng(seed).normal(size=count)
+    z = (z - z.mean()) / z.std(ddof=1)
+    return z + stats.t.isf(p_value, count - 1) / np.sqrt(count)
+
+
+@pytest.mark.parametrize(("share", "worse"), [(0.9, [0]), (1.1, [])])
+@pytest.mark.parametrize("joints", [1, 6])
+def test_the_level_of_harm_is_shared_by_the_joints(share, worse, joints):
+    rises = [rising(share * CRITERIA.harm_p_value / joints), *[np.zeros(30)] * (joints - 1)]
+    before = np.full(joints, 10.0)
+    assert worse_joints(rises, before, before + [r.sum() for r in rises], CRITERIA) == worse
+
+
+def test_two_blocks_of_time_show_no_harm():
+    rise = np.array([1.0, 1.0001, 0.0, 0.0])
+    assert worse_joints([rise], np.array([1.0]), np.array([3.0]), CRITERIA) == []
+
+
+class Validator:
+    """Cross-validated residuals of each joint, (J, N), in blocks of ten samples; `other` with the effect."""
+
+    def __init__(self, residuals, other=None, acts_on=(0,)):
+        self.residuals, self.other, self.criteria = np.array(residuals), other, CRITERIA
+        self.joints = tuple(f"joint{k + 1}" for k in range(len(self.residuals)))
+        self.candidate = SimpleNamespace(columns=dict.fromkeys(acts_on))
+        blocks = self.residuals.shape[1] // 10
+        self.data = SimpleNamespace(cache=SimpleNamespace(blocks=blocks), motions_of=self.motions_of)
+        self.fit = SimpleNamespace(fold_theta=None)
+        self.columns = SimpleNamespace(predicted=lambda data, _: -self.residuals[data.row])
+
+    def motions_of(self, row):
+        count = self.residuals.shape[1]
+        return [SimpleNamespace(row=row, tau=np.zeros(count), block=np.arange(count) // 10)]
+
+    def candidates(self, effects):
+        return list(effects)
+
+    def joined(self, candidates):
+        return self.candidate
+
+    def extended(self, candidate):
+        return Validator(self.other)
+
+    def base_sse(self):
+        return (self.residuals**2).sum(axis=1)[None]
+
+
+def residuals(sizes, seed=0):
+    return np.array(sizes)[:, None] * np.random.default_rng(seed).choice([-1.0, 1.0], (len(sizes), 300))
+
+
+def test_a_fall_on_every_joint_speaks_for_the_step():
+    assert reason_against(Validator(residuals([10.0, 1.0]), residuals([9.0, 0.9])), ["effect"]) == ""
+
+
+def test_a_joint_that_becomes_worse_is_named():
+    noise = 0.01 * np.random.default_rng(1).normal(size=(2, 300))
+    reason = reason_against(Validator(residuals([10.0, 1.0]), residuals([9.0, 1.1]) + noise), ["effect"])
+    assert reason.startswith("joint2 (error × 1.1")
+
+
+def test_the_fall_of_one_noisy_joint_does_not_pay_for_the_others():
+    """The largest joint falls by 2 %, three small ones rise by 1 to 9 % in too few blocks to be told from chance."""
+    before = residuals([100.0, 1.0, 1.0, 1.0])
+    after = before.copy()
+    after[0] *= 0.98
+    for row in (1, 2, 3):
+        after[row, 10 * row : 10 * row + 20] *= 2.0  # two blocks alone: a t test over blocks sees nothing
+    reason = reason_against(Validator(before, after), ["effect"])
+    assert "together" in reason
+
+
+def models(before, after):
+    """Two models with these residuals, (N, J), on one part of a log at 100 Hz."""
+
+    def model(residual):
+        count, joints = residual.shape
+        part = SimpleNamespace(tau=residual, t=np.arange(count) / 100)
+        return SimpleNamespace(
+            joints=[f"joint{k}" for k in range(joints)],
+            torque_index=np.arange(joints),
+            blocks=lambda _: [(part, np.zeros_like(residual))],
+        )
+
+    # both must see the same measured torque: the second predicts the difference
+    first, second = model(before), model(before)
+    second.blocks = lambda _: [(SimpleNamespace(tau=before, t=np.arange(len(before)) / 100), before - after)]
+    return first, second
+
+
+@pytest.mark.parametrize(("factor", "worse"), [(1.1, True), (0.9, False), (1.0 + 1e-4, False)])
+def test_at_standstill_a_rise_in_every_block_is_harm_and_a_trifle_is_none(factor, worse):
+    noise = 1.0 + 0.1 * np.random.default_rng(0).normal(size=(4000, 1))
+    before = residuals([1.0, 5.0], seed=2)[:, :1].T * np.ones((4000, 1)) * noise
+    assert worse_with_standstill(*models(before, factor * before), [None], CRITERIA) == worse
+
+
+def test_at_standstill_a_rise_in_a_single_block_is_chance():
+    before = np.ones((4000, 2)) * np.random.default_rng(0).normal(size=(4000, 1))
+    after = before.copy()
+    after[100:200] *= 10.0
+    assert not worse_with_standstill(*models(before, after), [None], CRITERIA)
+
+
+def test_a_shape_that_harms_at_standstill_gives_way_to_the_best_that_does_not(monkeypatch):
+    effect = parse_effects("hysteresis(0.0007)@joint2")[0]
+    grid = effect.variants(effect.joints)
+    errors = {x.distance: 0.05 - 0.01 * k for k, x in enumerate(grid)}
+    harmful = {effect.distance, grid[-1].distance}  # the one with the least error harms too
+
+    def judged(model, diagnosis, finding, members, logs):
+        (member,) = members
+        if member.distance in harmful:
+            return None, improvement.RISES_AT_STANDSTILL
+        return SimpleNamespace(effects=members, error_after=errors[member.distance]), ""
+
+    monkeypatch.setattr(improvement, "_step_with", judged)
+    finding = SimpleNamespace(significant=True, members=(effect,), effect="hysteresis")
+    refused = {}
+    step = improvement._next_step(None, SimpleNamespace(findings=[finding]), [], refused)
+    assert step.effects == (grid[-2],)
+    assert not refused
+    harmful.update(errors)
+    assert improvement._next_step(None, SimpleNamespace(findings=[finding]), [], refused) is None
+    assert refused == {"hysteresis": improvement.RISES_AT_STANDSTILL}

@@ -1,0 +1,130 @@
+"""Alarms are raised where a model must not be trusted, and silent where it may be."""
+
+import numpy as np
+import pytest
+
+import frischid as fr
+from frischid.logs.cutoff_choice import JointSpectrum, LogSpectra
+from frischid.model.alarms import (
+    Alarm,
+    AlarmCriteria,
+    by_severity,
+    noisy_cutoff,
+    too_short,
+    undetermined,
+    wrong_signs,
+)
+from frischid.model.comparison_alarms import Elsewhere, elsewhere
+
+CRITERIA = AlarmCriteria()
+JOINTS = ("a", "b", "c")
+
+
+def ids(alarms):
+    return [alarm.id for alarm in alarms]
+
+
+def seen(**changes):
+    figures = {
+        "joints": JOINTS,
+        "spread": np.full(3, 20.0),
+        "expected": np.full(3, 1.2),
+        "measured": np.full(3, 1.1),
+        "outside": np.zeros(3),
+        "nrmse": 0.05,
+        "cross_validated": 0.05,
+        "urdf": 0.2,
+        "noise_floor": 0.02,
+    }
+    return Elsewhere(**(figures | changes))
+
+
+def test_an_ordinary_log_raises_nothing():
+    assert elsewhere(seen(), CRITERIA) == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"expected": np.array([1.0, 2.5, 3.0])}, "extrapolation"),
+        ({"outside": np.array([0.1, 0.4, 0.5])}, "faster-than-fitted"),
+        ({"measured": np.array([1.0, 1.0, 9.0])}, "unlike-the-fitted-logs"),
+        ({"nrmse": 0.3}, "worse-than-urdf"),
+        ({"nrmse": 0.19, "cross_validated": 0.04}, "held-out-error"),
+    ],
+)
+def test_each_reason_has_its_alarm(changes, expected):
+    assert expected in ids(elsewhere(seen(**changes), CRITERIA))
+
+
+def test_unknown_figures_raise_nothing():
+    nothing = np.full(3, np.nan)
+    assert elsewhere(seen(expected=nothing, cross_validated=np.nan, urdf=np.nan), CRITERIA) == []
+
+
+def test_a_reference_that_is_better_by_less_than_the_noise_is_no_alarm():
+    assert "worse-than-urdf" not in ids(elsewhere(seen(nrmse=0.3, noise_floor=0.25), CRITERIA))
+
+
+def test_alarms_of_a_fit():
+    assert undetermined(np.array([0.1, 0.2, 0.25]), JOINTS, CRITERIA) == []
+    (open_,) = undetermined(np.array([0.1, 0.5, 0.6]), JOINTS, CRITERIA)
+    assert open_.joints == ("b", "c")
+    assert open_.severity == "severe"
+    assert ids(undetermined(None, JOINTS, CRITERIA)) == ["log-leaves-open"]
+    assert ids(wrong_signs([("fv1", 1.0), ("fc2", 4.0)], CRITERIA)) == ["impossible-sign"]
+    assert "fv1" not in wrong_signs([("fv1", 1.0), ("fc2", 4.0)], CRITERIA)[0].sentence
+    assert ids(too_short(2.0, CRITERIA)) == ["log-too-short"]
+    assert too_short(20.0, CRITERIA) == []
+    spectra = LogSpectra(tuple(JointSpectrum(0.5, x / 10.0**5, np.nan) for x in (0.1, 2.0, 3.0)), 200.0)
+    assert noisy_cutoff(spectra, 5.0, CRITERIA) == []
+    for cutoff, said in ((10.0, "a cut-off of 10 Hz, 67%"), (None, "no filter, 100%")):
+        (alarm,) = noisy_cutoff(spectra, cutoff, CRITERIA)
+        assert alarm.id == "cut-off-admits-noise"
+        assert said in alarm.sentence
+
+
+def logs(*seeds):
+    robot = fr.Robot.load("planar2")
+    noise = fr.Noise(q=1e-5, tau=0.02)
+    return robot, [
+        fr.simulate(robot, fr.random_fourier(robot, 20.0, seed=s), rate=100.0, noise=noise, seed=s) for s in seeds
+    ]
+
+
+def test_a_good_identification_is_silent():
+    robot, (fit, valid) = logs(1, 2)
+    found = fr.identify(robot, [fit], valid=[valid], recursion="none")
+    assert ids(found.alarms) == []
+    joint = found.comparison.joints[0]
+    assert 0.4 < joint.nrmse / joint.expected < 2.0
+
+
+def test_a_short_log_raises_alarms_before_any_other_log_is_seen():
+    robot = fr.Robot.load("ur10")
+    motion = fr.random_fourier(robot, 3.0, seed=1, harmonics=1, scale=0.2)
+    short = fr.simulate(robot, motion, rate=50.0, noise=fr.Noise(q=1e-4, tau=0.5))
+    found = fr.identify(robot, [short], recursion="none")
+    assert {"log-leaves-open", "log-too-short"} <= set(ids(found.alarms))
+    assert found.alarms[0].severity == "severe"
+    assert found.model.history[0]["cross_validated"]["alarms"][0]["id"] == found.alarms[0].id
+
+
+def test_an_interval_holds_its_share_of_the_measurements():
+    robot, (fit, valid) = logs(1, 2)
+    model = fr.identify(robot, [fit], recursion="none", cutoff=None).model
+    _, lower, upper = model.predict(valid.q, valid.v, valid.a, interval=0.9)
+    inside = (valid.tau >= lower) & (valid.tau <= upper)
+    assert inside.mean() > 0.85
+    with pytest.raises(fr.InputError, match="between 0 and 1"):
+        model.predict(valid.q, valid.v, valid.a, interval=90)
+
+
+def test_one_joint_alone_opens_no_model():
+    """Logs that leave the model open leave most joints open: the median joint decides."""
+    assert undetermined(np.array([0.1, 0.2, 0.9]), JOINTS, CRITERIA) == []
+
+
+def test_severe_alarms_stand_first_and_keep_their_order():
+    alarms = [Alarm(name, severity, "", "") for name, severity in zip("abcd", ["doubt", "severe"] * 2, strict=True)]
+    assert ids(by_severity(alarms)) == ["b", "d", "a", "c"]
