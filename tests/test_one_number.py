@@ -137,5 +137,5 @@ def test_the_definition(case):
 def test_a_damaged_error_is_an_error_of_the_file():
     for wrong in ({"nrmse": "1"}, {}, 3):
         with pytest.raises(fr.InputError, match="the model file is damaged"):
-            headline_of({"action": "identify", "headline": wrong})
-    assert headline_of({"action": "identify fleet", "cross_validated_nrmse": 0.1}) is None
+            headline_of({"action": "identify", "test": wrong})
+    assert headline_of({"action": "identify fleet", "error_after": 0.1}) is None

@@ -23,7 +23,7 @@ from frischid.core.text import listed
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
-from frischid.diagnosis.refit import cross_validated_error, known_error, refitted
+from frischid.diagnosis.refit import fitted_error, known_error, refitted
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
 from frischid.diagnosis.step_acceptance import impossible_coefficients, reason_against, worse_with_standstill
 from frischid.effects import Effect, check_effects, columns_of
@@ -290,24 +290,21 @@ def _step(
         before, after = (compare(m, logs).nrmse for m in (model, new))
         measured_on = "the fitted logs, with the models before and after the step"
     else:
-        known, after = known_error(model, logs), cross_validated_error(new)
-        before = (
-            cross_validated_error(refitted(model, model.effects, logs, situation, criteria)) if known is None else known
-        )
+        known, after = known_error(model, logs), fitted_error(new)
+        before = fitted_error(refitted(model, model.effects, logs, situation, criteria)) if known is None else known
         measured_on = "cross-validated on the fitted logs"
     event: dict[str, Any] = {
         "action": "add",
         "effects": [str(e) for e in effects],
         "situation": situation,
         "error_before": before,
-        "error_after": after,
         "measured_on": measured_on,
         "sentence": "" if finding is None else finding.sentence,
         "logs": [fitted_entry(log) for log in logs],
     }
-    if situation != "changed":
-        event["cross_validated_nrmse"] = after
-    event |= {k: v for k, v in new.history[-1].items() if k == "cross_validated"}
+    own = {k: v for k, v in new.history[-1].items() if k == "cross_validated"}
+    # A cross-validated error is the error after the step, unless the models were compared in another way.
+    event |= own if own and situation != "changed" else {"error_after": after, **own}
     new = replace(new, history=(*model.history, event), previous=model)
     return Step(new, effects[0], before, after, measured_on, finding)
 
@@ -322,8 +319,7 @@ def _tested(before: Model, step: Step, valid: Sequence[Log | Recording]) -> Step
     event = {
         **event,
         "test_before": errors[0],
-        "test_after": errors[1],
-        "headline": tests[1].to_dict(),
+        "test": tests[1].to_dict(),
         "test_logs": [log_entry(log) for log in valid],
     }
     model = replace(step.model, history=(*earlier, event))

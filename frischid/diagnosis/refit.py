@@ -24,22 +24,25 @@ from frischid.estimators.least_squares import Estimate
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.comparison import compare
+from frischid.model.events import cross_validated_nrmse
 from frischid.model.headline import cross_validated, from_fit
 from frischid.model.identification import identify
 from frischid.model.model import Model
 
 
-def cross_validated_error(model: Model) -> float:
-    """Cross-validated NRMSE that the model's last step measured."""
-    return float(model.history[-1]["cross_validated_nrmse"])
+def fitted_error(model: Model) -> float:
+    """Cross-validated NRMSE that the identification of a model measured."""
+    error = cross_validated_nrmse(model.history[-1:])
+    assert error is not None  # every identification measures one
+    return error
 
 
 def known_error(model: Model, logs: Sequence[Log | Recording]) -> float | None:
     """Cross-validated error on these very logs, if the model's last step measured it there."""
     last = model.history[-1] if model.history else {}
     same = [x["sha256"] for x in last.get("logs", ())] == [log.identity for log in logs]
-    known = last.get("cross_validated_nrmse") if same and model.estimate.estimator in {"wls", "map"} else None
-    return None if known is None else float(known)
+    always = last.get("situation") != "changed"
+    return cross_validated_nrmse([last]) if same and always and model.estimate.estimator in {"wls", "map"} else None
 
 
 def refitted(

@@ -86,7 +86,7 @@ def roles(
     more = tuple(log for log in found.logs if log.identity not in tested)
     if not own and not more:
         return Roles(others, tuple(valid), situation, _alone(found.missing))
-    order = {sha256: number for number, sha256 in enumerate(model.fitted_hashes)}
+    order = {log.get("sha256"): number for number, log in enumerate(model.fitted_logs)}
     select = sorted((*own, *more), key=lambda log: order.get(log.identity, len(order)))
     return Roles(tuple(select), (*others, *valid), situation, _with_own(len(own), len(more), found.missing))
 

@@ -138,11 +138,11 @@ def _errors(
     blocks = list(accumulate(regressor, motions, lowpass, joints))
     if len(blocks) < 2 or sum(int(b.counts.sum()) for b in blocks) < 2 * reduction.rank:
         raise IdentifiabilityError("too few samples to choose the width of dry friction's sign")
-    leading = [reduction.columns[k] for k in reduction.base]
+    leading, described = [reduction.columns[k] for k in reduction.base], reduction.base_columns()
     found = {}
     for k, member in enumerate(members):
         names = [f"{c.name}_{k}" if c.effect == Coulomb.id else c.name for c in leading]
-        chosen = [replace(b.select([place[n] for n in names]), columns=reduction.base_columns()) for b in blocks]
+        chosen = [replace(b.select([place[n] for n in names]), columns=described) for b in blocks]
         variance = cross_validated(chosen, wls(chosen))
         whole = total(chosen)
         # The mean of logarithms, as in the likelihood of joints that each have noise of their own.

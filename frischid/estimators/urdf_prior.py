@@ -87,8 +87,6 @@ class UrdfPrior:
         With the scales that the logs gave.
     rows : float
         κ, rows that each joint's data counted for.
-    samples : float
-        Mean torque rows per joint of the logs.
     value : ndarray, shape (C,)
         Every parameter given the logs, in its unit.
     from_log : ndarray, shape (C,)
@@ -97,29 +95,13 @@ class UrdfPrior:
 
     parameters: ParameterPrior
     rows: float
-    samples: float
     value: Array
     from_log: Array
 
     @classmethod
-    def of(cls, fit: MapEstimate, whole: Gram) -> UrdfPrior:
-        """Of an estimate and the moments it was made from."""
-        counts = whole.counts[whole.counts > 0]
-        return cls(fit.prior, fit.rows, float(counts.mean()), fit.full, fit.from_log)
-
-    def of_base(self, mapping: Array, share: float = 1.0) -> Prior:
-        """The same of base parameters, as rows that are added to torque rows of weight 1/σ².
-
-        Parameters
-        ----------
-        mapping : ndarray, shape (p, C)
-            Regrouping K of the parameters, ``θ_b = K θ`` (`Reduction.mapping`).
-        share : float
-            n/κ, torque rows per joint over the rows they count for. To count each row as κ/n of a row is the same as
-            to multiply the prior's precision by n/κ.
-        """
-        prior = gaussian(mapping @ self.parameters.mean, mapping * self.parameters.total_spread)
-        return Prior(prior.mean, share * prior.precision)
+    def of(cls, fit: MapEstimate) -> UrdfPrior:
+        """Of an estimate."""
+        return cls(fit.prior, fit.rows, fit.full, fit.from_log)
 
     def extended(self, columns: Sequence[Column], values: Array) -> UrdfPrior:
         """The same with further parameters, for which the prior is nearly flat.
@@ -141,9 +123,7 @@ class UrdfPrior:
             np.append(prior.negative, np.zeros(k)),
             prior.scales,
         )
-        return UrdfPrior(
-            wider, self.rows, self.samples, np.append(self.value, values), np.append(self.from_log, np.ones(k))
-        )
+        return UrdfPrior(wider, self.rows, np.append(self.value, values), np.append(self.from_log, np.ones(k)))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -151,7 +131,6 @@ class UrdfPrior:
         return {
             "kind": "urdf",
             "rows": self.rows,
-            "samples": self.samples,
             "scales": dict(prior.scales),
             "parameters": [
                 {
@@ -183,7 +162,7 @@ class UrdfPrior:
             dict(data["scales"]),
         )
         value, from_log = np.array(column["value"], dtype=float), np.array(column["from_log"], dtype=float)
-        return cls(prior, float(data["rows"]), float(data["samples"]), value, from_log)
+        return cls(prior, float(data["rows"]), value, from_log)
 
 
 def urdf_prior(

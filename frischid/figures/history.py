@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import plotly.graph_objects as go
 
-from frischid.diagnosis.history import selection_errors
 from frischid.figures.style import BLUE, GREEN, Drawing, drawing
+from frischid.model.events import selection_errors
 from frischid.model.model import Model
 
 CROWD = 6

@@ -281,9 +281,8 @@ def _model(
         "first_log": logs[0].address,
         "samples": sum(m.samples for m in members),
         "different": [m.name for m in members if m.differs],
-        "cross_validated_nrmse": error,
-        "held_out_nrmse": None,
-        "held_out_logs": [],
+        "error_after": error,
+        "measured_on": "logs left out of the fit, median of the robots",
         "notes": [],
         "warnings": [],
     }

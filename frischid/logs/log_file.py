@@ -1,4 +1,4 @@
-"""The file behind a log: where it lies, and how a stranger's path is checked before the file is read.
+"""The file behind a log: where it lies, and how a path from a model file is checked before the file is read.
 
 A model remembers the files it was fitted to by path, size and hash. A model file may come from anybody, and so may the
 paths in it. `difference` looks at such a path without trusting it: only a regular file (or the folder of a ROS 2 bag)

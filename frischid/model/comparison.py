@@ -25,8 +25,9 @@ from frischid.model.alarms import Alarm, AlarmCriteria, by_severity
 from frischid.model.comparison_alarms import Elsewhere, elsewhere
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA
 from frischid.model.error_sums import ErrorSums, Worst
+from frischid.model.events import cross_validated_nrmse
 from frischid.model.expected_error import ExpectedError
-from frischid.model.kept_blocks import KeptBlocks
+from frischid.model.kept_blocks import SAMPLES_KEPT, KeptBlocks
 from frischid.model.model import Model
 from frischid.model.noise_floor import NoiseFloor
 from frischid.model.residual_conditions import Residuals
@@ -163,6 +164,7 @@ def compare(
     evaluated: Sequence[tuple[Block, Array]] | None = None,
     *,
     criteria: AlarmCriteria | None = None,
+    residuals_kept: int = SAMPLES_KEPT,
 ) -> Comparison:
     """Predict logs and measure the error.
 
@@ -174,6 +176,8 @@ def compare(
     evaluated : sequence of (Block, ndarray), optional
         ``model.blocks(logs)``, where the caller has it already.
     criteria : AlarmCriteria, optional
+    residuals_kept : int
+        Samples whose residuals stay in memory, to show where the model fails; at least a stretch of 1,000.
 
     Returns
     -------
@@ -199,7 +203,7 @@ def compare(
         raise InputError("there is no log to compare the model with")
     index = model.torque_index
     model.check(logs)
-    moving, everything, kept = ErrorSums(len(index)), ErrorSums(len(index)), KeptBlocks()
+    moving, everything, kept = ErrorSums(len(index)), ErrorSums(len(index)), KeptBlocks(residuals_kept)
     nominal, expected = urdf_parameters(model), ExpectedError(model)
     noise = NoiseFloor(model)
     motions = noise.watch(model.motions(logs))
@@ -234,7 +238,7 @@ def urdf_parameters(model: Model) -> Array:
 def _alarms(model: Model, summary: Comparison, expected: ExpectedError, criteria: AlarmCriteria) -> tuple[Alarm, ...]:
     """Alarms of a model on logs that it was not fitted to."""
     rmse = np.array([j.rmse for j in summary.joints])
-    known = [event["cross_validated_nrmse"] for event in model.history if "cross_validated_nrmse" in event]
+    known = cross_validated_nrmse(model.history)
     seen = Elsewhere(
         joints=model.joints,
         spread=np.array([j.std for j in summary.joints]),
@@ -243,7 +247,7 @@ def _alarms(model: Model, summary: Comparison, expected: ExpectedError, criteria
         outside=expected.outside_share,
         nrmse=summary.nrmse,
         noise_floor=summary.noise_floor,
-        cross_validated=float(known[-1]) if known else np.nan,
+        cross_validated=np.nan if known is None else known,
         urdf=summary.nominal if model.fitted is not None else np.nan,
     )
     return by_severity(elsewhere(seen, criteria))

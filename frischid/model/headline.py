@@ -26,6 +26,7 @@ from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.alarms import Alarm, by_severity
 from frischid.model.comparison import Comparison, compare
+from frischid.model.events import measured_on, selection_errors
 from frischid.model.model import Model
 
 Measured = Literal["test", "cross-validated", "fitted"]
@@ -185,7 +186,16 @@ def headline_of(event: Mapping[str, Any]) -> Headline | None:
     InputError
         The event was changed by hand, and is wrong.
     """
-    return _read(event, "headline") or cross_validated(event)
+    return _read(event, "test") or cross_validated(event)
+
+
+def error_after(event: Mapping[str, Any]) -> tuple[float, str] | None:
+    """The model's one error after an event, NRMSE, and what it is measured on; None where nobody measured it."""
+    found = headline_of(event)
+    if found is not None:
+        return found.nrmse, found.where
+    selected = selection_errors(event)[1]
+    return None if selected is None else (float(selected), measured_on(event))
 
 
 def _read(event: Mapping[str, Any], key: str) -> Headline | None:

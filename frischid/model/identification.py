@@ -193,15 +193,14 @@ def assess(bounds: Bounds) -> Identification:
     journal.progress("comparison")
     before = fit_alarms(fit)
     own = _own_headline(model, data, np.sqrt(variance), before)
-    error = float(np.mean(list(cross_validation.values()))) if own is None else own.nrmse
-    known = replace(model, history=({"cross_validated_nrmse": error},))
-    comparison = compare(known, data.valid) if data.valid else None
+    event = _event(data, problem.effects, cross_validation, own)
+    comparison = compare(replace(model, history=(event,)), data.valid) if data.valid else None
     headline = own if comparison is None else Headline.of(comparison, "test", before)
     limit = data.options.criteria.unexplained_nrmse
     warnings = tuple(dict.fromkeys([*_unexplained(cross_validation, limit), *journal.warnings]))
     notes = tuple(dict.fromkeys(journal.notes))
-    event = _event(data, problem.effects, error, comparison)
-    event |= {name: x.to_dict() for name, x in (("headline", headline), ("cross_validated", own)) if x is not None}
+    if comparison is not None and headline is not None:
+        event |= {"test": headline.to_dict(), "test_logs": [log_entry(log) for log in data.valid]}
     event |= {"notes": list(notes), "warnings": list(warnings)}
     if model.prior is not None:
         kept = model.prior.to_dict()
@@ -238,7 +237,7 @@ def _model(bounds: Bounds, scores: Array) -> Model:
         bounds=bounds.boxes,
         reference=data.options.reference,
         recursion=recursion_record(bounds, data.options.criteria),
-        prior=None if fit.posterior is None else UrdfPrior.of(fit.posterior, problem.whole),
+        prior=None if fit.posterior is None else UrdfPrior.of(fit.posterior),
         fitted=fit_record(fit, scores),
     )
 
@@ -257,21 +256,20 @@ def _unexplained(errors: Mapping[str, float], limit: float) -> list[str]:
 def _own_headline(model: Model, data: LogData, rms: Array, alarms: Sequence[Alarm]) -> Headline | None:
     """The cross-validated error with its references; None where a joint's torque never changes."""
     try:
-        return from_fit(compare(model, data.logs), rms.tolist(), alarms)
+        return from_fit(compare(model, data.logs, residuals_kept=1), rms.tolist(), alarms)
     except InputError:
         return None
 
 
-def _event(data: LogData, effects: Sequence[Effect], error: float, comparison: Comparison | None) -> dict[str, Any]:
-    """Entry of the model's history."""
-    return {
-        "action": "identify",
-        "effects": [str(e) for e in effects],
-        "logs": [log_entry(log, count) for log, count in zip(data.logs, data.summary.samples, strict=True)],
-        "cross_validated_nrmse": error,
-        "held_out_nrmse": None if comparison is None else comparison.nrmse,
-        "held_out_logs": [log_entry(log) for log in data.valid],
-    }
+def _event(
+    data: LogData, effects: Sequence[Effect], errors: Mapping[str, float], own: Headline | None
+) -> dict[str, Any]:
+    """Entry of the model's history; the mean of the joints' errors where they make no headline."""
+    logs = [log_entry(log, count) for log, count in zip(data.logs, data.summary.samples, strict=True)]
+    event: dict[str, Any] = {"action": "identify", "effects": [str(e) for e in effects], "logs": logs}
+    return event | (
+        {"error_after": float(np.mean(list(errors.values())))} if own is None else {"cross_validated": own.to_dict()}
+    )
 
 
 def _nrmse(whole: Gram, variance: Array) -> list[float]:

@@ -14,7 +14,6 @@ from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.least_squares import NormalEquations
 from frischid.estimators.map_estimate import MapEstimate, effects_alone, map_estimate
-from frischid.estimators.urdf_prior import urdf_prior
 from frischid.model.alarms import Alarm, by_severity, noisy_cutoff, too_short, undetermined, wrong_signs
 from frischid.model.fit_record import FitRecord
 from frischid.model.identification_stages import Fit, Problem
@@ -40,8 +39,8 @@ def fit_record(fit: Fit, scores: Array) -> FitRecord:
     for motion in problem.data.motions:
         for row, x in enumerate((motion.v, motion.a)):
             reach[row] = np.maximum(reach[row], np.quantile(np.abs(x[:, index]), REACHED, axis=0))
-    prior = urdf_prior(problem.regressor, problem.reduction, problem.whole, problem.data.options.prior_criteria)
-    return FitRecord(reach[0], reach[1], effects_alone(problem.blocks, problem.reduction.mapping, prior), scores)
+    urdf = effects_alone(problem.blocks, problem.reduction.mapping, problem.urdf)
+    return FitRecord(reach[0], reach[1], urdf, scores)
 
 
 def fit_alarms(fit: Fit) -> tuple[Alarm, ...]:
@@ -61,9 +60,9 @@ def _posterior(fit: Fit) -> MapEstimate:
     """The fit with the prior, made for the alarms where the model does without."""
     if fit.posterior is not None:
         return fit.posterior
-    problem, criteria = fit.problem, fit.problem.data.options.prior_criteria
-    prior = urdf_prior(problem.regressor, problem.reduction, problem.whole, criteria)
-    return map_estimate(problem.blocks, problem.reduction.mapping, prior, criteria.scale_rule)
+    problem = fit.problem
+    rule = problem.data.options.prior_criteria.scale_rule
+    return map_estimate(problem.blocks, problem.reduction.mapping, problem.urdf, rule)
 
 
 def _disagreement(problem: Problem, posterior: MapEstimate, factor: float) -> Array | None:

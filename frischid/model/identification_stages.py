@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import islice
 from typing import Any
 
@@ -136,6 +137,11 @@ class Problem:
     reduction: Reduction
     blocks: Blocks
     whole: Gram
+
+    @cached_property
+    def urdf(self) -> ParameterPrior:
+        """The URDF as a prior of all parameters."""
+        return urdf_prior(self.regressor, self.reduction, self.whole, self.data.options.prior_criteria)
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,11 +272,7 @@ def _default_effects(data: LogData) -> tuple[Effect, ...]:
 
 def set_prior(problem: Problem) -> PriorSet:
     """Stage 3: the URDF as a prior, unless the user or the estimator wants the logs alone."""
-    options = problem.data.options
-    if not options.with_prior:
-        return PriorSet(problem, None)
-    prior = urdf_prior(problem.regressor, problem.reduction, problem.whole, options.prior_criteria)
-    return PriorSet(problem, prior)
+    return PriorSet(problem, problem.urdf if problem.data.options.with_prior else None)
 
 
 def fit_parameters(given: PriorSet) -> Fit:

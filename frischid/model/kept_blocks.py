@@ -15,9 +15,15 @@ class KeptBlocks:
     """Blocks in memory, in stretches spread evenly over the logs: all of them, or every second, fourth, ... stretch.
 
     Where a model fails is judged on at most `SAMPLES_KEPT` samples; the errors themselves are sums over all.
+
+    Parameters
+    ----------
+    limit : int
+        Samples in memory at most, but never less than one stretch.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, limit: int = SAMPLES_KEPT) -> None:
+        self.limit = limit
         self.stretches: list[list[tuple[Block, Array]]] = []
         self.every, self.number, self.samples, self.length = 1, -1, 0, CONSECUTIVE_SAMPLES
 
@@ -38,6 +44,6 @@ class KeptBlocks:
         # Only the parts that residuals need, as copies: columns are most of a block, and views keep whole motions.
         self.stretches[-1].append((replace(block, t=block.t.copy(), Z=block.Z[:, -COLUMNS_BESIDE_Y:].copy()), fitted))
         self.samples += len(block.t)
-        if self.samples > SAMPLES_KEPT:
+        if self.samples > self.limit:
             self.stretches, self.every = self.stretches[::2], 2 * self.every
             self.samples = sum(len(b.t) for b, _ in self.blocks)

@@ -154,7 +154,8 @@ class Model:
     ) -> tuple[Array, Array, Array]:
         """Torque of the fitted joints, with the interval in which a measurement is to be expected.
 
-        The half width is ``z sqrt(σ² + y C yᵀ)``: the error on the fitted logs, and the parameters' uncertainty.
+        The half width is ``r_j sqrt(σ_j² + y C yᵀ)``. The root is the error to expect; r_j is the reach that held this
+        share of the torque of joint j on stretches left out of the fit, and a normal distribution's without such a fit.
 
         Parameters
         ----------
@@ -183,9 +184,8 @@ class Model:
 
     def interval_reach(self, interval: float) -> Array:
         """Half width of a prediction interval, in units of the expected error, (J,)."""
-        if self.fitted is None:
-            return np.full(len(self.joints), normal_reach(interval))
-        return self.fitted.interval_reach(interval)
+        normal = np.full(len(self.joints), normal_reach(interval))
+        return normal if self.fitted is None else self.fitted.interval_reach(interval)
 
     def friction(self, q: Array, v: Array, a: Array | None = None, t: Array | None = None) -> Array:
         """Torque of the model's friction effects alone.
@@ -203,9 +203,8 @@ class Model:
             N·m (N), with the sign it has in the equation of motion: along v.
         """
         Y = self._columns(q, v, np.zeros_like(q) if a is None else a, t)[0]
-        columns = columns_of(self.robot, self.effects)
         ids = {e.id for e in self.effects if e.friction}
-        felt = np.array([c.effect in ids for c in columns])
+        felt = np.array([c.effect in ids for c in columns_of(self.robot, self.effects)])
         return np.asarray(self.full_theta[felt] @ Y[:, felt])
 
     def pinocchio(self) -> Any:
@@ -220,9 +219,9 @@ class Model:
 
     def of_effect(self, effect: str, symbol: str) -> dict[str, float]:
         """Physical values of one parameter of an effect, by joint; empty if the model has none such."""
-        columns = [c for c in columns_of(self.robot, self.effects) if c.effect == effect]
-        number = self.robot.numbers
-        return {c.joint: self.parameter(c.name) for c in columns if c.name == f"{symbol}{number[c.joint]}"}
+        columns, number = columns_of(self.robot, self.effects), self.robot.numbers
+        found = (c for c in columns if c.effect == effect and c.name == f"{symbol}{number[c.joint]}")
+        return {c.joint: self.parameter(c.name) for c in found}
 
     @property
     def links(self) -> Array:
@@ -279,15 +278,9 @@ class Model:
         return parameters_by_name(self.estimate, self.expressions)
 
     @property
-    def fitted_hashes(self) -> tuple[str | None, ...]:
-        """Hashes of the logs the parameters were last fitted to, in order."""
-        logs: Sequence[Mapping[str, Any]] = next((e["logs"] for e in reversed(self.history) if e.get("logs")), ())
-        return tuple(log.get("sha256") for log in logs)
-
-    @property
-    def fitted_to(self) -> int:
-        """How many logs the parameters were last fitted to."""
-        return next((len(event["logs"]) for event in reversed(self.history) if event.get("logs")), 0)
+    def fitted_logs(self) -> tuple[Mapping[str, Any], ...]:
+        """Entries of the logs the parameters were last fitted to, in order: ``source``, ``sha256``, ``samples``."""
+        return next((tuple(e["logs"]) for e in reversed(self.history) if e.get("logs")), ())
 
     @cached_property
     def full_theta(self) -> Array:

@@ -98,7 +98,6 @@ class PriorRecord(Struct, forbid_unknown_fields=True, frozen=True):
 
     kind: Literal["urdf"]
     rows: Annotated[float, Meta(gt=0)]
-    samples: Annotated[float, Meta(gt=0)]
     scales: dict[str, Annotated[float, Meta(gt=0)]]
     parameters: list[PriorParameterRecord]
 
@@ -132,19 +131,24 @@ class AlarmRecord(Struct, forbid_unknown_fields=True, frozen=True):
     limit: float = 0.0
 
 
+class ErrorRecord(Struct, frozen=True):
+    """A headline of a step; `frischid.model.headline` reads the rest of it."""
+
+    nrmse: NotNegative
+
+
 class EventRecord(Struct, frozen=True):
     """One step of the history: the fields that are read again. A step may hold more."""
 
     action: str
     effects: list[str] = []
     logs: list[EventLogRecord] = []
-    held_out_logs: list[EventLogRecord] = []
-    cross_validated_nrmse: NotNegative | None = None
-    held_out_nrmse: NotNegative | None = None
+    test_logs: list[EventLogRecord] = []
+    cross_validated: ErrorRecord | None = None
     error_before: NotNegative | None = None
     error_after: NotNegative | None = None
+    test: ErrorRecord | None = None
     test_before: NotNegative | None = None
-    test_after: NotNegative | None = None
     measured_on: str = ""
     sentence: str = ""
     notes: list[str] = []

@@ -11,6 +11,8 @@ row, so the interval widens where the motion asks for more than the fitted logs 
 
 Source: Lei, G'Sell, Rinaldo, Tibshirani and Wasserman 2018, "Distribution-free predictive inference for regression",
 J. Am. Stat. Assoc. 113(523), section 5.2.
+
+Scores are counted in narrow bins, so that a log of any length takes the same memory.
 """
 
 from __future__ import annotations
@@ -27,6 +29,9 @@ from frischid.model.identification_stages import Problem
 
 ENOUGH = 20_000
 """Rows per joint from which quantiles are taken: the quantile at 0.99 is then sure to a few percent."""
+
+EDGES = np.concatenate([[0.0], np.geomspace(1e-4, 1e6, 4001)])
+"""Edges of the bins: each is 0.6 % wide."""
 
 
 def residual_scores(problem: Problem, folds: Sequence[Fold], estimate: Estimate) -> Array:
@@ -51,8 +56,7 @@ def residual_scores(problem: Problem, folds: Sequence[Fold], estimate: Estimate)
     # Rows come in the order in which the moments took them in: a joint's row belongs to the fold its number falls in.
     ends = np.cumsum([fold.out.counts for fold in folds], axis=0)
     thetas = np.stack([fold.theta for fold in folds])
-    seen = np.zeros(len(index))
-    scores: list[list[Array]] = [[] for _ in index]
+    seen, counts = np.zeros(len(index)), np.zeros((len(index), len(EDGES) - 1))
     every = max(1, int(ends[-1].max(initial=0.0)) // ENOUGH)
     for motion in data.motions:
         for block in problem.regressor.blocks(motion, data.lowpass):
@@ -66,9 +70,14 @@ def residual_scores(problem: Problem, folds: Sequence[Fold], estimate: Estimate)
                 rows = some * every
                 fold = np.minimum(np.searchsorted(ends[:, j], number[rows, j], side="right"), len(folds) - 1)
                 error = tau[rows, j] - np.einsum("np,np->n", Y[rows, :, j], thetas[fold])
-                scores[j].append(np.abs(error) / np.maximum(expected[some, j], 1e-300))
-    return np.stack([_quantiles(np.concatenate(s) if s else np.zeros(0)) for s in scores], axis=1)
+                score = np.abs(error) / np.maximum(expected[some, j], 1e-300)
+                counts[j] += np.histogram(np.minimum(score, EDGES[-1]), EDGES)[0]
+    return np.stack([_quantiles(count) for count in counts], axis=1)
 
 
-def _quantiles(scores: Array) -> Array:
-    return np.quantile(scores, LEVELS) if len(scores) else np.full(len(LEVELS), np.nan)
+def _quantiles(counts: Array) -> Array:
+    """Quantiles at `LEVELS` of counts in bins; NaN without a count."""
+    if not counts.any():
+        return np.full(len(LEVELS), np.nan)
+    below = np.append(0.0, np.cumsum(counts)) / counts.sum()
+    return np.asarray(np.interp(LEVELS, below, EDGES))

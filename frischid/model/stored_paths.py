@@ -13,7 +13,7 @@ from typing import Any
 
 from frischid.errors import InputError
 
-_LISTS = ("logs", "held_out_logs", "test_logs")  # of an event: entries of logs
+_LISTS = ("logs", "test_logs")  # of an event: entries of logs
 
 
 def portable(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -93,7 +93,7 @@ class Bench:
         self.fit, self.valid, self.note = _by_role(model, logs)
         self.logs = [*self.fit, *self.valid]
         fitted = sum(model.made_from(log) for log in self.fit)
-        self.absent = max(model.fitted_to - fitted, 0) if fitted else 0
+        self.absent = max(len(model.fitted_logs) - fitted, 0) if fitted else 0
         self._turn = threading.Lock()
         self._change = threading.Lock()  # guards the state; held only while the state is replaced
         self._doing = ""
@@ -248,7 +248,7 @@ class Bench:
 def _by_role(model: Model, logs: Sequence[Log]) -> tuple[list[Log], list[Log], str]:
     """Logs that are fitted and select, logs that test, and a note where others than those given select."""
     own = [log for log in logs if model.made_from(log)]
-    if own and len(own) >= model.fitted_to:  # nothing to look for
+    if own and len(own) >= len(model.fitted_logs):  # nothing to look for
         return own, [log for log in logs if log not in own], ""
     from frischid.diagnosis.roles import roles
 

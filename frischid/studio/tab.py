@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 from frischid import figures
 from frischid.core.text import listed
-from frischid.diagnosis.history import test_errors
 from frischid.effects import EFFECTS
 from frischid.figures import Drawing
 from frischid.figures.history import steps_of
 from frischid.figures.style import typeset
+from frischid.model.events import test_errors
 from frischid.studio.bench import Bench, State, message_of
 from frischid.studio.frame import WIDTH, Frame
 from frischid.studio.track import Track

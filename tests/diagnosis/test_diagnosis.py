@@ -164,7 +164,7 @@ def test_the_error_before_is_the_last_steps_where_it_was_measured_on_the_same_lo
     first = add(model, parse_effects("asymmetric_viscous@wrist_1_joint"), logs)
     second = add(first.model, parse_effects("joint_spring@wrist_2_joint"), logs)
     assert len(fits) == 2
-    assert first.error_before == model.history[-1]["cross_validated_nrmse"]
+    assert first.error_before == model.history[-1]["cross_validated"]["nrmse"]
     assert second.error_before == first.error_after > second.error_after
     other = add(model, parse_effects("asymmetric_viscous@wrist_1_joint"), [log_of(3, hidden, fva4=1.0, ks5=1.0)])
     assert len(fits) == 4

@@ -67,7 +67,7 @@ def decided(found: Model) -> dict:
     """All that a model's file holds, but the errors on test logs and their names."""
     said = json.loads(json.dumps(found.to_dict()))
     for event in said["history"]:
-        for key in ("headline", "held_out_nrmse", "held_out_logs", "test_before", "test_after", "test_logs"):
+        for key in ("test", "test_before", "test_logs"):
             event.pop(key, None)
     said.pop("previous", None)
     return said

@@ -74,24 +74,12 @@ def test_a_rotor_of_a_link_without_mass_is_as_doubtful_as_the_link():
     assert prior.negative[prior.names.index("Ia2")] >= criteria.rotor_opposite * doubt * (1 - 1e-12)
 
 
-def test_rows_that_count_for_less_are_a_prior_that_counts_for_more():
-    machine = robot("planar2")
-    regressor, reduction, blocks, _ = problem(machine, "viscous")
-    fit = map_estimate(blocks, reduction.mapping, urdf_prior(regressor, reduction, total(blocks)))
-    own = UrdfPrior.of(fit, total(blocks))
-    one, four = own.of_base(reduction.mapping), own.of_base(reduction.mapping, share=4.0)
-    np.testing.assert_allclose(four.precision, 4.0 * one.precision)
-    np.testing.assert_array_equal(four.mean, one.mean)
-    K, d = reduction.mapping, own.parameters.total_spread
-    np.testing.assert_allclose(np.linalg.inv(one.precision), K @ np.diag(d**2) @ K.T, rtol=1e-5, atol=1e-9)
-
-
 def test_a_parameter_that_is_added_keeps_its_known_sign_and_is_nearly_free():
     machine = robot("planar2")
     regressor, reduction, blocks, _ = problem(machine, "viscous")
     fit = map_estimate(blocks, reduction.mapping, urdf_prior(regressor, reduction, total(blocks)))
     columns = [Column("md2", "N·m", "joint2", "magnet", sign=1), Column("ks2", "N·m/rad", "joint2", "spring")]
-    wider = UrdfPrior.of(fit, total(blocks)).extended(columns, np.array([3.0, -2.0])).parameters
+    wider = UrdfPrior.of(fit).extended(columns, np.array([3.0, -2.0])).parameters
     assert wider.names[-2:] == ("md2", "ks2")
     assert wider.nonnegative[-2:].tolist() == [True, False]
     np.testing.assert_allclose(wider.spread[-2:], [30.0, 20.0])

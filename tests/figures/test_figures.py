@@ -185,7 +185,7 @@ def test_the_staircase_says_what_a_single_step_was_measured_on(case):
     model = case[0]
     picture = figures.staircase(model, 0.001)
     assert "cross-validated" in picture.reading
-    assert picture.figure.data[0].y[0] == model.history[0]["cross_validated_nrmse"], "not the error on the test log"
+    assert picture.figure.data[0].y[0] == model.history[0]["cross_validated"]["nrmse"], "not the error on the test log"
 
 
 def test_shades_are_explained(case):

@@ -345,7 +345,7 @@ def test_validation_logs_are_compared_and_never_fitted():
     assert alone.comparison is None
     np.testing.assert_array_equal(alone.model.estimate.theta, both.model.estimate.theta)
     assert both.comparison.nrmse == pytest.approx(0.01, rel=0.2)
-    assert both.model.history[0]["held_out_nrmse"] == both.comparison.nrmse
+    assert both.model.history[0]["test"]["nrmse"] == both.comparison.nrmse
 
 
 # ---- structure

@@ -72,8 +72,8 @@ def test_friction_is_what_the_friction_effects_say():
 
 def test_a_model_was_fitted_to_the_logs_of_its_last_fit():
     events = ({"action": "identify", "logs": [1]}, {"action": "add", "logs": [1, 2, 3]}, {"action": "consistent"})
-    assert replace(model(), history=events).fitted_to == 3
-    assert replace(model(), history=()).fitted_to == 0
+    assert len(replace(model(), history=events).fitted_logs) == 3
+    assert replace(model(), history=()).fitted_logs == ()
 
 
 def test_one_sample_is_a_row():
@@ -255,7 +255,7 @@ def changed(data, *path, to):
         (("robot", "urdf"), "<robot", ("robot",)),
         (("standard",), {"m1": 1.0}, ("expected a value of", "standard")),
         (("previous",), {"schema": SCHEMA}, ("missing required field", "previous")),
-        (("history", 0, "held_out_nrmse"), float("inf"), ("finite", "history[0].held_out_nrmse")),
+        (("history", 0, "cross_validated", "nrmse"), float("inf"), ("finite", "history[0].cross_validated.nrmse")),
     ],
 )
 def test_an_error_names_the_field_and_what_was_expected(tmp_path, path, value, words):
@@ -398,7 +398,7 @@ def test_history_says_what_was_done():
     (event,) = model().history
     assert event["action"] == "identify"
     assert event["effects"] == [str(e) for e in model().effects]
-    assert event["held_out_nrmse"] == found().comparison.nrmse
+    assert event["test"]["nrmse"] == found().comparison.nrmse
     assert any("low-passed at 8 Hz" in n for n in event["notes"])
 
 

@@ -81,6 +81,7 @@ def test_identify_says_when_it_had_to():
     assert found.model.estimate.condition < SAFE_CONDITION
     assert not any("streaming QR" in note for note in found.notes)
     gentle = Log(log.t, log.joints, 0.3 + 0.004 * log.q, tau=log.tau)
-    again = fr.identify(ROBOT, [gentle], effects=fr.parse_effects("viscous, offset"), cutoff=8.0, recursion="none")
+    options = {"cutoff": 8.0, "recursion": "none", "prior": "none"}  # with the prior the problem is well conditioned
+    again = fr.identify(ROBOT, [gentle], effects=fr.parse_effects("viscous, offset"), **options)
     assert again.model.estimate.condition > SAFE_CONDITION
     assert any("streaming QR" in note for note in again.notes)

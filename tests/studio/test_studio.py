@@ -90,7 +90,7 @@ def test_add_undo_save_export(bench):
     assert best.effect == "joint_spring"
     after = bench.add(best.members, 0, best)
     assert after.headline.nrmse < 0.1 * before.headline.nrmse
-    assert after.model.history[-1]["test_after"] == pytest.approx(after.headline.nrmse)
+    assert after.model.history[-1]["test"]["nrmse"] == pytest.approx(after.headline.nrmse)
     assert after.diagnosis is None
     undone = bench.undo(after.revision)
     assert undone.model is before.model

@@ -8,10 +8,9 @@ from typing import Any
 from frischid.cli.pages.page import Page, change, headline_line, quantities, table_of
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import HOW_RANKED
-from frischid.diagnosis.history import error_after
 from frischid.diagnosis.improvement import Step
 from frischid.effects import EFFECTS
-from frischid.model.headline import headline_of
+from frischid.model.headline import error_after, headline_of
 from frischid.model.model import Model
 
 

@@ -6,8 +6,8 @@ import re
 from typing import Any
 
 from frischid import figures
-from frischid.diagnosis.history import measured_on, selection_errors, test_errors
 from frischid.figures.style import number
+from frischid.model.events import measured_on, selection_errors, test_errors
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study
 
