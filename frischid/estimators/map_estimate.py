@@ -14,7 +14,7 @@ this link. The data give the scale by evidence (automatic relevance determinatio
 link's p_l parameters, ``s_l² = (Σ ((θ − μ)² + C_cc) / d² + ν) / (p_l + ν)``.
 
 *Noise.* σ_j² is the residual variance, corrected for the γ_j of the κ rows that determine parameters. If a
-cross-validated fit with the unscaled prior has a smaller variance, σ_j² is that variance.
+cross-validated fit has a smaller variance, with all links at scale 1 or at the widest scale, σ_j² is that variance.
 
 Sources: MacKay 1992, Bayesian interpolation, Neural Computation 4(3), for evidence and γ; Tipping 2001, Sparse Bayesian
 learning and the relevance vector machine, JMLR 1, for the scales; Stark and Parker 1995, Bounded-variable least
@@ -149,7 +149,7 @@ def map_estimate(
     problem = MapProblem(whole, mapping, prior)
     rows = effective_rows(problem.G[:, : len(prior.names), : len(prior.names)])
     floor = EXACT_FIT * problem.torque / problem.counts + 1e-300
-    variance, limit = _first_noise(problem, blocks, floor)
+    variance, limit = _first_noise(problem, blocks, floor, rule)
     scales = {g: 1.0 for g in prior.group if g}
     for _ in range(ROUNDS):
         weights = rows / (problem.counts * variance)
@@ -203,9 +203,23 @@ def effective_rows(G: Array) -> float:
     return r * (r + 1) / 2
 
 
-def _first_noise(problem: MapProblem, blocks: Sequence[Gram], floor: Array) -> tuple[Array, Array]:
-    """Residual variances to start from, and the cross-validated ones that limit them, under the unscaled prior."""
-    precision = problem.precision({})
+def _first_noise(problem: MapProblem, blocks: Sequence[Gram], floor: Array, rule: ScaleRule) -> tuple[Array, Array]:
+    """Residual variances to start from, and the cross-validated ones that limit them, at the best common scale.
+
+    A URDF that is altogether wrong is not a reason to take the torque for noise: links at the widest scale may explain
+    the torque of stretches left out, where links at scale 1 cannot.
+    """
+    variance, limit = _noise_at(problem, blocks, floor, 1.0)
+    try:
+        wide = _noise_at(problem, blocks, floor, rule.most)
+    except IdentifiabilityError:  # so wide a prior determines no more than the log, and the log leaves something open
+        return variance, limit
+    return np.minimum(variance, wide[0]), np.minimum(limit, wide[1])
+
+
+def _noise_at(problem: MapProblem, blocks: Sequence[Gram], floor: Array, scale: float) -> tuple[Array, Array]:
+    """The same with every link at one scale."""
+    precision = problem.precision({g: scale for g in problem.prior.group if g})
     variance = np.maximum(0.1 * problem.torque / problem.counts, floor)
     for _ in range(6):
         x = problem.solve(*problem.normal(1.0 / variance, precision))

@@ -65,7 +65,7 @@ class PriorCriteria:
     rotor_opposite: float = 0.3
     scale_freedom: float = 4.0
     least_scale: float = 0.03
-    largest_scale: float = 10.0
+    largest_scale: float = 100.0
 
     @property
     def scale_rule(self) -> ScaleRule:

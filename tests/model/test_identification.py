@@ -1,4 +1,5 @@
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -433,3 +434,18 @@ def test_a_cutoff_too_low_for_any_log_asks_for_no_memory():
     log = simulate(robot, random_fourier(robot, 4.0, seed=0), rate=50.0, channels=())
     with pytest.raises(InputError, match="needs a filter of"):
         identify(robot, [log], cutoff=1e-9)
+
+
+@pytest.mark.parametrize("factor", [0.01, 100.0])
+def test_a_urdf_whose_masses_are_all_wrong_does_no_harm(factor, tmp_path):
+    """Dummy inertias are common; a log that excites every parameter must win over them."""
+    log, other = (
+        simulate(PLANAR, random_fourier(PLANAR, 20.0, seed=seed), rate=100.0, noise=Noise(tau=0.05)) for seed in (1, 2)
+    )
+    tree = ElementTree.fromstring(PLANAR.urdf)
+    for element in (x for tag in ("mass", "inertia") for x in tree.iter(tag)):
+        element.attrib.update({name: repr(factor * float(value)) for name, value in element.attrib.items()})
+    (tmp_path / "wrong.urdf").write_text(ElementTree.tostring(tree, encoding="unicode"))
+    wrong = Robot.load(tmp_path / "wrong.urdf")
+    right, found = (identify(machine, [log], valid=[other], recursion="none") for machine in (PLANAR, wrong))
+    assert found.comparison.nrmse < 1.1 * right.comparison.nrmse
