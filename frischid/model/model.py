@@ -342,8 +342,7 @@ class Model:
         InputError
             The file is missing, not JSON, or not a model.
         """
-        written = read_json(path)
-        found = located(written, Path(path).parent, str(path))
+        found = located(written := read_json(path), Path(path).parent, str(path))
         if isinstance(found, Mapping):  # the hash is that of the content before the paths were found
             found = {name: value for name, value in found.items() if name != "sha256"}
         model = cls.from_dict(found, str(path))
