@@ -4,6 +4,7 @@ import os
 
 from hypothesis import settings
 
+os.environ.pop("COLUMNS", None)  # a narrow terminal leaves columns out
 settings.register_profile("here", deadline=None)  # a busy machine is slow, not wrong
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "here")

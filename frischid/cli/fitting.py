@@ -75,6 +75,7 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
     help="Treat the logs as those of a fleet and sum their moments on a Dask scheduler (its address, local, or none).",
 )
 @click.option("--force", is_flag=True, help="Identify although the log check found errors.")
+@click.option("--parameters", is_flag=True, help="List the parameters with their errors and bounds.")
 @click.option("-o", "--output", type=OutputPath(), help="Write the model here (JSON).")
 @json_option
 def identify(
@@ -92,6 +93,7 @@ def identify(
     window: int | None,
     scheduler: str | None,
     force: bool,
+    parameters: bool,
     output: str | None,
     as_json: bool,
     **options: Any,
@@ -132,7 +134,7 @@ def identify(
         )
     if output:
         found.model.save(output)
-    show_page(show.identification(found, output), as_json)
+    show_page(show.identification(found, output, whole=parameters), as_json)
 
 
 @main.command()

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 PIPE_WIDTH = 140  # characters per line of output to a pipe, which has no width of its own; 80 would cut tables
 
+WIDTH, QUIET = "frischid.width", "frischid.quiet"  # keys in click's own store of a running command
+
 
 def prepare_streams() -> None:
     """Make every stream one that can be written to.
@@ -40,7 +42,8 @@ def prepare_streams() -> None:
 @contextmanager
 def working(quiet: bool) -> Iterator[Callable[[str], None]]:
     """Show the present step of the work on stderr, if stderr is a terminal."""
-    if quiet or not sys.stderr.isatty():
+    context = click.get_current_context(silent=True)
+    if quiet or not sys.stderr.isatty() or (context is not None and context.meta.get(QUIET)):
         yield lambda _: None
         return
     from rich.console import Console
@@ -75,8 +78,19 @@ def show_page(page: Any, as_json: bool) -> None:
 def _print(page: Any) -> None:
     from rich.console import Console
 
+    from frischid.cli.narrow import fitted
     from frischid.cli.pages.page import alarm_lines
 
-    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
+    console = Console(width=_width(), highlight=False)
     for part in (*alarm_lines(page.alarms), *page.parts):
-        console.print(part)
+        for piece in fitted(part, console.width):
+            console.print(piece)
+
+
+def _width() -> int | None:
+    """Characters per line: ``--width``, COLUMNS, the terminal's own, or `PIPE_WIDTH`; None: rich finds out."""
+    context = click.get_current_context(silent=True)
+    asked = None if context is None else context.meta.get(WIDTH)
+    if asked is not None:
+        return int(asked)
+    return None if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit() else PIPE_WIDTH

@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from frischid.cli.output import QUIET, WIDTH
 from frischid.core.files import check_outputs, check_writable
 
 _OUTPUTS = "frischid.outputs"  # key in click's own store of a running command
@@ -31,7 +32,12 @@ class OutputFolder(click.Path):
 
 
 class Command(click.Command):
-    """A command that first of all refuses to write over a file that it reads."""
+    """A command that first of all refuses to write over a file that it reads; with the options that all have."""
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        """The command's own parameters, then ``--width`` and ``--quiet``."""
+        *own, help_option = super().get_params(ctx)
+        return [*own, *_of_the_output(), help_option]
 
     def invoke(self, ctx: click.Context) -> Any:
         """Check the files, then run."""
@@ -41,6 +47,22 @@ class Command(click.Command):
         ctx.meta[_OUTPUTS] = outputs
         check_found(_given(self, ctx, InputPath))
         return super().invoke(ctx)
+
+
+def _of_the_output() -> list[click.Parameter]:
+    def keep(key: str) -> Callable[[click.Context, click.Parameter, Any], None]:
+        return lambda context, _, value: context.meta.update({key: value})
+
+    return [
+        click.Option(
+            ["--width"],
+            type=click.IntRange(20, 1000),
+            expose_value=False,
+            callback=keep(WIDTH),
+            help="Characters per line of output; the terminal's width, COLUMNS, or 140 into a pipe, by default.",
+        ),
+        click.Option(["--quiet"], is_flag=True, expose_value=False, callback=keep(QUIET), help="Show no progress."),
+    ]
 
 
 def check_found(inputs: Iterable[str | Path] | Callable[[], Iterable[str | Path]]) -> None:

@@ -184,7 +184,10 @@ def wrong_signs(contradicted: Sequence[tuple[str, float]], criteria: AlarmCriter
         Parameter, and by how many standard errors.
     criteria : AlarmCriteria
     """
-    bad = [(n, x) for n, x in contradicted if x > criteria.sign_errors]
+    most: dict[str, float] = {}
+    for name, x in contradicted:  # a rotor may be named by its bound and by its value
+        most[name] = max(x, most.get(name, 0.0))
+    bad = sorted(((n, x) for n, x in most.items() if x > criteria.sign_errors), key=lambda pair: -pair[1])
     if not bad:
         return []
     listed = ", ".join(f"{n} ({x:.1f} s.e.)" for n, x in bad)

@@ -89,11 +89,10 @@ def bound_parameters(fit: Fit) -> Bounds:
         estimate, box = _by_sensors(fit)
         if box is not None:
             boxes["sensorwise"] = box
-    journal.warnings += [
-        *estimate.notes,
-        *moving_but_locked(fit.problem.data.summary.moving),
-        *([] if triangle is None else _doubts(triangle, recursion)),
-    ]
+    journal.warnings += [*estimate.notes, *moving_but_locked(fit.problem.data.summary.moving)]
+    # Nearly every robot has these doubts about its boxes. They are warnings where the values come from a box.
+    said = journal.warnings if selection is not None else journal.notes
+    said += [] if triangle is None else _doubts(triangle, recursion)
     return Bounds(fit, estimate, triangle, boxes, recursion, selection)
 
 

@@ -266,7 +266,7 @@ def test_empty_box_names_parameter_and_window():
     assert "bbrf" not in found.model.bounds
     assert isinstance(found.narrowest_box, Box)
     words = f"at window {emptied.window}: parameter {emptied.parameter} has lower bound"
-    assert any(words in w for w in found.warnings)
+    assert any(words in note for note in found.notes)
     with pytest.raises(EmptyBoxError, match=words) as error:
         identify(PLANAR, [log], cutoff=None, window=40, estimator="frisch")
     assert error.value.parameter == emptied.parameter
@@ -284,16 +284,16 @@ def test_bounds_without_information_are_said():
     np.testing.assert_array_equal(silent["bbrf"], ~np.isfinite(box.width) | (box.width >= one_shot.width))
     assert silent["bbrf"].all(), "windows of 60 rows cannot be told from infinity"
     assert not silent["frisch"].any()
-    assert any("(calibrated) holds no information on 13 of 13 parameters" in w for w in found.warnings)
+    assert any("(calibrated) holds no information on 13 of 13 parameters" in w for w in (*found.warnings, *found.notes))
 
 
 def test_theorem_one_is_tested_and_reported():
     found = quick(PLANAR, [planar_log(noise=NOISY)])
     assert not found.simplex.same_orthant
-    (doubt,) = (w for w in found.warnings if w.startswith("the classical Frisch box need not hold the truth"))
+    (doubt,) = (w for w in found.notes if w.startswith("the classical Frisch box need not hold the truth"))
     assert found.simplex.disagreeing[0] in doubt
     clean = quick(PLANAR, [planar_log()])
-    assert not any("Theorem 1" in w for w in clean.warnings)
+    assert not any("Theorem 1" in w for w in clean.notes)
 
 
 def test_recursion_is_left_out_of_short_logs_and_said():

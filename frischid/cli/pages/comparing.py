@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from frischid.cli.pages.page import Page, depends, figure, headline_line, table_of
@@ -19,17 +20,18 @@ def comparison(result: Comparison, error: Headline) -> Page:
 
 def error_tables(result: Comparison) -> list[Any]:
     """Errors joint by joint, and the share of samples left out of them."""
-    where = ", ".join(result.sources)
+    where = ", ".join(Path(source).name for source in result.sources)
     table = table_of(
         "joint", "RMSE", "NRMSE", "noise floor", "fit %", "bias", "URDF + friction", "constant", "worst error", "at",
         title=f"joint by joint, measured against model on {where}",
+        droppable=("at", "worst error", "bias", "fit %", "constant", "RMSE"),
     )  # fmt: skip
     for name, j in result.joints.items():
         error = j.worst.measured - j.worst.predicted
         table.add_row(
             name, figure(j.rmse), f"{j.nrmse:.4f}", f"{j.noise_floor:.4f}", f"{j.fit:.1f}", figure(j.bias),
             f"{j.nominal:.3f}",
-            f"{j.constant:.3f}", figure(error), f"{j.worst.t:.2f} s",
+            f"{j.constant:.3f}", figure(error), f"{j.worst.t:.2f}\N{NO-BREAK SPACE}s",
         )  # fmt: skip
     parts: list[Any] = [table]
     if result.standstill > 0:
@@ -48,7 +50,10 @@ def _where(result: Comparison) -> list[Any]:
     names = list(dict.fromkeys(c.condition for c in conditions))
     order = [n for n in CONDITION_ORDER if n in names]
     table = table_of(
-        "joint", *order, title="where it fails: error under a condition / the joint's average (* p < 0.01)"
+        "joint",
+        *order,
+        title="where it fails: error under a condition / the joint's average (* p < 0.01)",
+        droppable=("end", "beginning", "middle angles", "high angles", "low angles", "backwards", "forwards", "slow"),
     )
     found = {(c.joint, c.condition): c for c in conditions}
     for joint in result.joints.names:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from rich.markup import escape
@@ -15,20 +17,44 @@ from frischid.model.identification_bounds import NO_INFORMATION, without_informa
 from frischid.model.model import Model
 
 
-def identification(found: Identification, output: str | None) -> Page:
-    """Parameters with bounds, and errors."""
+def identification(found: Identification, output: str | None, *, whole: bool = False) -> Page:
+    """The error first, then warnings and notes; parameters with bounds on request.
+
+    Parameters
+    ----------
+    found : Identification
+    output : str or None
+        File of the model.
+    whole : bool
+        Whether to list the parameters.
+    """
     model = found.model
-    parts: list[Any] = [
-        summary(found),
-        *([] if found.headline is None else [headline_line(found.headline)]),
-        *(f"  {escape(n)}" for n in found.notes),
-        parameters(model),
-    ]
+    parts: list[Any] = [] if found.headline is None else [headline_line(found.headline)]
     parts += error_tables(found.comparison) if found.comparison else []
-    parts += [cross_validation(found), *warning_lines(found.warnings)]
+    parts += [cross_validation(found), *warning_lines(_brief(found, found.warnings)), summary(found)]
+    parts += [f"  {escape(n)}" for n in _brief(found, found.notes)]
+    parts.append(parameters(model) if whole else f"  {len(model.expressions)} parameters: --parameters lists them")
     if output:
-        parts.append(f"model written to {output}")
+        parts += [f"model written to {output}", _next(found, output)]
     return Page(identified(found), parts, found.alarms)
+
+
+def _brief(found: Identification, messages: Sequence[str]) -> list[str]:
+    """Messages with the names of logs instead of their paths."""
+    paths = {x["source"] for x in (*found.model.fitted_logs, *found.model.history[-1].get("test_logs", ()))}
+    names = {path: Path(path).name for path in paths}
+    if len(set(names.values())) < len(names):  # two logs of one name in two folders
+        return list(messages)
+    for path in sorted(paths, key=len, reverse=True):
+        messages = [text.replace(path, names[path]) for text in messages]
+    return list(messages)
+
+
+def _next(found: Identification, output: str) -> str:
+    """The command that most users want next."""
+    logs = " ".join(shlex.quote(x["source"]) for x in found.model.fitted_logs[:1])
+    more = " ..." if len(found.model.fitted_logs) > 1 else ""
+    return f"next: frischid diagnose {shlex.quote(output)} {logs}{more}"
 
 
 def identified(found: Identification) -> dict[str, Any]:
@@ -75,9 +101,12 @@ def parameters(model: Model, truth: Sequence[float] | None = None) -> Table:
     known = [] if truth is None else ["true"]
     e = model.estimate
     shares = [] if e.from_data is None else ["from logs"]
-    boxed = (f"{k} box" for k in model.bounds)
+    boxed = [f"{k} box" for k in model.bounds]
     silent = without_information(model.bounds)
-    table = table_of("parameter", "stands for", "unit", *known, "value", "± s.e.", *shares, *boxed)
+    table = table_of(
+        "parameter", "stands for", "unit", *known, "value", "± s.e.", *shares, *boxed,
+        droppable=(*boxed, "from logs", "stands for"),
+    )  # fmt: skip
     for i, column in enumerate(e.columns):
         boxes = [
             NO_INFORMATION if silent[method][i] else f"{figure(b.lower[i])} … {figure(b.upper[i])}"

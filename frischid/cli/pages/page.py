@@ -10,6 +10,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from frischid.cli.narrow import Wide
 from frischid.model.alarms import Alarm
 from frischid.model.headline import Headline
 
@@ -71,9 +72,17 @@ def headline_line(error: Headline) -> str:
     return f"[bold]NRMSE {error.nrmse:.4f}[/bold] {error.where} ({error.references})"
 
 
-def table_of(*columns: str, title: str | None = None) -> Table:
-    """An empty table; headings of numbers are aligned to the right."""
-    table = Table(title=title, title_justify="left", header_style="bold", box=None, pad_edge=False)
+def table_of(*columns: str, title: str | None = None, droppable: Sequence[str] = ()) -> Table:
+    """An empty table; headings of numbers are aligned to the right.
+
+    Parameters
+    ----------
+    *columns : str
+    title : str, optional
+    droppable : sequence of str
+        Columns that a narrow terminal may go without, the least important first.
+    """
+    table = Wide(title=title, droppable=droppable)
     words = {
         "joint",
         "where",
@@ -93,9 +102,7 @@ def table_of(*columns: str, title: str | None = None) -> Table:
         "parameters",
     }
     for column in columns:
-        table.add_column(
-            column, justify="left" if column in words else "right", overflow="fold", no_wrap=column == "joint"
-        )
+        table.add_column(column, justify="left" if column in words else "right")
     return table
 
 

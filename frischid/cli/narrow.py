@@ -1,0 +1,116 @@
+"""Tables on a terminal of any width: no number and no word is broken.
+
+A column is at least as wide as its longest word. If all columns fit so, the free width goes to those that want more. If
+not, columns are left out in the order that the table names (`Wide.droppable`), and a line says which. A table that
+still does not fit is written row by row, as ``heading value`` pairs.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from rich.cells import cell_len
+from rich.console import RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+GAP = 2
+"""Characters between two columns."""
+PAIRS = "   "
+"""Between two pairs of a line."""
+
+
+class Wide(Table):
+    """A table that knows which of its columns matter least.
+
+    Parameters
+    ----------
+    *headings : str
+    droppable : sequence of str
+        Headings of columns that a narrow terminal may go without, the least important first.
+    title : str, optional
+    """
+
+    def __init__(self, *headings: str, droppable: Sequence[str] = (), title: str | None = None) -> None:
+        super().__init__(*headings, title=title, title_justify="left", header_style="bold", box=None, pad_edge=False)
+        self.droppable = tuple(droppable)
+
+
+def fitted(part: object, width: int) -> list[RenderableType]:
+    """A part of a page as it fits a terminal.
+
+    Parameters
+    ----------
+    part : Table or other renderable
+        All but tables are returned as they are.
+    width : int
+        Characters per line.
+
+    Returns
+    -------
+    list of renderable
+    """
+    if not isinstance(part, Table):
+        return [part]  # type: ignore[list-item]
+    cells = [[str(column.header), *(str(cell) for cell in column.cells)] for column in part.columns]
+    kept, left_out = list(range(len(cells))), []
+    for heading in getattr(part, "droppable", ()):
+        if _width([_least(cells[k]) for k in kept]) <= width:
+            break
+        gone = [k for k in kept if cells[k][0] == heading]
+        left_out += [heading] * len(gone)
+        kept = [k for k in kept if k not in gone]
+    title: list[RenderableType] = [] if part.title is None else [Text.from_markup(str(part.title), style="italic")]
+    if _width([_least(cells[k]) for k in kept]) > width:
+        return [*title, *_row_by_row(cells, width)]
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for k, size in zip(kept, _sizes([cells[k] for k in kept], width), strict=True):
+        table.add_column(cells[k][0], justify=part.columns[k].justify, width=size)
+    for row in range(1, len(cells[0])):
+        table.add_row(*(cells[k][row] for k in kept))
+    note = [f"[dim](no room for: {escape(', '.join(left_out))}; --json has all)[/dim]"] if left_out else []
+    return [*title, table, *note]
+
+
+def _sizes(cells: Sequence[Sequence[str]], width: int) -> list[int]:
+    """Width of each column: the longest word, and a share of what is free as large as the column's need."""
+    least, most = [_least(c) for c in cells], [_most(c) for c in cells]
+    free = width - _width(least)
+    wanted = [m - n for m, n in zip(most, least, strict=True)]
+    for k in sorted(range(len(cells)), key=lambda k: wanted[k]):  # small needs first, so that they are met whole
+        others = sum(1 for other in wanted if other >= wanted[k] and other > 0) or 1
+        given = min(wanted[k], free // others)
+        least[k], wanted[k], free = least[k] + given, 0, free - given
+    return least
+
+
+def _row_by_row(cells: Sequence[Sequence[str]], width: int) -> list[RenderableType]:
+    """Every row as its first cell and pairs of heading and value; no pair that fits a line is broken."""
+    lines: list[RenderableType] = []
+    for row in range(1, len(cells[0])):
+        lines.append(f"[bold]{cells[0][row]}[/bold]")
+        line = ""
+        for pair in (f"{c[0]} {c[row]}" for c in cells[1:] if c[row]):
+            longer = f"{line}{PAIRS}{pair}" if line else f"  {pair}"
+            if line and _most([longer]) > width:
+                lines.append(line)
+                longer = f"  {pair}"
+            line = longer
+        lines.append(line)
+    return lines
+
+
+def _width(sizes: Sequence[int]) -> int:
+    return sum(sizes) + GAP * (len(sizes) - 1)
+
+
+def _least(cells: Sequence[str]) -> int:
+    return max(
+        (cell_len(word) for cell in cells for word in re.split(r"[ \n]", Text.from_markup(cell).plain)), default=1
+    )
+
+
+def _most(cells: Sequence[str]) -> int:
+    return max((cell_len(line) for cell in cells for line in Text.from_markup(cell).plain.split("\n")), default=1)
