@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 PIPE_WIDTH = 140  # characters per line of output to a pipe, which has no width of its own; 80 would cut tables
 
-WIDTH, QUIET = "frischid.width", "frischid.quiet"  # keys in click's own store of a running command
+ASKED_WIDTH, QUIET = "frischid.width", "frischid.quiet"  # keys in click's own store of a running command
 
 
 def prepare_streams() -> None:
@@ -90,7 +90,7 @@ def _print(page: Any) -> None:
 def _width() -> int | None:
     """Characters per line: ``--width``, COLUMNS, the terminal's own, or `PIPE_WIDTH`; None: rich finds out."""
     context = click.get_current_context(silent=True)
-    asked = None if context is None else context.meta.get(WIDTH)
+    asked = None if context is None else context.meta.get(ASKED_WIDTH)
     if asked is not None:
         return int(asked)
     return None if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit() else PIPE_WIDTH

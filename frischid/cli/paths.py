@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from frischid.cli.output import QUIET, WIDTH
+from frischid.cli.output import ASKED_WIDTH, QUIET
 from frischid.core.files import check_outputs, check_writable
 
 _OUTPUTS = "frischid.outputs"  # key in click's own store of a running command
@@ -58,7 +58,7 @@ def _of_the_output() -> list[click.Parameter]:
             ["--width"],
             type=click.IntRange(20, 1000),
             expose_value=False,
-            callback=keep(WIDTH),
+            callback=keep(ASKED_WIDTH),
             help="Characters per line of output; the terminal's width, COLUMNS, or 140 into a pipe, by default.",
         ),
         click.Option(["--quiet"], is_flag=True, expose_value=False, callback=keep(QUIET), help="Show no progress."),
