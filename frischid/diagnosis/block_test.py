@@ -7,8 +7,17 @@ With ê and ê' the held-out residuals without and with the candidate, the gain 
 which is the log likelihood ratio to first order. Blocks last about a second, longer than the residual's correlation, so
 the g_b are nearly independent, and a paired one-sided test of their mean or ranks is valid.
 
-Two candidates are compared in the same way: the difference of their gains, block by block. Where it is no more than
-chance, the data cannot tell them apart.
+An effect may act in few blocks only: a delay shows where the torque changes. With Δ = ê − ê' the change of the
+prediction and e_b = Σ w_j Δ² its energy, g_b = Σ w_j (2 ê Δ − Δ²). For a candidate without effect the variance of g_b
+is proportional to e_b, and for a true one so is its mean. So each block counts with the candidate's energy in it,
+
+    t = Σ g_b / √(s² Σ e_b),     s² = Σ (g_b − μ e_b)² / e_b / (B − 1),     μ = Σ g_b / Σ e_b,
+
+which is Student's test of a weighted mean (Aitken 1935, Proc. R. Soc. Edinburgh 55). A block without energy says
+nothing.
+
+Two candidates are compared in the same way: the difference of their gains, block by block, with the energy of the
+difference of their predictions. Where it is no more than chance, the data cannot tell them apart.
 
 Source: Wilcoxon 1945, "Individual comparisons by ranking methods", Biometrics Bulletin 1(6).
 """
@@ -16,34 +25,57 @@ Source: Wilcoxon 1945, "Individual comparisons by ranking methods", Biometrics B
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
 
 from frischid.core.types import Array
+from frischid.diagnosis.cached_motion import JointData
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator
 
 LEAST_BLOCKS = 3  # for a variance with two degrees of freedom
 
 
+class BlockGains(NamedTuple):
+    """Gain of each block of time, and energy of the change of the prediction in it, (B,) each."""
+
+    gain: Array
+    energy: Array
+
+
 def block_test(validator: CrossValidator, candidate: Candidate) -> float:
     """P value over blocks of time that a candidate lowers the held-out squared error: paired, one-sided.
 
-    The result is the smaller p value of Student's t test and Wilcoxon's signed-rank test. If an effect acts in some
-    blocks only, the mean (t) shows it. If an effect acts in all blocks, and one block is bad for another reason, the
-    ranks show it.
+    The result is the smaller p value of Student's t test, in which each block counts with the candidate's energy, and
+    of Wilcoxon's signed-rank test. If an effect acts in some blocks only, the mean (t) shows it. If an effect acts in
+    all blocks, and one block is bad for another reason, the ranks show it.
     """
-    gains = block_gains(validator, candidate)
-    return 1.0 if gains is None else p_value_of(gains)
+    found = block_gains(validator, candidate)
+    return 1.0 if found is None else p_value_of(*found)
 
 
-def p_value_of(g: Array) -> float:
-    """P value that gains of blocks of time are positive, (B,): the smaller one of Student's t and Wilcoxon's ranks."""
+def p_value_of(g: Array, energy: Array | None = None) -> float:
+    """P value that gains of blocks of time are positive: the smaller one of Student's t and Wilcoxon's ranks.
+
+    Parameters
+    ----------
+    g : ndarray, shape (B,)
+        Gain of each block.
+    energy : ndarray, shape (B,), optional
+        Weight of each block in Student's test, to which the variance of its gain is proportional; all equal by default.
+    """
     if len(g) < LEAST_BLOCKS or not g.std() > 0:
         return 1.0
-    t = float(stats.t.sf(g.mean() / (g.std(ddof=1) / np.sqrt(len(g))), len(g) - 1))
-    return min(t, float(stats.wilcoxon(g, alternative="greater").pvalue))
+    ranks = float(stats.wilcoxon(g, alternative="greater").pvalue)
+    e = np.ones(len(g)) if energy is None else energy
+    g, e = g[e > 0], e[e > 0]
+    if len(g) < LEAST_BLOCKS:
+        return ranks
+    spread = float(((g - g.sum() / e.sum() * e) ** 2 / e).sum()) / (len(g) - 1)
+    t = float(stats.t.sf(g.sum() / np.sqrt(max(spread, 1e-300) * e.sum()), len(g) - 1))
+    return min(t, ranks)
 
 
 def less_error(validator: CrossValidator, one: Candidate, other: Candidate) -> float:
@@ -56,13 +88,16 @@ def less_error(validator: CrossValidator, one: Candidate, other: Candidate) -> f
     validator : CrossValidator
     one, other : Candidate
     """
-    rows = tuple(one.columns)
-    gains = block_gains(validator, one, rows), block_gains(validator, other, rows)
-    return 1.0 if gains[0] is None else 0.0 if gains[1] is None else p_value_of(gains[0] - gains[1])
+    fits = _fold_fits(validator, one), _fold_fits(validator, other)
+    if fits[0] is None or fits[1] is None:
+        return 1.0 if fits[0] is None else 0.0
+    return p_value_of(*_compared(validator, (other, fits[1]), (one, fits[0]), tuple(one.columns)))
 
 
-def block_gains(validator: CrossValidator, candidate: Candidate, rows: Sequence[int] | None = None) -> Array | None:
-    """Gain of each block of time that has rows, (B,); None when a fold cannot fit the candidate.
+def block_gains(
+    validator: CrossValidator, candidate: Candidate, rows: Sequence[int] | None = None
+) -> BlockGains | None:
+    """Gain and energy of each block of time that has rows; None when a fold cannot fit the candidate.
 
     Parameters
     ----------
@@ -71,20 +106,44 @@ def block_gains(validator: CrossValidator, candidate: Candidate, rows: Sequence[
     rows : sequence of int, optional
         Joints whose error counts, all by default.
     """
-    data = validator.data
-    fits = [validator.fitted(candidate, fold) for fold in range(data.folds)]
-    found = [fit for fit in fits if fit is not None]
-    if len(found) < data.folds:
+    fits = _fold_fits(validator, candidate)
+    everywhere = range(len(validator.joints))
+    return None if fits is None else _compared(validator, None, (candidate, fits), everywhere if rows is None else rows)
+
+
+_FoldFits = tuple[Array, Array]  # parameters (folds, p) and coefficients of the candidate (folds, k)
+
+
+def _fold_fits(validator: CrossValidator, candidate: Candidate) -> _FoldFits | None:
+    """The fit of a candidate without each fold in turn."""
+    folds = validator.data.folds
+    found = [fit for fold in range(folds) if (fit := validator.fitted(candidate, fold)) is not None]
+    if len(found) < folds:
         return None
-    theta = validator.fit.fold_theta
-    changed = theta + np.stack([fit.change for fit in found])
-    beta = np.stack([fit.beta for fit in found])
-    gain, there = np.zeros(data.cache.blocks), np.zeros(data.cache.blocks, bool)
+    return validator.fit.fold_theta + np.stack([fit.change for fit in found]), np.stack([fit.beta for fit in found])
+
+
+def _compared(
+    validator: CrossValidator,
+    before: tuple[Candidate, _FoldFits] | None,
+    after: tuple[Candidate, _FoldFits],
+    rows: Sequence[int],
+) -> BlockGains:
+    """Gain of a candidate over the model (None) or over another candidate."""
+    data = validator.data
+    gain, energy, there = (np.zeros(data.cache.blocks) for _ in range(3))
     weights = validator.effective / np.maximum(validator.base_sse().sum(axis=0), 1e-300)
-    for row in range(len(weights)) if rows is None else rows:
+
+    def left(joint: JointData, what: tuple[Candidate, _FoldFits] | None) -> Array:
+        if what is None:
+            return joint.tau - validator.columns.predicted(joint, validator.fit.fold_theta)
+        candidate, (theta, beta) = what
+        return joint.tau - validator.columns.predicted(joint, theta, candidate, beta)
+
+    for row in rows:
         for joint in data.motions_of(row):
-            before = joint.tau - validator.columns.predicted(joint, theta)
-            after = joint.tau - validator.columns.predicted(joint, changed, candidate, beta)
-            np.add.at(gain, joint.block, weights[row] * (before**2 - after**2))
-            there[joint.block] = True
-    return np.asarray(gain[there])
+            first, second = left(joint, before), left(joint, after)
+            np.add.at(gain, joint.block, weights[row] * (first**2 - second**2))
+            np.add.at(energy, joint.block, weights[row] * (first - second) ** 2)
+            there[joint.block] = 1.0
+    return BlockGains(gain[there > 0], energy[there > 0])

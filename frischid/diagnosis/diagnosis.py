@@ -29,6 +29,7 @@ from frischid.diagnosis.contacts import Contact, find_contacts, made_by_somethin
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.findings import Finding, find_effects, refit_finding
+from frischid.diagnosis.hypotheses import Evidence, evidence_of
 from frischid.diagnosis.residual_formula import Description, describe
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
 from frischid.diagnosis.unmodelled_terms import unmodelled_term
@@ -67,6 +68,8 @@ class Diagnosis:
         Of the residual, when the verdict is "unknown".
     criteria : DiagnosisCriteria
         Thresholds that were used.
+    evidence : Evidence
+        Numbers from which the probabilities follow.
 
     Examples
     --------
@@ -91,6 +94,7 @@ class Diagnosis:
     notes: tuple[str, ...]
     description: Description | None
     criteria: DiagnosisCriteria
+    evidence: Evidence = field(repr=False)
     validator: CrossValidator = field(repr=False)
 
     def __repr__(self) -> str:
@@ -253,5 +257,12 @@ def _diagnosis(results: StageResults, verdict: Verdict, error_of_model: Headline
         notes=tuple(notes_on(results, verdict, description)),
         description=description,
         criteria=validator.criteria,
+        evidence=evidence_of(
+            results.findings,
+            (errors, results.ranking.full.base_nrmse()),
+            floors,
+            touched=bool(results.contacts),
+            unmodelled=unmodelled is not None,
+        ),
         validator=validator,
     )

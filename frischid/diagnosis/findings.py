@@ -74,6 +74,12 @@ class Finding:
         Effects to add to a model: one for every joint, or one for the robot.
     criteria : DiagnosisCriteria
         Thresholds of the properties below.
+    entered : bool
+        Whether the effect is one of those that explain the data together.
+    own : float
+        Error that only this effect explains, in summed squared NRMSE; zero unless it entered.
+    probability : float
+        Probability that this effect is the cause of most of the error above the sensor noise (`probability`).
     """
 
     effect: str
@@ -90,6 +96,9 @@ class Finding:
     sentence: str
     members: tuple[Effect, ...]
     criteria: DiagnosisCriteria = field(default=DIAGNOSIS_CRITERIA, repr=False)
+    entered: bool = False
+    own: float = 0.0
+    probability: float = 0.0
 
     @property
     def sure(self) -> bool:
@@ -213,6 +222,8 @@ def _finding(validator: CrossValidator, floor: Array, moving: NDArray[np.bool_],
         sentence=effect.kind.sentence.format(joint=each_of(joints), joints=listed(joints)),
         members=members,
         criteria=validator.criteria,
+        entered=effect.entered,
+        own=effect.own.unique,
     )
 
 

@@ -28,6 +28,8 @@ from frischid.diagnosis.residual_variables import MOST_ROWS, thinned, variables
 from frischid.diagnosis.scored_candidate import ScoredCandidate, scored
 from frischid.effects import Formula
 
+_KNEES = (0.03, 0.1, 0.3, 1.0)  # of a joint's torque (std): loads at which a torque may bend
+
 
 @dataclass(frozen=True)
 class Description:
@@ -116,6 +118,8 @@ def _library(validator: CrossValidator, joint: str) -> list[str]:
     found = [f"{wave}({k}q{own})" for wave in ("sin", "cos") for k in ("", "2*", "3*")]
     found += [f"v{own}**3", f"abs(v{own})", f"v{own}*abs(v{own})", f"abs(tau_model{own})", f"q{own}*v{own}"]
     found += [f"t*sign(v{own})", f"t*v{own}", "t", f"abs(q{own})*sign(v{own})", f"load{own}"]
+    spread = validator.spread[validator.joints.index(joint)]
+    found += [f"tanh(load{own}/{share * spread:.2g})" for share in _KNEES]
     found += [form for k in _others(validator, joint) for form in (f"v{k}", f"sign(v{k})", f"a{k}")]
     return found + coupling_expressions(validator, joint)
 

@@ -28,10 +28,11 @@ from frischid.effects.friction_curves import (
     QuadraticViscous,
     Stribeck,
 )
-from frischid.effects.friction_conditions import LoadFriction, ThermalDrift
+from frischid.effects.friction_conditions import LoadFriction, LoadStribeck, ThermalDrift
 from frischid.effects.friction_memory import CableHose, Hysteresis
 from frischid.effects.springs import Counterbalance, JointSpring
 from frischid.effects.flexibility import Backlash, Elasticity
+from frischid.effects.saturation import GearPlay
 from frischid.effects.load import GravityTilt, Payload
 from frischid.effects.sensing import DriveGain, EncoderZero, TimeDelay
 from frischid.effects.formula import Formula
@@ -57,11 +58,13 @@ __all__ = [
     "Elasticity",
     "EncoderZero",
     "Formula",
+    "GearPlay",
     "GravityTilt",
     "Hysteresis",
     "JointCoupling",
     "JointSpring",
     "LoadFriction",
+    "LoadStribeck",
     "Offset",
     "Payload",
     "QuadraticViscous",

@@ -149,7 +149,7 @@ class Backlash(_Geared):
         "meet again"
     )
     looks_like: ClassVar[str] = "short pulses where the joint's load torque passes through zero, whatever the speed"
-    confused_with: ClassVar[tuple[str, ...]] = ("elasticity", "hysteresis", "stribeck")
+    confused_with: ClassVar[tuple[str, ...]] = ("gear_play", "elasticity", "hysteresis", "stribeck")
     confirmed_by: ClassVar[str] = "hold the motor and push the link to and fro: the link moves freely over the gap"
     reference: ClassVar[str] = "Nordin and Gutman 2002, Automatica 38(10)"
 

@@ -76,7 +76,7 @@ class TimeDelay(Effect):
     reference: ClassVar[str] = "Leboutet, Roux, Janot, Guadarrama-Olvera and Cheng 2021, Applied Sciences 11(9)"
 
     memory: ClassVar[bool] = True
-    least: ClassVar[float] = 1e-3  # s: a period of the usual torque loop
+    least: ClassVar[float] = 5e-4  # s: half a period of the usual torque loop, the rounding of a time stamp
     loaded: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"size": (-0.03, -0.003, 0.003, 0.01, 0.03, 0.1)}
 

@@ -18,11 +18,12 @@ UnitPair = tuple[str, str]
 
 ANGLE_UNITS: UnitPair = ("rad", "m")
 SPEED_UNITS: UnitPair = ("rad/s", "m/s")
+TORQUE_PAIR: UnitPair = ("N·m", "N")
 TIME_UNITS: UnitPair = ("s", "s")
 TEMPERATURE_UNITS: UnitPair = ("°C", "°C")
 
 TORQUE_UNITS: dict[str, UnitPair] = {
-    "": ("N·m", "N"),
+    "": TORQUE_PAIR,
     "rate": ("N·m·s/rad", "N·s/m"),
     "rate^2": ("N·m·s²/rad²", "N·s²/m²"),
     "rate^3": ("N·m·s³/rad³", "N·s³/m³"),

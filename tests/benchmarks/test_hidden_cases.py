@@ -16,6 +16,8 @@ from frischid.robot.robot import Robot
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
+import second_cases
+from calibration import right_answers
 from hidden_cases import CHANGES, EFFECTS, GRADES, Truth, build, cases
 from hidden_effects import Outcome, run, run_all, score, tables
 from hidden_physics import arm, direction, motion, perturbed
@@ -217,3 +219,44 @@ def test_what_is_planted_in_a_log_has_its_size(kind):
     else:
         assert 0.08 < share.max() < 0.12
     assert all(np.array_equal(a.q, b.q) for a, b in zip(logs, altered, strict=True))
+
+
+# ---------------------------------------------------------------------- the second generator
+
+
+SECOND = second_cases.cases(0)
+
+
+def test_the_second_generator_has_every_effect_and_worse_sensors():
+    singles = [s for s in SECOND if s.kind == "single"]
+    assert {(s.effects[0], s.grade) for s in singles} == {(e, g) for e in second_cases.SINGLE for g in GRADES}
+    assert 0.2 < np.mean([s.sensors.bits < 16 for s in SECOND]) < 0.5
+    assert 0.3 < np.mean([s.sensors.memory > 0 for s in SECOND]) < 0.7
+    assert 0.1 < np.mean([s.sensors.jitter > 0 for s in SECOND]) < 0.4
+
+
+@pytest.mark.parametrize("effect", ["gear_play", "hysteresis", "elasticity"])
+def test_an_effect_of_the_second_generator_has_its_size_and_is_the_same_every_time(effect):
+    spec = next(s for s in SECOND if s.effects == (effect,) and s.grade == 2)
+    spec = replace(spec, arm="elbow3", duration=10.0, background=0.0, sensors=replace(spec.sensors, rate=100.0))
+    one, two = second_cases.build(spec), second_cases.build(spec)
+    assert one.truth == two.truth
+    np.testing.assert_array_equal(one.fit[0].tau, two.fit[0].tau)
+    low, high = GRADES[2]
+    assert low <= one.truth.sizes[0] <= high
+    assert one.fit[0].v is None
+
+
+def test_what_counts_as_right():
+    truth = Truth(
+        ("stribeck",), (("joint1",),), 3, (0.01,), (0.01,), ("",), 0.02, 0.01, ("cogging",), "ur5", "rnea", ""
+    )
+    assert right_answers("single", truth) == ["stribeck", "cogging", "several"]
+    assert right_answers("single", replace(truth, background=0.005)) == ["stribeck", "cogging"]
+    assert right_answers("single", replace(truth, effects=("backlash",), background=0.0, background_effects=())) == [
+        "backlash",
+        "gear_play",
+    ]
+    assert right_answers("healthy", replace(truth, effects=(), sizes=())) == ["several"]
+    assert right_answers("healthy", replace(truth, background=0.0, background_effects=())) == ["none"]
+    assert right_answers("contact", truth) == ["contact"]

@@ -143,10 +143,11 @@ def test_moments_with_a_candidate_are_those_of_the_rows_with_its_columns():
             np.testing.assert_allclose(now.columns.gram[:, row], found, rtol=1e-9, atol=1e-9 * np.abs(found).max())
         np.testing.assert_allclose(now.counts, start.counts)
         gains = block_gains(start, spring)
-        assert len(gains) == len(
+        assert len(gains.gain) == len(
             np.unique(np.concatenate([p.block for row in (0, 1) for p in start.data.motions_of(row)]))
         )
-        assert gains.sum() > 0
+        assert gains.gain.sum() > 0
+        assert (gains.energy >= 0).all()
 
 
 def test_memory_hardly_grows(monkeypatch):

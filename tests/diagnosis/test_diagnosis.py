@@ -57,6 +57,7 @@ HIDDEN = [
     ("load_friction@shoulder_lift_joint", {"fl2": 0.1}, "load_friction"),
     ("joint_spring@wrist_2_joint", {"ks5": 1.0}, "joint_spring"),
     ("cogging(order=12)@elbow_joint", {"A3": 2.0}, "cogging"),
+    ('formula("load4/(abs(load4) + 0.5)")@wrist_1_joint', {"c[load4/(abs(load4)+0.5)]4": 0.6}, "gear_play"),
 ]
 
 

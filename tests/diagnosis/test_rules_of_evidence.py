@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from frischid.diagnosis.block_test import p_value_of
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.change_prior import identification_prior, weak_urdf_prior
 from frischid.diagnosis.criteria import DiagnosisCriteria
@@ -83,6 +84,27 @@ def test_a_diagnosis_corrects_for_all_that_it_tried():
     p = [next(f for f in d.findings if f.effect == "joint_spring").p_value for d in (few, many)]
     assert 1e-200 < p[0] < 1e-3, "a spring that is found, with a p value that is not lost in rounding"
     assert p[1] / p[0] == pytest.approx(len(ONE_COLUMN))
+
+
+# ---------------------------------------------------------------------- blocks of time
+
+
+def test_a_short_lived_effect_is_judged_by_the_blocks_in_which_it_acts():
+    """Gains of two of forty blocks count for what they are; blocks in which nothing happens do not vote against."""
+    rng = np.random.default_rng(3)
+    energy = np.full(40, 1e-6)
+    energy[[5, 12, 20, 31]] = 1.0
+    gains = energy * 2.0 + np.sqrt(energy) * rng.normal(scale=0.3, size=40)
+    gains[energy < 1] -= 1e-4  # the fit of another fold is a little worse there
+    assert p_value_of(gains) > 0.01
+    assert p_value_of(gains, energy) < 1e-4
+
+
+def test_blocks_without_an_effect_are_found_significant_as_often_as_the_level_says():
+    rng, level, trials = np.random.default_rng(4), 0.05, 600
+    energy = rng.exponential(size=30) ** 2
+    alarms = np.mean([p_value_of(np.sqrt(energy) * rng.normal(size=30), energy) < level for _ in range(trials)])
+    assert alarms < 2 * level, "the smaller of two p values: at most the sum of their levels"
 
 
 # ---------------------------------------------------------------------- many shapes

@@ -19,9 +19,12 @@ from frischid.effects import (
     Elasticity,
     EncoderZero,
     Formula,
+    GearPlay,
     GravityTilt,
     Hysteresis,
     JointCoupling,
+    LoadFriction,
+    LoadStribeck,
     Payload,
     State,
     Stribeck,
@@ -394,6 +397,23 @@ def test_backlash_is_silent_while_the_load_keeps_its_side():
     force = column(Backlash(size=1e-6), state, 1)[:, 1]
     force -= -np.sign(state.load[:, 1]) * state.slopes.position[:, 1, 1]  # the link rests on one side of the gap
     assert np.abs(force[~near]).max() < 1e-3 * np.abs(force[near]).max()
+
+
+def test_gear_play_is_a_line_at_small_load_and_a_step_at_large_load():
+    state = motion(robot("planar2"))
+    load = state.load[:, 1]
+    np.testing.assert_allclose(1e6 * column(GearPlay(knee=1e6), state, 1)[:, 1], load, rtol=1e-9)
+    step = column(GearPlay(knee=1e-9), state, 1)[:, 1]
+    np.testing.assert_allclose(step[np.abs(load) > 1e-6], np.sign(load)[np.abs(load) > 1e-6], rtol=1e-9)
+    assert np.abs(column(GearPlay(knee=0.3), state, 1)[:, 0]).max() == 0.0
+
+
+def test_stribeck_friction_under_load_is_load_friction_that_fades_with_the_speed():
+    state = motion(robot("planar2"))
+    constant = column(LoadFriction(), state, 1)[:, 1]
+    np.testing.assert_allclose(column(LoadStribeck(speed=1e12), state, 1)[:, 1], constant, rtol=1e-9)
+    faded = column(LoadStribeck(speed=0.1), state, 1)[:, 1]
+    np.testing.assert_allclose(faded, constant * np.exp(-np.abs(state.v[:, 1]) / 0.1), rtol=1e-9, atol=1e-15)
 
 
 def test_a_tilted_base_is_the_robot_on_a_tilted_base():

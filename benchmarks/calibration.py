@@ -1,0 +1,210 @@
+"""Are the probabilities of a diagnosis right? They are fitted on simulated robots, and checked on others.
+
+Three steps, each a run of this script:
+
+1. `--collect FILE --generator first|second --seed S --count N` simulates and diagnoses N cases, and writes the evidence
+   of every hypothesis, and which hypotheses are right. Seeds below 5000 are for fitting, the others for reporting.
+2. `--fit FILE...` fits the weights of `frischid.diagnosis.probability` and writes the package's data file.
+3. `--report FILE...` prints the reliability table: of the answers given with a probability in a range, the share that
+   was right.
+
+What counts as right: the hidden effect; any of two hidden effects; an effect of the background, which is there too.
+"Several small effects" is right where the background is at least as large as the hidden effect or where nothing else is
+hidden; "none" is right for a healthy robot, and beside a background below one percent of the torque.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import itertools
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import hidden_cases
+import numpy as np
+import second_cases
+from common import parser, publish
+from hidden_cases import Case, Truth
+from hidden_unknown import UNKNOWN
+
+from frischid.core.files import write_text
+from frischid.diagnosis.diagnosis import diagnose
+from frischid.diagnosis.probability import DATA, Weights, chances, fitted
+from frischid.model.identification import identify
+
+GENERATORS = {"first": hidden_cases, "second": second_cases}
+FIRST_REPORTED = 5000
+SAME = dict.fromkeys(("backlash", "gear_play"), ("backlash", "gear_play"))
+"""Names in the catalogue of one cause: slow and fast motion of a gear with play."""
+EDGES = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
+SMALL_BACKGROUND = 0.01  # share of the torque
+
+
+def right_answers(kind: str, truth: Truth) -> list[str]:
+    """Hypotheses that are right."""
+    if kind == "contact":
+        return ["contact"]
+    there = [name for name in truth.background_effects if name not in UNKNOWN and name not in second_cases.OUTSIDE]
+    if kind == "healthy":
+        small = truth.background <= SMALL_BACKGROUND
+        return (["several"] if truth.background else []) + (["none"] if small else [])
+    hidden = ["outside"] if kind == "unknown" else [n for name in truth.effects for n in SAME.get(name, (name,))]
+    small = truth.background >= max(truth.sizes, default=0.0)
+    return list(dict.fromkeys([*hidden, *there, *(["several"] if small else [])]))
+
+
+def collected(case: Case) -> dict[str, Any]:
+    """Diagnose a case; a crash is reported and counts as a wrong answer."""
+    start = time.perf_counter()
+    model = identify(case.robot, case.reference or case.fit, recursion="none").model
+    found = diagnose(model, [*case.fit, *case.valid])
+    first = next((f for f in found.findings if f.significant and f.members), None)
+    return {
+        "verdict": found.verdict,
+        "first": None if first is None else [first.effect, *first.confused_with],
+        "situation": found.situation,
+        "evidence": found.evidence.to_dict(),
+        "ranking": [[f.effect, list(f.joints)] for f in found.findings[:5]],
+        "error": found.error,
+        "floor": found.noise_floor,
+        "seconds": time.perf_counter() - start,
+    }
+
+
+def collect(generator: str, seed: int, count: int | None, path: Path, rate: float) -> None:
+    """Simulate and diagnose; every case is written as soon as it is done. No log has a higher sampling rate."""
+    made = GENERATORS[generator]
+    specs = made.cases(seed, count)
+    order = np.random.default_rng(seed).permutation(len(specs))  # so that a run that is cut short is a fair sample
+    with path.open("a") as file:
+        for k in order:
+            spec = specs[int(k)]
+            spec = replace(spec, sensors=replace(spec.sensors, rate=min(spec.sensors.rate, rate)))
+            case = made.build(spec)
+            truth = case.truth
+            row: dict[str, Any] = {"generator": generator, "seed": seed, "number": spec.number, "kind": spec.kind}
+            row |= {"right": right_answers(spec.kind, truth), "effects": list(truth.effects), "grade": spec.grade}
+            row |= {"background": truth.background, "joints": [list(x) for x in truth.joints], "arm": spec.arm}
+            row |= {"visible": list(truth.visible), "sensors": str(spec.sensors)}
+            try:
+                row |= collected(case)
+            except Exception as error:  # a crash is a result of a benchmark, and must not end it
+                row |= {"crash": f"{type(error).__name__}: {error}"}
+            file.write(json.dumps(row, ensure_ascii=False) + "\n")
+            file.flush()
+
+
+def read(paths: Sequence[Path]) -> list[dict[str, Any]]:
+    """All cases of some files."""
+    return [json.loads(line) for path in paths for line in path.read_text().splitlines()]
+
+
+def fit(paths: Sequence[Path]) -> None:
+    """Fit the weights and write them with their provenance."""
+    rows = [row for row in read(paths) if "crash" not in row]
+    if any(row["seed"] >= FIRST_REPORTED for row in rows):
+        sys.exit(f"seeds from {FIRST_REPORTED} on are for reporting")
+    weights, strength = fitted([(row["evidence"], row["right"]) for row in rows])
+    seeds = sorted({(row["generator"], row["seed"]) for row in rows})
+    counts = {f"{g} generator, seed {s}": sum((r["generator"], r["seed"]) == (g, s) for r in rows) for g, s in seeds}
+    content = {
+        "schema": "frischid.probability/1",
+        "made by": "benchmarks/calibration.py --fit",
+        "cases": counts,
+        "ridge": strength,
+        "weights": {name: round(value, 4) for name, value in weights.values.items()},
+    }
+    write_text(DATA, json.dumps(content, indent=1) + "\n")
+    print(f"{len(rows)} cases, ridge {strength:g}: {DATA}")
+
+
+def answer(row: dict[str, Any], weights: Weights) -> tuple[str, float, bool]:
+    """The most probable hypothesis, its probability, and whether it is right."""
+    if "crash" in row:
+        return "crash", 1.0, False
+    chance = chances(row["evidence"], weights)
+    k = int(np.argmax(chance))
+    name = str(row["evidence"][k]["hypothesis"])
+    return name, float(chance[k]), name in row["right"]
+
+
+def report(paths: Sequence[Path], json_path: str | None) -> None:
+    """Reliability of the answers, by generator and together."""
+    rows, weights = read(paths), Weights.load()
+    groups = {g: [r for r in rows if r["generator"] == g] for g in GENERATORS} | {"both": rows}
+    table, kinds = [], []
+    for name, part in groups.items():
+        answers = [answer(r, weights) for r in part]
+        table += reliability(name, answers)
+        kinds += by_kind(name, part, answers)
+    publish("probability said, and share that was right", table, json_path)
+    publish("first answer right, by kind of case", kinds, None)
+
+
+def reliability(name: str, answers: Sequence[tuple[str, float, bool]]) -> list[dict[str, Any]]:
+    """One row for each range of probability, then the expected calibration error."""
+    said = np.array([p for _, p, _ in answers])
+    right = np.array([r for *_, r in answers], dtype=float)
+    rows, error = [], 0.0
+    for low, high in itertools.pairwise(EDGES):
+        here = (said >= low) & ((said < high) | (high == 1.0))
+        if here.any():
+            error += here.mean() * abs(said[here].mean() - right[here].mean())
+            rows.append({"generator": name, "said": f"{low:.2f} to {high:.2f}", "cases": int(here.sum())}
+                        | {"mean said": said[here].mean(), "right": right[here].mean()})  # fmt: skip
+    if len(said):
+        whole = {"generator": name, "said": f"all; calibration error {error:.3f}", "cases": len(said)}
+        rows.append(whole | {"mean said": said.mean(), "right": right.mean()})
+    return rows
+
+
+def by_kind(
+    name: str, rows: Sequence[dict[str, Any]], answers: Sequence[tuple[str, float, bool]]
+) -> list[dict[str, Any]]:
+    """Right answers of each kind of case: the most probable hypothesis, and the rules' first finding."""
+    result = []
+    for kind in dict.fromkeys(r["kind"] for r in rows):
+        here = [(r, a) for r, a in zip(rows, answers, strict=True) if r["kind"] == kind]
+        row = {"generator": name, "kind": kind, "cases": len(here)}
+        row["most probable"] = float(np.mean([a[2] for _, a in here]))
+        row["rules"] = float(np.mean([rules(r) for r, _ in here]))
+        result.append(row)
+    return result
+
+
+def rules(row: dict[str, Any]) -> bool:
+    """Whether verdict and first finding were right before there were probabilities."""
+    said = {"none": ["none"], "contact": ["contact"], "unknown": ["outside"]}.get(
+        row.get("verdict", ""), row.get("first")
+    )
+    return bool(set(said or []) & set(row["right"]))
+
+
+def main() -> None:
+    options = parser(__doc__)
+    options.add_argument("--collect", type=Path, metavar="FILE")
+    options.add_argument("--generator", choices=list(GENERATORS), default="first")
+    options.add_argument("--seed", type=int, default=4001)
+    options.add_argument("--count", type=int)
+    options.add_argument("--rate", type=float, default=200.0, help="highest sampling rate, Hz: lower costs less time")
+    options.add_argument("--fit", type=Path, nargs="+", metavar="FILE")
+    options.add_argument("--report", type=Path, nargs="+", metavar="FILE")
+    chosen = options.parse_args()
+    if chosen.collect:
+        collect(chosen.generator, chosen.seed, chosen.count, chosen.collect, chosen.rate)
+    if chosen.fit:
+        fit(chosen.fit)
+    if chosen.report:
+        report(chosen.report, chosen.json)
+
+
+if __name__ == "__main__":
+    main()
