@@ -15,6 +15,7 @@ import numpy as np
 
 from frischid.checks.log_issue import LogReport, Notebook
 from frischid.errors import InputError
+from frischid.logs.layouts import layout_of
 from frischid.logs.log import GARBAGE
 from frischid.logs.mapping import TICKS_PER_SECOND, LogMap
 from frischid.logs.tables import CSV, csv_layout
@@ -25,12 +26,15 @@ def defects(path: Path, form: LogMap) -> LogReport | None:
     if path.suffix.lower() not in CSV or not path.is_file():
         return None
     try:
+        form = layout_of(path, form)
         layout = csv_layout(path, form)
     except InputError:
         return None
     width, notes = len(layout.names), Notebook(())
     time = (
-        layout.names.index(form.time)
+        None
+        if form.rate is not None
+        else layout.names.index(form.time)
         if form.time in layout.names
         else form.time
         if isinstance(form.time, int)

@@ -65,7 +65,22 @@ def robot_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON for machines.")
-map_option = click.option("--map", "mapping", type=InputPath(), help="TOML file that explains the log's columns.")
+MapFiles = str | tuple[str, ...] | None
+"""Mapping files of ``--map``: none, one for all logs, or several, of which the one that fits a log is used."""
+
+
+def _map_files(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -> MapFiles:
+    return given if len(given) > 1 else (given or (None,))[0]
+
+
+map_option = click.option(
+    "--map",
+    "mapping",
+    type=InputPath(),
+    multiple=True,
+    callback=_map_files,
+    help="TOML file that explains the logs' columns; of several, each log takes the one that fits.",
+)
 effects_option = click.option(
     "--effects",
     help="Effects besides the rigid links, for example 'viscous,coulomb(width=0.01),offset@joint1+joint2'.",

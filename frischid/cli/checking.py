@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from frischid.cli.arguments import RobotArguments, json_option, map_option, robot_options
+from frischid.cli.arguments import MapFiles, RobotArguments, json_option, map_option, robot_options
 from frischid.cli.group import main
 from frischid.cli.inputs import load
 from frischid.cli.output import show_page, working
@@ -22,7 +22,7 @@ from frischid.errors import InputError
 @robot_options
 @map_option
 @json_option
-def check(robot: str, logs: tuple[str, ...], mapping: str | None, as_json: bool, **options: Any) -> None:
+def check(robot: str, logs: tuple[str, ...], mapping: MapFiles, as_json: bool, **options: Any) -> None:
     """Find faults in logs.
 
     Examples are wrong clocks, dead channels, units, signs, payloads, and the wrong robot.
@@ -76,11 +76,14 @@ def fetch(name: str | None, output: str | None, source: str | None, as_json: boo
 @click.argument("log", type=InputPath())
 @click.argument("robot", type=InputPath())
 @click.option("-o", "--output", type=OutputPath(), help="Write the mapping file here (TOML).")
+@click.option("--rate", type=click.FloatRange(min=0, min_open=True), help="Samples per second of a file without time.")
 @json_option
-def map_columns(log: str, robot: str, output: str | None, as_json: bool) -> None:
+def map_columns(log: str, robot: str, output: str | None, rate: float | None, as_json: bool) -> None:
     """Propose a mapping file for the columns of LOG.
 
-    Names and magnitudes decide the column of each of ROBOT's joints.
+    Names, their order, the motion and the URDF's torque decide the column of each of ROBOT's joints.
+
+    Exit code 0: names or motion decide everything. 1: something is guessed, and said. 2: nothing fits, nothing written.
     """
     from frischid.cli.pages import checking as show
     from frischid.core.files import write_text
@@ -88,7 +91,8 @@ def map_columns(log: str, robot: str, output: str | None, as_json: bool) -> None
     from frischid.robot.robot import Robot
 
     machine = Robot.load(robot)
-    found = propose(log, machine)
+    found = propose(log, machine, rate)
     if output:
         write_text(Path(output), found.toml(Path(log).name))
     show_page(show.proposal(found, found.toml(Path(log).name), output), as_json)
+    sys.exit(1 if found.guesses else 0)

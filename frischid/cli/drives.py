@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from frischid.cli.arguments import (
+    MapFiles,
     RobotArguments,
     cutoff_of,
     effects_of,
@@ -42,7 +43,7 @@ def gains(
     carrier: str | None,
     cutoff: str,
     effects: str | None,
-    mapping: str | None,
+    mapping: MapFiles,
     as_json: bool,
     **options: Any,
 ) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from frischid.cli.arguments import (
+    MapFiles,
     RobotArguments,
     cutoff_of,
     effects_of,
@@ -83,7 +84,7 @@ def identify(
     logs: tuple[str, ...],
     valid: tuple[str, ...],
     effects: str | None,
-    mapping: str | None,
+    mapping: MapFiles,
     torque_joints: str | None,
     cutoff: str,
     velocity: str,
@@ -142,7 +143,7 @@ def identify(
 @click.argument("logs", type=InputPath(), nargs=-1, required=True)
 @map_option
 @json_option
-def compare(model: str, logs: tuple[str, ...], mapping: str | None, as_json: bool) -> None:
+def compare(model: str, logs: tuple[str, ...], mapping: MapFiles, as_json: bool) -> None:
     """Compare measured and predicted torque, joint by joint."""
     from frischid.cli.pages import comparing as show
     from frischid.model.comparison import compare as run

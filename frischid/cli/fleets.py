@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from frischid.cli.arguments import (
+    MapFiles,
     RobotArguments,
     cutoff_of,
     effects_of,
@@ -49,7 +50,7 @@ def fleet(
     logs: tuple[str, ...],
     as_json: bool,
     effects: str | None,
-    mapping: str | None,
+    mapping: MapFiles,
     torque_joints: str | None,
     cutoff: str,
     velocity: str,
@@ -93,7 +94,7 @@ class FleetArguments:
     """
 
     effects: str | None
-    mapping: str | None
+    mapping: MapFiles
     torque_joints: str | None
     cutoff: str
     velocity: str

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from frischid.cli.arguments import (
+    MapFiles,
     json_option,
     map_option,
     matching,
@@ -36,7 +37,7 @@ def diagnose(
     model: str,
     logs: tuple[str, ...],
     valid: tuple[str, ...],
-    mapping: str | None,
+    mapping: MapFiles,
     situation: Any,
     only: str | None,
     scheduler: str | None,
@@ -81,7 +82,7 @@ def add(
     logs: tuple[str, ...],
     joints: str | None,
     valid: tuple[str, ...],
-    mapping: str | None,
+    mapping: MapFiles,
     situation: Any,
     output: str,
     as_json: bool,
@@ -122,7 +123,7 @@ def improve(
     model: str,
     logs: tuple[str, ...],
     valid: tuple[str, ...],
-    mapping: str | None,
+    mapping: MapFiles,
     situation: Any,
     max_steps: int,
     output: str | None,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from frischid.cli.arguments import RobotArguments, matching, number, pairs
+from frischid.cli.arguments import MapFiles, RobotArguments, matching, number, pairs
 from frischid.cli.paths import check_found
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ IN_MEMORY = 32 * 2**20
 
 
 def load(
-    robot: str, arguments: RobotArguments, paths: Sequence[str] = (), mapping: str | None = None, *, whole: bool = True
+    robot: str, arguments: RobotArguments, paths: Sequence[str] = (), mapping: MapFiles = None, *, whole: bool = True
 ) -> tuple[Robot, list[Any]]:
     """The robot as the options describe it, and its logs.
 
@@ -59,18 +59,18 @@ def load(
     return machine, logs
 
 
-def read(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Log]:
+def read(paths: Sequence[str], robot: Robot, mapping: MapFiles) -> list[Log]:
     """Logs of a robot; a mapping file, if given, explains their columns."""
     from frischid.logs.mapping import LogMap
     from frischid.logs.readers import read_log
 
     check_found(paths)
     # A mapping may name joints that are locked in this robot; their columns are read but not used.
-    form = LogMap.of(mapping)
-    return [read_log(path, (*robot.joints, *robot.locked), form) for path in paths]
+    form, names = LogMap.of(mapping), names_of(robot)
+    return [read_log(path, names, form) for path in paths]
 
 
-def opened(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Any]:
+def opened(paths: Sequence[str], robot: Robot, mapping: MapFiles) -> list[Any]:
     """Logs of a robot: in memory if they are small together, otherwise as recordings, read chunk by chunk."""
     from frischid.logs.mapping import LogMap
     from frischid.logs.recording import Recording
@@ -79,8 +79,15 @@ def opened(paths: Sequence[str], robot: Robot, mapping: str | None) -> list[Any]
     sizes = [path.stat().st_size for path in map(Path, paths) if path.is_file()]
     if len(sizes) == len(paths) and sum(sizes) <= IN_MEMORY:
         return list(read(paths, robot, mapping))
-    form = LogMap.of(mapping)
-    return [Recording.open(path, (*robot.joints, *robot.locked), form) for path in paths]
+    form, names = LogMap.of(mapping), names_of(robot)
+    return [Recording.open(path, names, form) for path in paths]
+
+
+def names_of(robot: Robot) -> tuple[str, ...]:
+    """All joints of a robot, in the order of its tree, the locked ones too."""
+    from dataclasses import replace
+
+    return replace(robot, locked={}, known={}, frames="joint").joints if robot.locked else robot.joints
 
 
 def model_of(path: str) -> Model:

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from frischid.cli.arguments import json_option, map_option, situation_option
+from frischid.cli.arguments import MapFiles, json_option, map_option, situation_option
 from frischid.cli.group import main
 from frischid.cli.inputs import model_of, read
 from frischid.cli.output import show_page, working
@@ -20,7 +20,7 @@ from frischid.cli.paths import InputPath, OutputPath, also_written
 @situation_option
 @click.option("-o", "--output", type=OutputPath(), default="report.html", show_default=True, help="The HTML file.")
 @json_option
-def report(model: str, logs: tuple[str, ...], mapping: str | None, situation: Any, output: str, as_json: bool) -> None:
+def report(model: str, logs: tuple[str, ...], mapping: MapFiles, situation: Any, output: str, as_json: bool) -> None:
     """Write one HTML page about a model, which opens offline.
 
     It shows the model's errors, where the model fails, missing effects, and the next step.
@@ -49,7 +49,7 @@ def report(model: str, logs: tuple[str, ...], mapping: str | None, situation: An
 def studio(
     model: str,
     logs: tuple[str, ...],
-    mapping: str | None,
+    mapping: MapFiles,
     output: str | None,
     host: str,
     port: int,

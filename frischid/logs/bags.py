@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.mapping import LogMap
-from frischid.logs.tables import Table, joined
+from frischid.logs.table import Table
+from frischid.logs.tables import joined
 
 BAG_SUFFIXES = (".bag", ".db3", ".mcap")
 JOINT_STATES = ("sensor_msgs/JointState", "sensor_msgs/msg/JointState")
@@ -38,6 +39,8 @@ RECORDER_COLUMN = "t_record"
 """Column of the recorder's clock."""
 FIRST_MESSAGES = 2000
 """Number of first messages that decide the joints and channels of a table."""
+FIRST_NAMES = 50
+"""Number of first messages of a topic that show the joints on it."""
 MESSAGES_PER_TABLE = 65_536
 """Messages in memory at once: three channels of seven joints are 11 MB."""
 
@@ -64,8 +67,8 @@ def bag_tables(
     path : Path
         A .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
     form : LogMap
-        `LogMap.topic` names the topic, if several hold joint states; ``time = "t_record"`` takes the recorder's clock
-        instead of the header's.
+        `LogMap.topic` names the topic; without it, the topic with most of the robot's joints is read. With ``time =
+        "t_record"`` the recorder's clock is taken instead of the header's.
     joints : sequence of str, optional
         The robot's joints. If messages of several sets of joints are mixed, the set with most of these joints is read.
     rows : int
@@ -82,8 +85,9 @@ def bag_tables(
     with ExitStack() as stack:
         try:
             bag = (_open_mcap if path.suffix.lower() == ".mcap" else _open_rosbag)(path, stack)
-            topic = _topic(path, bag, form.topic)
-            yield from _tables(path, form, topic, _states(bag, topic), {*(joints or ()), *_referred(form)}, rows)
+            wanted = {*(joints or ()), *_referred(form)}
+            topic = _topic(path, bag, form.topic, wanted)
+            yield from _tables(path, form, topic, _states(bag, topic), wanted, rows)
         except (InputError, GeneratorExit):
             raise
         except Exception as error:  # the two libraries raise dozens of types for a damaged file
@@ -91,6 +95,21 @@ def bag_tables(
                 f"{path}: cannot be read as a bag ({type(error).__name__}: {error}); was it closed and copied "
                 "completely? `ros2 bag reindex`, `rosbag reindex` or `mcap recover` may restore it"
             ) from error
+
+
+def topics_of(path: Path) -> dict[str, tuple[str, ...]]:
+    """Topics of joint states of a bag, and the names of the joints in each one's first messages."""
+    found: dict[str, tuple[str, ...]] = {}
+    with ExitStack() as stack:
+        try:
+            bag = (_open_mcap if path.suffix.lower() == ".mcap" else _open_rosbag)(path, stack)
+            for topic in bag.topics:
+                found[topic] = _names_on(bag, topic)
+        except InputError:
+            raise
+        except Exception as error:  # the two libraries raise dozens of types for a damaged file
+            raise InputError(f"{path}: cannot be read as a bag ({type(error).__name__}: {error})") from error
+    return found
 
 
 def read_bag(path: Path, form: LogMap, joints: Sequence[str] | None = None) -> Table:
@@ -174,8 +193,17 @@ def _library(name: str) -> Any:
         raise InputError(f'reading bags and MCAP files needs more: pip install "frischid[ros]" ({error})') from error
 
 
-def _topic(path: Path, bag: _Bag, wanted: str | None) -> str:
-    """The topic to read; an error lists the topics where the choice is not clear."""
+def _names_on(bag: _Bag, topic: str) -> tuple[str, ...]:
+    """Names of the joints in the first messages of a topic."""
+    head = itertools.islice(_states(bag, topic), FIRST_NAMES)
+    return tuple(dict.fromkeys(name for state in head for name in state.names))
+
+
+def _topic(path: Path, bag: _Bag, wanted: str | None, joints: set[str]) -> str:
+    """The topic to read: the wanted one, the only one, or the one with most of the robot's joints.
+
+    An error lists the topics where the choice is not clear.
+    """
     if wanted is not None:
         if wanted not in bag.topics:
             raise UnknownNameError("topic of joint states", wanted, bag.topics, str(path))
@@ -185,9 +213,15 @@ def _topic(path: Path, bag: _Bag, wanted: str | None) -> str:
     if not bag.topics:
         listing = ", ".join(f"{n} ({kind})" for n, kind in sorted(bag.others.items())) or "(none)"
         raise InputError(f"{path}: no topic of type sensor_msgs/JointState; the topics are {listing}")
+    names = {topic: _names_on(bag, topic) for topic in sorted(bag.topics)}
+    covered = {topic: len(joints.intersection(there)) for topic, there in names.items()}
+    most = max(covered.values())
+    if most and list(covered.values()).count(most) == 1:
+        return max(covered, key=lambda topic: covered[topic])
+    likely = max(names, key=lambda topic: len(names[topic]))
     raise InputError(
-        f"{path}: several topics hold joint states: {', '.join(sorted(bag.topics))}; say which: "
-        f'topic = "{sorted(bag.topics)[0]}" under [file] in a mapping file'
+        f"{path}: several topics hold joint states: {', '.join(names)}; say which: "
+        f'topic = "{likely}" under [file] in a mapping file (frischid map proposes one)'
     )
 
 

@@ -17,7 +17,7 @@ from frischid.core.types import Array
 from frischid.errors import InputError, close_names
 from frischid.logs.log import CHANNELS, Log, check_times, check_values, is_usable
 from frischid.logs.mapping import RADIANS_PER_UNIT, TICKS_PER_SECOND, JointMap, LogMap
-from frischid.logs.tables import Table
+from frischid.logs.table import Table
 
 SETPOINT = re.compile(r"(?:des|desired|ref|reference|cmd|command|target)_(.+)")
 """Words that mark a column as a set point of a joint; such a column is not a joint of its own."""
@@ -25,8 +25,7 @@ SETPOINT = re.compile(r"(?:des|desired|ref|reference|cmd|command|target)_(.+)")
 
 def first_stamp(table: Table, form: LogMap) -> Any:
     """First stamp exactly as in the file, so that its subtraction loses no digit of the other stamps."""
-    name = _time_name(table, form)
-    return table.values(name)[:1]
+    return np.zeros(1) if form.rate is not None else table.values(_time_name(table, form))[:1]
 
 
 def log_of_table(
@@ -76,13 +75,18 @@ def _time_name(table: Table, form: LogMap) -> str:
     if isinstance(form.time, str) and form.time not in table.names:
         raise InputError(
             f"{table.source}: no time column '{form.time}'; the columns are {', '.join(table.names)}; "
-            "rename one to 't', or name it as time = ... under [file] in a mapping file"
+            "rename one to 't', or name it as time = ... under [file] in a mapping file (without one: rate = ...)"
         )
     return table.find(form.time)
 
 
 def _time(table: Table, form: LogMap, start: Any, notes: list[str]) -> tuple[str, Array]:
-    """Name of the time column and the stamps [s]."""
+    """Name of the time column (empty without one) and the stamps [s]."""
+    if form.rate is not None:
+        notes.append(f"no time column: {form.rate:g} samples per second, as the mapping says")
+        t = (table.first + np.arange(table.rows)) / form.rate
+        check_times(t, table.source, table.place)
+        return "", t
     name = _time_name(table, form)
     raw = table.values(name)
     # A double cannot hold nanoseconds since 1970 exactly: the start is subtracted before integers become doubles.

@@ -11,6 +11,10 @@ A `LogMap` gives the joint and channel of each column, and the unit and directio
     i = sign · torque_sign · raw                       τ = sign · torque_sign · gear_ratio · raw
                                                        or τ = current_gain · i
 
+Logs of one robot may have different columns. Each layout is then a section ``[layout.<name>]`` with tables of its own,
+and what stands outside holds for all; or there are several mapping files. `frischid.logs.layouts` finds the layout of a
+log.
+
 Every key is checked when the mapping is made, so that a mistyped key is an error and is not silently ignored.
 """
 
@@ -18,7 +22,7 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -82,6 +86,10 @@ class LogMap:
         Column of the stamps, its unit (s, ms, us, ns), and whether to subtract the first stamp.
     header, delimiter, columns
         Whether a CSV's first line names the columns, the separator, and the names if there is no such line.
+    rate
+        Samples per second of a file without a time column.
+    logs
+        Patterns of the names of the files that this mapping is for; all if empty.
     joints
         Joints of the columns of 2-D arrays in an NPZ file, in order.
     topic
@@ -97,6 +105,8 @@ class LogMap:
         The mapping file, for messages.
     file : StoredFile, optional
         The mapping file as it was read; None where the mapping was written in Python.
+    layouts : tuple of LogMap
+        Mappings of several layouts; the one that fits a log is used instead of this one.
 
     Examples
     --------
@@ -118,20 +128,27 @@ class LogMap:
     columns: tuple[str, ...] = ()
     joints: tuple[str, ...] = ()
     topic: str | None = None
+    rate: float | None = None
+    logs: tuple[str, ...] = ()
     angle_unit: str = "rad"
     default: Mapping[str, str] = field(default_factory=lambda: {c: f"{c}_{{joint}}" for c in CHANNELS})
     tau_from: str | None = None
     joint: Mapping[str, JointMap] = field(default_factory=dict)
     source: str = "mapping"
     file: StoredFile | None = None
+    layouts: tuple[LogMap, ...] = ()
 
     @classmethod
-    def of(cls, mapping: LogMap | Mapping[str, Any] | str | Path | None) -> LogMap:
-        """Mapping from a mapping, its tables as dictionaries, or the path of a TOML file; None: frischid's layout."""
+    def of(cls, mapping: MappingLike) -> LogMap:
+        """Mapping from a mapping, its tables as dictionaries, or the paths of TOML files; None: frischid's layout."""
         if mapping is None:
             return cls()
         if isinstance(mapping, str | Path):
             return cls.load(mapping)
+        if isinstance(mapping, Sequence):
+            several = [cls.load(path) for path in mapping]
+            single = [form for one in several for form in (one.layouts or (one,))]
+            return single[0] if len(single) == 1 else cls(layouts=tuple(single))
         return mapping if isinstance(mapping, LogMap) else cls.from_dict(mapping)
 
     @classmethod
@@ -141,7 +158,7 @@ class LogMap:
             content = Path(path).read_bytes()
             found = cls.from_dict(tomllib.loads(content.decode()), str(path))
             stored = StoredFile(str(Path(path).absolute()), hashlib.sha256(content).hexdigest(), len(content))
-            return replace(found, file=stored)
+            return replace(found, file=stored, layouts=tuple(replace(x, file=stored) for x in found.layouts))
         except OSError as error:
             raise InputError(f"{path}: the mapping file cannot be read ({error.strerror})") from error
         except ValueError as error:
@@ -151,13 +168,15 @@ class LogMap:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any], source: str = "mapping") -> LogMap:
-        """Check the tables [file], [default], [joint.<name>] and [current_gain], and put them together."""
+        """Check the tables [file], [default], [joint.<name>], [current_gain] and [layout.<name>], and join them."""
         for key, table in content.items():
-            if key not in ("file", "default", "joint", "current_gain"):
-                raise UnknownNameError("table", key, ("file", "default", "joint", "current_gain"), source)
+            if key not in TABLES:
+                raise UnknownNameError("table", key, TABLES, source)
             if not isinstance(table, Mapping):
                 raise InputError(f"{source}: {key} must be a table, found {shortened(table)}")
         file = _checked(content.get("file", {}), FILE_RULES, f"[file] of {source}")
+        if "rate" in file and "time" in file:
+            raise InputError(f"{source}: rate is for files without a time column; leave out time or rate")
         if file.get("header", True) and "columns" in file:
             raise InputError(f"{source}: columns = [...] names those of a file with header = false")
         default = _checked(content.get("default", {}), DEFAULT_RULES, f"[default] of {source}")
@@ -171,12 +190,36 @@ class LogMap:
             if joint.setdefault(name, {}).setdefault("current_gain", gain) != gain:
                 raise InputError(f"{source}: joint {name} has two different current gains")
         return cls(
-            **file | {key: tuple(file.get(key, ())) for key in ("columns", "joints")},
+            **file | {key: tuple(file.get(key, ())) for key in ("columns", "joints", "logs")},
             default={**cls().default, **default},
             tau_from=tau_from,
             joint={name: JointMap(**table) for name, table in joint.items()},
             source=source,
+            layouts=tuple(
+                cls.from_dict(_with_shared(content, part), f"{source}, [layout.{name}]")
+                for name, part in content.get("layout", {}).items()
+            ),
         )
+
+
+MappingLike = LogMap | Mapping[str, Any] | str | Path | Sequence[str | Path] | None
+"""What `LogMap.of` takes."""
+TABLES = ("file", "default", "joint", "current_gain", "layout")
+
+
+def _with_shared(content: Mapping[str, Any], part: Any) -> dict[str, Any]:
+    """Tables of one layout, with those outside of the layouts as defaults."""
+    if not isinstance(part, Mapping) or "layout" in part:
+        raise InputError(f"a layout must be a table of tables without layouts, found {shortened(part)}")
+    joined: dict[str, Any] = {**part}
+    for key in TABLES[:-1]:
+        shared, own = content.get(key, {}), part.get(key, {})
+        if isinstance(own, Mapping):
+            joined[key] = {**shared, **own}
+        if key == "joint" and isinstance(own, Mapping):
+            both = [n for n in own if isinstance(own[n], Mapping) and isinstance(shared.get(n), Mapping)]
+            joined[key] |= {n: {**shared[n], **own[n]} for n in both}
+    return joined
 
 
 Rule = tuple[Callable[[Any], bool], str]
@@ -215,6 +258,8 @@ FILE_RULES: dict[str, Rule] = {
     "columns": (_is_names, "a list of different names"),
     "joints": (_is_names, "a list of different names"),
     "topic": (lambda x: isinstance(x, str) and x != "", "the name of a topic"),
+    "rate": (lambda x: _is_finite(x) and x > 0, "samples per second, a number above 0"),
+    "logs": (_is_names, "a list of different patterns of file names"),
     "angle_unit": _one_of("rad", "deg"),
 }
 DEFAULT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, TEMPLATE_RULE) | {"tau_from": TAU_FROM_RULE}

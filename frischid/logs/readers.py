@@ -9,7 +9,7 @@ the log.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,16 +19,18 @@ import numpy as np
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.bags import bag_form, bag_tables, is_bag, read_bag
 from frischid.logs.conversion import first_stamp, log_of_table
+from frischid.logs.layouts import layout_of
 from frischid.logs.log import FEWEST_SAMPLES, Log
 from frischid.logs.log_file import LogFile, parts_of, size_of
-from frischid.logs.mapping import LogMap
-from frischid.logs.tables import Table, joined, read_table, read_tables, write_table
+from frischid.logs.mapping import LogMap, MappingLike
+from frischid.logs.table import Table
+from frischid.logs.tables import joined, read_table, read_tables, write_table
 
 
 def read_log(
     path: str | Path,
     joints: Sequence[str] | None = None,
-    mapping: LogMap | Mapping[str, Any] | str | Path | None = None,
+    mapping: MappingLike = None,
 ) -> Log:
     """Read a CSV (.csv, .tsv, .txt), Parquet or NPZ file, a ROS bag (.bag, .db3, a ROS 2 folder) or MCAP file.
 
@@ -37,9 +39,11 @@ def read_log(
     path : str or Path
     joints : sequence of str, optional
         The robot's joints, in the desired order. Columns of any other joint are left out with a note, and a joint
-        without a position column is not in the log.
-    mapping : LogMap, mapping or path of a TOML file, optional
-        Names and units of the columns, where they are not those of frischid.
+        without a position column is not in the log. 2-D arrays as wide as this list take its names, if their file
+        names no joints.
+    mapping : LogMap, mapping, path of a TOML file or list of paths, optional
+        Names and units of the columns, where they are not those of frischid. Of several files, and of several layouts
+        in one file, the one that fits the log is used.
 
     Returns
     -------
@@ -65,9 +69,9 @@ def read_log(
     >>> log.joints, round(log.rate), log.notes
     (('elbow',), 100, ('t = stamp [ms] in seconds', 'columns renamed: q_elbow = pos'))
     """
-    path, given = Path(path), LogMap.of(mapping)
+    path, given = Path(path), layout_of(Path(path), LogMap.of(mapping))
     form = _form(path, joints, given)
-    table = read_bag(path, form, joints) if is_bag(path) else read_table(path, form)
+    table = read_bag(path, form, joints) if is_bag(path) else read_table(path, form, joints or ())
     log = log_of_table(table, form, joints, first_stamp(table, form), digest=digest_of(path))
     return replace(log, file=file_behind(path, given))
 
@@ -75,7 +79,7 @@ def read_log(
 def read_chunks(
     path: str | Path,
     joints: Sequence[str] | None = None,
-    mapping: LogMap | Mapping[str, Any] | str | Path | None = None,
+    mapping: MappingLike = None,
     *,
     samples: int = 65_536,
 ) -> Iterator[Log]:
@@ -113,7 +117,7 @@ def read_chunks(
     form = _form(path, joints, mapping)
     if samples < FEWEST_SAMPLES:
         raise InputError(f"a chunk needs at least {FEWEST_SAMPLES} samples, got {samples}")
-    tables = bag_tables(path, form, joints, samples) if is_bag(path) else read_tables(path, form, samples)
+    tables = bag_tables(path, form, joints, samples) if is_bag(path) else read_tables(path, form, samples, joints or ())
     start, last = None, -np.inf
     for table in _none_too_short(tables):
         start = first_stamp(table, form) if start is None else start
@@ -129,7 +133,7 @@ def read_chunks(
 
 def _form(path: Path, joints: Sequence[str] | None, mapping: Any) -> LogMap:
     """The mapping, checked against the robot; stamps of a bag are always nanoseconds."""
-    form = LogMap.of(mapping)
+    form = layout_of(path, LogMap.of(mapping))
     for name in form.joint:
         if joints is not None and name not in joints:
             raise UnknownNameError("joint", name, joints, form.source)

@@ -25,7 +25,7 @@ from frischid.errors import InputError
 from frischid.logs.filters import LowPass, derivative_taps
 from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Log
 from frischid.logs.log_file import LogFile
-from frischid.logs.mapping import LogMap
+from frischid.logs.mapping import LogMap, MappingLike
 from frischid.logs.preprocessing import Motion, prepare
 from frischid.logs.time_grid import breaks_of
 
@@ -82,9 +82,10 @@ class Recording:
         cls,
         path: str | Path,
         joints: Sequence[str] | None = None,
-        mapping: LogMap | dict[str, Any] | str | Path | None = None,
+        mapping: MappingLike = None,
     ) -> Recording:
         """Recording of a file; arguments as for `frischid.logs.readers.read_chunks`, which reads the file."""
+        from frischid.logs.layouts import layout_of
         from frischid.logs.readers import digest_of, file_behind, read_chunks
 
         form = LogMap.of(mapping)
@@ -92,7 +93,8 @@ class Recording:
         def read(samples: int) -> Iterator[Log]:
             return read_chunks(path, joints, form, samples=samples)
 
-        file = file_behind(Path(path), form) if Path(path).exists() else None  # a missing file is an error when read
+        # a missing file is an error when read
+        file = file_behind(Path(path), layout_of(Path(path), form)) if Path(path).exists() else None
         return cls(str(path), read, lambda: digest_of(Path(path)), file)
 
     def chunks(self, samples: int | None = None) -> Iterator[Log]:

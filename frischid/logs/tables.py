@@ -1,7 +1,6 @@
 """File formats: CSV, Parquet and NPZ, each as one table of named columns, and back.
 
-Nothing here depends on the meaning of a column. A `Table` holds the columns that are numbers, the reason why others are
-not, and the place of each row in the file. Long files are read as several tables of consecutive rows.
+Nothing here depends on the meaning of a column. Long files are read as several tables of consecutive rows.
 """
 
 from __future__ import annotations
@@ -12,7 +11,6 @@ import itertools
 import lzma
 import zipfile
 import zlib
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -27,44 +25,13 @@ from numpy.typing import NDArray
 
 from frischid.core.files import written
 from frischid.core.types import Array
-from frischid.errors import InputError, UnknownNameError, close_names
-from frischid.logs.log import CHANNELS, Place, row_place
+from frischid.errors import InputError, close_names
+from frischid.logs.log import Place, row_place
 from frischid.logs.mapping import LogMap
+from frischid.logs.npz_arrays import read_npz
+from frischid.logs.table import Table
 
-MUJOCO = {"qpos": "q", "qvel": "v", "qacc": "a", "qfrc_actuator": "tau", "time": "t"}
 CSV = (".csv", ".tsv", ".txt")
-
-
-@dataclass(frozen=True)
-class Table:
-    """A file's columns in their order; `unusable` gives the reason why a column is not numeric."""
-
-    source: str
-    names: Sequence[str]
-    numeric: Mapping[str, NDArray[Any]]
-    unusable: Mapping[str, str]
-    place: Place = row_place
-    named: bool = True
-    notes: tuple[str, ...] = ()
-
-    @property
-    def rows(self) -> int:
-        """Number of rows."""
-        return len(next(iter(self.numeric.values()), ()))
-
-    def find(self, reference: str | int) -> str:
-        """Name of a column given by name, or by number from 0."""
-        if isinstance(reference, int) and 0 <= reference < len(self.names):
-            return self.names[reference]
-        if reference not in self.names:
-            raise UnknownNameError("column", str(reference), self.names, self.source)
-        return str(reference)
-
-    def values(self, name: str) -> NDArray[Any]:
-        """Numbers of a column; `InputError` if the column is not numeric."""
-        if name in self.unusable:
-            raise InputError(f"{self.source}: column '{name}' is not numeric: {self.unusable[name]}")
-        return self.numeric[name]
 
 
 def joined(tables: Sequence[Table]) -> Table:
@@ -76,32 +43,45 @@ def joined(tables: Sequence[Table]) -> Table:
     return replace(first, numeric=columns, unusable=unusable, notes=tables[-1].notes)
 
 
-def read_table(path: Path, form: LogMap) -> Table:
-    """Read a CSV (.csv, .tsv, .txt), Parquet or NPZ file as a table; `form` describes the layout of a CSV."""
-    readers = dict.fromkeys(CSV, _read_csv) | {".parquet": _read_parquet, ".npz": _read_npz}
+def read_table(path: Path, form: LogMap, order: Sequence[str] = ()) -> Table:
+    """Read a CSV (.csv, .tsv, .txt), Parquet or NPZ file as a table.
+
+    `form` describes the layout of a CSV; `order` names the columns of 2-D arrays whose file names no joints.
+    """
     kind = _kind(path)
     with _reading(path, kind):
-        return readers[kind](path, form)
+        if kind == ".npz":
+            return read_npz(path, form, order)
+        return _read_parquet(path) if kind == ".parquet" else _read_csv(path, form)
 
 
-def read_tables(path: Path, form: LogMap, rows: int) -> Iterator[Table]:
+def read_tables(path: Path, form: LogMap, rows: int, order: Sequence[str] = ()) -> Iterator[Table]:
     """Read such a file as tables of about `rows` consecutive rows; an NPZ file is in memory as a whole."""
     kind = _kind(path)
     with _reading(path, kind):
         if kind == ".npz":
-            whole = _read_npz(path, form)
+            whole = read_npz(path, form, order)
             for start in range(0, whole.rows, rows):
                 part = {name: x[start : start + rows] for name, x in whole.numeric.items()}
-                yield replace(whole, numeric=part, place=_after(start, whole.place))
+                yield replace(whole, numeric=part, place=_after(start, whole.place), first=start)
         elif kind == ".parquet":
             start = 0
             # Reading ahead would keep whole row groups in memory, which may be most of a long file.
             file = pa.parquet.ParquetFile(path, pre_buffer=False, buffer_size=1 << 16)
             for batch in file.iter_batches(batch_size=rows):
-                yield _from_arrow(pa.table(batch), path, _after(start, row_place))
+                yield replace(_from_arrow(pa.table(batch), path, _after(start, row_place)), first=start)
                 start += batch.num_rows
         else:
             yield from _csv_tables(path, form, rows)
+
+
+def column_names(path: Path, form: LogMap) -> Sequence[str]:
+    """Names of a file's columns, as its table will have them."""
+    kind = _kind(path)
+    if kind == ".parquet":
+        with _reading(path, kind):
+            return list(pa.parquet.read_schema(path).names)
+    return csv_layout(path, form).names if kind in CSV else read_table(path, form).names
 
 
 def _after(start: int, place: Place) -> Place:
@@ -193,7 +173,7 @@ def _csv_tables(path: Path, form: LogMap, rows: int) -> Iterator[Table]:
         convert = pa.csv.ConvertOptions(column_types=dict.fromkeys(loose, pa.float64()))
         place, start = _line_place(path, layout.skip), 0
         for batch in pa.csv.open_csv(path, options, parsing, convert):
-            yield _from_arrow(pa.table(batch), path, _after(start, place), named=layout.named)
+            yield replace(_from_arrow(pa.table(batch), path, _after(start, place), named=layout.named), first=start)
             start += batch.num_rows
 
 
@@ -256,7 +236,7 @@ def _ragged_line(path: Path, delimiter: str, width: int, skip: int) -> str | Non
     )
 
 
-def _read_parquet(path: Path, form: LogMap) -> Table:
+def _read_parquet(path: Path) -> Table:
     return _from_arrow(pa.parquet.read_table(path), path)
 
 
@@ -279,47 +259,6 @@ def _from_arrow(arrow: Any, path: Path, place: Place = row_place, named: bool = 
         else:
             unusable[name] = f"its values are of type {kind}"
     return Table(str(path), tuple(arrow.column_names), numeric, unusable, place, named)
-
-
-def _read_npz(path: Path, form: LogMap) -> Table:
-    """Columns by name, or 2-D blocks (N, J) called q, v, a, tau, current beside the names `joints`."""
-    if not zipfile.is_zipfile(path):
-        raise InputError(f"{path}: is not an NPZ archive; write it with numpy.savez or frischid.write_log")
-    with np.load(path, allow_pickle=False) as file:
-        arrays = dict(file.items())
-    notes = _mujoco_names(arrays)
-    joints = arrays.pop("joints").tolist() if arrays.get("joints", np.empty(0)).dtype.kind == "U" else list(form.joints)
-    for name in [name for name, x in arrays.items() if x.ndim == 2]:
-        if arrays[name].shape[1] == len(joints):
-            block = arrays.pop(name)
-            arrays |= {f"{name}_{joint}": block[:, j] for j, joint in enumerate(joints)}
-        elif name in CHANNELS:
-            raise InputError(
-                f"{path}: {name} has {arrays[name].shape[1]} columns, but the string array 'joints' names "
-                f"{len(joints)}: {', '.join(joints) or '(none)'}; store such an array, or list the columns' joints in "
-                "order as joints = [...] under [file] in a mapping file"
-            )
-    # The log's length is that of most columns.
-    shape = Counter(x.shape for x in arrays.values() if x.ndim == 1).most_common(1)
-    if not shape:
-        raise InputError(f"{path}: holds no columns (1-D arrays), only {', '.join(arrays) or 'nothing'}")
-    numeric, unusable = {}, {}
-    for name, values in arrays.items():
-        if values.dtype.kind not in "iufb" or values.shape != shape[0][0]:
-            unusable[name] = f"it has type {values.dtype} and shape {values.shape}"
-        else:
-            numeric[name] = values
-    return Table(str(path), tuple(arrays), numeric, unusable, notes=notes)
-
-
-def _mujoco_names(arrays: dict[str, NDArray[Any]]) -> tuple[str, ...]:
-    """Rename arrays with MuJoCo's names (qpos, qvel, qacc, qfrc_actuator, time); return a note on them."""
-    renamed = (
-        {old: new for old, new in MUJOCO.items() if old in arrays and new not in arrays} if "qpos" in arrays else {}
-    )
-    for old, new in renamed.items():
-        arrays[new] = np.squeeze(arrays.pop(old)) if new == "t" else arrays.pop(old)
-    return (f"MuJoCo's {', '.join(renamed)} taken as {', '.join(renamed.values())}",) if renamed else ()
 
 
 def write_table(table: Mapping[str, Array], path: Path) -> None:

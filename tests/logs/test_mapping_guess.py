@@ -7,8 +7,9 @@ from click.testing import CliRunner
 
 from frischid.cli import main
 from frischid.errors import InputError
-from frischid.logs.mapping_guess import assign, propose, split
-from frischid.logs.readers import read_log
+from frischid.logs.column_names import assign, split
+from frischid.logs.mapping_guess import propose
+from frischid.logs.readers import read_chunks, read_log
 from frischid.logs.tables import write_table
 from frischid.motions.simulation import simulate
 from frischid.motions.trajectory import random_fourier
@@ -83,8 +84,115 @@ def test_nothing_to_go_by(tmp_path):
     with pytest.raises(InputError, match="no column looks like a position"):
         propose(tmp_path / "log.csv", UR)
     write_table({"noise": LOG.q[:, 0]}, tmp_path / "log.csv")
-    with pytest.raises(InputError, match="no column grows steadily"):
+    with pytest.raises(InputError, match="no column looks like a position"):
         propose(tmp_path / "log.csv", UR)
+    result = CliRunner().invoke(main, ["map", str(tmp_path / "log.csv"), "ur10", "-o", str(tmp_path / "map.toml")])
+    assert result.exit_code == 2
+    assert not (tmp_path / "map.toml").exists()
+
+
+def test_numbers_in_longer_names_are_an_order_that_torques_confirm(tmp_path):
+    table = {"time": LOG.t}
+    for j in (1, 2, 3, 0, 4, 5):  # as a driver sorts its joints
+        table |= {f"position_lbr_joint_{j}": LOG.q[:, j], f"effort_lbr_joint_{j}": -LOG.tau[:, j]}
+        table[f"tau_ext_{j}"] = np.sin(LOG.t + j)
+    write_table(table, tmp_path / "log.parquet")
+    found = propose(tmp_path / "log.parquet", UR)
+    assert found.guesses == []
+    assert found.joints[UR.joints[0]] == {"q": "position_lbr_joint_0", "tau": "effort_lbr_joint_0"}
+    assert any("torques confirm this order" in reason for reason in found.reasons)
+    # the same columns counted from the tool: no order is claimed
+    turned = {f"position_{j}": LOG.q[:, 5 - j] for j in range(6)} | {f"effort_{j}": LOG.tau[:, 5 - j] for j in range(6)}
+    write_table({"time": LOG.t} | turned, tmp_path / "turned.parquet")
+    arguments = ["map", str(tmp_path / "turned.parquet"), "ur10"]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 1
+    assert "no torque confirms this order" in " ".join(result.output.split())
+
+
+def test_a_file_without_time_has_a_rate(tmp_path):
+    table = {f"q_{j}": LOG.q[:, j] for j in range(6)} | {f"dq_{j}": LOG.v[:, j] for j in range(6)}
+    write_table(table | {f"tau_{j}": LOG.tau[:, j] for j in range(6)}, tmp_path / "log.npz")
+    found = propose(tmp_path / "log.npz", UR)
+    assert found.file == {"rate": 100.0}
+    assert any("velocities tell 100 samples per second" in guess for guess in found.guesses)
+    (tmp_path / "map.toml").write_text(found.toml("log"))
+    np.testing.assert_allclose(read_log(tmp_path / "log.npz", UR.joints, tmp_path / "map.toml").t, LOG.t, atol=1e-9)
+    chunks = list(read_chunks(tmp_path / "log.npz", UR.joints, tmp_path / "map.toml", samples=300))
+    np.testing.assert_allclose(np.concatenate([c.t for c in chunks]), LOG.t, atol=1e-9)
+    assert propose(tmp_path / "log.npz", UR, rate=250).file == {"rate": 250}
+
+
+@pytest.mark.parametrize("side_by_side", [False, True])
+@pytest.mark.parametrize("velocity", [False, True])
+def test_a_file_without_names(tmp_path, side_by_side, velocity):
+    channels = [LOG.q, *([LOG.v] if velocity else []), LOG.tau]
+    blocks = np.stack(channels, axis=2 if side_by_side else 1).reshape(len(LOG.t), -1)
+    np.savetxt(tmp_path / "log.csv", np.column_stack([LOG.t, blocks]), delimiter=",")
+    found = propose(tmp_path / "log.csv", UR)
+    assert any("the names say nothing" in guess for guess in found.guesses)
+    (tmp_path / "map.toml").write_text(found.toml("log"))
+    read = read_log(tmp_path / "log.csv", UR.joints, tmp_path / "map.toml")
+    np.testing.assert_allclose(read.q, LOG.q)
+    np.testing.assert_allclose(read.tau, LOG.tau)
+
+
+def test_a_torque_without_a_position_is_said(tmp_path):
+    table = {"t": LOG.t} | {f"q_{n}": LOG.q[:, j] for j, n in enumerate(UR.joints) if j != 1}
+    write_table(table | {f"tau_{n}": LOG.tau[:, j] for j, n in enumerate(UR.joints)}, tmp_path / "log.csv")
+    found = propose(tmp_path / "log.csv", UR)
+    assert any(f"tau_{UR.joints[1]}" in guess for guess in found.guesses)
+
+
+def test_mujoco_arrays_without_names_of_joints(tmp_path):
+    np.savez(tmp_path / "log.npz", time=LOG.t, qpos=LOG.q, qvel=LOG.v, qfrc_actuator=LOG.tau)
+    read = read_log(tmp_path / "log.npz", UR.joints)
+    np.testing.assert_array_equal(read.tau, LOG.tau)
+    assert any("in the robot's order" in note for note in read.notes)
+    np.savez(tmp_path / "part.npz", time=LOG.t, qpos=LOG.q[:, :4], qvel=LOG.v[:, :4], qfrc_actuator=LOG.tau[:, :4])
+    found = propose(tmp_path / "part.npz", UR)
+    assert found.file["joints"] == list(UR.joints[:4])
+    assert found.guesses
+
+
+def test_the_topic_with_most_joints(tmp_path):
+    from dataclasses import replace
+
+    log = LOG.slice(0, 100)
+    hand = replace(log.select(UR.joints[:2]), joints=("finger_left", "finger_right"))
+    path = ros2(log, tmp_path / "bag", others={"/gripper/joint_states": hand})
+    np.testing.assert_array_equal(read_log(path, UR.joints).tau, log.tau)
+    named = replace(log, joints=tuple(f"left_{j.removesuffix('_joint')}" for j in LOG.joints))
+    path = ros2(named, tmp_path / "other", others={"/gripper/joint_states": hand})
+    assert propose(path, UR).file["topic"] == "/joint_states"
+
+
+def test_layouts(tmp_path):
+    written(tmp_path / "one.csv", "pos_{j}", "vel_{j}", "torque_{j}", time="time")
+    written(tmp_path / "two.csv", "angle_{short}", "speed_{short}", "moment_{short}")
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.toml").write_text(propose(tmp_path / f"{name}.csv", UR).toml(name))
+    both = [tmp_path / "one.toml", tmp_path / "two.toml"]
+    for name in ("one", "two"):
+        log = read_log(tmp_path / f"{name}.csv", UR.joints, both)
+        np.testing.assert_allclose(log.tau, LOG.tau)
+        assert log.file.mapping.path == str(tmp_path / f"{name}.toml")
+    shared = {"joint": {UR.joints[0]: {"torque_sign": -1}}}
+    layouts = {
+        "one": {"file": {"time": "time"}, "default": {"q": "no_{joint}"},
+                "joint": {n: {"q": f"pos_{j}", "tau": f"torque_{j}"} for j, n in enumerate(UR.joints)}},
+        "two": {"joint": {n: {"q": f"angle_{n.removesuffix('_joint')}", "tau": f"moment_{n.removesuffix('_joint')}"}
+                          for n in UR.joints}},
+    }  # fmt: skip
+    for name in ("one", "two"):
+        log = read_log(tmp_path / f"{name}.csv", UR.joints, shared | {"layout": layouts})
+        np.testing.assert_allclose(log.tau[:, 0], -LOG.tau[:, 0])
+    write_table({"t": LOG.t, "x": LOG.q[:, 0]}, tmp_path / "three.csv")
+    with pytest.raises(InputError, match="no layout of the mapping fits this log"):
+        read_log(tmp_path / "three.csv", UR.joints, both)
+    twice = {"layout": {"a": {"default": {"q": "angle_{joint}"}}, "b": {"default": {"q": "angle_{joint}"}}}}
+    with pytest.raises(InputError, match="equally well"):
+        read_log(tmp_path / "two.csv", None, twice)
 
 
 def test_names():
@@ -94,10 +202,10 @@ def test_names():
     assert split("qd_target_1")[0] is None
     assert split("pos.shoulder_pan") == ("q", "shoulder_pan")
     joints = [f"panda_joint{k}" for k in range(1, 8)]
-    assert assign({f"c{k}": f"joint_{k}" for k in range(1, 8)}, joints) == {
+    assert assign({f"c{k}": f"joint_{k}" for k in range(1, 8)}, joints).columns == {
         j: f"c{k + 1}" for k, j in enumerate(joints)
     }
-    assert assign({"x": "elbow", "y": "shoulder"}, ["shoulder_joint", "elbow_joint"]) == {
+    assert assign({"x": "elbow", "y": "shoulder"}, ["shoulder_joint", "elbow_joint"]).columns == {
         "elbow_joint": "x",
         "shoulder_joint": "y",
     }

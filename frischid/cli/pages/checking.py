@@ -10,7 +10,7 @@ from rich.markup import escape
 from frischid.checks import LogIssue, LogReport
 from frischid.cli.pages.page import Page, figure, table_of
 from frischid.logs.datasets import Dataset
-from frischid.logs.mapping_guess import Proposal
+from frischid.logs.proposal import Proposal
 
 COLUMNS = {
     "standstill": "standstill",
@@ -134,5 +134,8 @@ def fetched(name: str, about: str, paths: Sequence[str]) -> Page:
 def proposal(found: Proposal, text: str, output: str | None) -> Page:
     """A proposed mapping file."""
     data = {"file": found.file, "joints": found.joints, "reasons": found.reasons, "missing": list(found.missing)}
+    data["guesses"] = found.guesses
     joints = f"{len(found.joints)} joints found, {len(found.missing)} without a position column"
+    if found.guesses:
+        joints += f"; {len(found.guesses)} guesses to look at"
     return Page(data, [escape(text), joints, *([f"written to {output}"] if output else [])])

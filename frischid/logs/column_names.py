@@ -1,0 +1,166 @@
+"""Names of columns: the quantity that a name contains, and the joint that the rest of the name means.
+
+A name is cut into words (``actual_q_3``, ``- arm_1_joint_effort``, ``pos.shoulder_pan``). Words that name a quantity
+give the channel. The rest is compared with the joints' names. Where the rest is the same for all columns but for a
+number (``lbr_joint_0`` to ``lbr_joint_6``), the numbers count the joints: those with the same numbers, or all in their
+order. Otherwise the assignment of columns to joints with the largest total likeness is taken (Kuhn 1955).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from difflib import SequenceMatcher
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+CHANNEL_WORDS = {
+    "q": {"q", "pos", "position", "positions", "angle", "angles", "theta", "qpos"},
+    "v": {"v", "qd", "dq", "vel", "velocity", "velocities", "speed", "qvel", "omega"},
+    "a": {"a", "qdd", "ddq", "acc", "acceleration", "qacc"},
+    "tau": {"tau", "torque", "torques", "effort", "eff", "moment", "force", "load"},
+    "current": {"i", "current", "currents", "cur", "amp", "amps", "iq"},
+}
+SETPOINT_WORDS = {"des", "desired", "ref", "reference", "cmd", "command", "commanded", "target", "setpoint", "goal"}
+OTHER_WORDS = {"temperature", "temp", "voltage", "status", "mode", "index", "count", "error"}
+TIME_WORDS = {"t", "time", "stamp", "timestamp", "sec", "secs", "seconds", "nsec", "clock"}
+MEASURED_WORDS = {"actual", "act", "measured", "meas"}
+FILLER_WORDS = MEASURED_WORDS | {"joint", "joints", "link", "axis", "state", "states", "robot", "arm", "j", ""}
+LEAST_LIKENESS = 0.55
+"""Share of matching characters (`difflib`) below which a column's name does not match a joint's."""
+CLEAR_LIKENESS = 0.8
+"""The same share; a match below it is a guess."""
+
+How = Literal["name", "number", "order", "likeness"]
+"""How columns were assigned: names or numbers agree, or the columns are counted, or the names are only alike."""
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """Columns of one channel: joint -> column, how they were found, and the number that means each joint."""
+
+    columns: Mapping[str, str]
+    how: How
+    numbers: Mapping[int, str]
+
+
+def split(name: str) -> tuple[str | None, str]:
+    """Channel that a column's name contains (None: no channel of a log), and the rest of the name.
+
+    >>> split("actual_q_3")
+    ('q', '3')
+    """
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
+    words = [w for w in re.split(r"[^0-9A-Za-z]+", spaced.lower()) if w]
+    words = [part for w in words for part in (_counted(w) or [w])]
+    if set(words) & (SETPOINT_WORDS | OTHER_WORDS):
+        return None, name
+    for channel, known in CHANNEL_WORDS.items():
+        hits = [w for w in words if w in known]
+        # a single letter is a quantity only as the first word: later "a" may be an arm
+        if hits and (len(hits[0]) > 1 or words[0] == hits[0] or words[-1] == hits[0] or "actual" in words):
+            rest = list(words)
+            rest.remove(hits[0])
+            return channel, "_".join(w for w in rest if w not in MEASURED_WORDS)
+    return None, name
+
+
+def _counted(word: str) -> list[str] | None:
+    """Split a quantity and a number without separator: ``q3`` -> ``q``, ``3``."""
+    match = re.fullmatch(r"([a-z]+)(\d+)", word)
+    quantities = set().union(*CHANNEL_WORDS.values()) | {"j", "joint", "axis"}
+    return [match[1], match[2]] if match and match[1] in quantities else None
+
+
+def families(names: Mapping[str, str]) -> list[dict[str, str]]:
+    """Columns of one channel in groups that differ only by one number; columns without such a group are one group.
+
+    >>> families({"tau_0": "0", "tau_1": "1", "tau_ext_0": "ext_0", "tau_ext_1": "ext_1"})
+    [{'tau_0': '0', 'tau_1': '1'}, {'tau_ext_0': 'ext_0', 'tau_ext_1': 'ext_1'}]
+    """
+    by_template: dict[str, dict[str, str]] = {}
+    for name, rest in names.items():
+        by_template.setdefault(_template(rest)[0], {})[name] = rest
+    numbered = {k: group for k, group in by_template.items() if "#" in k and len(group) > 1}
+    others = {n: r for k, group in by_template.items() if k not in numbered for n, r in group.items()}
+    if not others:
+        return list(numbered.values())
+    # wrist_1 to wrist_3 beside elbow and shoulder are names of joints, not numbers of them
+    if sum(map(len, numbered.values())) <= 3 * len(others):
+        return [dict(names)]
+    return [*numbered.values(), others]
+
+
+def _template(rest: str) -> tuple[str, int]:
+    """The rest of a name with its last number replaced, and this number (-1 without one)."""
+    found = list(re.finditer(r"\d+", rest))
+    if not found:
+        return rest, -1
+    last = found[-1]
+    return rest[: last.start()] + "#" + rest[last.end() :], int(last[0])
+
+
+def assign(names: Mapping[str, str], joints: Sequence[str], known: Mapping[int, str] | None = None) -> Assignment:
+    """Assign the columns of one family to joints.
+
+    Parameters
+    ----------
+    names : mapping of str to str
+        Column -> the rest of its name, as `split` gives it.
+    joints : sequence of str
+    known : mapping of int to str, optional
+        Number -> joint, where another channel has settled what the numbers mean.
+    """
+    exact = {joint: name for joint in joints for name, rest in names.items() if _words(rest) == _words(joint)}
+    if len(exact) == len(names) == len(set(exact.values())):
+        return Assignment(exact, "name", {})
+    numbers = {name: _template(rest)[1] for name, rest in names.items()}
+    if len({_template(rest)[0] for rest in names.values()}) == 1 and min(numbers.values(), default=-1) >= 0:
+        found = _by_number(numbers, joints, known or {})
+        if found is not None:
+            return found
+    columns = list(names)
+    likeness = np.array([[_alike(names[name], joint) for joint in joints] for name in columns])
+    likeness = likeness.reshape(len(columns), -1)
+    rows, taken = linear_sum_assignment(-likeness)
+    pairs = [(joints[j], columns[i], likeness[i, j]) for i, j in zip(rows, taken, strict=True)]
+    good = {joint: name for joint, name, x in pairs if x >= LEAST_LIKENESS}
+    clear = all(x >= CLEAR_LIKENESS for _, _, x in pairs if x >= LEAST_LIKENESS)
+    return Assignment(good, "name" if clear else "likeness", {})
+
+
+def _by_number(numbers: Mapping[str, int], joints: Sequence[str], known: Mapping[int, str]) -> Assignment | None:
+    """Columns whose numbers count joints: those with these numbers in their names, or all, or the first ones."""
+    ordered = sorted(numbers, key=lambda name: numbers[name])
+    if known and set(numbers.values()) <= set(known):
+        return Assignment({known[numbers[name]]: name for name in ordered}, "number", known)
+    stems: dict[str, dict[int, str]] = {}
+    for joint in joints:
+        stem, k = _template(joint)
+        if k >= 0:
+            stems.setdefault(stem, {})[k] = joint
+    groups = [group for group in stems.values() if set(group) == set(numbers.values())]
+    if len(groups) == 1:
+        return Assignment({groups[0][numbers[name]]: name for name in ordered}, "number", groups[0])
+    sized = [list(group.values()) for group in stems.values() if len(group) == len(numbers)]
+    chosen = list(joints) if len(joints) == len(numbers) else sized[0] if len(sized) == 1 else list(joints)
+    if len(ordered) > len(chosen):
+        return None
+    pairs = dict(zip(chosen, ordered, strict=False))
+    return Assignment(pairs, "order", {numbers[name]: joint for joint, name in pairs.items()})
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(w for w in re.split(r"[^0-9a-z]+", text.lower()) if w not in FILLER_WORDS)
+
+
+def _alike(rest: str, joint: str) -> float:
+    """Likeness of two names; their numbers must agree, and words such as "joint" do not count."""
+    one, two = _words(rest), _words(joint)
+    digits = [re.findall(r"\d+", "_".join(x)) for x in (one, two)]
+    if digits[0] and digits[1] and digits[0][-1] != digits[1][-1]:
+        return 0.0
+    return SequenceMatcher(None, "_".join(one), "_".join(two)).ratio()

@@ -1,0 +1,50 @@
+"""A proposed mapping: what it says, why, and what in it is only guessed."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+
+
+@dataclass
+class Proposal:
+    """A proposed mapping, and the reasons for it.
+
+    Attributes
+    ----------
+    file : dict
+        Keys of the table ``[file]``.
+    joints : dict of str to dict of str to str
+        URDF joint -> channel -> column.
+    reasons : list of str
+        The reason for each entry, and the decisions that the reader must make.
+    guesses : list of str
+        What neither names nor motion decide.
+    missing : tuple of str
+        Joints of the URDF without a position column.
+    """
+
+    file: dict[str, object] = field(default_factory=dict)
+    joints: dict[str, dict[str, str]] = field(default_factory=dict)
+    reasons: list[str] = field(default_factory=list)
+    guesses: list[str] = field(default_factory=list)
+    missing: tuple[str, ...] = ()
+
+    def toml(self, source: str) -> str:
+        """Text of the mapping file."""
+        lines = [f"# Proposed by `frischid map` for {source}. Read it before you use it."]
+        lines += [f"# guessed: {guess}" for guess in self.guesses]
+        lines += [f"# {reason}" for reason in self.reasons]
+        if self.file:
+            lines += [
+                "",
+                "[file]",
+                *(f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in self.file.items()),
+            ]
+        for joint, columns in self.joints.items():
+            lines += ["", f"[joint.{json.dumps(joint, ensure_ascii=False)}]"]
+            lines += [f"{channel} = {json.dumps(name, ensure_ascii=False)}" for channel, name in columns.items()]
+        if any("current" in c and "tau" not in c for c in self.joints.values()):
+            lines += ["", "# [current_gain]  # joint-side torque per ampere, from the data sheet: tau = gain * current"]
+            lines += [f"# {json.dumps(joint)} = 10.0" for joint, c in self.joints.items() if "current" in c]
+        return "\n".join(lines) + "\n"

@@ -1,0 +1,48 @@
+"""A file's columns under their names: those that are numbers, and the reason why others are not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from frischid.errors import InputError, UnknownNameError
+from frischid.logs.log import Place, row_place
+
+
+@dataclass(frozen=True)
+class Table:
+    """A file's columns in their order; `unusable` gives the reason why a column is not numeric.
+
+    `first` is the number of the file's rows before this table.
+    """
+
+    source: str
+    names: Sequence[str]
+    numeric: Mapping[str, NDArray[Any]]
+    unusable: Mapping[str, str]
+    place: Place = row_place
+    named: bool = True
+    notes: tuple[str, ...] = ()
+    first: int = 0
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(next(iter(self.numeric.values()), ()))
+
+    def find(self, reference: str | int) -> str:
+        """Name of a column given by name, or by number from 0."""
+        if isinstance(reference, int) and 0 <= reference < len(self.names):
+            return self.names[reference]
+        if reference not in self.names:
+            raise UnknownNameError("column", str(reference), self.names, self.source)
+        return str(reference)
+
+    def values(self, name: str) -> NDArray[Any]:
+        """Numbers of a column; `InputError` if the column is not numeric."""
+        if name in self.unusable:
+            raise InputError(f"{self.source}: column '{name}' is not numeric: {self.unusable[name]}")
+        return self.numeric[name]
