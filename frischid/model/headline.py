@@ -9,6 +9,9 @@ with fitted friction, and a constant torque.
 
 The alarms of the model and of these logs go with the error: whoever prints the one prints the others.
 
+The *grade* says in a letter how far the error has come from the URDF to the sensors' noise, by logarithms in fifths. A
+model with a severe alarm has no grade, because the error may be another one on the next motion.
+
 All other errors (with standstill, of single joints, of a search for missing effects) explain this one.
 """
 
@@ -36,6 +39,31 @@ _WHERE = {
     "cross-validated": "cross-validated on its own logs",
     "fitted": "on the logs it was fitted to",
 }
+
+
+_GRADES = {
+    "A": "as good as the sensors allow, or nearly",
+    "B": "near the limit of the sensors",
+    "C": "half way from the URDF to the limit of the sensors",
+    "D": "better than the URDF, far from the limit of the sensors",
+    "E": "hardly better than the URDF with fitted friction",
+    "F": "no better than the URDF with fitted friction",
+    "–": "no grade: an alarm says that the error may be another one on the next motion",
+}
+
+
+def between(nrmse: float, floor: float, reference: float) -> float:
+    """Place of an error between two others, by logarithms: 0 at the smaller one, 1 at the larger one and beyond.
+
+    Examples
+    --------
+    >>> from frischid.model.headline import between
+    >>> between(0.1, 0.01, 1.0)
+    0.5
+    """
+    if floor <= 0 or nrmse <= floor:
+        return 0.0
+    return 1.0 if nrmse >= reference else float(np.log(nrmse / floor) / np.log(reference / floor))
 
 
 @dataclass(frozen=True)
@@ -90,13 +118,32 @@ class Headline:
         )
 
     @property
+    def grade(self) -> str:
+        """A to E: the fifth from the sensors' noise to the better of URDF and constant torque; F: beyond; or ``–``."""
+        if any(alarm.severity == "severe" for alarm in self.alarms):
+            return "–"
+        reference = min(self.urdf_nrmse, self.constant_nrmse)
+        if self.nrmse >= reference:
+            return "F"
+        return "ABCDE"[min(4, int(5 * between(self.nrmse, self.noise_floor, reference)))]
+
+    @property
+    def grade_in_words(self) -> str:
+        """The grade's meaning."""
+        return _GRADES[self.grade]
+
+    @property
     def worst(self) -> str:
         """Name of the joint with the largest error."""
         return max(self.joints, key=lambda name: self.joints[name])
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return asdict(self) | {"logs": list(self.logs), "alarms": [alarm.to_dict() for alarm in self.alarms]}
+        return asdict(self) | {
+            "grade": self.grade,
+            "logs": list(self.logs),
+            "alarms": [alarm.to_dict() for alarm in self.alarms],
+        }
 
     @classmethod
     def of(cls, comparison: Comparison, measured: Measured, alarms: Sequence[Alarm] = ()) -> Headline:

@@ -26,7 +26,7 @@ from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
 
-HARDLY_KNOWN = 0.5  # standard error over value, above which a parameter is called hardly known
+HARDLY_KNOWN = 0.5  # share from the logs below, or standard error over value above, which it is hardly known
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +89,13 @@ class Study:
 
     @property
     def weak(self) -> list[str]:
-        """Parameters known to no better than half their value."""
+        """Parameters that the logs say little of: less than half of their knowledge comes from the logs.
+
+        Without a prior, those known to no better than half their value.
+        """
         e = self.model.estimate
+        if e.from_data is not None:
+            return [c.name for c, share in zip(e.columns, e.from_data, strict=True) if share < HARDLY_KNOWN]
         return [c.name for c, x, s in zip(e.columns, e.theta, e.stderr, strict=True) if s > HARDLY_KNOWN * abs(x)]
 
     def warnings(self) -> list[str]:
@@ -108,8 +113,6 @@ class Study:
         worse = [n for n, j in self.verdict.joints.items() if j.nominal < j.nrmse and n not in hopeless]
         if worse:
             found.append(f"The URDF with fitted friction predicts {listed(worse)} better than this model does.")
-        if self.diagnosis is not None and self.diagnosis.verdict != "none":
-            found.append(f"{missing(self.diagnosis)}.")
         if self.impossible:
             found.append(f"The sign of {listed(self.impossible)} is physically impossible.")
         identified: Mapping[str, Any] = next((e for e in reversed(self.model.history) if "warnings" in e), {})

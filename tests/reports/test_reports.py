@@ -18,9 +18,12 @@ from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.effect_curves import correlation_ratio, shape_of
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
+from frischid.figures.robot_picture import robot_picture
 from frischid.figures.style import number
 from frischid.logs.readers import read_log
+from frischid.model.alarms import Alarm
 from frischid.model.comparison import compare
+from frischid.model.headline import Headline
 from frischid.model.identification import identify
 from frischid.model.prediction import predict
 from frischid.model.residual_conditions import Condition
@@ -341,12 +344,40 @@ def test_the_verdicts_percentages_are_the_headlines(spring):
     shown = spring[1].headline
     text = chapter("verdict", spring[1]).replace("\u00a0", " ")
     assert f"<strong>{100 * shown.nrmse:.1f} %</strong>" in text
-    for words in (
-        f"URDF with fitted friction misses {100 * shown.urdf_nrmse:.0f} %",
-        f"a constant torque {100 * shown.constant_nrmse:.0f} %",
-        f"noise alone would cause {100 * shown.noise_floor:.1f} %",
-    ):
-        assert words in text
+    rungs = re.findall(r'<th scope="row">(.*?)</th>.*?<td>([^<]*)</td></tr>', text)
+    values = dict(rungs)
+    assert values["URDF with fitted friction"] == f"{100 * shown.urdf_nrmse:.1f} %"
+    assert values["constant torque"] == f"{100 * shown.constant_nrmse:.1f} %"
+    assert values["sensors' noise alone".replace("'", "&#39;")] == f"{100 * shown.noise_floor:.1f} %"
+    assert values["this model"] == f"{100 * shown.nrmse:.1f} %"
+    errors = [float(said.split()[0]) for _, said in rungs]
+    assert errors == sorted(errors, reverse=True), "the ladder falls"
+
+
+def test_the_first_screen_answers_five_questions(spring):
+    """How good, compared to what, what is wrong, where, what next."""
+    shown, text = spring[1], chapter("verdict", spring[1])
+    assert f">{shown.headline.grade}</strong>" in text
+    assert shown.headline.grade_in_words in html.unescape(text).replace("\u00a0", " ")
+    assert "joint_spring" in text.split("What is wrong")[1]
+    for name, error in shown.headline.joints.items():
+        assert f"{name}: {100 * error:.1f} %" in text
+    assert "<span>add</span>" in text.split("Next")[1]
+
+
+def test_a_model_with_a_severe_alarm_has_no_grade():
+    alarm = Alarm("held-out-error", "severe", "The error is another one there.", "Record more.")
+    fair = Headline(0.02, "test", 0.019, 0.5, 1.0, ("a",), {"one": 0.02})
+    grades = [replace(fair, nrmse=x).grade for x in (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6)]
+    assert grades == ["A", "A", "B", "C", "D", "E", "F"]
+    assert replace(fair, alarms=(alarm,)).grade == "–"
+
+
+def test_names_of_joints_cannot_leave_the_picture():
+    hostile = Robot.load("planar2").urdf.replace("joint1", "&lt;/svg&gt;&lt;script&gt;x()&lt;/script&gt;")
+    machine = replace(Robot.load("planar2"), urdf=hostile)
+    svg = robot_picture(machine, np.zeros(2), {machine.joints[0]: (0.1, 0.01, 1.0)})
+    assert "<script" not in svg
 
 
 def test_error_figures_are_the_comparisons(spring):

@@ -69,7 +69,8 @@ def alarm_lines(alarms: Sequence[Alarm]) -> list[str]:
 
 def headline_line(error: Headline) -> str:
     """The model's one error, with its references."""
-    return f"[bold]NRMSE {error.nrmse:.4f}[/bold] {error.where} ({error.references})"
+    grade = f"grade {error.grade}: {error.grade_in_words}" if error.grade != "–" else error.grade_in_words
+    return f"[bold]NRMSE {error.nrmse:.4f}[/bold] {error.where} ({error.references}); {grade}"
 
 
 def table_of(*columns: str, title: str | None = None, droppable: Sequence[str] = ()) -> Table:

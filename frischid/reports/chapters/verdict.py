@@ -1,4 +1,4 @@
-"""The verdict: the model's error, its largest fault, the next step, and every warning."""
+"""The verdict: the model's grade, its largest fault, the next steps, and every warning."""
 
 from __future__ import annotations
 
@@ -6,41 +6,106 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from markupsafe import Markup
+
 from frischid import figures
+from frischid.diagnosis.findings import Finding
+from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
+from frischid.model.events import selection_errors
+from frischid.model.headline import Headline, between, headline_of
 from frischid.reports.study import Study, missing
 
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
+STEPS_PROPOSED = 3
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
     """Values for the template."""
     return {
         "error": study.headline,
+        "ladder": _ladder(study),
         "worst_condition": figures.failure.worst(study.verdict),
         "missing": "" if study.diagnosis is None else missing(study.diagnosis),
         "next": _next(study, model_path),
         "alarms": study.headline.alarms,
         "warnings": study.warnings(),
+        "picture": Markup(_picture(study)),  # the picture escapes its own texts
+        "colours": [{"colour": colour, "text": word} for colour, word in zip(STEPS, WORDS, strict=True)],
     }
 
 
-def _next(study: Study, model_path: str) -> dict[str, Any]:
-    """The next step: its kind, and what its sentence needs."""
-    diagnosis = study.diagnosis
-    if diagnosis is not None and diagnosis.verdict == "unknown":
-        return {"kind": "formula"}
-    passing = [] if diagnosis is None else [f for f in diagnosis.findings if f.significant and f.members]
-    if passing and passing[0].undecided:
-        pair = f"{passing[0].effect},{passing[0].undecided[0]}"
-        return {"kind": "separate", "command": f"frischid excite ROBOT --separate {pair} -o motion.csv"}
+def _picture(study: Study) -> str:
+    """The robot in the middle of its motion."""
+    joints = {
+        name: (study.headline.joints.get(name, fit.nrmse), fit.noise_floor, fit.constant)
+        for name, fit in study.verdict.joints.items()
+    }
+    robot = study.model.robot
+    return robot_picture(robot, np.median(study.logs[0].select(robot.joints).q, axis=0), joints)
+
+
+def _ladder(study: Study) -> list[dict[str, Any]]:
+    """Errors from a constant torque down to the sensors' noise, with this model among them."""
+    error = study.headline
+    rungs = [
+        ("constant torque", error.constant_nrmse, "other"),
+        ("URDF with fitted friction", error.urdf_nrmse, "other"),
+        *((f"before {step}", x, "other") for step, x in _before(study, error)),
+        ("this model", error.nrmse, "model"),
+        ("sensors' noise alone", error.noise_floor, "floor"),
+    ]
+    passing = _passing(study)
     if passing:
         best = passing[0]
+        after = error.nrmse * best.error_after / best.error_before
+        rungs.append((f"expected after adding {best.effect}", after, "later"))
+    rungs.sort(key=lambda rung: -rung[1])
+    low, high = 0.5 * error.noise_floor, max(x for _, x, _ in rungs)
+    return [
+        {"name": name, "error": x, "kind": kind, "width": between(x, low, high), "here": kind == "model"}
+        for name, x, kind in rungs
+    ]
+
+
+def _before(study: Study, error: Headline) -> list[tuple[str, float]]:
+    """The error before the model's last step, where it was measured on the same logs as the headline."""
+    event = study.model.history[-1] if study.model.history else {}
+    now = headline_of(event) if event else None
+    if now is None or (now.measured, now.logs) != (error.measured, error.logs):
+        return []
+    before = event.get("test_before") if error.measured == "test" else selection_errors(event)[0]
+    kinds = dict.fromkeys(text.split("(")[0].split("@")[0] for text in event.get("effects", ()))
+    return [] if before is None else [(" + ".join(kinds), float(before))]
+
+
+def _passing(study: Study) -> list[Finding]:
+    """Findings that are called missing and can be added."""
+    return [] if study.diagnosis is None else [f for f in study.diagnosis.findings if f.significant and f.members]
+
+
+def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
+    """At most three steps: the kind of each, and what its sentence needs."""
+    given = shlex.quote(Path(model_path).name)
+    better = "better.json" if given != "better.json" else "still-better.json"
+    found: list[dict[str, Any]] = []
+    diagnosis, passing = study.diagnosis, _passing(study)
+    if diagnosis is not None and diagnosis.verdict == "unknown":
+        found.append({"kind": "formula", "command": f"frischid studio {given} LOG..."})
+    elif passing and passing[0].undecided:
+        pair = f"{passing[0].effect},{passing[0].undecided[0]}"
+        found.append({"kind": "separate", "command": f"frischid excite ROBOT --separate {pair} -o motion.csv"})
+    elif passing:
+        best = passing[0]
         where = f" --joints {','.join(best.joints)}" if best.joints else ""
-        given = Path(model_path).name
-        better = "better.json" if given != "better.json" else "still-better.json"
-        add = f"frischid add {shlex.quote(given)} {best.effect}{where} LOG... -o {better}"
-        return {"kind": "add", "change": best.change, "command": add}
+        add = f"frischid add {given} {best.effect}{where} LOG... -o {better}"
+        found.append({"kind": "add", "change": best.change, "command": add})
     if study.weak:
         more = " …" * (len(study.weak) > LISTED)
-        return {"kind": "excite", "count": len(study.weak), "names": ", ".join(study.weak[:LISTED]) + more}
-    return {"kind": "nothing"}
+        plan = "frischid excite ROBOT -o motion.csv"
+        names = ", ".join(study.weak[:LISTED]) + more
+        found.append({"kind": "excite", "count": len(study.weak), "names": names, "command": plan})
+    if not study.held_out:
+        found.append({"kind": "test", "command": f"frischid compare {given} NEW_LOG"})
+    found.append({"kind": "use", "command": f"frischid export {given} -o controller.c"})
+    return found[:STEPS_PROPOSED]

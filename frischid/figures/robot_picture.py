@@ -1,0 +1,144 @@
+"""A picture of the robot whose joints are coloured by the model's error: an SVG without a mesh, a script or an address.
+
+Links are thick lines between the joints of the forward kinematics, seen from the direction that spreads the joints
+most. A joint's colour is its place between two errors on a scale of logarithms,
+
+    place = log(NRMSE / sensors' noise) / log(constant torque / sensors' noise),
+
+from 0 (the sensors allow no better) to 1 (no better than a constant torque). The number stands beside the joint, so
+that nobody needs the colour.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from frischid.core.types import Array
+from frischid.figures.style import COLOURS
+from frischid.model.headline import between
+from frischid.robot.robot import Robot
+
+STEPS = ("#009e73", "#56b4e9", "#e69f00", "#d55e00", "#a02c2c")
+"""Colours of the fifths of the scale, from good to bad: Okabe and Ito's, and a dark red."""
+GREY = COLOURS[7]
+WORDS = ("near the sensors' noise", "small", "middling", "large", "near a constant torque")
+WIDTH_PX, HEIGHT_PX, MARGIN_PX, TEXT_PX, LABEL_PX = 470, 360, 26, 15, 205
+"""Size of the picture, free space at its edge, height of a line of text, and width of the column of labels."""
+RADIUS_PX = 7
+LABELLED = 9
+"""Joints that get a label at most: the worst."""
+AZIMUTHS, ELEVATION = np.linspace(0.0, np.pi, 24, endpoint=False), np.radians(18.0)
+
+
+def robot_picture(robot: Robot, q: Array, joints: Mapping[str, tuple[float, float, float]]) -> str:
+    """The robot at a pose, as SVG.
+
+    Parameters
+    ----------
+    robot : Robot
+    q : ndarray, shape (J,)
+        Pose, rad (m).
+    joints : mapping of str to (float, float, float)
+        NRMSE of the model, of the sensors' noise and of a constant torque of each joint; other joints are grey.
+
+    Returns
+    -------
+    str
+        An ``svg`` element; all names in it are escaped.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> from frischid.figures.robot_picture import robot_picture
+    >>> svg = robot_picture(fr.Robot.load("planar2"), np.array([0.4, 0.6]), {"joint2": (0.05, 0.01, 1.0)})
+    >>> svg.startswith("<svg") and "joint2: 5.0 %" in svg
+    True
+    """
+    points, parents, names, tips = _skeleton(robot, q)
+    flat = _projected(np.vstack([points, *tips.values()]) if tips else points)
+    seen, ends = flat[: len(points)], dict(zip(tips, flat[len(points) :], strict=True))
+    seen = _apart(seen)
+    root = ET.Element("svg", viewBox=f"0 0 {WIDTH_PX} {HEIGHT_PX}", role="img")
+    root.set("xmlns", "http://www.w3.org/2000/svg")
+    ET.SubElement(root, "title").text = f"{robot.name}: error of each joint"
+    for k in range(1, len(seen)):
+        _line(root, seen[parents[k]], seen[k], "link")
+    for k, end in ends.items():
+        _line(root, seen[k], end, "link")
+    labelled = sorted((n for n in names if n in joints), key=lambda n: -joints[n][0])[:LABELLED]
+    rows = sorted(labelled, key=lambda n: seen[names[n]][1])
+    top = max(MARGIN_PX, 0.5 * (HEIGHT_PX - 2 * TEXT_PX * len(rows)))
+    for row, name in enumerate(rows):
+        y = top + 2 * TEXT_PX * (row + 0.5)
+        _line(root, seen[names[name]], (WIDTH_PX - LABEL_PX + 4, y), "lead")
+        text = ET.SubElement(root, "text", x=f"{WIDTH_PX - LABEL_PX + 9:.0f}", y=f"{y + 0.35 * TEXT_PX:.1f}")
+        text.text = f"{_short(name)}: {100 * joints[name][0]:.1f} %"
+    for name, k in names.items():
+        colour = STEPS[fifth(*joints[name])] if name in joints else GREY
+        x, y = seen[k]
+        mark = ET.SubElement(root, "circle", cx=f"{x:.1f}", cy=f"{y:.1f}", r=str(RADIUS_PX), fill=colour)
+        said = f"{100 * joints[name][0]:.1f} %, {WORDS[fifth(*joints[name])]}" if name in joints else "not fitted"
+        ET.SubElement(mark, "title").text = f"{name}: {said}"
+    return ET.tostring(root, encoding="unicode")
+
+
+def fifth(nrmse: float, floor: float, constant: float) -> int:
+    """The fifth of the scale from the sensors' noise to a constant torque in which an error lies: 0 to 4."""
+    return min(4, int(5 * between(nrmse, floor, constant)))
+
+
+def _skeleton(robot: Robot, q: Array) -> tuple[Array, list[int], dict[str, int], dict[int, Array]]:
+    """Points of the joints (the root first), the parent of each, joints by name, and the far ends of the last links."""
+    model, data = robot.model, robot.model.createData()
+    pin.framesForwardKinematics(model, data, robot.configuration(np.atleast_2d(q))[0])
+    points = np.array([m.translation for m in data.oMi])
+    parents = [int(p) for p in model.parents]
+    tips: dict[int, Array] = {}
+    for k in (k for k in range(1, len(points)) if k not in parents):
+        own = [f.translation for f, frame in zip(data.oMf, model.frames, strict=True) if frame.parentJoint == k]
+        body = model.inertias[k]
+        own.append(data.oMi[k].act(2.0 * body.lever) if body.mass > 0 else points[k])
+        tips[k] = own[int(np.argmax(np.linalg.norm(np.array(own) - points[k], axis=1)))]
+    return points, parents, {name: model.getJointId(name) for name in robot.joints}, tips
+
+
+def _projected(points: Array) -> Array:
+    """Points on the picture, (N, 2), seen from the side that spreads them most."""
+    views = [_view(points, angle) for angle in AZIMUTHS]
+    flat = max(views, key=lambda view: float(np.linalg.norm(view[:, None] - view[None], axis=2).sum()))
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    room = np.array([WIDTH_PX - LABEL_PX - 2 * MARGIN_PX, HEIGHT_PX - 2 * MARGIN_PX])
+    scale = float((room / np.maximum(high - low, 1e-9)).min())
+    centred = (flat - 0.5 * (low + high)) * min(scale, 1e9)
+    return np.asarray(centred * [1.0, -1.0] + 0.5 * room + MARGIN_PX)
+
+
+def _apart(seen: Array) -> Array:
+    """Joints that coincide, side by side: wrists have several in one place."""
+    found = seen.copy()
+    for k in range(2, len(found)):
+        while (np.linalg.norm(found[1:k] - found[k], axis=1) < RADIUS_PX).any():
+            found[k, 0] -= 2 * RADIUS_PX
+    return found
+
+
+def _view(points: Array, azimuth: float) -> Array:
+    across = points @ np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    towards = points @ np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    return np.column_stack([across, np.cos(ELEVATION) * points[:, 2] - np.sin(ELEVATION) * towards])
+
+
+def _line(root: ET.Element, start: Sequence[float], end: Sequence[float], kind: str) -> None:
+    (x1, y1), (x2, y2) = start, end
+    line = ET.SubElement(root, "line", x1=f"{x1:.1f}", y1=f"{y1:.1f}", x2=f"{x2:.1f}", y2=f"{y2:.1f}")
+    line.set("class", kind)
+
+
+def _short(name: str) -> str:
+    """A joint's name in at most 20 letters, its end kept: numbers stand there."""
+    return name if len(name) <= 20 else f"…{name[-19:]}"
