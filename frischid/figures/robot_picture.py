@@ -15,12 +15,12 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import pinocchio as pin
 
 from frischid.core.types import Array
 from frischid.figures.style import COLOURS
 from frischid.model.headline import between
 from frischid.robot.robot import Robot
+from frischid.robot.skeleton import skeleton
 
 STEPS = ("#009e73", "#56b4e9", "#e69f00", "#d55e00", "#a02c2c")
 """Colours of the fifths of the scale, from good to bad: Okabe and Ito's, and a dark red."""
@@ -59,7 +59,7 @@ def robot_picture(robot: Robot, q: Array, joints: Mapping[str, tuple[float, floa
     >>> svg.startswith("<svg") and "joint2: 5.0 %" in svg
     True
     """
-    points, parents, names, tips = _skeleton(robot, q)
+    points, parents, names, tips = skeleton(robot, q)
     flat = _projected(np.vstack([points, *tips.values()]) if tips else points)
     seen, ends = flat[: len(points)], dict(zip(tips, flat[len(points) :], strict=True))
     seen = _apart(seen)
@@ -90,21 +90,6 @@ def robot_picture(robot: Robot, q: Array, joints: Mapping[str, tuple[float, floa
 def fifth(nrmse: float, floor: float, constant: float) -> int:
     """The fifth of the scale from the sensors' noise to a constant torque in which an error lies: 0 to 4."""
     return min(4, int(5 * between(nrmse, floor, constant)))
-
-
-def _skeleton(robot: Robot, q: Array) -> tuple[Array, list[int], dict[str, int], dict[int, Array]]:
-    """Points of the joints (the root first), the parent of each, joints by name, and the far ends of the last links."""
-    model, data = robot.model, robot.model.createData()
-    pin.framesForwardKinematics(model, data, robot.configuration(np.atleast_2d(q))[0])
-    points = np.array([m.translation for m in data.oMi])
-    parents = [int(p) for p in model.parents]
-    tips: dict[int, Array] = {}
-    for k in (k for k in range(1, len(points)) if k not in parents):
-        own = [f.translation for f, frame in zip(data.oMf, model.frames, strict=True) if frame.parentJoint == k]
-        body = model.inertias[k]
-        own.append(data.oMi[k].act(2.0 * body.lever) if body.mass > 0 else points[k])
-        tips[k] = own[int(np.argmax(np.linalg.norm(np.array(own) - points[k], axis=1)))]
-    return points, parents, {name: model.getJointId(name) for name in robot.joints}, tips
 
 
 def _projected(points: Array) -> Array:
