@@ -19,7 +19,7 @@ from typing import Any
 
 import bad_input_rows
 import click.testing
-from bad_input_rows import Row
+from bad_input_row import Row
 from common import parser, publish
 from mutated_models import limited
 

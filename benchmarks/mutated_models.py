@@ -141,7 +141,7 @@ def tried(data: dict[str, Any], log: fr.Log, path: Path) -> str:
             model.save(path)
     except fr.FrischidError:
         return "refused"
-    except Exception as error:
+    except Exception as error:  # whatever is not frischid's own error is what this script looks for
         return f"other errors: {type(error).__name__}: {str(error)[:150]}"
     return "used"
 

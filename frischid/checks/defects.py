@@ -37,7 +37,7 @@ def defects(path: Path, form: LogMap) -> LogReport | None:
         else layout.names.index(form.time)
         if form.time in layout.names
         else form.time
-        if isinstance(form.time, int)
+        if isinstance(form.time, int) and form.time < width
         else None
     )
     try:

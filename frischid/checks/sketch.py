@@ -232,6 +232,8 @@ def shared_fit(sketch: Sketch, columns: Mapping[int, Array], left: Array) -> Arr
     X = np.concatenate(rows)
     scale = np.sqrt((X**2).sum(axis=0))
     acts = scale > 1e-9 * scale.max()
+    if not acts.any():  # SciPy's nnls corrupts memory if its matrix has no column
+        return np.zeros(len(scale))
     free = np.concatenate([np.ones(P, bool), np.tile([False, False, False, True], R)])[acts]
     triangle = np.asarray(np.linalg.qr(np.column_stack([X[:, acts] / scale[acts], np.concatenate(y)]), mode="r"))
     # a parameter of unknown sign is the difference of two non-negative ones

@@ -10,11 +10,14 @@ import click
 
 from frischid.cli.output import prepare_streams
 from frischid.cli.paths import Command
+from frischid.core.text import printable
 from frischid.errors import FrischidError
+
+STOPPED = 130  # exit code of a command that Ctrl-C ended, as shells have it: 128 + SIGINT
 
 
 class _Commands(click.Group):
-    """Turns errors of the input, of a file and of memory into one line on stderr and exit code 2."""
+    """Turns errors of the input, of a file and of memory into one line on stderr and exit code 2; Ctrl-C into 130."""
 
     command_class = Command
 
@@ -34,7 +37,10 @@ class _Commands(click.Group):
             if error.errno == errno.EPIPE:  # the reader has seen enough: click ends quietly
                 raise
             message = f"{error.filename or 'the output'}: {error.strerror or error}"
-        click.echo(f"error: {message}", err=True)
+        except KeyboardInterrupt:
+            click.echo("stopped by Ctrl-C; no file was changed after that", err=True)
+            sys.exit(STOPPED)
+        click.echo(f"error: {printable(message)}", err=True)
         sys.exit(2)
 
 

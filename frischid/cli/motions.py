@@ -138,13 +138,13 @@ def excite(
     from frischid.cli.pages import motions as show
     from frischid.effects import parse_effects
     from frischid.motions.discrimination import separate as plan_separation
+    from frischid.motions.motion_request import check_rate
     from frischid.motions.plan import plan
     from frischid.motions.plan_options import PlanOptions
 
     if budget < 1:
         raise InputError(f"--budget must be at least one evaluation, got {budget}")
-    if not rate > 0:
-        raise InputError(f"--rate must be a positive number of samples per second, got {rate:g}")
+    check_rate(rate, duration)
     machine, _ = load(robot, RobotArguments(**options))
     pair = () if separate is None else parse_effects(separate)
     if separate is not None and len(pair) != 2:

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from frischid.core.text import printable
+
 if TYPE_CHECKING:
     from frischid.core.parallel import Workers
 
@@ -84,7 +86,7 @@ def _print(page: Any) -> None:
     console = Console(width=_width(), highlight=False)
     for part in (*alarm_lines(page.alarms), *page.parts):
         for piece in fitted(part, console.width):
-            console.print(piece)
+            console.print(_Printable(piece))
 
 
 def _width() -> int | None:
@@ -94,3 +96,16 @@ def _width() -> int | None:
     if asked is not None:
         return int(asked)
     return None if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit() else PIPE_WIDTH
+
+
+class _Printable:
+    """A part of a page without the control characters that a name in a file may hold: they steer terminals."""
+
+    def __init__(self, part: Any) -> None:
+        self.part = part
+
+    def __rich_console__(self, console: Any, options: Any) -> Iterator[Any]:
+        from rich.segment import Segment
+
+        for segment in console.render(self.part, options):
+            yield segment if segment.control else Segment(printable(segment.text), segment.style)

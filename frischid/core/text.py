@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from unicodedata import category
+
+_STEERING = ("Cc", "Cf", "Cs")
+"""Unicode's categories of control characters, marks of direction, and halves of characters."""
 
 
 def listed(names: Sequence[str]) -> str:
@@ -37,3 +41,17 @@ def shortened(value: object, most: int = 60) -> str:
     except ValueError:  # Python refuses to write out such a whole number
         return "a number of thousands of digits"
     return text if len(text) <= most else f"{text[:most]}..."
+
+
+def printable(text: str) -> str:
+    r"""Show control characters, which steer a terminal, as ``\x1b``; new lines and tabs stay.
+
+    Examples
+    --------
+    >>> from frischid.core.text import printable
+    >>> print(printable("elbow\x1b]0;owned\x07"))
+    elbow\x1b]0;owned\x07
+    """
+    return "".join(
+        c.encode("unicode_escape").decode() if category(c) in _STEERING and c not in "\n\t" else c for c in text
+    )

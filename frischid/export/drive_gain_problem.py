@@ -29,6 +29,7 @@ from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import LINK_PARAMETERS, Robot
+from frischid.robot.urdf_numbers import LARGEST_QUANTITY
 
 _PAYLOAD_SIZE = 0.05  # m: radius of gyration of the payload in the prior, about the width of a hand
 
@@ -63,10 +64,11 @@ class KnownPayload:
     carrier: str | None = None
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.mass) and self.mass > 0):
+        if not 0 < self.mass <= LARGEST_QUANTITY:
             raise InputError(f"the payload's mass must be a positive number of kg, got {self.mass}")
-        if self.centre is not None and (np.shape(self.centre) != (3,) or not np.isfinite(self.centre).all()):
-            raise InputError(f"the payload's centre of mass must be three finite numbers in m, got {list(self.centre)}")
+        centre = self.centre
+        if centre is not None and not (np.shape(centre) == (3,) and (np.abs(centre) <= LARGEST_QUANTITY).all()):
+            raise InputError(f"the payload's centre of mass must be three finite numbers in m, got {list(centre)}")
 
 
 @dataclass(frozen=True, eq=False)

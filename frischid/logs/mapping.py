@@ -240,7 +240,7 @@ def _is_names(x: Any) -> bool:
 
 
 COLUMN_RULE: Rule = (
-    lambda x: isinstance(x, str) or (isinstance(x, int) and not isinstance(x, bool) and x >= 0),
+    lambda x: isinstance(x, str) or (isinstance(x, int) and not isinstance(x, bool) and 0 <= x <= GARBAGE),
     "a column name, or a column number from 0",
 )
 TEMPLATE_RULE: Rule = (lambda x: isinstance(x, str) and x.count("{joint}") == 1, "a text with {joint} in it once")

@@ -27,12 +27,12 @@ from threadpoolctl import threadpool_limits
 from frischid.core.parallel import Workers
 from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
-from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.readers import write_log
 from frischid.motions.collision import Clearance
 from frischid.motions.limits import Excess, MotionLimits, Violation, violations
 from frischid.motions.motion_cost import Cost
+from frischid.motions.motion_request import check_rate
 from frischid.motions.optimality import criterion_of
 from frischid.motions.optimize import ATTEMPTS, Progress, Search
 from frischid.motions.plan_options import PlanOptions
@@ -77,8 +77,7 @@ class Plan:
 
     def to_log(self, rate: float) -> Log:
         """Sample t, q, v and a at `rate` Hz, from the start on."""
-        if not (np.isfinite(rate) and rate > 0):
-            raise InputError(f"the rate must be a positive number of Hz, got {rate}")
+        check_rate(rate, self.trajectory.duration)
         steps = int(np.floor(rate * self.trajectory.duration * (1 + 1e-12)))
         t = np.arange(steps + 1) / rate
         q, v, a = self.trajectory(t)

@@ -15,6 +15,7 @@ from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.motions.collision import Clearance
 from frischid.motions.limits import MotionLimits
+from frischid.motions.motion_request import check_length
 from frischid.motions.optimality import Criterion, criterion_of
 from frischid.motions.optimize import Bounds
 from frischid.motions.trajectory import FAMILIES, Family
@@ -83,8 +84,7 @@ class PlanOptions:
     def __post_init__(self) -> None:
         if self.starts < 1:
             raise InputError(f"a search needs at least one start, got {self.starts}")
-        if not (np.isfinite(self.duration) and self.duration > 0):
-            raise InputError(f"the duration must be a positive number of seconds, got {self.duration}")
+        check_length(self.duration, self.seed)
         if self.family not in FAMILIES:
             raise UnknownNameError("family", self.family, FAMILIES)
         if self.bounds not in {"everywhere", "points"}:

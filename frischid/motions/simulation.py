@@ -17,6 +17,7 @@ from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
+from frischid.motions.motion_request import check_rate
 from frischid.motions.trajectory import Trajectory
 from frischid.regression.block import Samples
 from frischid.regression.regressor import Regressor, nominal_parameters
@@ -136,8 +137,7 @@ def simulate(
     >>> bool(np.allclose(log.tau, robot.inverse_dynamics(log.q, log.v, log.a)))
     True
     """
-    if not (np.isfinite(rate) and rate > 0):
-        raise InputError(f"the rate must be a positive number of samples per second, got {rate}")
+    check_rate(rate, trajectory.duration, seed)
     noise = noise or Noise()
     rng = np.random.default_rng(seed)
     t = np.arange(round(trajectory.duration * rate) + 1) / rate

@@ -27,6 +27,7 @@ from scipy.interpolate import BSpline as ScipySpline
 
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
+from frischid.motions.motion_request import check_length
 from frischid.robot.robot import Robot
 
 
@@ -298,8 +299,7 @@ def random_fourier(robot: Robot, duration: float, *, seed: int, harmonics: int =
     >>> bool((np.abs(q) <= 0.7 * robot.limits.upper).all()), bool(np.allclose(v[[0, -1]], 0.0, atol=1e-9))
     (True, True)
     """
-    if not (np.isfinite(duration) and duration > 0):
-        raise InputError(f"the duration must be a positive number of seconds, got {duration}")
+    check_length(duration, seed)
     rng = np.random.default_rng(seed)
     limits, J = robot.limits, len(robot.joints)
     harmonics = max(harmonics, round(0.4 * duration), 3)

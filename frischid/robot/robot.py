@@ -27,11 +27,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from frischid.core.types import Array, Column
-from frischid.errors import UnknownNameError
+from frischid.errors import InputError, UnknownNameError
 from frischid.robot.inertia import parameter_transform
 from frischid.robot.joint_limits import JointLimits, read_limits
 from frischid.robot.mimics import MimicRule, mimic_rules
 from frischid.robot.pinocchio_model import build_model, configurations, frame_placement, gravity_in_base, with_inertias
+from frischid.robot.urdf_numbers import LARGEST_QUANTITY
 from frischid.robot.urdf_reading import joint_dynamics, parse_urdf, read_urdf
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -82,6 +83,9 @@ class Robot:
         for name in self.known:
             if name not in self.all_names:
                 raise UnknownNameError("parameter", name, self.all_names, self.source)
+        for what, values in (("gravity", self.gravity), ("lock", self.locked.values()), ("known", self.known.values())):
+            if not all(abs(x) <= LARGEST_QUANTITY for x in values):
+                raise InputError(f"{self.source}: {what} holds a number above {LARGEST_QUANTITY:g}, or none")
         _ = (
             self.model,
             self.transforms,

@@ -3,8 +3,8 @@
     number = [+-] digits [. digits] [e [+-] digits]
 
 If Pinocchio's parser cannot read one number of an inertial, it drops the whole inertial and only prints a message: the
-link then weighs nothing. So every number of the dynamics is read here first. A number that cannot be read or is not
-finite is an error that names its line. A mass must not be negative.
+link then weighs nothing. So every number of the dynamics is read here first. A number that cannot be read, is not
+finite or is above `LARGEST_QUANTITY` is an error that names its line. A mass must not be negative.
 
 Format: URDF, https://wiki.ros.org/urdf/XML.
 """
@@ -20,6 +20,10 @@ from frischid.errors import InputError
 
 NUMBER_PATTERN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 """A number that Pinocchio's parser can read: plain digits, without a space or a comma."""
+
+LARGEST_QUANTITY = 1e9
+"""Largest mass, length, inertia or angle of a robot, in SI units. Above it, sums of squares and products leave double
+precision, and compiled solvers got infinities that they do not expect."""
 
 Quantities = Mapping[str, int]
 """Attribute -> count of numbers in the attribute."""
@@ -53,8 +57,8 @@ def check_numbers(text: str, source: str) -> None:
     Raises
     ------
     InputError
-        A number of an inertial or of a joint is unreadable, not finite or missing, or a mass is negative. The message
-        names the file, the line, the element and the value.
+        A number of an inertial or of a joint is unreadable, not finite, too large or missing, or a mass is negative.
+        The message names the file, the line, the element and the value.
 
     Examples
     --------
@@ -100,6 +104,10 @@ def _check_element(
         if len(parts) != count or not all(map(_is_number, parts)):
             expected = "a finite number" if count == 1 else f"{count} finite numbers with spaces between them"
             raise InputError(f"{said} is not {expected}; write digits with a point, for example 10.5, and no more")
+        if not element.startswith("<limit>") and any(abs(float(part)) > LARGEST_QUANTITY for part in parts):
+            raise InputError(
+                f"{said} is above {LARGEST_QUANTITY:g}, which no robot has; correct the number or its unit"
+            )
         if element.startswith("<mass>") and float(written) < 0:
             raise InputError(f"{said} is negative; a mass is zero or more: correct the number")
 

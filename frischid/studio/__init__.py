@@ -14,7 +14,6 @@ from __future__ import annotations
 import contextlib
 import io
 import threading
-import time
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -79,6 +78,7 @@ class Studio:
         self._waiting: dict[int, Frame] = {}
         self.tabs: dict[int, Tab] = {}
         self._open: Callable[[Frame], None] | None = None
+        self._stopped = threading.Event()
         self.server.on_client_connect(self._arrived)
         self.server.on_client_disconnect(self._left)
 
@@ -127,7 +127,10 @@ class Studio:
         threading.Thread(target=self._play, daemon=True, name="frischid play").start()
 
     def stop(self) -> None:
-        """Close the page's server."""
+        """Close the page's server, and end the threads that work for the page."""
+        self._stopped.set()
+        if hasattr(self, "bench"):
+            self.bench.close()
         with contextlib.redirect_stdout(io.StringIO()):  # viser prints a farewell
             self.server.stop()
 
@@ -155,8 +158,7 @@ class Studio:
                 self.tabs.pop(number, None)
 
     def _play(self) -> None:
-        while True:
-            time.sleep(FRAME)
+        while not self._stopped.wait(FRAME):
             self._everywhere(lambda tab: tab.step(FRAME))
 
 

@@ -3,10 +3,15 @@
 The bench does not depend on the page. The page shows one frozen `State`. A job computes the next state and replaces the
 present one only when the whole job has succeeded, so a failure changes nothing. Jobs run one at a time: while one runs,
 a second one from any tab is refused. A job that was started for an older state is refused too.
+
+A diagnosis runs in a thread of its own. That thread must end before the interpreter does: a thread that is in compiled
+code when Python ends is unwound by force, and Rust and C++ then abort the process. `Bench.close` ends it, and Python
+calls `Bench.close` at its own end.
 """
 
 from __future__ import annotations
 
+import atexit
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -98,9 +103,22 @@ class Bench:
         self._change = threading.Lock()  # guards the state; held only while the state is replaced
         self._doing = ""
         self._looked = -1
+        self._closed = False
+        self._looking: list[threading.Timer] = []
         self._listeners: list[Callable[[], None]] = []
         self._progress: Callable[[str, float], None] = lambda _text, _share: None
         self.state = self._state(model, 0)
+
+    def close(self) -> None:
+        """End the diagnoses in the background, and begin no other."""
+        self._closed = True
+        for timer in self._looking:
+            timer.cancel()
+        for timer in self._looking:
+            if timer is not threading.current_thread():
+                timer.join()
+        self._looking.clear()
+        atexit.unregister(self.close)
 
     # ------------------------------------------------------------------ listeners
 
@@ -194,12 +212,12 @@ class Bench:
     def look(self) -> None:
         """Diagnose in the background, once per state; the result is a new state."""
         state = self.state
-        if state.diagnosis is not None or self._looked == state.revision:
+        if state.diagnosis is not None or self._looked == state.revision or self._closed:
             return
         self._looked = state.revision
 
         def work() -> None:
-            if self.state.revision != state.revision:  # the model changed again; the new state is diagnosed
+            if self._closed or self.state.revision != state.revision:  # a new state is diagnosed by itself
                 return
             try:
                 self.diagnose()
@@ -208,7 +226,10 @@ class Bench:
 
         # First the page draws the new state: the diagnosis would take processor time from the drawing.
         timer = threading.Timer(DIAGNOSIS_DELAY, work)
-        timer.daemon = True
+        timer.daemon = True  # Python waits for other threads before it calls `close`
+        if not self._looking:
+            atexit.register(self.close)
+        self._looking = [*(t for t in self._looking if t.is_alive()), timer]
         timer.start()
 
     def diagnose(self) -> None:
@@ -219,7 +240,7 @@ class Bench:
         tried: set[str] = set()
 
         def progress(text: str) -> None:
-            if self.state.revision != state.revision:
+            if self._closed or self.state.revision != state.revision:
                 raise SupersededError
             name = text.removeprefix("trying ")
             tried.add(name)

@@ -15,11 +15,14 @@ from frischid.checks import defects, inspect
 from frischid.checks.channels import quantum
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.log_issue import Notebook
+from frischid.checks.sketch import Sketch, shared_fit
 from frischid.cli.pages.checking import check as check_page
 from frischid.effects import BASELINE
 from frischid.errors import InputError
+from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.mapping import LogMap
+from frischid.logs.preprocessing import prepare
 from frischid.logs.readers import read_log
 from frischid.model.identification import identify
 from frischid.model.log_examination import check
@@ -312,6 +315,26 @@ def test_every_defect_of_a_file_is_told_at_once(tmp_path):
     assert "162" in found["time"]
     path.write_text("\n".join([head, *map(",".join, rows[:40])]) + "\n")
     assert defects(path, LogMap()) is None
+
+
+def test_a_time_column_beyond_the_last_is_no_time(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t,q_joint1\n0,0\n1,nan\n2,0\n3,0\n")
+    found = defects(path, LogMap.from_dict({"file": {"time": 99}}))
+    assert [issue.kind for issue in found.issues] == ["garbage rows"]
+    with pytest.raises(InputError, match="a column number from 0"):
+        LogMap.from_dict({"file": {"time": 10**400}})
+
+
+def test_columns_that_say_nothing_are_given_up():
+    """SciPy's nnls frees memory twice if its matrix has no column: that would end the process."""
+    log = clean("planar2")
+    motions = prepare(log.select(machine("planar2").joints), LowPass(5.0)).motions
+    sketch = Sketch.of(machine("planar2"), motions, LowPass(5.0), log.joints)
+    overflowing = np.full((len(sketch), 1), 1e300)
+    with np.errstate(over="ignore"):
+        found = shared_fit(sketch, dict.fromkeys(map(int, sketch.rows), overflowing), sketch.tau)
+    assert not found.any()
 
 
 def test_quantum():

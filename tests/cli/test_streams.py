@@ -6,6 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
+
+from frischid.cli import main
 
 
 def shell(line, folder):
@@ -35,3 +38,18 @@ def test_a_full_disk_is_said(tmp_path, options):
     done = shell(f"frischid effects {options} > /dev/full", tmp_path)
     assert done.returncode == 2
     assert done.stderr.splitlines() == ["error: the output: No space left on device"]
+
+
+@pytest.mark.parametrize("name", ["\x1b]0;owned\x07", "\x9b2J", "\u202eevil", "a\rb\x08"])
+def test_a_name_does_not_steer_the_terminal(tmp_path, name):
+    robot = tmp_path / "arm.urdf"
+    text = (Path(__file__).parents[2] / "urdf" / "planar2.urdf").read_text(encoding="utf-8")
+    joint = "".join(f"&#{ord(c)};" for c in name if c not in "\x1b\x07\x08")  # XML has none of these
+    robot.write_text(text.replace('"joint2"', f'"{joint}"'), encoding="utf-8")
+    rows = "".join(f"{k},0,{k}\n" for k in range(20))
+    (tmp_path / "log.csv").write_text(f"t,q_joint1,{name}\n{rows}", encoding="utf-8", newline="")
+    for line in (["info", str(robot)], ["check", str(robot), str(tmp_path / "log.csv")], ["info", name]):
+        done = CliRunner().invoke(main, line)
+        shown = done.stdout + done.stderr
+        assert shown
+        assert not {"\x1b", "\x07", "\x08", "\x9b", "\u202e", "\r"} & set(shown)

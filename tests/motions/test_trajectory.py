@@ -82,5 +82,5 @@ def test_bad_requests():
         BSpline(np.zeros((4, 1)), 1.0)
     with pytest.raises(InputError, match="increasing"):
         Quintic(np.zeros(2), *np.zeros((3, 2, 1)))
-    with pytest.raises(InputError, match="positive"):
+    with pytest.raises(InputError, match=r"must be 0.01 to 3600 s"):
         random_fourier(Robot.load("planar2"), -1.0, seed=0)

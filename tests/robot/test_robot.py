@@ -83,6 +83,8 @@ WRONG_NUMBERS = {
     "a space": ('<mass value="3.0"/>', '<mass value=" 3.0"/>', ["<mass>", 'value=" 3.0"']),
     "nothing": ('<mass value="3.0"/>', "<mass/>", ["<mass> of link 'upper' has no value"]),
     "a negative mass": ('<mass value="3.0"/>', '<mass value="-3.0"/>', ["<mass>", 'value="-3.0"', "negative"]),
+    "too large": ('<mass value="3.0"/>', '<mass value="1e300"/>', ["<mass>", "is above 1e+09"]),
+    "too large an inertia": ('iyy="0.06"', 'iyy="-1e10"', ["<inertia>", "is above 1e+09"]),
     "a letter behind": ('iyy="0.06"', 'iyy="0.23x"', ["<inertia> of link 'upper'", 'iyy="0.23x"']),
     "no iyy": ('iyy="0.06"', "", ["<inertia> of link 'upper' has no iyy"]),
     "two numbers": ('xyz="0.1 0.02 -0.03"', 'xyz="0.1 0.02"', ["<origin> of link 'upper'", 'xyz="0.1 0.02"', "3 "]),
@@ -260,6 +262,9 @@ def test_gravity_must_be_three_numbers():
     assert Robot.load("planar2", gravity=(0, 0, -1.62)).model.gravity.linear.tolist() == [0, 0, -1.62]
     for wrong in ((0, 0), (0, 0, math.nan), (0, 0, -9.81, 1)):
         refused(["gravity", "three finite numbers"], "planar2", gravity=wrong)
+    refused(["gravity", "above 1e+09"], "planar2", gravity=(1e300, 0, 0))
+    refused(["lock", "above 1e+09"], "planar2", lock={"joint2": 1e300})
+    refused(["known", "above 1e+09"], "planar2", known={"m1": math.inf})
     for wrong in ((0, 0), (0, 0, math.nan)):
         refused(["base_rpy", "three finite numbers"], "planar2", base_rpy=wrong)
 

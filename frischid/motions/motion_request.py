@@ -1,0 +1,46 @@
+"""Lengths, rates and seeds that a motion can have; others are refused before anything is computed."""
+
+from __future__ import annotations
+
+from frischid.errors import InputError
+
+SHORTEST_MOTION, LONGEST_MOTION = 0.01, 3600.0
+"""s. A shorter motion has no finite accelerations, a longer one too many coefficients."""
+MOST_SAMPLES = 10_000_000
+"""Samples of a motion in memory, 80 MB per column."""
+LARGEST_SEED = 2**31
+"""Generators of the Sobol sequence take seeds below 2**32, and several starts count on from the given one."""
+
+
+def check_length(duration: float, seed: int) -> None:
+    """Refuse a length [s] or a seed of a motion that is made up.
+
+    Raises
+    ------
+    InputError
+    """
+    if not SHORTEST_MOTION <= duration <= LONGEST_MOTION:
+        raise InputError(f"the duration must be {SHORTEST_MOTION:g} to {LONGEST_MOTION:g} s, got {duration:g}")
+    if not 0 <= seed <= LARGEST_SEED:
+        raise InputError(f"the seed must be a whole number from 0 to {LARGEST_SEED}, got {seed}")
+
+
+def check_rate(rate: float, duration: float, seed: int = 0) -> None:
+    """Refuse a sampling rate [Hz] that is none or gives more than `MOST_SAMPLES`, and a seed that is none.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> from frischid.motions.motion_request import check_rate
+    >>> check_rate(-1.0, 20.0)
+    Traceback (most recent call last):
+    frischid.errors.InputError: the rate must be a positive number up to 5e+05 Hz for 20 s, got -1
+    """
+    if seed < 0:
+        raise InputError(f"the seed must be a whole number from 0, got {seed}")
+    if not (rate > 0 and rate * duration <= MOST_SAMPLES):
+        most = MOST_SAMPLES / duration
+        raise InputError(f"the rate must be a positive number up to {most:.3g} Hz for {duration:g} s, got {rate:g}")
