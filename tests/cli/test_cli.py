@@ -302,7 +302,7 @@ def test_values_that_are_none(logs):
     refused(["comes twice"], *identify, "--effects", "viscous,viscous@joint1")
     simulate = ("simulate", "planar2", "-o", logs / "x.csv")
     refused(["rate must be a positive number"], *simulate, "--rate", 0)
-    refused(["duration must be a positive number"], *simulate, "--duration", -1)
+    refused(["duration must be 0.01 to 3600 s"], *simulate, "--duration", -1)
     refused(["noise q must be"], *simulate, "--noise-q", -1)
     refused(["off1", "'much' is not a number"], *simulate, "--set", "off1=much")
     refused(["three finite numbers"], "info", "planar2", "--gravity", "nan", 0, 0)
