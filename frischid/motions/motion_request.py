@@ -6,7 +6,7 @@ from frischid.errors import InputError
 
 SHORTEST_MOTION, LONGEST_MOTION = 0.01, 3600.0
 """s. A shorter motion has no finite accelerations, a longer one too many coefficients."""
-MOST_SAMPLES = 10_000_000
+LONGEST_SAMPLING = 10_000_000
 """Samples of a motion in memory, 80 MB per column."""
 LARGEST_SEED = 2**31
 """Generators of the Sobol sequence take seeds below 2**32, and several starts count on from the given one."""
@@ -26,7 +26,7 @@ def check_length(duration: float, seed: int) -> None:
 
 
 def check_rate(rate: float, duration: float, seed: int = 0) -> None:
-    """Refuse a sampling rate [Hz] that is none or gives more than `MOST_SAMPLES`, and a seed that is none.
+    """Refuse a sampling rate [Hz] that is none or gives more than `LONGEST_SAMPLING`, and a seed that is none.
 
     Raises
     ------
@@ -41,6 +41,6 @@ def check_rate(rate: float, duration: float, seed: int = 0) -> None:
     """
     if seed < 0:
         raise InputError(f"the seed must be a whole number from 0, got {seed}")
-    if not (rate > 0 and rate * duration <= MOST_SAMPLES):
-        most = MOST_SAMPLES / duration
+    if not (rate > 0 and rate * duration <= LONGEST_SAMPLING):
+        most = LONGEST_SAMPLING / duration
         raise InputError(f"the rate must be a positive number up to {most:.3g} Hz for {duration:g} s, got {rate:g}")
