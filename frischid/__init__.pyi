@@ -17,6 +17,7 @@ from .export.drive_gains import Gains as Gains
 from .export.drive_gains import find_gains as find_gains
 from .export.urdf import Export as Export
 from .export.urdf import export as export
+from .logs.frames import log_of_frame as log_of_frame
 from .logs.log import Log as Log
 from .logs.mapping import LogMap as LogMap
 from .logs.readers import read_chunks as read_chunks
@@ -32,6 +33,9 @@ from .model.identification import identify as identify
 from .model.log_examination import check as check
 from .model.model import Model as Model
 from .model.own_logs import own_logs as own_logs
+from .motions.plan import Plan as Plan
+from .motions.plan import plan as plan
+from .motions.plan_options import PlanOptions as PlanOptions
 from .motions.simulation import Noise as Noise
 from .motions.simulation import simulate as simulate
 from .motions.trajectory import Quintic as Quintic

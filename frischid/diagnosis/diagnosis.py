@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from frischid.core.parallel import Workers
+from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.diagnosis.contacts import Contact, find_contacts, made_by_something_steady, stretches
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
@@ -44,7 +45,7 @@ from frischid.model.noise_floor import NoiseFloor
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis:
+class Diagnosis(Shown):
     """Result of `diagnose`: the effects that a model misses on some logs.
 
     Attributes

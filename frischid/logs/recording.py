@@ -221,7 +221,8 @@ def check_logs(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]
         alone: list[Any] = [given] if isinstance(given, Log | Recording | str | Path) else []
         for wrong in alone or (x for x in given if not isinstance(x, Log | Recording)):
             raise InputError(
-                f"{name} must be a list of logs, got {type(wrong).__name__}: {name}=[frischid.read_log(path)]"
+                f"{name} must be a list of logs, got {type(wrong).__name__}: {name}=[frischid.read_log(path)], or "
+                "[frischid.log_of_frame(frame)] of a data frame"
             )
     for held in valid:
         for log in logs:

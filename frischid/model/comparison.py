@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from frischid.core.named_sequence import NamedSequence
+from frischid.core.shown import Shown
 from frischid.core.text import each_of
 from frischid.core.types import Array
 from frischid.effects import columns_of
@@ -57,7 +58,7 @@ class JointFit:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Shown):
     """Errors of a model on some logs.
 
     Attributes

@@ -41,6 +41,9 @@ _WHERE = {
 }
 
 
+AS_THE_SENSORS = 1.15
+"""Error over the noise floor up to which the sensors may cause all of it: the floor is not known better."""
+
 _GRADES = {
     "A": "as good as the sensors allow, or nearly",
     "B": "near the limit of the sensors",
@@ -122,6 +125,8 @@ class Headline:
         """A to E: the fifth from the sensors' noise to the better of URDF and constant torque; F: beyond; or ``–``."""
         if any(alarm.severity == "severe" for alarm in self.alarms):
             return "–"
+        if self.nrmse <= AS_THE_SENSORS * self.noise_floor:  # also where the URDF is as good
+            return "A"
         reference = min(self.urdf_nrmse, self.constant_nrmse)
         if self.nrmse >= reference:
             return "F"

@@ -15,6 +15,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.effects import Effect
 from frischid.errors import InputError
@@ -42,7 +43,7 @@ from frischid.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(Shown):
     """Result of `identify`.
 
     Attributes

@@ -19,6 +19,7 @@ import numpy as np
 
 from frischid.core.files import write_text
 from frischid.core.named_sequence import NamedSequence
+from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.effects import Effect, columns_of
 from frischid.errors import InputError
@@ -42,7 +43,7 @@ from frischid.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class Model(Shown):
     """A robot's dynamics with identified parameters.
 
     Attributes

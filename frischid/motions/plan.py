@@ -25,6 +25,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from frischid.core.parallel import Workers
+from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
 from frischid.logs.log import Log
@@ -41,7 +42,7 @@ from frischid.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(Shown):
     """A motion that excites a robot's parameters.
 
     Attributes

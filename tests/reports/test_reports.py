@@ -370,6 +370,7 @@ def test_a_model_with_a_severe_alarm_has_no_grade():
     fair = Headline(0.02, "test", 0.019, 0.5, 1.0, ("a",), {"one": 0.02})
     grades = [replace(fair, nrmse=x).grade for x in (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6)]
     assert grades == ["A", "A", "B", "C", "D", "E", "F"]
+    assert replace(fair, urdf_nrmse=0.0195).grade == "A", "a URDF as good as the sensors leaves nothing to gain"
     assert replace(fair, alarms=(alarm,)).grade == "–"
 
 

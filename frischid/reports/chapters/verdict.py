@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -48,23 +49,36 @@ def _picture(study: Study) -> str:
 def _ladder(study: Study) -> list[dict[str, Any]]:
     """Errors from a constant torque down to the sensors' noise, with this model among them."""
     error = study.headline
-    rungs = [
-        ("constant torque", error.constant_nrmse, "other"),
-        ("URDF with fitted friction", error.urdf_nrmse, "other"),
-        *((f"before {step}", x, "other") for step, x in _before(study, error)),
-        ("this model", error.nrmse, "model"),
-        ("sensors' noise alone", error.noise_floor, "floor"),
-    ]
+    more = [(f"before {step}", x, "other") for step, x in _before(study, error)]
     passing = _passing(study)
     if passing:
         best = passing[0]
         after = error.nrmse * best.error_after / best.error_before
-        rungs.append((f"expected after adding {best.effect}", after, "later"))
-    rungs.sort(key=lambda rung: -rung[1])
-    low, high = 0.5 * error.noise_floor, max(x for _, x, _ in rungs)
+        more.append((f"expected after adding {best.effect}", after, "later"))
+    return rungs(error, more)
+
+
+def rungs(error: Headline, more: Sequence[tuple[str, float, str]] = ()) -> list[dict[str, Any]]:
+    """Errors from the largest to the smallest, each with the width of its bar.
+
+    Parameters
+    ----------
+    error : Headline
+    more : sequence of (str, float, str)
+        Further errors: name, NRMSE, and ``"other"`` or ``"later"``.
+    """
+    found = [
+        ("constant torque", error.constant_nrmse, "other"),
+        ("URDF with fitted friction", error.urdf_nrmse, "other"),
+        ("this model", error.nrmse, "model"),
+        ("sensors' noise alone", error.noise_floor, "floor"),
+        *more,
+    ]
+    found.sort(key=lambda rung: -rung[1])
+    low, high = 0.5 * error.noise_floor, found[0][1]
     return [
         {"name": name, "error": x, "kind": kind, "width": between(x, low, high), "here": kind == "model"}
-        for name, x, kind in rungs
+        for name, x, kind in found
     ]
 
 

@@ -1,0 +1,190 @@
+"""Results in a notebook: the first screen of the report as HTML, one figure, one table.
+
+`frischid.core.shown.Shown` hands every result here. Tables are columns of plain values first, from which both the HTML
+and the data frame are made.
+"""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from importlib.util import find_spec
+from typing import Any, Literal, get_args
+
+import narwhals as nw
+import numpy as np
+import plotly.graph_objects as go
+from markupsafe import Markup
+
+from frischid import figures
+from frischid.diagnosis.diagnosis import Diagnosis
+from frischid.errors import InputError
+from frischid.figures.robot_picture import robot_picture
+from frischid.figures.style import BLUE, GREEN, number
+from frischid.model.comparison import Comparison
+from frischid.model.headline import Headline, headline_of
+from frischid.model.identification import Identification
+from frischid.model.model import Model
+from frischid.motions.plan import Plan
+from frischid.reports.chapters.verdict import rungs
+from frischid.reports.templates import render
+
+Backend = Literal["pandas", "polars", "pyarrow"]
+BACKENDS: tuple[Backend, ...] = get_args(Backend)
+ROWS_SHOWN = 12
+FINDINGS_DRAWN = 10
+
+
+def page_of(result: Any) -> Markup:
+    """HTML of a result: its headline and picture where there is an error, and its table."""
+    error, model = _error_of(result), _model_of(result)
+    columns = columns_of(result)
+    rows = list(zip(*columns.values(), strict=True))
+    values = {
+        "title": repr(result),
+        "error": error,
+        "ladder": [] if error is None else rungs(error),
+        "picture": Markup(_picture(model, error)) if model is not None and error is not None else "",
+        "headings": list(columns),
+        "rows": [[_text(x) for x in row] for row in rows[:ROWS_SHOWN]],
+        "hidden": max(0, len(rows) - ROWS_SHOWN),
+    }
+    return render("notebook.html", values)
+
+
+@singledispatch
+def columns_of(result: Any) -> dict[str, list[Any]]:
+    """The table of a result, as columns of plain values."""
+    raise InputError(f"a {type(result).__name__} has no table")
+
+
+@columns_of.register
+def _of_model(result: Model) -> dict[str, list[Any]]:
+    e = result.estimate
+    found: dict[str, list[Any]] = {
+        "parameter": [c.name for c in e.columns],
+        "stands for": list(result.expressions),
+        "unit": [c.unit for c in e.columns],
+        "joint": [c.joint for c in e.columns],
+        "effect": [c.effect for c in e.columns],
+        "value": e.theta.tolist(),
+        "standard error": e.stderr.tolist(),
+    }
+    if e.from_data is not None:
+        found["share from logs"] = e.from_data.tolist()
+    for name, box in result.bounds.items():
+        found |= {f"{name} lower": box.lower.tolist(), f"{name} upper": box.upper.tolist()}
+    return found
+
+
+@columns_of.register
+def _of_identification(result: Identification) -> dict[str, list[Any]]:
+    return columns_of(result.model)
+
+
+@columns_of.register
+def _of_comparison(result: Comparison) -> dict[str, list[Any]]:
+    joints = list(result.joints)
+    fields = ("name", "nrmse", "rmse", "noise_floor", "nominal", "constant", "bias")
+    headings = ("joint", "NRMSE", "rms error", "sensors alone", "URDF with fitted friction", "constant torque", "bias")
+    return {h: [getattr(j, field) for j in joints] for h, field in zip(headings, fields, strict=True)}
+
+
+@columns_of.register
+def _of_diagnosis(result: Diagnosis) -> dict[str, list[Any]]:
+    found = result.findings
+    return {
+        "effect": [f.effect for f in found],
+        "joints": [", ".join(f.joints) or "the robot" for f in found],
+        "called missing": [bool(f.significant) for f in found],
+        "error before": [f.error_before for f in found],
+        "error after": [f.error_after for f in found],
+        "share of the error": [f.share for f in found],
+        "sentence": [f.sentence for f in found],
+    }
+
+
+@columns_of.register
+def _of_plan(result: Plan) -> dict[str, list[Any]]:
+    log = result.to_log(50.0)
+    found: dict[str, list[Any]] = {"t": log.t.tolist()}
+    for kind in ("q", "v", "a"):
+        values = getattr(log, kind)
+        found |= {f"{kind}_{joint}": values[:, j].tolist() for j, joint in enumerate(log.joints)}
+    return found
+
+
+@singledispatch
+def figure_of(result: Any) -> go.Figure:
+    """The figure that says most of a result."""
+    raise InputError(f"a {type(result).__name__} has no figure")
+
+
+@figure_of.register
+def _parameters(result: Model) -> go.Figure:
+    return figures.intervals(result).figure
+
+
+@figure_of.register
+def _identified(result: Identification) -> go.Figure:
+    return figures.intervals(result.model).figure
+
+
+@figure_of.register
+def _compared(result: Comparison) -> go.Figure:
+    return figures.matrix(result).figure
+
+
+@figure_of.register
+def _planned(result: Plan) -> go.Figure:
+    return figures.excitation(result)
+
+
+@figure_of.register
+def _diagnosed(result: Diagnosis) -> go.Figure:
+    shown = result.findings[:FINDINGS_DRAWN][::-1]
+    names = [f"{f.effect} {', '.join(f.joints)}".strip() for f in shown]
+    figure = go.Figure()
+    figure.add_bar(x=[f.error_after for f in shown], y=names, orientation="h", marker={"color": BLUE}, name="with it")
+    for x, said, colour in ((result.error, "as it is", "#808080"), (result.noise_floor, "sensors alone", GREEN)):
+        figure.add_vline(x=x, line={"dash": "dash", "color": colour}, annotation_text=said)
+    figure.update_xaxes(title="cross-validated NRMSE with the effect", rangemode="tozero")
+    figure.update_yaxes(automargin=True)
+    return figure
+
+
+def frame_of(result: Any, backend: str) -> Any:
+    """The table of a result as a data frame."""
+    here = [name for name in BACKENDS if find_spec(name)]  # pyarrow is always there
+    if backend not in {"auto", *BACKENDS}:
+        raise InputError(f"no data frames of {backend!r}; there are {', '.join(BACKENDS)}, and auto")
+    for name in here:
+        if backend in {name, "auto"}:
+            return nw.from_dict(columns_of(result), backend=name).to_native()
+    raise InputError(f"{backend} is not installed: pip install {backend}, or to_frame('pyarrow')")
+
+
+def _model_of(result: Any) -> Model | None:
+    if isinstance(result, Model):
+        return result
+    return result.model if isinstance(result, Identification) else None
+
+
+def _error_of(result: Any) -> Headline | None:
+    if isinstance(result, Identification | Diagnosis):
+        return result.headline
+    return headline_of(result.history[-1]) if isinstance(result, Model) and result.history else None
+
+
+def _picture(model: Model, error: Headline) -> str:
+    """The robot at the middle of its limits, or at zero."""
+    limits = model.robot.limits
+    middle = 0.5 * (np.asarray(limits.lower) + np.asarray(limits.upper))
+    pose = np.where(np.isfinite(middle), middle, 0.0)
+    floor, constant = error.noise_floor, error.constant_nrmse
+    return robot_picture(model.robot, pose, {name: (x, floor, constant) for name, x in error.joints.items()})
+
+
+def _text(x: Any) -> str:
+    if isinstance(x, bool):
+        return "yes" if x else "–"
+    return number(x) if isinstance(x, float) else str(x)

@@ -1,0 +1,36 @@
+"""Data frames as logs."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from frischid.errors import InputError
+from frischid.logs.frames import log_of_frame
+from frischid.logs.readers import read_log, write_log
+
+
+def columns(**more):
+    t = np.arange(50) / 100.0
+    return {"t": t, "q_elbow": np.sin(t), "tau_elbow": np.cos(t), **more}
+
+
+def test_a_frame_is_the_log_of_the_same_file(tmp_path):
+    log = log_of_frame(pa.table(columns()))
+    write_log(log, tmp_path / "log.parquet")
+    again = read_log(tmp_path / "log.parquet")
+    np.testing.assert_array_equal(log.q, again.q)
+    np.testing.assert_array_equal(log.tau, again.tau)
+    assert log.identity is not None, "a model can say that it was fitted to this frame"
+
+
+def test_a_frame_takes_a_mapping():
+    frame = pa.table({"stamp": 10.0 * np.arange(20), "pos": np.linspace(0, 90, 20)})
+    mapping = {"file": {"time": "stamp", "time_unit": "ms"}, "joint": {"elbow": {"q": "pos", "angle_unit": "deg"}}}
+    assert log_of_frame(frame, ("elbow",), mapping).q[-1, 0] == pytest.approx(np.pi / 2)
+
+
+def test_what_is_no_frame_or_no_number_is_refused():
+    with pytest.raises(InputError, match="expected a data frame of pandas, polars or pyarrow, got list"):
+        log_of_frame([1, 2])
+    with pytest.raises(InputError, match="column 'q_elbow' is not numeric: its values are of type"):
+        log_of_frame(pa.table(columns(q_elbow=["a"] * 50)))

@@ -1,0 +1,51 @@
+"""Results in a notebook: a page, a figure and a table of each."""
+
+import json
+from dataclasses import replace
+
+import plotly.graph_objects as go
+import pytest
+from test_reports import recorded
+
+import frischid as fr
+from frischid.model.alarms import Alarm
+
+
+@pytest.fixture(scope="module")
+def results():
+    robot, logs = fr.Robot.load("planar2"), [recorded(seed=s, name=f"log{s}") for s in (1, 2)]
+    found = fr.identify(robot, logs[:1], valid=logs[1:], recursion="none")
+    plan = fr.plan(robot, options=fr.PlanOptions(duration=4.0, budget=20, seed=0))
+    missing = fr.diagnose(found.model, logs[:1], effects=["joint_spring"])
+    return {"found": found, "model": found.model, "comparison": found.comparison, "missing": missing, "plan": plan}
+
+
+@pytest.mark.parametrize("name", ["found", "model", "comparison", "missing", "plan"])
+def test_every_result_has_a_page_a_figure_and_a_table(results, name):
+    result = results[name]
+    page, table = result._repr_html_(), result.to_frame("pyarrow")
+    assert repr(result).replace("'", "&#39;") in page
+    assert table.num_rows > 0
+    assert all(f"<th>{heading}</th>" in page for heading in table.column_names)
+    assert isinstance(result.plot(), go.Figure)
+    assert json.loads(result.plot().to_json())["data"]
+
+
+def test_the_page_holds_the_one_number_its_grade_and_the_robot(results):
+    for name in ("found", "model", "missing"):
+        page = results[name]._repr_html_()
+        error = results[name].headline if name == "missing" else results["found"].headline
+        assert f"{100 * error.nrmse:.1f} %" in page
+        assert error.grade_in_words in page
+    assert "<svg" in results["found"]._repr_html_()
+
+
+def test_text_of_a_file_stays_text(results):
+    hostile = Alarm("x", "severe", "<script>alert(1)</script>", "none")
+    found = replace(results["found"], headline=replace(results["found"].headline, alarms=(hostile,)))
+    assert "<script" not in found._repr_html_()
+
+
+def test_a_frame_of_no_library_is_refused(results):
+    with pytest.raises(fr.InputError, match="no data frames of 'excel'"):
+        results["model"].to_frame("excel")
