@@ -8,7 +8,9 @@ repaired.
 from __future__ import annotations
 
 import csv
+from array import array
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +20,7 @@ from frischid.errors import InputError
 from frischid.logs.layouts import layout_of
 from frischid.logs.log import GARBAGE
 from frischid.logs.mapping import TICKS_PER_SECOND, LogMap
-from frischid.logs.tables import CSV, csv_layout
+from frischid.logs.tables import CSV, Layout, csv_layout
 
 
 def defects(path: Path, form: LogMap) -> LogReport | None:
@@ -41,22 +43,15 @@ def defects(path: Path, form: LogMap) -> LogReport | None:
         else None
     )
     try:
-        with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-            rows = [
-                (number, row)
-                for number, row in enumerate(csv.reader(file, delimiter=layout.delimiter), start=1)
-                if number > layout.skip and row
-            ]
+        found = _scan(path, layout, time)
     except csv.Error:  # a cell longer than any number
         return None
-    if not rows:
+    if not found.last:
         return None
-    ragged = [number for number, row in rows if len(row) != width]
-    whole = [(number, _numbers(row)) for number, row in rows if len(row) == width]
-    garbage = [number for number, values in whole if not (np.abs(values) <= GARBAGE).all()]
-    if ragged and ragged[-1] == rows[-1][0]:
-        cells = len(rows[-1][1])
-        what = f"line {ragged.pop()}, the last, holds {cells} cells instead of {width}: the recording was cut"
+    ragged, garbage = found.ragged, found.garbage
+    if ragged and ragged[-1] == found.last[0]:
+        ragged.pop()
+        what = f"line {found.last[0]}, the last, holds {found.last[1]} cells instead of {width}: the recording was cut"
         notes.add("truncated line", what, (), "certain", "delete that line", blocks=True)
     if ragged:
         what = f"{len(ragged)} lines hold another number of cells than {width}: {_ranges(ragged)}"
@@ -66,12 +61,39 @@ def defects(path: Path, form: LogMap) -> LogReport | None:
         advice = "delete these lines: usually they are memory that was written before it was filled"
         notes.add("garbage rows", what, (), "certain", advice, blocks=True)
     if time is not None:
-        bad = {*ragged, *garbage}
-        good = [
-            (number, values[time] / TICKS_PER_SECOND[form.time_unit]) for number, values in whole if number not in bad
-        ]
-        _stamps([number for number, _ in good], np.array([t for _, t in good]), notes)
+        _stamps(found.lines, np.asarray(found.stamps) / TICKS_PER_SECOND[form.time_unit], notes)
     return notes.report(str(path)) if notes.issues else None
+
+
+@dataclass
+class _Scan:
+    """Numbers of the lines with a fault, and the good lines' stamps: eight bytes each, since a file may be long."""
+
+    ragged: array[int] = field(default_factory=lambda: array("q"))
+    garbage: array[int] = field(default_factory=lambda: array("q"))
+    lines: array[int] = field(default_factory=lambda: array("q"))
+    stamps: array[float] = field(default_factory=lambda: array("d"))
+    last: tuple[int, int] | None = None
+
+
+def _scan(path: Path, layout: Layout, time: int | None) -> _Scan:
+    """Look at every line once."""
+    found = _Scan()
+    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+        for number, row in enumerate(csv.reader(file, delimiter=layout.delimiter), start=1):
+            if number <= layout.skip or not row:
+                continue
+            found.last = number, len(row)
+            if len(row) != len(layout.names):
+                found.ragged.append(number)
+                continue
+            values = _numbers(row)
+            if not (np.abs(values) <= GARBAGE).all():
+                found.garbage.append(number)
+            elif time is not None:
+                found.lines.append(number)
+                found.stamps.append(values[time])
+    return found
 
 
 def _numbers(row: Sequence[str]) -> np.ndarray:

@@ -37,7 +37,7 @@ def check(robot: str, logs: tuple[str, ...], mapping: MapFiles, as_json: bool, *
     with working(as_json) as progress:
         progress("reading logs")
         try:
-            machine, data = load(robot, RobotArguments(**options), logs, mapping)
+            machine, data = load(robot, RobotArguments(**options), logs, mapping, whole=False)
         except InputError:
             # Reading stops at the first error. If the file has further faults, the page lists all of them first.
             form = LogMap.of(mapping)

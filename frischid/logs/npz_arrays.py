@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from frischid.errors import InputError
 from frischid.logs.log import CHANNELS
 from frischid.logs.mapping import LogMap
-from frischid.logs.table import Table
+from frischid.logs.table import Table, check_width
 
 MUJOCO = {"qpos": "q", "qvel": "v", "qacc": "a", "qfrc_actuator": "tau", "time": "t"}
 
@@ -30,6 +30,7 @@ def read_npz(path: Path, form: LogMap, order: Sequence[str] = ()) -> Table:
     if not zipfile.is_zipfile(path):
         raise InputError(f"{path}: is not an NPZ archive; write it with numpy.savez or frischid.write_log")
     with np.load(path, allow_pickle=False) as file:
+        check_width(path, len(file.files))
         arrays = dict(file.items())
     notes = _mujoco_names(arrays)
     joints = arrays.pop("joints").tolist() if arrays.get("joints", np.empty(0)).dtype.kind == "U" else list(form.joints)

@@ -46,3 +46,20 @@ class Table:
         if name in self.unusable:
             raise InputError(f"{self.source}: column '{name}' is not numeric: {self.unusable[name]}")
         return self.numeric[name]
+
+
+MOST_COLUMNS = 10_000
+"""Columns of a file. A robot of a hundred joints has some thousand; each costs time and memory before any is used."""
+
+
+def check_width(source: object, count: int) -> None:
+    """Refuse a file of more columns than a log can have.
+
+    Raises
+    ------
+    InputError
+    """
+    if count > MOST_COLUMNS:
+        raise InputError(
+            f"{source}: has {count} columns, a log has at most {MOST_COLUMNS}; is it the right file, or transposed?"
+        )

@@ -29,7 +29,7 @@ from frischid.errors import InputError, close_names
 from frischid.logs.log import Place, row_place
 from frischid.logs.mapping import LogMap
 from frischid.logs.npz_arrays import read_npz
-from frischid.logs.table import Table
+from frischid.logs.table import Table, check_width
 
 CSV = (".csv", ".tsv", ".txt")
 
@@ -68,6 +68,7 @@ def read_tables(path: Path, form: LogMap, rows: int, order: Sequence[str] = ()) 
             start = 0
             # Reading ahead would keep whole row groups in memory, which may be most of a long file.
             file = pa.parquet.ParquetFile(path, pre_buffer=False, buffer_size=1 << 16)
+            check_width(path, file.metadata.num_columns)
             for batch in file.iter_batches(batch_size=rows):
                 yield replace(_from_arrow(pa.table(batch), path, _after(start, row_place)), first=start)
                 start += batch.num_rows
@@ -141,6 +142,7 @@ def csv_layout(path: Path, form: LogMap) -> Layout:
         raise InputError(f"{path}: line {before + 1} cannot be read as CSV ({error})") from error
     if not cells:
         raise InputError(f"{path}: the file holds only empty lines")
+    check_width(path, len(cells))
     if form.header and all(_is_number(cell) for cell in cells):
         raise InputError(
             f"{path}: line {before + 1} should name the columns but holds {len(cells)} numbers; if the file "
@@ -237,6 +239,7 @@ def _ragged_line(path: Path, delimiter: str, width: int, skip: int) -> str | Non
 
 
 def _read_parquet(path: Path) -> Table:
+    check_width(path, pa.parquet.read_metadata(path).num_columns)
     return _from_arrow(pa.parquet.read_table(path), path)
 
 

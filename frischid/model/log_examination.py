@@ -5,19 +5,20 @@ The checks themselves are in `frischid.checks`; this module applies them to the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 
 from frischid.checks import LogReport, inspect
+from frischid.checks.long_log import examine_long, is_long
 from frischid.effects import BASELINE
 from frischid.errors import InputError
 from frischid.logs.cutoff_choice import choose_lowpass
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion, prepare
-from frischid.logs.recording import chunks_of, preview_of
+from frischid.logs.recording import brief, chunks_of, preview_of
 from frischid.logs.summary import Data, check_usable, held_by
 from frischid.model.identify_options import Cutoff
 from frischid.regression.base_parameters import Reduction
@@ -26,13 +27,14 @@ from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 
 
-def check(robot: Robot, logs: Sequence[Log]) -> list[LogReport]:
+def check(robot: Robot, logs: Sequence[Data]) -> list[LogReport]:
     """Check that logs can be used with a robot, and report suspicious findings.
 
     Parameters
     ----------
     robot : Robot
-    logs : sequence of Log
+    logs : sequence of Log or Recording
+        A long one is examined piece by piece: see `frischid.checks.long_log`.
 
     Returns
     -------
@@ -54,20 +56,49 @@ def check(robot: Robot, logs: Sequence[Log]) -> list[LogReport]:
     ()
     """
     robot, locked = held_by(robot, logs)
-    for log in logs:
-        chosen = log.select(robot.joints)
-        with_torque = [n for n in robot.joints if chosen.select([n]).has("tau")[0]]
-        check_usable(robot, log, with_torque or list(robot.joints), strict=False)
-    reports = []
-    for log, report in zip(logs, report_issues(robot, logs), strict=True):
-        prepared: tuple[str, ...] = ()
-        if not report.blocked:
+
+    @cache
+    def reduction() -> Reduction:
+        return structure(Regressor(robot, BASELINE), robot.joints)
+
+    return [_checked(robot, log, reduction, locked, alone=len(logs) == 1) for log in logs]
+
+
+def _checked(
+    robot: Robot, log: Data, reduction: Callable[[], Reduction], locked: Sequence[str], *, alone: bool
+) -> LogReport:
+    """The report on one log, with notes on what is done to it before a fit; an error if no part of it can be used."""
+    said: list[str] = []
+    faults: list[InputError | None] = []
+
+    def examine(part: Log) -> LogReport:
+        faults.append(_fault(robot, part))
+        if faults[-1] is not None and not is_long(log):
+            raise faults[-1]
+        report = inspect(robot, part.select(robot.joints), reduction, alone=alone)
+        said.extend(part.notes)
+        if not report.blocked and len(faults) == 1:  # of a long log, the notes on its beginning
             with suppress(InputError):  # `identify` refuses a log that is too short for the filters
-                lowpass = choose_lowpass([log], robot.joints)
-                prepared = prepare(log.select(robot.joints), lowpass, velocity="derived").notes
-        facts = {**report.facts, "joints": list(robot.joints), "notes": [*locked, *log.notes, *prepared]}
-        reports.append(replace(report, facts=facts))
-    return reports
+                lowpass = choose_lowpass([part], robot.joints)
+                said.extend(prepare(part.select(robot.joints), lowpass, velocity="derived").notes)
+        return report
+
+    report = examine_long(log, robot.joints, examine) if is_long(log) else examine(next(chunks_of(log)))
+    if all(faults) and faults[0] is not None:
+        raise faults[0]
+    notes = [*locked, *(brief(said, log.source) if is_long(log) else said)]
+    return replace(report, facts={**report.facts, "joints": list(robot.joints), "notes": notes})
+
+
+def _fault(robot: Robot, log: Log) -> InputError | None:
+    """Why a log cannot be used; None where it can."""
+    chosen = log.select(robot.joints)
+    with_torque = [n for n in robot.joints if chosen.select([n]).has("tau")[0]]
+    try:
+        check_usable(robot, log, with_torque or list(robot.joints), strict=False)
+    except InputError as error:
+        return error
+    return None
 
 
 def report_issues(

@@ -15,7 +15,7 @@ from frischid.checks import defects
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import CHANNELS, GARBAGE, Log, check_torque
 from frischid.logs.mapping import JointMap, LogMap
-from frischid.logs.readers import read_log, write_log
+from frischid.logs.readers import read_chunks, read_log, write_log
 
 N = 20
 T = np.arange(N) * 0.1
@@ -558,3 +558,17 @@ def test_a_hostile_mapping_is_said(tmp_path, text, said):
     with pytest.raises(InputError, match=said) as error:
         LogMap.load(path)
     assert len(str(error.value)) < 400
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz"])
+def test_more_columns_than_a_log_can_have_are_refused(tmp_path, suffix, monkeypatch):
+    path, count = tmp_path / f"log{suffix}", 100_000
+    if suffix == ".csv":
+        path.write_text(",".join(f"c{k}" for k in range(count)) + "\n" + ",".join(["0"] * count) + "\n")
+    else:  # a large file takes long to write
+        monkeypatch.setattr("frischid.logs.table.MOST_COLUMNS", 1)
+        write_log(Log(T, ("a",), A[:, None]), path)
+        count = 2
+    for read in (read_log, lambda p: list(read_chunks(p))):
+        with pytest.raises(InputError, match=f"has {count} columns, a log has at most"):
+            read(path)
