@@ -10,12 +10,12 @@ from frischid.figures.failure import against, matrix, plane
 from frischid.figures.history import staircase
 from frischid.figures.missing import shape
 from frischid.figures.motion import excitation
-from frischid.figures.parameters import closing, correlation, intervals
+from frischid.figures.parameters import closing, intervals
 from frischid.figures.quality import noise, reach
 from frischid.figures.style import Drawing, save, short
 from frischid.figures.torque import measured
 
 __all__ = [
-    "Drawing", "against", "closing", "correlation", "excitation", "intervals", "matrix", "measured", "noise", "plane",
+    "Drawing", "against", "closing", "excitation", "intervals", "matrix", "measured", "noise", "plane",
     "reach", "save", "shape", "short", "staircase",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Parameters: bounds of all methods, correlation of the estimates, and BBRF's bounds from window to window.
+"""Parameters: bounds of all methods, and BBRF's bounds from window to window.
 
 Parameters have different units, and their bounds differ in width by factors of a thousand. To share an axis, each bound
 is drawn as its distance from the estimate in standard errors, d = (θ − θ̂) / s.e. The scale is linear within one
@@ -111,33 +111,6 @@ def _widths(model: Model, unit: Array) -> str:
         if parts
         else "This model has standard errors only."
     )
-
-
-def correlation(model: Model) -> Drawing:
-    """Correlation of the parameters' estimation errors."""
-    e = model.estimate
-    scale = np.where(e.stderr > 0, e.stderr, 1.0)
-    rho = np.clip(e.covariance / np.outer(scale, scale), -1, 1)
-    names = [c.name for c in e.columns]
-    figure = go.Figure(
-        go.Heatmap(
-            z=plain(np.round(rho, 3)), x=names, y=names, zmin=-1, zmax=1, xgap=0.5, ygap=0.5,
-            colorscale=[[0, "#0072b2"], [0.5, "#f4f4f4"], [1, "#d55e00"]],
-            colorbar={"title": {"text": "ρ"}, "thickness": 10, "outlinewidth": 0},
-            hovertemplate="%{x}, %{y}: %{z:.2f}<extra></extra>",
-        )
-    )  # fmt: skip
-    small = {"size": 9}
-    figure.update_yaxes(autorange="reversed", tickfont=small, showgrid=False)
-    figure.update_xaxes(tickfont=small, tickangle=-90, showgrid=False)
-    off = np.abs(rho - np.diag(np.diag(rho)))
-    i, k = sorted(int(n) for n in np.unravel_index(int(off.argmax()), off.shape))
-    reading = (
-        f"Most correlated on these logs: {names[i]} and {names[k]} (ρ = {rho[i, k]:.2f}). "
-        f"Pairs beyond ± 0.9: {int((off > 0.9).sum() // 2)}."
-    )
-    height = max(320, 90 + 12 * len(names))
-    return drawing("Correlation of the estimates", reading, figure, height, margin={"l": 60, "r": 6, "t": 10, "b": 60})
 
 
 def closing(model: Model, most: int = 6) -> list[Drawing]:

@@ -7,7 +7,6 @@ A model is saved as one readable JSON file. The file holds the URDF's text, so a
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -32,11 +31,11 @@ from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording
 from frischid.model.fit_record import FitRecord, normal_reach
 from frischid.model.log_requirements import check_logs_fit
-from frischid.model.model_digest import check_digest, digest
+from frischid.model.model_digest import check_digest, text_of
 from frischid.model.model_file import SCHEMA, read_json, read_records, robot_of
 from frischid.model.model_parts import parts_of, plain_estimate, plain_numbers, robot_dict, without_robot
 from frischid.model.parameters import Parameter, parameters_by_name
-from frischid.model.stored_paths import located, portable
+from frischid.model.stored_paths import located
 from frischid.regression.block import Block
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
@@ -330,9 +329,7 @@ class Model(Shown):
 
     def save(self, path: str | Path) -> None:
         """Write one JSON file; it appears under its name only when complete. Paths of logs are relative to it."""
-        data = portable(self.to_dict(), Path(path).parent)
-        data["sha256"] = digest(data)
-        write_text(Path(path), json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        write_text(Path(path), text_of(self.to_dict(), Path(path).parent))
 
     @classmethod
     def load(cls, path: str | Path) -> Model:

@@ -9,9 +9,11 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from frischid.model.model_file import damaged
+from frischid.model.stored_paths import portable
 
 
 def digest(data: Mapping[str, Any]) -> str:
@@ -44,3 +46,18 @@ def _canonical(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_canonical(v) for v in value]
     return float(value) if isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**53 else value
+
+
+def text_of(data: Mapping[str, Any], folder: Path) -> str:
+    """Content of a model file in a folder, with its hash.
+
+    Parameters
+    ----------
+    data : mapping
+        `Model.to_dict`.
+    folder : Path
+        Paths of logs are relative to it.
+    """
+    found = portable(data, folder)
+    found["sha256"] = digest(found)
+    return json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

@@ -21,6 +21,7 @@ from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.logs.log import Log
 from frischid.model.model import Model
+from frischid.model.model_digest import text_of
 from frischid.reports.chapters import CHAPTERS
 from frischid.reports.study import Study, study
 from frischid.reports.templates import render
@@ -106,6 +107,8 @@ def page(found: Study, model_path: str = "model.json") -> str:
         "made": _made(found),
         "chapters": [{"anchor": c.anchor, "heading": c.heading, "html": c.html(found, model_path)} for c in CHAPTERS],
         "plotly": Markup(get_plotlyjs()),
+        "model": Markup(text_of(found.model.to_dict(), Path(model_path).parent).replace("<", "\\u003c")),
+        "model_name": Path(model_path).name,
     }
     return render("page.html", values)
 

@@ -83,7 +83,6 @@ def drawn(model, logs, prediction, comparison):
     yield figures.plane(prediction, "joint1")
     yield figures.staircase(model, comparison.noise_floor)
     yield figures.intervals(model, model.estimate.theta)
-    yield figures.correlation(model)
     yield from figures.closing(model)
     yield figures.reach(robot, data)
     yield from (figures.noise(robot, data, channel) for channel in ("tau", "q"))
@@ -210,16 +209,6 @@ def a_shape():
     """A spring's, over the position."""
     q = np.linspace(-1.0, 1.0, 200)
     return Shape("joint_spring", "joint1", "q", q, 2.0 * q, 2.0 * q, 1.0, "")
-
-
-def test_many_parameters_have_letters_large_enough_to_read(case):
-    model = case[0]
-    e = model.estimate
-    many = [replace(c, name=f"{c.name}{k}") for k in range(4) for c in e.columns]
-    wide = replace(e, columns=tuple(many), theta=np.tile(e.theta, 4), covariance=np.kron(np.eye(4), e.covariance))
-    drawing = figures.correlation(replace(model, estimate=wide))
-    assert drawing.figure.layout.yaxis.tickfont.size >= 9
-    assert drawing.height >= 12 * len(many)
 
 
 def test_labels_of_the_bounds_reach_as_far_as_the_bars(case):

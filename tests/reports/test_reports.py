@@ -25,6 +25,7 @@ from frischid.model.alarms import Alarm
 from frischid.model.comparison import compare
 from frischid.model.headline import Headline
 from frischid.model.identification import identify
+from frischid.model.model import Model
 from frischid.model.prediction import predict
 from frischid.model.residual_conditions import Condition
 from frischid.motions.simulation import Noise, simulate
@@ -332,12 +333,37 @@ def test_every_number_of_the_table_of_errors_is_the_comparisons(spring):
 
 def test_every_number_of_the_table_of_parameters_is_the_models(spring):
     shown, e = spring[1], spring[1].model.estimate
-    rows = re.findall(r"<tr>(.*?)</tr>", chapter("parameters", shown).split("<tbody>")[1].split("</tbody>")[0])
+    rows = re.findall(r"<tr>(.*?)</tr>", chapter("parameters", shown).split("<tbody>")[2].split("</tbody>")[0])
     cells = {row[0]: row for row in (re.findall(r"<td[^>]*>(.*?)</td>", row) for row in rows)}
     for i, column in enumerate(e.columns):
         assert cells[column.name][2] == number(e.theta[i])
         assert cells[column.name][3] == number(e.stderr[i], 2)
         assert ("impossible sign" in cells[column.name][-2]) == (column.name in shown.impossible)
+
+
+def test_the_open_table_holds_the_parameters_that_differ_most_from_the_urdf(spring):
+    shown, e = spring[1], spring[1].model.estimate
+    rows = re.findall(r"<tr>(.*?)</tr>", chapter("parameters", shown).split("<tbody>")[1].split("</tbody>")[0])
+    off = dict(zip((c.name for c in e.columns), np.abs(e.theta - shown.nominal) / e.stderr, strict=True))
+    names = [re.findall(r"<td[^>]*>(.*?)</td>", row)[0] for row in rows]
+    assert names == sorted(off, key=lambda name: -off[name])[: len(names)]
+
+
+@needs_browser
+def test_tables_and_the_model_can_be_taken_along(spring, tmp_path):
+    with opened(spring[0].as_uri()) as seen:
+        with seen.page.expect_download() as model:
+            seen.page.click("#download-model")
+        model.value.save_as(tmp_path / "again.json")
+        with seen.page.expect_download() as table:
+            seen.page.click("button.csv >> nth=0")
+        table.value.save_as(tmp_path / "table.csv")
+        assert not seen.complaints
+    again = Model.load(tmp_path / "again.json")
+    np.testing.assert_array_equal(again.estimate.theta, spring[1].model.estimate.theta)
+    rows = (tmp_path / "table.csv").read_text(encoding="utf-8-sig").splitlines()
+    assert rows[0].startswith('"joint","unit","rms error"')
+    assert len(rows) == 1 + len(again.joints)
 
 
 def test_the_verdicts_percentages_are_the_headlines(spring):

@@ -25,6 +25,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         rows.append([str(i), event["action"], effects, *errors, measured_on(event), test])
     caption = f"Steps of the model. {_shapes(study)}"
     return {
+        "several": len(study.model.history) > 1,
         "staircase": figures.staircase(study.model, floor),
         "steps": Table(HISTORY_HEADINGS, rows, words=3, caption=caption),
     }

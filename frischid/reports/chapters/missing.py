@@ -58,6 +58,7 @@ def _card(study: Study, finding: Finding) -> dict[str, Any]:
     """A finding; only its sentence where the catalogue has no such effect."""
     card: dict[str, Any] = {
         "sentence": opened(finding.sentence, finding.joints),
+        "change": f"error {finding.change}",
         "facts": [],
         "separate": "",
         "shape": None,

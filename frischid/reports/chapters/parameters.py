@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import numpy as np
+
 from frischid import figures
 from frischid.core.text import listed
 from frischid.export.consistency import Consistency
@@ -23,6 +25,10 @@ RECURSION_TITLES = {
     "strict": "the paper's Algorithm 1", "undo": "windows that would empty the box are left out",
     "calibrated": "every window's box is widened by its sampling error",
 }  # fmt: skip
+MOST_CHANGED = 12  # parameters in the open table
+STRONGLY = 0.9  # correlation from which two parameters are hardly told apart
+PAIRS_NAMED = 5
+CHANGED_CAPTION = "The parameters that differ most from the URDF, in standard errors"
 PARAMETERS_CAPTION = "Base parameters; R marks one that others are regrouped into; s.e. is the standard error"
 
 
@@ -41,13 +47,45 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "held": _held(study.physical),
         "intervals": figures.intervals(model, study.nominal, study.truth),
         "values": _values(study),
-        "correlation": figures.correlation(model),
+        "changed": _changed(study),
+        "correlated": _correlated(study),
         "regrouping": _regrouping(study),
         "recursion": record,
         "recursion_means": "" if record is None else RECURSION_TITLES.get(record["variant"], record["variant"]),
         "refitted": model.recursion is None,
         "closing": figures.closing(model),
     }
+
+
+def _changed(study: Study) -> Table:
+    """The parameters that differ most from the URDF, in standard errors."""
+    model, e = study.model, study.model.estimate
+    nominal = np.zeros(len(e.theta)) if study.nominal is None else study.nominal
+    matter = np.abs(e.theta - nominal) / np.where(e.stderr > 0, e.stderr, np.inf)
+    rows = []
+    for i in sorted(range(len(matter)), key=lambda i: -matter[i])[:MOST_CHANGED]:
+        column, unit = e.columns[i], "–" if e.columns[i].unit == "1" else e.columns[i].unit
+        given = "–" if study.nominal is None else number(float(nominal[i]))
+        share = "–" if e.from_data is None else f"{e.from_data[i]:.0%}"
+        row = [column.name, unit, number(e.theta[i]), number(e.stderr[i], 2), given, number(float(matter[i]), 2), share]
+        rows.append([*row, _sum(model.expressions[i])])
+    headings = ["parameter", "unit", "value", "± s.e.", "URDF", "off by, s.e.", "from logs", "stands for"]
+    return Table(headings, rows, words=2, caption=CHANGED_CAPTION)
+
+
+def _correlated(study: Study) -> str:
+    """Pairs of parameters that the logs hardly tell apart, in a sentence."""
+    e = study.model.estimate
+    scale = np.where(e.stderr > 0, e.stderr, 1.0)
+    rho = e.covariance / np.outer(scale, scale)
+    rows, columns = np.nonzero(np.triu(np.abs(rho) > STRONGLY, 1))
+    if not len(rows):
+        return f"No two estimates are correlated beyond ± {STRONGLY}."
+    order = np.argsort(-np.abs(rho[rows, columns]))
+    names = [c.name for c in e.columns]
+    pairs = [f"{names[rows[k]]} and {names[columns[k]]} ({rho[rows[k], columns[k]]:.2f})" for k in order[:PAIRS_NAMED]]
+    more = f" and {len(order) - PAIRS_NAMED} pairs more" if len(order) > PAIRS_NAMED else ""
+    return f"The logs hardly tell apart, by the correlation of their errors: {', '.join(pairs)}{more}."
 
 
 def _values(study: Study) -> Table:

@@ -29,6 +29,7 @@ ERROR_HEADINGS = (
     "constant torque",
     "fit, %",
 )
+DRAWN_OPEN = 2  # joints whose curves stand open; the others are folded
 ROUNDING = 1e-9  # share of the rms error below which a bias is rounding
 
 
@@ -42,7 +43,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         rows.append([name, study.unit_of(name), *errors, f"{j.nominal:.3f}", f"{j.constant:.3f}", f"{j.fit:.1f}"])
     drawings = [
         figures.measured(study.prediction, study.comparison, name, contacts, study.unit_of(name))
-        for name in study.model.joints
+        for name in sorted(study.model.joints, key=lambda name: -study.comparison.joints[name].nrmse)
     ]
     return {
         "errors": Table(ERROR_HEADINGS, rows, words=2, caption=f"{ERRORS_CAPTION}{OWN_LOGS * own}"),
@@ -51,4 +52,5 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "contacts": bool(contacts),
         "several": len(study.logs) > 1,
         "drawings": drawings,
+        "worst_first": DRAWN_OPEN,
     }

@@ -38,8 +38,6 @@
       spec.layout.font = { size: 11 };
       const named = spec.data.filter((trace) => trace.name && trace.showlegend !== false);
       if (named.length > 3 && spec.layout.showlegend !== false) spec.layout.height += 44;
-      // The correlation stays square; of its many names fewer are written.
-      if (spec.layout.xaxis.tickangle === -90) spec.layout.height = Math.min(spec.layout.height, plot.clientWidth + 30);
       config.displayModeBar = false;
     }
     if (printing) {
@@ -62,6 +60,32 @@
     }
   }, { rootMargin: "600px" });
   plots.forEach((p) => seen.observe(p));
+
+  // A table as CSV, and the model: the browser makes the file, nothing leaves the page.
+  function download(name, kind, text) {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob([text], { type: kind }));
+    link.download = name;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  }
+  const quoted = (cell) => `"${cell.textContent.trim().replace(/\u2212/g, "-").replaceAll('"', '""')}"`;
+  document.querySelectorAll(".scroll").forEach((box, k) => {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.className = "csv";
+    button.textContent = "CSV";
+    button.setAttribute("aria-label", `Download as CSV: ${box.getAttribute("aria-label")}`);
+    button.addEventListener("click", () => {
+      const rows = [...box.querySelectorAll("tr")].map((r) => [...r.cells].map(quoted).join(","));
+      download(`table-${k + 1}.csv`, "text/csv", "\ufeff" + rows.join("\r\n") + "\r\n");
+    });
+    box.after(button);
+  });
+  const model = document.getElementById("model");
+  document.getElementById("download-model").addEventListener("click", () => {
+    download(model.dataset.name, "application/json", model.textContent);
+  });
 
   wanted.addEventListener("change", () => plots.filter((p) => p.dataset.drawn).forEach(draw));
   window.addEventListener("beforeprint", () => {
