@@ -20,6 +20,7 @@ from rich.table import Table
 
 from frischid.core.files import write_text
 from frischid.core.parallel import HERE, Dask, Workers, workers
+from frischid.core.version import __version__
 
 
 def parser(description: str | None) -> argparse.ArgumentParser:
@@ -117,15 +118,21 @@ def publish(title: str, rows: Sequence[Mapping[str, Any]], path: Path | None, no
     for note in notes:
         console.print(note)
     if path is not None:
-        machine = {"python": platform.python_version(), "processor": platform.machine(), "cores": os.cpu_count()}
-        content = {
-            "schema": "frischid.benchmark/1",
-            "title": title,
-            "machine": machine,
-            "rows": list(rows),
-            "notes": list(notes),
-        }
-        write_text(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+        record(title, rows, path, notes)
+
+
+def record(title: str, rows: Sequence[Mapping[str, Any]], path: Path, notes: Sequence[str] = ()) -> None:
+    """Write rows as JSON, with the machine and the version that made them; parameters as in `publish`."""
+    machine = {"python": platform.python_version(), "processor": platform.machine(), "cores": os.cpu_count()}
+    content = {
+        "schema": "frischid.benchmark/1",
+        "title": title,
+        "frischid": __version__,
+        "machine": machine,
+        "rows": list(rows),
+        "notes": list(notes),
+    }
+    write_text(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
 
 def _cell(x: Any) -> str:
