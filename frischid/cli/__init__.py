@@ -4,11 +4,24 @@ Every command takes ``--json`` for machines. Heavy imports are done only when a 
 """
 
 # each module adds its commands to the group
-from frischid.cli import checking, drives, exporting, fitting, fleets, improving, learning, motions, paper, seeing
+from frischid.cli import (
+    checking,
+    doctor,
+    drives,
+    exporting,
+    fitting,
+    fleets,
+    improving,
+    learning,
+    motions,
+    paper,
+    seeing,
+)
 from frischid.cli.group import main
 
 __all__ = [
     "checking",
+    "doctor",
     "drives",
     "exporting",
     "fitting",

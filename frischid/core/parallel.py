@@ -21,6 +21,7 @@ from contextlib import ExitStack, contextmanager
 from importlib import metadata
 from typing import Any
 
+from frischid.core.extras import install_command
 from frischid.errors import InputError
 
 LOCAL, HERE = "local", "none"
@@ -136,7 +137,7 @@ def workers(scheduler: str | None = None, count: int | None = None) -> Iterator[
         if scheduler is None:
             yield Here()
             return
-        raise InputError('a cluster needs Dask: pip install "frischid[cluster]"') from None
+        raise InputError(f"a cluster needs Dask: {install_command('cluster')}") from None
     if scheduler is None or scheduler == LOCAL:
         with ExitStack() as opened:
             with _deaf_children():

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from frischid.core.extras import install_command
 from frischid.errors import InputError
 
 _ROBOT = "{robot}"
@@ -116,7 +117,7 @@ def _filesystem(address: str) -> tuple[Any, str]:
     try:
         import fsspec
     except ImportError:
-        raise InputError(f'{address}: addresses need fsspec: pip install "frischid[cluster]"') from None
+        raise InputError(f"{address}: addresses need fsspec: {install_command('cluster')}") from None
     try:
         fs, path = fsspec.core.url_to_fs(address)
     except (ImportError, ValueError) as error:

@@ -10,8 +10,8 @@ Every message names its joints. One topic may carry messages of an arm and other
 names make the table, and a note counts the others. Messages are read one chunk at a time, so that memory does not grow
 with the file.
 
-Files are opened by ``rosbags`` (.bag; folders and .db3 files of ROS 2) and ``mcap`` (.mcap), the extra
-``frischid[ros]``.
+Files are opened by ``rosbags`` (.bag; folders and .db3 files of ROS 2) and ``mcap`` (.mcap), the
+optional part ``ros``.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.core.extras import install_command
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.mapping import LogMap
 from frischid.logs.table import Table
@@ -190,7 +191,7 @@ def _library(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        raise InputError(f'reading bags and MCAP files needs more: pip install "frischid[ros]" ({error})') from error
+        raise InputError(f"reading bags and MCAP files needs more: {install_command('ros')} ({error})") from error
 
 
 def _names_on(bag: _Bag, topic: str) -> tuple[str, ...]:

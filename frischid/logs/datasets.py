@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.extras import install_command
 from frischid.core.files import write_text, written
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.mapping import LogMap
@@ -229,7 +230,7 @@ def _downloader(dataset: Dataset, folder: Path) -> Callable[[str, str], None]:
     try:
         import pooch
     except ImportError as error:
-        raise InputError('fetching needs more: pip install "frischid[fetch]"; or give a folder with --from') from error
+        raise InputError(f"fetching needs more: {install_command('fetch')}; or give a folder with --from") from error
 
     def get(path: str, digest: str) -> None:
         place = folder / path

@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from frischid.core.extras import install_command
 from frischid.errors import InputError
 from frischid.studio.frame import Frame
 from frischid.studio.gate import Gate
@@ -64,7 +65,7 @@ class Studio:
         try:
             import viser
         except ImportError:
-            raise InputError('the studio needs viser: pip install "frischid[studio]"') from None
+            raise InputError(f"the studio needs viser: {install_command('studio')}") from None
         gate = Gate(host)
         with contextlib.redirect_stdout(io.StringIO()):  # viser prints an announcement; the command prints its own line
             self.server = gate.opened(lambda: viser.ViserServer(host, port, label="frischid studio", verbose=False))

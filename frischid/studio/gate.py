@@ -24,6 +24,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 from urllib.parse import urlsplit
 
+from frischid.core.extras import install_command
 from frischid.errors import InputError
 
 TOKEN_BYTES = 16  # 128 random bits cannot be guessed
@@ -164,5 +165,5 @@ class Gate:
                 vars(server)["serve"] = real
         if not guarded:
             opened.stop()
-            raise InputError('this version of viser cannot be guarded: pip install --upgrade "frischid[studio]"')
+            raise InputError(f"this version of viser cannot be guarded: {install_command('studio')} --upgrade")
         return opened

@@ -141,7 +141,7 @@ def test_damaged_and_foreign_files(tmp_path, monkeypatch):
         read_log(tmp_path / "nothing.bag")
     path = ros1(made(), tmp_path / "fine.bag")
     monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
-    with pytest.raises(InputError, match=r'pip install "frischid\[ros\]"'):
+    with pytest.raises(InputError, match=r'pip install "mcap>=1.2" "rosbags>=0.10"'):
         read_log(path)
 
 

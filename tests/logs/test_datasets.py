@@ -70,7 +70,7 @@ def test_what_cannot_be_fetched(tmp_path, monkeypatch):
     with pytest.raises(UnknownNameError, match="unknown data set 'tiagoo'"):
         datasets.fetch("tiagoo", tmp_path)
     monkeypatch.setitem(sys.modules, "pooch", None)
-    with pytest.raises(InputError, match=r'pip install "frischid\[fetch\]"'):
+    with pytest.raises(InputError, match=r'pip install "pooch>=1\.8"'):
         datasets.fetch("tiago", tmp_path)
 
 

@@ -614,5 +614,5 @@ def test_a_missing_extra_is_named(case, tmp_path, monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "viser", None)
-    with pytest.raises(InputError, match=r'pip install "frischid\[studio\]"'):
+    with pytest.raises(InputError, match=r'pip install "viser>=1.1" "yourdfpy>=0.0.56"'):
         studio(*case, tmp_path / "model.json")

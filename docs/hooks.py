@@ -1,0 +1,55 @@
+"""What the site makes while it is built: pages of files in the root, the command line, and an offline search.
+
+MkDocs calls the functions `on_...`; their names and arguments are MkDocs'.
+"""
+
+from __future__ import annotations
+
+import html
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+
+from frischid.cli import main
+
+ROOT = Path(__file__).parents[1]
+SHOWN = {"project/contributing.md": "CONTRIBUTING.md", "project/changelog.md": "CHANGELOG.md"}
+COMMANDS = "<!-- commands -->"
+SHIM = "https://unpkg.com/iframe-worker/shim"  # Material's search from the disk; docs/assets holds a copy
+
+
+def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
+    """Put the text of a root's file, and the help of all commands, into their pages."""
+    name = SHOWN.get(page.file.src_uri)
+    if name is not None:
+        text = (ROOT / name).read_text(encoding="utf-8")
+        return f"{text.replace('](docs/', '](../')}\n{markdown}"
+    return markdown.replace(COMMANDS, "\n".join(command_lines())) if COMMANDS in markdown else markdown
+
+
+def on_post_page(output: str, *, page: Any, **_: Any) -> str:
+    """No page needs another address than its own."""
+    return output.replace(SHIM, f"{'../' * page.url.count('/')}assets/iframe-worker.js")
+
+
+def command_lines() -> Iterator[str]:
+    """Every command's help, as Markdown."""
+    for name, command in sorted(main.commands.items()):
+        context = click.Context(command, info_name=f"frischid {name}")
+        yield f"## frischid {name}\n"
+        yield f"    {' '.join(command.get_usage(context).removeprefix('Usage: ').split())}\n"
+        yield f"{escaped(inspect.cleandoc(command.help or ''))}\n"
+        yield "| option | meaning |\n|---|---|"
+        for parameter in command.get_params(context):
+            record = parameter.get_help_record(context)
+            if record is not None and isinstance(parameter, click.Option):
+                yield f"| <code>{escaped(record[0])}</code> | {escaped(record[1])} |"
+        yield ""
+
+
+def escaped(text: str) -> str:
+    """Text in which Markdown and tables see no marks."""
+    return html.escape(text).replace("|", "&#124;").replace("*", "&#42;").replace("_", "&#95;")

@@ -1,0 +1,65 @@
+"""The optional parts of an installation, and the command that adds one.
+
+An extra is a name for packages that only some commands need. The command to install names these packages, as the
+installed metadata do, so it is right for a checkout, a wheel and a registry alike.
+"""
+
+from __future__ import annotations
+
+import re
+from importlib import metadata
+
+PURPOSE = {
+    "fetch": "public logs of real robots",
+    "ros": "ROS bags and MCAP files",
+    "studio": "the page to work in",
+    "cluster": "Dask and remote files",
+}
+"""The optional parts, and what each is for."""
+
+_EXTRA = re.compile(r"extra\s*==\s*['\"](\w+)['\"]")
+
+
+def packages(extra: str | None = None) -> tuple[str, ...]:
+    """Requirements of an optional part, each with its version; None: those that are always needed.
+
+    Examples
+    --------
+    >>> from frischid.core.extras import packages
+    >>> [text.split(">")[0] for text in packages("ros")]
+    ['mcap', 'rosbags']
+    """
+    found = []
+    for text in metadata.requires("frischid") or ():
+        requirement, _, marker = text.partition(";")
+        match = _EXTRA.search(marker)
+        if (None if match is None else match[1]) == extra:
+            found.append(requirement.strip())
+    return tuple(dict.fromkeys(found))
+
+
+def name_of(requirement: str) -> str:
+    """The package that a requirement names.
+
+    >>> name_of("mcap>=1.2")
+    'mcap'
+    """
+    return re.split(r"[^\w.-]", requirement, maxsplit=1)[0]
+
+
+def installed(requirement: str) -> str | None:
+    """Version of the package that a requirement names; None where it is not installed."""
+    try:
+        return metadata.version(name_of(requirement))
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def install_command(extra: str) -> str:
+    """What to type to get an optional part.
+
+    >>> from frischid.core.extras import install_command
+    >>> install_command("fetch").startswith('pip install "pooch')
+    True
+    """
+    return " ".join(["pip install", *(f'"{text}"' for text in packages(extra))])

@@ -1,0 +1,132 @@
+"""The README, the site and the stored results agree; every page leads on, and no link leads nowhere."""
+
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from frischid import LogMap
+from frischid.cli import main
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+README = ROOT / "README.md"
+PAGES = sorted(DOCS.rglob("*.md"))
+TEXTS = [README, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *PAGES]
+
+
+def name_of(path):
+    return str(path.relative_to(ROOT))
+
+
+def text_of(path):
+    return path.read_text(encoding="utf-8")
+
+
+def script(name):
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_readme_is_short():
+    assert len(text_of(README).splitlines()) <= 150
+
+
+def test_the_readme_has_two_commands():
+    """`.ci/run` takes the installation and the tests from here, word for word."""
+    assert len(re.findall(r"^python3 -m venv .venv .*$", text_of(README), flags=re.MULTILINE)) == 2
+
+
+def test_tables_show_the_stored_results():
+    tables = script("tables")
+    pages = [page for page in tables.pages() if "<!-- table:" in text_of(page)]
+    assert README in pages
+    assert len(pages) == 8, "README, the robots' page, six robots"
+    for page in pages:
+        assert text_of(page) == tables.filled(page), f"{name_of(page)}: run python docs/tables.py"
+
+
+def test_the_table_holds_every_robot_of_the_script(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    from six_robots import ROBOTS
+
+    stored = json.loads(text_of(DOCS / "data" / "six_robots.json"))
+    assert [row["key"] for row in stored["rows"]] == [robot.key for robot in ROBOTS]
+    for row in stored["rows"]:
+        assert f"| {row['identified']:.3f} | **{row['improved']:.3f}** |" in text_of(README)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_page_ends_with_a_next_step(page):
+    last = text_of(page).strip().split("\n\n")[-1]
+    assert last.startswith("**Next:**"), "end the page with **Next:** and a link"
+    assert "](" in last
+
+
+@pytest.mark.parametrize("page", TEXTS, ids=name_of)
+def test_relative_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", text_of(page)):
+        if not target.startswith(("http", "#")):
+            assert (page.parent / target.split("#")[0]).exists(), target
+
+
+def test_every_page_is_in_the_navigation():
+    listed = set(re.findall(r"[\w/-]+\.md", text_of(ROOT / "mkdocs.yml")))
+    assert listed == {page.relative_to(DOCS).as_posix() for page in PAGES}
+
+
+def test_every_command_is_in_the_table():
+    table = re.findall(r"^\| `frischid (\w+)", text_of(DOCS / "reference" / "cli.md"), flags=re.MULTILINE)
+    assert set(table) == set(main.commands)
+
+
+def test_every_public_name_is_in_the_reference():
+    import frischid
+
+    text = text_of(DOCS / "reference" / "api.md")
+    shown = set(re.findall(r"^::: frischid\.[\w.]*?(\w+)$", text, flags=re.MULTILINE))
+    assert shown == set(frischid.__all__) - {"__version__"}
+
+
+def toml_blocks():
+    for page in PAGES:
+        for block in re.findall(r"```toml\n(.*?)```", text_of(page), flags=re.DOTALL):
+            yield pytest.param(block, id=name_of(page))
+
+
+@pytest.mark.parametrize("block", [*toml_blocks()])
+def test_mapping_examples_are_valid(block):
+    assert LogMap.from_dict(tomllib.loads(block)).joint
+
+
+@pytest.mark.parametrize("command", sorted(main.commands))
+def test_help_of_every_command(command):
+    result = CliRunner().invoke(main, [command, "--help"])
+    assert result.exit_code == 0
+    assert "Usage" in result.output
+
+
+def test_versions_agree():
+    version = tomllib.loads(text_of(ROOT / "pyproject.toml"))["project"]["version"]
+    assert f"\nversion: {version}\n" in text_of(ROOT / "CITATION.cff")
+    assert re.search(r"^## (\S+)", text_of(ROOT / "CHANGELOG.md"), flags=re.MULTILINE)[1] == version
+    assert f"frischid-{version}-py3" in text_of(DOCS / "start" / "install.md")
+
+
+def test_the_site_builds_without_a_warning(tmp_path):
+    for module in ("material", "mkdocstrings"):
+        pytest.importorskip(module, reason="the extra frischid[docs] is not installed")
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--site-dir", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    page = text_of(tmp_path / "index.html")
+    outside = re.findall(r"""<(?:script|link|img)[^>]+(?:src|href)=["']?(?:https?:)?//[^"'> ]+""", page)
+    assert not outside, "a page must open without a network"
