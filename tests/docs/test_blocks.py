@@ -1,7 +1,7 @@
 """Every block of code and every shell line of the site runs, in the folder that examples/practice_folder.py fills.
 
 ``console`` blocks run line by line, and the lines below a command are what it prints; ``python`` blocks run in one
-namespace per page. ``sh`` blocks need a network, a robot or another installation; of these, the commands and their
+namespace per page. ``sh`` and ``bash`` blocks need a network, a robot or another installation; of these, the commands and their
 options must exist.
 """
 
@@ -114,4 +114,4 @@ def test_options_of_lines_that_cannot_run_here_exist(page):
 
 def test_every_kind_of_block_is_known():
     kinds = {kind for page in DOCS.rglob("*.md") for kind, _ in blocks(page)}
-    assert kinds <= {"console", "python", "sh", "toml", "json", "text"}
+    assert kinds <= {"console", "python", "sh", "bash", "toml", "json", "text"}

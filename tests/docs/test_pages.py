@@ -104,7 +104,7 @@ def toml_blocks():
 
 @pytest.mark.parametrize("block", [*toml_blocks()])
 def test_mapping_examples_are_valid(block):
-    assert LogMap.from_dict(tomllib.loads(block)).joint
+    LogMap.from_dict(tomllib.loads(block))  # raises where a key is not known
 
 
 @pytest.mark.parametrize("command", sorted(main.commands))
