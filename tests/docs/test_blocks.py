@@ -1,8 +1,8 @@
 """Every block of code and every shell line of the site runs, in the folder that examples/practice_folder.py fills.
 
 ``console`` blocks run line by line, and the lines below a command are what it prints; ``python`` blocks run in one
-namespace per page. ``sh`` and ``bash`` blocks need a network, a robot or another installation; of these, the commands and their
-options must exist.
+namespace per page. ``sh`` and ``bash`` blocks need a network, a robot or another installation; of these, the commands
+and their options must exist.
 """
 
 import re
