@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import html
 import inspect
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,20 @@ from frischid.cli import main
 
 ROOT = Path(__file__).parents[1]
 SHOWN = {"project/contributing.md": "CONTRIBUTING.md", "project/changelog.md": "CHANGELOG.md"}
-COMMANDS = "<!-- commands -->"
+COMMANDS, NAMES = "<!-- commands -->", "<!-- names -->"
+TITLES = {
+    "robot": "Robots",
+    "logs": "Logs",
+    "model": "Models",
+    "effects": "Effects",
+    "diagnosis": "Diagnosis",
+    "motions": "Motions",
+    "export": "Physical links, export, drives",
+    "reports": "Pages",
+    "paper": "The paper",
+    "errors": "Errors",
+}
+"""Folder of the package -> title of its names; other folders have their own name."""
 SHIM = "https://unpkg.com/iframe-worker/shim"  # Material's search from the disk; docs/assets holds a copy
 
 
@@ -27,7 +41,10 @@ def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
     if name is not None:
         text = (ROOT / name).read_text(encoding="utf-8")
         return f"{text.replace('](docs/', '](../')}\n{markdown}"
-    return markdown.replace(COMMANDS, "\n".join(command_lines())) if COMMANDS in markdown else markdown
+    for mark, lines in ((COMMANDS, command_lines), (NAMES, name_lines)):
+        if mark in markdown:
+            markdown = markdown.replace(mark, "\n".join(lines()))
+    return markdown
 
 
 def on_post_page(output: str, *, page: Any, **_: Any) -> str:
@@ -48,6 +65,16 @@ def command_lines() -> Iterator[str]:
             if record is not None and isinstance(parameter, click.Option):
                 yield f"| <code>{escaped(record[0])}</code> | {escaped(record[1])} |"
         yield ""
+
+
+def name_lines() -> Iterator[str]:
+    """Every public name, as `frischid/__init__.pyi` lists them, with a line for mkdocstrings."""
+    stub = (ROOT / "frischid" / "__init__.pyi").read_text(encoding="utf-8")
+    found = re.findall(r"^from \.([\w.]+) import (\w+) as", stub, flags=re.MULTILINE)
+    folders = {module.split(".")[0] for module, name in found if name != "__version__"}
+    for folder in sorted(folders, key=lambda f: [*TITLES, f].index(f)):
+        yield f"## {TITLES.get(folder, folder.capitalize())}\n"
+        yield from (f"::: frischid.{m}.{name}\n" for m, name in found if m.split(".")[0] == folder)
 
 
 def escaped(text: str) -> str:
