@@ -51,7 +51,10 @@ class ExpectedError:
         some = slice(None, None, max(1, len(block.t) // SAMPLES))
         Y = block.Z[some][:, list(self.model.base)][:, :, index]
         used = block.used[some][:, index]
-        self.squares += (self.model.estimate.error_variance(Y) * used).sum(axis=0)
+        noise = self.model.estimate.sigma**2
+        share = 1.0 if self.model.fitted is None else self.model.fitted.model_share
+        expected = noise + share * (self.model.estimate.error_variance(Y) - noise)
+        self.squares += (expected * used).sum(axis=0)
         self.count += used.sum(axis=0)
         reach = self.model.fitted
         if reach is not None:

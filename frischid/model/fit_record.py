@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any
 
@@ -29,12 +29,16 @@ class FitRecord:
     scores : ndarray, shape (L, J)
         Quantiles of each joint's error on stretches left out of the fit, in units of the expected error; NaN for a
         joint without rows (`frischid.model.residual_scores`).
+    model_share : ndarray, shape (J,)
+        Share of the parameters' covariance that is there on another motion. The prior's covariance holds the model's
+        own error, as if all of the residual were that. Where the sensors' noise causes a part w of the residual, that
+        part averages out over the n independent rows of the log: the share is ``1 − w + w κ/n``.
 
     Examples
     --------
     >>> import numpy as np
     >>> from frischid.model.fit_record import FitRecord
-    >>> record = FitRecord(np.ones(2), np.ones(2), np.zeros(3), np.ones((6, 2)))
+    >>> record = FitRecord(np.ones(2), np.ones(2), np.zeros(3), np.ones((6, 2)), np.ones(2))
     >>> FitRecord.from_dict(record.to_dict()).urdf.shape
     (3,)
     """
@@ -43,6 +47,7 @@ class FitRecord:
     acceleration: Array
     urdf: Array
     scores: Array
+    model_share: Array
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -51,16 +56,19 @@ class FitRecord:
             "acceleration": [float(x) for x in self.acceleration],
             "urdf": [float(x) for x in self.urdf],
             "scores": [[float(x) if np.isfinite(x) else None for x in row] for row in self.scores],
+            "model_share": [float(x) for x in self.model_share],
         }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> FitRecord:
         """Inverse of `to_dict`."""
-        return cls(*(np.array(data[key], dtype=float) for key in ("velocity", "acceleration", "urdf", "scores")))
+        known = {key: np.array(data[key], dtype=float) for key in ("velocity", "acceleration", "urdf", "scores")}
+        share = data.get("model_share") or np.ones(len(known["velocity"]))
+        return cls(**known, model_share=np.array(share, dtype=float))
 
     def extended(self, count: int) -> FitRecord:
         """The same for a model with further parameters, which the URDF knows nothing of."""
-        return FitRecord(self.velocity, self.acceleration, np.append(self.urdf, np.zeros(count)), self.scores)
+        return replace(self, urdf=np.append(self.urdf, np.zeros(count)))
 
     def interval_reach(self, interval: float) -> Array:
         """Half width of a prediction interval, in units of the expected error, (J,).

@@ -32,7 +32,15 @@ from frischid.model.comparison import Comparison, compare
 from frischid.model.headline import Headline, from_fit
 from frischid.model.identification_alarms import fit_alarms, fit_record
 from frischid.model.identification_bounds import Bounds, bound_parameters, recursion_record
-from frischid.model.identification_stages import Journal, LogData, fit_parameters, form_moments, read_logs, set_prior
+from frischid.model.identification_stages import (
+    Journal,
+    LogData,
+    Problem,
+    fit_parameters,
+    form_moments,
+    read_logs,
+    set_prior,
+)
 from frischid.model.identify_options import IdentifyChoices, IdentifyOptions
 from frischid.model.model import Model
 from frischid.model.own_logs import log_entry
@@ -193,7 +201,11 @@ def assess(bounds: Bounds) -> Identification:
     model = _model(bounds, residual_scores(problem, folds, bounds.estimate))
     journal.progress("comparison")
     before = fit_alarms(fit)
-    own = _own_headline(model, data, np.sqrt(variance), before)
+    there = _own_comparison(model, data)
+    own = None if there is None else from_fit(there, np.sqrt(variance).tolist(), before)
+    if there is not None and model.fitted is not None and fit.posterior is not None:
+        share = _model_share(problem, there, fit.posterior.rows)
+        model = replace(model, fitted=replace(model.fitted, model_share=share))
     event = _event(data, problem.effects, cross_validation, own)
     comparison = compare(replace(model, history=(event,)), data.valid) if data.valid else None
     headline = own if comparison is None else Headline.of(comparison, "test", before)
@@ -254,12 +266,20 @@ def _unexplained(errors: Mapping[str, float], limit: float) -> list[str]:
     ]
 
 
-def _own_headline(model: Model, data: LogData, rms: Array, alarms: Sequence[Alarm]) -> Headline | None:
-    """The cross-validated error with its references; None where a joint's torque never changes."""
+def _own_comparison(model: Model, data: LogData) -> Comparison | None:
+    """The model on the logs it was fitted to; None where a joint's torque never changes."""
     try:
-        return from_fit(compare(model, data.logs, residuals_kept=1), rms.tolist(), alarms)
+        return compare(model, data.logs, residuals_kept=1)
     except InputError:
         return None
+
+
+def _model_share(problem: Problem, own: Comparison, rows: float) -> Array:
+    """Share of the parameters' covariance that is the model's error; see `FitRecord`."""
+    floor = np.array([j.noise_floor for j in own.joints])
+    noise = np.minimum(1.0, floor / np.maximum([j.nrmse for j in own.joints], 1e-300)) ** 2
+    independent = problem.data.independent_rows / len(own.joints)
+    return np.asarray(1.0 - noise * (1.0 - min(1.0, rows / max(independent, 1e-300))))
 
 
 def _event(

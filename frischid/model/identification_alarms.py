@@ -40,7 +40,7 @@ def fit_record(fit: Fit, scores: Array) -> FitRecord:
         for row, x in enumerate((motion.v, motion.a)):
             reach[row] = np.maximum(reach[row], np.quantile(np.abs(x[:, index]), REACHED, axis=0))
     urdf = effects_alone(problem.blocks, problem.reduction.mapping, problem.urdf)
-    return FitRecord(reach[0], reach[1], urdf, scores)
+    return FitRecord(reach[0], reach[1], urdf, scores, np.ones(len(index)))
 
 
 def fit_alarms(fit: Fit) -> tuple[Alarm, ...]:

@@ -109,6 +109,7 @@ class FitFields(Struct, forbid_unknown_fields=True, frozen=True):
     acceleration: list[NotNegative]
     urdf: list[float]
     scores: list[list[NotNegative | None]]
+    model_share: list[Share] = []
 
 
 class EventLogRecord(Struct, frozen=True):
