@@ -8,7 +8,7 @@ import click
 
 from frischid.cli.arguments import MapFiles, json_option, map_option, situation_option
 from frischid.cli.group import main
-from frischid.cli.inputs import model_of, read
+from frischid.cli.inputs import model_of, opened, read
 from frischid.cli.output import show_page, working
 from frischid.cli.paths import InputPath, OutputPath, also_written
 
@@ -31,7 +31,7 @@ def report(model: str, logs: tuple[str, ...], mapping: MapFiles, situation: Any,
     loaded = model_of(model)
     with working(as_json) as progress:
         progress("reading logs")
-        data = read(logs, loaded.robot, mapping)
+        data = opened(logs, loaded.robot, mapping)
         study = run(loaded, data, output, situation=situation, model_path=model, progress=progress)
     show_page(show.report(study, output), as_json)
 

@@ -15,6 +15,7 @@ import numpy as np
 from frischid.checks import inspect
 from frischid.core.types import Array
 from frischid.effects import BASELINE
+from frischid.logs.excerpt import Excerpt, excerpt
 from frischid.logs.filters import noise_level
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import prepare
@@ -74,27 +75,28 @@ class Quality:
         return values | {"noise": noise, "notes": list(self.notes), "warnings": list(self.warnings)}
 
 
-def quality(model: Model, logs: Sequence[Log]) -> list[Quality]:
+def quality(model: Model, logs: Sequence[Log | Excerpt]) -> list[Quality]:
     """Measure the quality of logs under the model's filter.
 
     Parameters
     ----------
     model : Model
-    logs : sequence of Log
+    logs : sequence of Log or Excerpt
+        Of an excerpt, the clock is that of the whole log, and the checks are those of its first stretch.
 
     Returns
     -------
     list of Quality
         One per log.
     """
-    return [_judge(model, log) for log in logs]
+    return [_judge(model, excerpt(log) if isinstance(log, Log) else log) for log in logs]
 
 
-def _judge(model: Model, log: Log) -> Quality:
+def _judge(model: Model, given: Excerpt) -> Quality:
+    log = given.log
     chosen = log.select(model.robot.joints)
     prepared = prepare(chosen, model.lowpass, velocity=model.velocity)
     motions = prepared.motions
-    step = np.diff(log.t)
     channels = {"q": "q", "tau": "tau"} | ({"v": "v"} if chosen.v is not None else {})
     noise = {}
     for name, channel in channels.items():
@@ -106,17 +108,17 @@ def _judge(model: Model, log: Log) -> Quality:
     stacked = {k: np.concatenate([getattr(m, k) for m in motions]) for k in ("q", "v", "a", "standstill")}
     report = inspect(
         model.robot,
-        chosen,
+        given.first.select(model.robot.joints),
         lambda: structure(Regressor(model.robot, BASELINE), model.robot.joints),
-        prepared=(model.lowpass, motions),
+        prepared=(model.lowpass, motions if given.first is log else motions[:1]),
     )
     return Quality(
         log.source,
-        len(log),
-        log.duration,
-        log.rate,
-        (float(step.min()), float(step.max())),
-        int((step > 5 * np.median(step)).sum()),
+        given.samples,
+        given.seconds,
+        given.rate,
+        given.steps,
+        given.gaps,
         float(sum(m.t[-1] - m.t[0] - (len(model.lowpass.taps(m.step)) - 1) * m.step for m in motions)),
         noise,
         stacked["q"].min(axis=0),

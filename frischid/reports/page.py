@@ -19,7 +19,9 @@ from plotly.offline import get_plotlyjs
 from frischid.core.files import check_writable, write_text
 from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
+from frischid.errors import InputError
 from frischid.logs.log import Log
+from frischid.logs.recording import Recording
 from frischid.model.model import Model
 from frischid.model.model_digest import text_of
 from frischid.reports.chapters import CHAPTERS
@@ -29,7 +31,7 @@ from frischid.reports.templates import render
 
 def report(
     model: Model,
-    logs: Sequence[Log],
+    logs: Sequence[Log | Recording],
     path: str | Path,
     *,
     diagnosis: Diagnosis | None = None,
@@ -43,8 +45,9 @@ def report(
     Parameters
     ----------
     model : Model
-    logs : sequence of Log
-        At least one. The model's history says which of them it was fitted to.
+    logs : sequence of Log or Recording
+        At least one. The model's history says which of them it was fitted to. Of a long one, figures show evenly
+        spread stretches; errors are those of all samples.
     path : str or Path
         The HTML file; it appears under this name only when complete.
     diagnosis : Diagnosis, optional
@@ -79,6 +82,8 @@ def report(
     >>> shown.warnings()[0]
     'Every log here was used to fit the model: its error on new motion may be larger.'
     """
+    if not isinstance(model, Model):
+        raise InputError(f"model must be a Model, got {type(model).__name__}: fr.Model.load(path)")
     check_writable(path)
     found = study(model, logs, diagnosis=diagnosis, situation=situation, truth=truth, progress=progress)
     progress("writing the page")

@@ -15,7 +15,9 @@ from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.roles import diagnose_in_roles
 from frischid.errors import FrischidError, InputError
 from frischid.export.consistency import Consistency, make_consistent
+from frischid.logs.excerpt import as_recording, excerpt
 from frischid.logs.log import Log
+from frischid.logs.recording import Recording
 from frischid.model.comparison import Comparison, compare
 from frischid.model.headline import Headline, headline
 from frischid.model.identification_criteria import IdentificationCriteria
@@ -37,6 +39,7 @@ class Study:
     ----------
     model : Model
     logs : tuple of Log
+        Of a long log an excerpt: see `frischid.logs.excerpt`.
     held_out : tuple of str
         Sources of the logs the model was not fitted to.
     prediction : Prediction
@@ -152,7 +155,7 @@ def opened(sentence: str, joints: Collection[str]) -> str:
 
 def study(
     model: Model,
-    logs: Sequence[Log],
+    logs: Sequence[Log | Recording],
     *,
     diagnosis: Diagnosis | None = None,
     diagnosed: bool = True,
@@ -165,7 +168,7 @@ def study(
     Parameters
     ----------
     model : Model
-    logs : sequence of Log
+    logs : sequence of Log or Recording
         The model's history says which of them it was fitted to.
     diagnosis : Diagnosis, optional
         Diagnosis of this model on those of these logs that are not held out, if there is one already.
@@ -180,26 +183,31 @@ def study(
     """
     if not logs:
         raise InputError("there is no log to report on")
+    model.check(logs)
     progress("comparing")
-    held = [log for log in logs if not model.made_from(log)]
-    evaluated = [list(model.blocks([log])) for log in logs]
-    comparison = compare(model, logs, [b for part in evaluated for b in part])
-    prediction = predict(model, logs, evaluated)
+    excerpts = [excerpt(log) for log in logs]
+    shown, whole = [part.log for part in excerpts], [as_recording(log) for log in logs]
+    held = [log for log in whole if not model.made_from(log)]
+    # Of logs in memory, one evaluation serves both; a long one is evaluated once more along its excerpt.
+    short = all(isinstance(log, Log) for log in whole)
+    evaluated = [list(model.blocks([log])) for log in shown]
+    comparison = compare(model, whole, [b for part in evaluated for b in part] if short else None)
+    prediction = predict(model, shown, evaluated)
     if diagnosis is None and diagnosed:
-        diagnosis = diagnose_in_roles(model, logs, situation=situation, progress=progress)
+        diagnosis = diagnose_in_roles(model, shown, situation=situation, progress=progress)
     progress("parameters")
     reduction = _reduction(model)
-    verdict = compare(model, held) if held and len(held) < len(logs) else comparison
+    verdict = compare(model, held) if held and len(held) < len(whole) else comparison
     return Study(
         model,
-        tuple(logs),
+        tuple(shown),
         tuple(log.source for log in held),
         prediction,
-        headline(model, held or logs, verdict),
+        headline(model, held or whole, verdict),
         comparison,
         verdict,
         diagnosis,
-        tuple(quality(model, logs)),
+        tuple(quality(model, excerpts)),
         reduction,
         None if reduction is None else np.asarray(reduction.mapping @ nominal_parameters(model.robot, model.effects)),
         truth,
