@@ -82,9 +82,9 @@ def report(
     >>> shown.warnings()[0]
     'Every log here was used to fit the model: its error on new motion may be larger.'
     """
+    check_writable(path)
     if not isinstance(model, Model):
         raise InputError(f"model must be a Model, got {type(model).__name__}: fr.Model.load(path)")
-    check_writable(path)
     found = study(model, logs, diagnosis=diagnosis, situation=situation, truth=truth, progress=progress)
     progress("writing the page")
     write_text(Path(path), page(found, model_path))
