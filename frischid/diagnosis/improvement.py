@@ -23,7 +23,7 @@ from frischid.core.text import listed
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
-from frischid.diagnosis.refit import fitted_error, known_error, refitted
+from frischid.diagnosis.refit import check_formulas, fitted_error, known_error, refitted
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
 from frischid.diagnosis.step_acceptance import impossible_coefficients, reason_against, worse_with_standstill
 from frischid.effects import Effect, check_effects, columns_of
@@ -130,6 +130,7 @@ def add(
     check_logs(logs, valid)
     model.check([*logs, *valid])
     check_effects(effects)
+    check_formulas(model, effects)
     if situation == "auto":
         situation = cross_validator(model, logs, criteria=criteria)[1]
     return _tested(model, _step(model, effects, logs, situation, finding, criteria), valid)

@@ -19,7 +19,8 @@ import numpy as np
 from frischid.diagnosis.change_prior import load_reference
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.situation import Situation, cross_validator
-from frischid.effects import Effect, columns_of
+from frischid.effects import Effect, Formula, columns_of
+from frischid.errors import InputError
 from frischid.estimators.least_squares import Estimate
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
@@ -28,6 +29,29 @@ from frischid.model.events import cross_validated_nrmse
 from frischid.model.headline import cross_validated, from_fit
 from frischid.model.identification import identify
 from frischid.model.model import Model
+from frischid.regression.regressor import Regressor
+from frischid.regression.structure import structure
+
+
+def check_formulas(model: Model, effects: Sequence[Effect]) -> None:
+    """Refuse formulas that can change nothing: zero, or a combination of columns that the model has.
+
+    Raises
+    ------
+    InputError
+    """
+    formulas = tuple(effect for effect in effects if isinstance(effect, Formula))
+    if not formulas:
+        return
+    reference = load_reference(model)
+    have = structure(Regressor(model.robot, model.effects, reference), model.joints).rank
+    for effect in formulas:
+        more = structure(Regressor(model.robot, (*model.effects, effect), reference), model.joints)
+        if more.rank <= have:
+            names = {column.name for column in effect.columns(model.robot)}
+            zero = names <= {more.columns[i].name for i in more.none}
+            why = "is zero" if zero else "is a combination of columns that the model has"
+            raise InputError(f"{effect} changes nothing: its torque {why}, whatever the motion; nothing was added")
 
 
 def fitted_error(model: Model) -> float:

@@ -25,6 +25,9 @@ from frischid.effects.units import torque_unit
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.robot import Robot
 
+LARGEST_VALUE = 1e9
+"""Largest value of a formula. Columns of other effects are near one; sums of products of both keep digits."""
+
 
 @dataclass(frozen=True)
 class Formula(Effect):
@@ -82,6 +85,11 @@ class Formula(Effect):
             raise InputError(
                 f"formula '{self.expression}' has no finite value on joint {name} at t = {state.t[first]:.4g} s; "
                 "guard its divisions, logarithms and roots, for example sqrt(abs(x)) or x/(abs(x) + 0.01)"
+            )
+        if (largest := float(np.abs(result).max(initial=0.0))) > LARGEST_VALUE:
+            raise InputError(
+                f"formula '{self.expression}' reaches {largest:.3g} on joint {name}, and its coefficient would be lost "
+                f"among the others; divide the expression, so that its values stay below {LARGEST_VALUE:g}"
             )
         compact = self.expression.replace(" ", "")
         unit = f"{torque_unit(state.robot, i)}/[{compact}]"

@@ -19,7 +19,6 @@ from plotly.offline import get_plotlyjs
 from frischid.core.files import check_writable, write_text
 from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
-from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
@@ -83,8 +82,6 @@ def report(
     'Every log here was used to fit the model: its error on new motion may be larger.'
     """
     check_writable(path)
-    if not isinstance(model, Model):
-        raise InputError(f"model must be a Model, got {type(model).__name__}: fr.Model.load(path)")
     found = study(model, logs, diagnosis=diagnosis, situation=situation, truth=truth, progress=progress)
     progress("writing the page")
     write_text(Path(path), page(found, model_path))

@@ -183,6 +183,8 @@ def study(
     """
     if not logs:
         raise InputError("there is no log to report on")
+    if not isinstance(model, Model):
+        raise InputError(f"model must be a Model, got {type(model).__name__}: fr.Model.load(path)")
     model.check(logs)
     progress("comparing")
     excerpts = [excerpt(log) for log in logs]

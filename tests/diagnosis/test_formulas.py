@@ -1,0 +1,50 @@
+"""A formula of the user's own that can change nothing is refused, and one of huge numbers cannot spoil the fit."""
+
+from functools import cache
+
+import pytest
+
+from frischid.diagnosis.improvement import add
+from frischid.effects import parse_effects
+from frischid.errors import InputError
+from frischid.model.identification import identify
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
+from frischid.robot.robot import Robot
+
+
+@cache
+def case():
+    robot = Robot.load("planar2")
+    log = simulate(robot, random_fourier(robot, 8.0, seed=0), rate=50.0, noise=Noise(tau=0.01), channels=())
+    return identify(robot, [log], recursion="none").model, [log]
+
+
+@pytest.mark.parametrize("situation", ["always", "changed"])
+@pytest.mark.parametrize(
+    ("expression", "why"),
+    [
+        ("0", "is zero"), ("q-q", "is zero"), ("0*v2", "is zero"), ("1e-40*q", "is zero"),
+        ("v", "combination of columns"), ("-3*v", "combination of columns"), ("a", "combination of columns"),
+        ("2", "combination of columns"), 
+        ("sin(v)**2+cos(v)**2", "combination of columns"),
+    ],
+)  # fmt: skip
+def test_a_formula_that_changes_nothing_is_refused(expression, why, situation):
+    model, logs = case()
+    with pytest.raises(InputError, match=rf"changes nothing: its torque .*{why}"):
+        add(model, parse_effects(f'formula(expression="{expression}")@joint2'), logs, situation=situation)
+
+
+@pytest.mark.parametrize("expression", ["1e53", "1e53*q", "1e10*sin(q)"])
+def test_a_formula_of_huge_numbers_says_what_to_do(expression):
+    model, logs = case()
+    with pytest.raises(InputError, match="stay below 1e\\+09"):
+        add(model, parse_effects(f'formula(expression="{expression}")@joint2'), logs)
+
+
+@pytest.mark.parametrize("scale", ["1", "1e8", "1e-8"])
+def test_the_scale_of_a_formula_changes_no_error(scale):
+    model, logs = case()
+    steps = [add(model, parse_effects(f'formula(expression="{s}*sin(3*q)")@joint2'), logs) for s in ("1", scale)]
+    assert steps[1].error_after == pytest.approx(steps[0].error_after, rel=2e-3)
