@@ -8,9 +8,10 @@ Three steps, each a run of this script:
 3. `--report FILE...` prints the reliability table: of the answers given with a probability in a range, the share that
    was right.
 
-What counts as right: the hidden effect; any of two hidden effects; an effect of the background, which is there too.
-"Several small effects" is right where the background is at least as large as the hidden effect or where nothing else is
-hidden; "none" is right for a healthy robot, and beside a background below one percent of the torque.
+What counts as right: an effect that the robot has and the model lacks, so the hidden effect, any of two hidden effects,
+and an effect of the background. "Several small effects" is right where the background is at least as large as the
+hidden effect, or where nothing else is hidden; "none" for a robot with nothing but a background below one percent of
+the torque.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from hidden_cases import Case, Truth
 from hidden_unknown import UNKNOWN
 
 from frischid.core.files import write_text
-from frischid.diagnosis.diagnosis import diagnose
+from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.probability import DATA, Weights, chances, fitted
 from frischid.model.identification import identify
 
@@ -55,7 +56,7 @@ def right_answers(kind: str, truth: Truth) -> list[str]:
     there = [name for name in truth.background_effects if name not in UNKNOWN and name not in second_cases.OUTSIDE]
     if kind == "healthy":
         small = truth.background <= SMALL_BACKGROUND
-        return (["several"] if truth.background else []) + (["none"] if small else [])
+        return [*there, *(["several"] if truth.background else []), *(["none"] if small else [])]
     hidden = ["outside"] if kind == "unknown" else [n for name in truth.effects for n in SAME.get(name, (name,))]
     small = truth.background >= max(truth.sizes, default=0.0)
     return list(dict.fromkeys([*hidden, *there, *(["several"] if small else [])]))
@@ -68,7 +69,7 @@ def collected(case: Case) -> dict[str, Any]:
     found = diagnose(model, [*case.fit, *case.valid])
     first = next((f for f in found.findings if f.significant and f.members), None)
     return {
-        "verdict": found.verdict,
+        "verdict": decided_before(found),
         "first": None if first is None else [first.effect, *first.confused_with],
         "situation": found.situation,
         "evidence": found.evidence.to_dict(),
@@ -79,10 +80,18 @@ def collected(case: Case) -> dict[str, Any]:
     }
 
 
-def collect(generator: str, seed: int, count: int | None, path: Path, rate: float) -> None:
+def decided_before(found: Diagnosis) -> str:
+    """The verdict of the rules, from the evidence of the probabilities."""
+    told = {k: v for e in found.evidence.values for k, v in e.items()}
+    marks = {"none verdict": "none", "outside verdict": "unknown", "contact found": "contact"}
+    return next((verdict for mark, verdict in marks.items() if told[mark]), "effect")
+
+
+def collect(generator: str, seed: int, count: int | None, path: Path, rate: float, arms: Sequence[str]) -> None:
     """Simulate and diagnose; every case is written as soon as it is done. No log has a higher sampling rate."""
     made = GENERATORS[generator]
-    specs = made.cases(seed, count)
+    done = {row["number"] for row in read([path])} if path.exists() else set()
+    specs = [s for s in made.cases(seed, count) if s.number not in done and (not arms or s.arm in arms)]
     order = np.random.default_rng(seed).permutation(len(specs))  # so that a run that is cut short is a fair sample
     with path.open("a") as file:
         for k in order:
@@ -195,11 +204,12 @@ def main() -> None:
     options.add_argument("--seed", type=int, default=4001)
     options.add_argument("--count", type=int)
     options.add_argument("--rate", type=float, default=200.0, help="highest sampling rate, Hz: lower costs less time")
+    options.add_argument("--arms", nargs="*", default=[], help="only these arms: small ones cost less time")
     options.add_argument("--fit", type=Path, nargs="+", metavar="FILE")
     options.add_argument("--report", type=Path, nargs="+", metavar="FILE")
     chosen = options.parse_args()
     if chosen.collect:
-        collect(chosen.generator, chosen.seed, chosen.count, chosen.collect, chosen.rate)
+        collect(chosen.generator, chosen.seed, chosen.count, chosen.collect, chosen.rate, chosen.arms)
     if chosen.fit:
         fit(chosen.fit)
     if chosen.report:

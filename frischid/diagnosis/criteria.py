@@ -170,6 +170,12 @@ class DiagnosisCriteria:
     """Ratio of explained errors. A refit of all parameters comes first only if it explains this times as much as the
     best effect, because a refit can put any payload into the last link. Seed 0."""
 
+    sure_probability: float = 0.8
+    """Probability. Below it the first finding is told together with the hypotheses that share the rest, and with the
+    motion that separates them. By judgement: one wrong answer in five is too many to act on."""
+    rival_probability: float = 0.1
+    """Probability. A hypothesis below it is not told as a rival. By judgement."""
+
     # ---------------------------------------------------------------- steps of improve
 
     harm_p_value: float = 0.05

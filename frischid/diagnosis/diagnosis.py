@@ -30,11 +30,22 @@ from frischid.diagnosis.contacts import Contact, find_contacts, made_by_somethin
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.findings import Finding, find_effects, refit_finding
+from frischid.diagnosis.floor import refuted, with_leverage
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
+from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import Description, describe
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
 from frischid.diagnosis.unmodelled_terms import unmodelled_term
-from frischid.diagnosis.verdict import StageResults, Verdict, decided, notes_on, with_refit, with_verdict
+from frischid.diagnosis.verdict import (
+    StageResults,
+    Verdict,
+    concluded,
+    decided,
+    notes_on,
+    with_probability,
+    with_refit,
+    with_verdict,
+)
 from frischid.effects import EFFECTS
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
@@ -50,7 +61,7 @@ class Diagnosis(Shown):
 
     Attributes
     ----------
-    verdict : {"none", "effect", "contact", "unknown"}
+    verdict : {"none", "effect", "several", "contact", "unknown"}
     situation : {"always", "changed"}
     findings : tuple of Finding
         The whole ranking, best first.
@@ -69,6 +80,9 @@ class Diagnosis(Shown):
         Of the residual, when the verdict is "unknown".
     criteria : DiagnosisCriteria
         Thresholds that were used.
+    probabilities : dict of str to float
+        Of each hypothesis, summing to one: the effects of findings that may be the cause, and ``none``, ``several``
+        (small effects, none dominant), ``outside`` (the catalogue) and ``contact``.
     evidence : Evidence
         Numbers from which the probabilities follow.
 
@@ -82,6 +96,8 @@ class Diagnosis(Shown):
     ('none', 'always')
     >>> sorted(found.to_dict())[:4]
     ['contacts', 'criteria', 'description', 'findings']
+    >>> round(sum(found.probabilities.values()), 9)
+    1.0
     """
 
     verdict: Verdict
@@ -95,6 +111,7 @@ class Diagnosis(Shown):
     notes: tuple[str, ...]
     description: Description | None
     criteria: DiagnosisCriteria
+    probabilities: dict[str, float]
     evidence: Evidence = field(repr=False)
     validator: CrossValidator = field(repr=False)
 
@@ -118,6 +135,7 @@ class Diagnosis(Shown):
             "situation": self.situation,
             "headline": self.headline.to_dict(),
             "search": {"error": self.error, "noise_floor": self.noise_floor, "joints": self.joints},
+            "probabilities": self.probabilities,
             "findings": [f.to_dict() for f in self.findings],
             "contacts": [vars(c) for c in self.contacts],
             "notes": list(self.notes),
@@ -208,11 +226,12 @@ def diagnose(
 
 
 def _noise_floor(validator: CrossValidator) -> Array:
-    """Error of the sensor noise alone, for each joint, N·m (N), (J,)."""
+    """Held-out error of the sensor noise alone, for each joint, N·m (N), (J,)."""
     noise = NoiseFloor(validator.model)
     for _ in noise.watch(validator.data.cache.prepared):
         pass
-    return noise.under(validator.base_nrmse() * validator.spread)
+    error = validator.base_nrmse() * validator.spread
+    return np.minimum(with_leverage(validator, noise.under(error)), np.maximum(noise.under(error), error))
 
 
 def _stages(
@@ -232,6 +251,7 @@ def _stages(
         else:
             progress("again without the contacts")
             validator, (findings, ranking) = rest, find_effects(rest, floor, situation, effects, progress)
+    floor = refuted(floor, ranking.full)
     unmodelled = None if contacts else unmodelled_term(ranking, floor)
     return StageResults(validator, situation, floor, tuple(contacts), tuple(findings), ranking, unmodelled)
 
@@ -240,13 +260,23 @@ def _diagnosis(results: StageResults, verdict: Verdict, error_of_model: Headline
     """The result, with a description of the residual where it is unknown."""
     validator, unmodelled = results.validator, results.unmodelled
     errors, floors = validator.base_nrmse(), results.floor / validator.spread
+    evidence = evidence_of(
+        results.findings,
+        (errors, results.ranking.full.base_nrmse()),
+        floors,
+        verdict,
+        unmodelled=unmodelled is not None,
+    )
+    probable = probabilities(evidence)
+    verdict = concluded(verdict, results.findings, probable)
+    results = replace(results, findings=with_probability(results.findings, probable))
     row = int(np.argmax(errors)) if unmodelled is None else unmodelled.row
     description = describe(validator, row) if verdict == "unknown" else None
     error = float(errors.mean())
     return Diagnosis(
         verdict=verdict,
         situation=results.situation,
-        findings=with_verdict(results.findings, verdict, error),
+        findings=with_verdict(results.findings, verdict, error, probable),
         headline=error_of_model,
         error=error,
         noise_floor=float(np.mean(floors)),
@@ -255,15 +285,10 @@ def _diagnosis(results: StageResults, verdict: Verdict, error_of_model: Headline
             for name, e, f in zip(validator.joints, errors, floors, strict=True)
         },
         contacts=results.contacts,
-        notes=tuple(notes_on(results, verdict, description)),
+        notes=tuple(notes_on(results, verdict, description, probable)),
         description=description,
         criteria=validator.criteria,
-        evidence=evidence_of(
-            results.findings,
-            (errors, results.ranking.full.base_nrmse()),
-            floors,
-            touched=bool(results.contacts),
-            unmodelled=unmodelled is not None,
-        ),
+        probabilities=probable,
+        evidence=evidence,
         validator=validator,
     )

@@ -28,6 +28,7 @@ from frischid.diagnosis.change_prior import weak_urdf_prior
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking, ScoredEffect, ranking
+from frischid.diagnosis.floor import refuted
 from frischid.diagnosis.reversal_residuals import only_at_reversals
 from frischid.effects import EFFECTS, Effect
 from frischid.robot.robot import Robot
@@ -64,7 +65,8 @@ class Finding:
         Error without the effect over the sensor noise, on the effect's joints; joints whose error is only at reversals
         do not count.
     p_value : float
-        Probability of so large a gain by chance, corrected for all candidates tried.
+        Of the gain, if the model lacked nothing else, corrected for all candidates tried. It decides inside the search
+        and is no probability that the finding is right: see `probability`.
     parameters : dict of str to float
         Coefficients and shape parameters.
     confused_with : tuple of str
@@ -157,9 +159,14 @@ class Finding:
         return values
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        values = {k: v for k, v in vars(self).items() if k not in {"members", "criteria"}}
-        return values | {"joints": list(self.joints), "confused_with": list(self.confused_with)}
+        """Plain JSON values.
+
+        The p value is that of a test over many candidates. It is far too small beside another effect that is missing,
+        so it decides inside the search only and is not among the values.
+        """
+        values = {k: v for k, v in vars(self).items() if k not in {"members", "criteria", "p_value"}}
+        judged = {"significant": self.significant, "withheld": self.withheld}
+        return values | {"joints": list(self.joints), "confused_with": list(self.confused_with)} | judged
 
 
 def find_effects(
@@ -194,6 +201,7 @@ def find_effects(
         if (only is None or name in only) and not (kind.change and situation == "always")
     ]
     ranked = ranking(validator, kinds, progress)
+    floor = refuted(floor, ranked.full)
     moving = ~only_at_reversals(validator, floor)
     return [_finding(validator, floor, moving, effect) for effect in ranked.effects], ranked
 

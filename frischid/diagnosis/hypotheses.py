@@ -55,7 +55,7 @@ def possible(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def evidence_of(
-    findings: Sequence[Finding], error: tuple[Array, Array], noise: Array, *, touched: bool, unmodelled: bool
+    findings: Sequence[Finding], error: tuple[Array, Array], noise: Array, verdict: str, *, unmodelled: bool
 ) -> Evidence:
     """Collect the evidence.
 
@@ -67,8 +67,8 @@ def evidence_of(
         Cross-validated NRMSE of each joint, without any finding and with all effects that entered.
     noise : ndarray, shape (J,)
         NRMSE of the sensor noise.
-    touched : bool
-        Whether contacts were found.
+    verdict : str
+        Verdict of the rules.
     unmodelled : bool
         Whether a term outside the catalogue explains far more than the first finding.
     """
@@ -84,11 +84,18 @@ def evidence_of(
     values = [
         _of_finding(f, f is causes[0] and f.entered, f.effect in named, float(own.max()), causes, total) for f in causes
     ]
+    if values and verdict == "effect":
+        values[0]["named"] = 1.0
     best = max((np.log10(1 + f.gain) for f in causes if f.sure), default=0.0)
     dominance = float(own.max() / own.sum()) if own.sum() > 0 else 0.0
     entered = float(sum(f.entered for f in causes))
     common = {"clear": clear, "gain": float(best), "left": left}
-    none = {"none": 1.0, **{f"none {k}": x for k, x in common.items()}, "none size": size}
+    none = {
+        "none": 1.0,
+        **{f"none {k}": x for k, x in common.items()},
+        "none size": size,
+        "none verdict": float(verdict == "none"),
+    }
     several = {
         "several": 1.0,
         **{f"several {k}": x for k, x in common.items()},
@@ -97,7 +104,8 @@ def evidence_of(
         "several size": size,
     }
     outside = {"outside": 1.0, **{f"outside {k}": x for k, x in common.items()}, "outside term": float(unmodelled)}
-    contact = {"contact": 1.0, "contact found": float(touched)}
+    outside["outside verdict"] = float(verdict == "unknown")
+    contact = {"contact": 1.0, "contact found": float(verdict == "contact")}
     return Evidence((*(f.effect for f in causes), *OTHERS), (*values, none, several, outside, contact))
 
 

@@ -27,6 +27,7 @@ import numpy as np
 from scipy import optimize
 
 from frischid.core.types import Array
+from frischid.diagnosis.hypotheses import Evidence
 
 DATA = Path(__file__).with_name("probability.json")
 """The weights, and the cases they come from."""
@@ -73,6 +74,12 @@ def chances(evidence: Sequence[Mapping[str, Any]], weights: Weights) -> Array:
         [sum(weights.values.get(k, 0.0) * float(x) for k, x in e.items() if k != _NAME) for e in evidence]
     )
     return _softmax(scores)
+
+
+def probabilities(evidence: Evidence) -> dict[str, float]:
+    """Probability of each hypothesis by its name: the effects of findings, and `hypotheses.OTHERS`; they sum to one."""
+    found = chances(evidence.to_dict(), Weights.load())
+    return dict(zip(evidence.names, map(float, found), strict=True))
 
 
 _NAME = "hypothesis"

@@ -1,4 +1,4 @@
-"""The verdict of a diagnosis: none, effect, contact or unknown.
+"""The verdict of a diagnosis: none, effect, several, contact or unknown.
 
 With r_j the residual NRMSE of joint j with all effects that entered in the model, and n_j that of the sensor noise,
 
@@ -12,12 +12,14 @@ The verdicts:
 - *unknown*: `unexplained` is more than any such effect explains, or a term outside the catalogue explains far more than
   the first finding (`unmodelled_terms`).
 - *none*: no joint's error asks for an explanation.
+- *several*: several small effects act, and none dominates. This is concluded from the probabilities (`probability`), in
+  place of *effect*, *unknown* or *none*, where it is the most probable hypothesis.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -29,12 +31,21 @@ from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking
 from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.hypotheses import OTHERS
 from frischid.diagnosis.residual_formula import Description
 from frischid.diagnosis.reversal_residuals import only_at_reversals
+from frischid.diagnosis.rivals import sentence_of
 from frischid.diagnosis.situation import Situation
 from frischid.diagnosis.unmodelled_terms import UnmodelledTerm
 
-Verdict = Literal["none", "effect", "contact", "unknown"]
+Verdict = Literal["none", "effect", "contact", "unknown", "several"]
+
+SENTENCES = {
+    "contact": "something touched the robot for a while; these stretches of time are left out, not modelled",
+    "unknown": "something is missing that no effect of the catalogue explains",
+    "several": "several small effects act, and none of them dominates: no single one is the cause",
+}
+"""Verdicts that no effect of the catalogue stands for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +108,9 @@ def _asks_for_explanation(residual: Array, noise: Array, validator: CrossValidat
     return np.asarray((residual > criteria.unexplained_error) & (residual > criteria.clear_error * noise))
 
 
-def notes_on(results: StageResults, verdict: Verdict, description: Description | None) -> list[str]:
+def notes_on(
+    results: StageResults, verdict: Verdict, description: Description | None, probabilities: Mapping[str, float]
+) -> list[str]:
     """Sentences beside the verdict: the situation that was assumed, and the reasons."""
     validator, full, unmodelled = results.validator, results.ranking.full, results.unmodelled
     changed = results.situation == "changed"
@@ -115,14 +128,9 @@ def notes_on(results: StageResults, verdict: Verdict, description: Description |
         notes.append(
             f"the residual error of {where} is at reversals and standstill, where dry friction is undetermined"
         )
-    best = next((f for f in results.findings if f.significant), None)
-    if best is not None and best.undecided:
-        other = best.undecided[0]
-        notes.append(
-            f"these logs alone cannot tell {best.effect} from {other}: on the same joints {other} leaves no more error "
-            "block by block; plan a motion that tells them apart: frischid excite ROBOT --separate "
-            f"{best.effect},{other}"
-        )
+    shared = sentence_of(results.findings, probabilities)
+    if shared and verdict != "contact":
+        notes.append(shared)
     withheld = next((f for f in results.findings if f.sure and f.withheld), None)
     if verdict == "none" and withheld is not None:
         where = listed(withheld.joints) or "the robot"
@@ -153,13 +161,36 @@ def with_refit(verdict: Verdict, findings: Sequence[Finding], refit: Finding) ->
     return verdict, [*before, refit, *(f for f in findings if f not in before)]
 
 
-def with_verdict(findings: Sequence[Finding], verdict: Verdict, error: float) -> tuple[Finding, ...]:
-    """The findings; where the verdict is contact or unknown, a finding of that name comes first."""
-    if verdict not in {"contact", "unknown"}:
+def concluded(verdict: Verdict, findings: Sequence[Finding], probabilities: Mapping[str, float]) -> Verdict:
+    """The verdict of the rules, corrected by the probabilities where both can be true of the same table.
+
+    A contact stays one: its stretches of time are left out. *None* needs a table without a finding that is called
+    missing, and *effect* needs one with it; where the table says otherwise, the verdict of the rules stays.
+    """
+    if verdict == "contact":
+        return verdict
+    others = {name: probabilities[name] for name in ("none", "several", "outside")}
+    effects = sum(probabilities.values()) - sum(probabilities[name] for name in OTHERS)
+    likely = max(others, key=lambda name: others[name])
+    named = any(f.significant for f in findings)
+    if effects > others[likely]:
+        return "effect" if named else verdict
+    if likely == "none":
+        return verdict if named else "none"
+    return "several" if likely == "several" else "unknown"
+
+
+def with_probability(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> tuple[Finding, ...]:
+    """The findings, each with its probability."""
+    return tuple(replace(f, probability=probabilities.get(f.effect, 0.0)) for f in findings)
+
+
+def with_verdict(
+    findings: Sequence[Finding], verdict: Verdict, error: float, probabilities: Mapping[str, float]
+) -> tuple[Finding, ...]:
+    """The findings; where the verdict is contact, unknown or several, a finding of that name comes first."""
+    if verdict not in SENTENCES:
         return tuple(findings)
-    sentence = {
-        "contact": "something touched the robot for a while; these stretches of time are left out, not modelled",
-        "unknown": "something is missing that no effect of the catalogue explains",
-    }[verdict]
-    first = Finding(verdict, (), error, error, 0.0, 0.0, 0.0, 0.0, 1.0, {}, (), sentence, ())
-    return (first, *findings)
+    chance = probabilities["outside" if verdict == "unknown" else verdict]
+    first = Finding(verdict, (), error, error, 0.0, 0.0, 0.0, 0.0, 1.0, {}, (), SENTENCES[verdict], ())
+    return (replace(first, probability=chance), *findings)

@@ -12,6 +12,7 @@ import numpy as np
 from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
+from frischid.diagnosis.rivals import rivals
 from frischid.diagnosis.roles import diagnose_in_roles
 from frischid.errors import FrischidError, InputError
 from frischid.export.consistency import Consistency, make_consistent
@@ -136,8 +137,10 @@ def missing(diagnosis: Diagnosis) -> str:
     """A diagnosis in one clause, as the subject line of a page."""
     best = next((f for f in diagnosis.findings if f.significant and f.members), None)
     named = "" if best is None else f"{best.effect} on {listed(best.joints) or 'the whole robot'}"
-    if best is not None and best.undecided:
-        named += f", or {best.undecided[0]}: these logs alone cannot tell which"
+    others = [r.words for r in rivals(diagnosis.findings, diagnosis.probabilities)]
+    if best is not None:
+        named += f" (probability {100 * best.probability:.0f} %)" if not others else ""
+        named += f", or {' or '.join(others)}: these logs alone cannot tell which" if others else ""
     if diagnosis.verdict == "contact":
         count = len(diagnosis.contacts)
         touched = f"Something touched the robot {'once' if count == 1 else f'{count} times'} (left out)"
@@ -145,6 +148,8 @@ def missing(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "unknown":
         part = f"; {named} explains a part of it" if named else ""
         return f"Something is missing that no effect of the catalogue explains{part}"
+    if diagnosis.verdict == "several":
+        return "Several small effects are missing; none of them dominates"
     return f"Missing: {named}" if named else f"{diagnosis.remainder[:1].upper()}{diagnosis.remainder[1:]}"
 
 

@@ -259,7 +259,8 @@ class Tab:
         button.on_click(lambda _: self._change(lambda: self.bench.add(finding.members, revision, finding)))
         confused = f" Could also be {listed(finding.confused_with)}." if finding.confused_with else ""
         text = (
-            f"{opened(finding.sentence, finding.joints)}. To be sure, {EFFECTS[finding.effect].confirmed_by}.{confused}"
+            f"{opened(finding.sentence, finding.joints)}. Probability that this is the cause: "
+            f"{100 * finding.probability:.0f} %. To be sure, {EFFECTS[finding.effect].confirmed_by}.{confused}"
         )
         self._listed += [button, self.client.gui.add_markdown(plain(text))]
 

@@ -257,6 +257,6 @@ def test_what_counts_as_right():
         "backlash",
         "gear_play",
     ]
-    assert right_answers("healthy", replace(truth, effects=(), sizes=())) == ["several"]
+    assert right_answers("healthy", replace(truth, effects=(), sizes=())) == ["cogging", "several"]
     assert right_answers("healthy", replace(truth, background=0.0, background_effects=())) == ["none"]
     assert right_answers("contact", truth) == ["contact"]

@@ -9,6 +9,7 @@ from frischid.cli.pages.page import Page, change, headline_line, quantities, tab
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import HOW_RANKED
 from frischid.diagnosis.improvement import Step
+from frischid.diagnosis.rivals import IN_WORDS
 from frischid.effects import EFFECTS
 from frischid.model.headline import error_after, headline_of
 from frischid.model.model import Model
@@ -21,15 +22,13 @@ def diagnosis(result: Diagnosis) -> Page:
     parts: list[Any] = [head, headline_line(result.headline)]
     for c in result.contacts:
         parts.append(f"contact in {c.source} from {c.start:.2f} to {c.stop:.2f} s on {', '.join(c.joints)}; left out")
-    table = table_of("effect", "where", "error", "explains", "gain", "p", "confused with")
+    table = table_of("effect", "where", "error", "explains", "gain", "probability", "confused with")
     for f in result.findings[:10]:
         where = ", ".join(f.joints) or "robot"
-        table.add_row(
-            f.effect, where, f.change, f"{f.share:.0%}", f"{f.gain:.1f}", "< 1e-16" if f.p_value <
-            1e-16 else f"{f.p_value:.1e}",
-            ", ".join(f.confused_with),
-        )  # fmt: skip
+        evidence = (f.change, f"{f.share:.0%}", f"{f.gain:.1f}", f"{f.probability:.0%}")
+        table.add_row(f.effect, where, *evidence, ", ".join(f.confused_with))
     parts.append(table)
+    parts.append(f"Probability that something else is the cause: {elsewhere(result)}.")
     parts += [f"{note[:1].upper()}{note[1:]}." for note in result.notes[1:]]
     significant = [f for f in result.findings if f.significant]
     if significant:
@@ -41,18 +40,30 @@ def diagnosis(result: Diagnosis) -> Page:
         parts.append(f"{HOW_RANKED} `frischid improve` adds them one at a time.")
     parts.append(
         "error: change of the mean error with this effect alone, cross-validated on the logs that select; explains: "
-        "share of the error above the sensor noise on its joints; gain: log likelihood less its price"
+        "share of the error above the sensor noise on its joints; gain: log likelihood less its price; probability: "
+        "that this is the cause of most of the error above the sensor noise, as learnt from simulated robots"
     )
     return Page(result.to_dict(), parts, result.headline.alarms)
 
 
+def elsewhere(result: Diagnosis) -> str:
+    """Probabilities of the hypotheses that are no effect, and of all findings below the table, in words."""
+    shown = {f.effect for f in result.findings[:10]}
+    below = sum(p for name, p in result.probabilities.items() if name not in shown and name not in IN_WORDS)
+    told = [f"{words} {result.probabilities[name]:.0%}" for name, words in IN_WORDS.items()]
+    return ", ".join([*told, *([f"an effect further down {below:.0%}"] if below >= 0.005 else [])])
+
+
 def verdict_of(result: Diagnosis) -> str:
     """The verdict in words."""
+    part = any(f.significant and f.members for f in result.findings)
     return {
         "none": result.remainder,
         "effect": "an effect is missing",
+        "several": "several small effects; nothing dominates",
         "contact": "something touched the robot",
-        "unknown": "something is missing, and no effect of the catalogue explains it",
+        "unknown": "something is missing that no effect of the catalogue explains"
+        + (", beside effects that explain a part" if part else ""),
     }[result.verdict]
 
 

@@ -7,8 +7,10 @@ from typing import Any
 
 from frischid import figures
 from frischid.core.text import listed
+from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.effect_curves import shape_of
 from frischid.diagnosis.findings import HOW_RANKED, Finding
+from frischid.diagnosis.rivals import IN_WORDS
 from frischid.effects import EFFECTS
 from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
@@ -17,12 +19,12 @@ from frischid.reports.study import Study, missing, opened
 FINDING_CARDS = 6  # findings with a card; the others stand in the ranking
 RANK_CAPTION = (
     "error: its change with this effect alone, cross-validated; explains: share of the error above the sensor noise on "
-    "its joints; gain: of log likelihood; p: probability of such a gain by chance. Ranked by the rise of the "
-    "error when one effect is taken out of a model that has all of them: error that several effects explain equally "
-    "well does not count"
+    "its joints; gain: of log likelihood; probability: that this is the cause of most of the error above the sensor "
+    "noise, as learnt from simulated robots. Ranked by the rise of the error when one effect is taken out of a model "
+    "that has all of them: error that several effects explain equally well does not count"
 )
-RANK_HEADINGS = ("effect", "where", "error", "explains", "gain", "p", "confused with")
-TINY = 1e-15  # probability below which only its bound is printed
+LEAST_TOLD = 0.005  # probability
+RANK_HEADINGS = ("effect", "where", "error", "explains", "gain", "probability", "confused with")
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
@@ -39,6 +41,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "diagnosis": diagnosis,
         "missing": missing(diagnosis),
         "contacts": contacts,
+        "chances": [f"{IN_WORDS.get(k, k)} {100 * p:.0f} %" for k, p in _likely(diagnosis)],
         "notes": [note[:1].upper() + note[1:] for note in diagnosis.notes[1:]],
         "how_ranked": HOW_RANKED if len(significant) > 1 else "",
         "cards": [_card(study, finding) for finding in significant[:FINDING_CARDS]],
@@ -48,9 +51,14 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     }
 
 
+def _likely(diagnosis: Diagnosis) -> list[tuple[str, float]]:
+    """Hypotheses of at least half a percent, most probable first."""
+    told = ((name, p) for name, p in diagnosis.probabilities.items() if p >= LEAST_TOLD)
+    return sorted(told, key=lambda x: -x[1])
+
+
 def _row(f: Finding) -> list[str]:
-    p = "< 10⁻¹⁵" if f.p_value < TINY else number(f.p_value, 2)
-    evidence = [f.change, f"{100 * f.share:.0f} %", number(f.gain, 3), p]
+    evidence = [f.change, f"{100 * f.share:.0f} %", number(f.gain, 3), f"{100 * f.probability:.0f} %"]
     return [f.effect, ", ".join(f.joints) or "robot", *evidence, ", ".join(f.confused_with) or "–"]
 
 
@@ -71,11 +79,10 @@ def _card(study: Study, finding: Finding) -> dict[str, Any]:
     general = f" (in general: {listed(kind.confused_with)})" if kind.confused_with else ""
     other = next(iter((*finding.confused_with, *kind.confused_with)), "")
     plan = f" To plan a motion that distinguishes it from {other}:" if other else ""
-    p = "below 10⁻¹⁵" if finding.p_value < TINY else number(finding.p_value, 2)
     evidence = (
-        f"error {finding.change}, cross-validated; explains "
-        f"{100 * finding.share:.0f} % of the error above the sensor noise on its joints; log likelihood gained "
-        f"{finding.gain:.0f}, probability by chance {p}"
+        f"probability that this is the cause {100 * finding.probability:.0f} %; error {finding.change}, "
+        f"cross-validated; explains {100 * finding.share:.0f} % of the error above the sensor noise on its joints; log "
+        f"likelihood gained {finding.gain:.0f}"
     )
     card["facts"] = [
         ("Evidence", evidence),

@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from frischid import figures
 from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.rivals import separating_command
 from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
 from frischid.model.events import selection_errors
 from frischid.model.headline import Headline, between, headline_of
@@ -104,11 +105,11 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
     better = "better.json" if given != "better.json" else "still-better.json"
     found: list[dict[str, Any]] = []
     diagnosis, passing = study.diagnosis, _passing(study)
+    separating = "" if diagnosis is None else separating_command(diagnosis.findings, diagnosis.probabilities)
     if diagnosis is not None and diagnosis.verdict == "unknown":
         found.append({"kind": "formula", "command": f"frischid studio {given} LOG..."})
-    elif passing and passing[0].undecided:
-        pair = f"{passing[0].effect},{passing[0].undecided[0]}"
-        found.append({"kind": "separate", "command": f"frischid excite ROBOT --separate {pair} -o motion.csv"})
+    elif separating:
+        found.append({"kind": "separate", "command": separating})
     elif passing:
         best = passing[0]
         where = f" --joints {','.join(best.joints)}" if best.joints else ""

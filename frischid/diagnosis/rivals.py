@@ -1,0 +1,81 @@
+"""The hypotheses that share the probability with the first finding, and the motion that separates them.
+
+Where the first finding has less than 80 % (`DiagnosisCriteria.sure_probability`), its sentence names up to three others
+that may be the cause instead, and the command that plans a motion on which two effects act differently. So a user hears
+of a rival before acting on the first finding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from frischid.core.text import listed
+from frischid.diagnosis.findings import Finding
+from frischid.effects import EFFECTS
+
+MOST = 3  # hypotheses that are named beside the first
+IN_WORDS = {
+    "none": "no effect is missing",
+    "several": "several small effects, none dominant",
+    "outside": "something outside the catalogue",
+    "contact": "a contact",
+}
+"""Hypotheses other than an effect, in words."""
+
+
+class Rival(NamedTuple):
+    """A hypothesis beside the first finding: its name in the catalogue or in `hypotheses.OTHERS`, and probability."""
+
+    name: str
+    probability: float
+
+    @property
+    def words(self) -> str:
+        """Name for a sentence."""
+        return IN_WORDS.get(self.name, self.name)
+
+
+def rivals(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> list[Rival]:
+    """Hypotheses that may be true instead of the first finding, most probable first; none where that one is sure.
+
+    Effects that the data cannot tell from the first (`Finding.undecided`) are named even with a small probability.
+    """
+    first = best_of(findings)
+    if first is None or first.probability >= first.criteria.sure_probability:
+        return []
+    others = [Rival(name, p) for name, p in probabilities.items() if name != first.effect]
+    told = [r for r in others if r.probability >= first.criteria.rival_probability or r.name in first.undecided]
+    return sorted(told, key=lambda r: -r.probability)[:MOST]
+
+
+def best_of(findings: Sequence[Finding]) -> Finding | None:
+    """The first finding that is called missing and can be added to a model."""
+    return next((f for f in findings if f.significant and f.members), None)
+
+
+def separating_command(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:
+    """Command that plans a motion to separate the first finding from its first rival effect; empty without one."""
+    first = best_of(findings)
+    effects = [r.name for r in rivals(findings, probabilities) if r.name in EFFECTS]
+    other = next((f for f in findings if effects and f.effect == effects[0] and f.members), None)
+    if first is None or other is None:
+        return ""
+    return f"frischid excite ROBOT --separate {_placed(first)},{_placed(other)} -o motion.csv"
+
+
+def _placed(finding: Finding) -> str:
+    """An effect at its joints, as the command line reads it; of several joints the first, except where it needs two."""
+    effect = finding.members[0]
+    return finding.effect if effect.joints is None else f"{finding.effect}@{'+'.join(effect.joints)}"
+
+
+def sentence_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:
+    """A sentence on the rivals of the first finding; empty where that one is sure."""
+    first, others = best_of(findings), rivals(findings, probabilities)
+    if first is None or not others:
+        return ""
+    told = listed([f"{r.words} ({r.probability:.0%})" for r in others])
+    sentence = f"{first.effect} is the cause with a probability of {first.probability:.0%}; it may also be {told}"
+    command = separating_command(findings, probabilities)
+    return f"{sentence}. A motion that tells them apart: {command}" if command else sentence
