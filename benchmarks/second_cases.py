@@ -211,6 +211,7 @@ def motion(robot: Robot, duration: float, moves: bool, rng: np.random.Generator)
         slow = float(np.max(np.abs(np.diff(points, axis=0)) / gaps[:, None] / (0.7 * limit)))
         knots = knots * max(1.0, slow)
         q = make_interp_spline(knots, points, k=5)(t)
+        q = middle + (q - middle) / np.maximum(np.abs(q - middle).max(axis=0) / (1.3 * reach), 1.0)  # it overshoots
     v = np.gradient(q, STEP, axis=0)
     return Path(t, q, v, np.gradient(v, STEP, axis=0))
 

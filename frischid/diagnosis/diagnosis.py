@@ -268,8 +268,8 @@ def _diagnosis(results: StageResults, verdict: Verdict, error_of_model: Headline
         unmodelled=unmodelled is not None,
     )
     probable = probabilities(evidence)
-    verdict = concluded(verdict, results.findings, probable)
     results = replace(results, findings=with_probability(results.findings, probable))
+    verdict = concluded(verdict, results.findings, probable, unmodelled=unmodelled is not None)
     row = int(np.argmax(errors)) if unmodelled is None else unmodelled.row
     description = describe(validator, row) if verdict == "unknown" else None
     error = float(errors.mean())

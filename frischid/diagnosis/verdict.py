@@ -161,23 +161,23 @@ def with_refit(verdict: Verdict, findings: Sequence[Finding], refit: Finding) ->
     return verdict, [*before, refit, *(f for f in findings if f not in before)]
 
 
-def concluded(verdict: Verdict, findings: Sequence[Finding], probabilities: Mapping[str, float]) -> Verdict:
-    """The verdict of the rules, corrected by the probabilities where both can be true of the same table.
+def concluded(
+    verdict: Verdict, findings: Sequence[Finding], probabilities: Mapping[str, float], *, unmodelled: bool
+) -> Verdict:
+    """The verdict of the rules, corrected by the probabilities where the table beside it allows that.
 
-    A contact stays one: its stretches of time are left out. *None* needs a table without a finding that is called
-    missing, and *effect* needs one with it; where the table says otherwise, the verdict of the rules stays.
+    A contact stays one: its stretches of time are left out. *Unknown* stays where a term outside the catalogue explains
+    far more than any finding (`unmodelled`). *None* needs a table without a finding that is called missing.
     """
-    if verdict == "contact":
+    if verdict == "contact" or unmodelled:
         return verdict
-    others = {name: probabilities[name] for name in ("none", "several", "outside")}
-    effects = sum(probabilities.values()) - sum(probabilities[name] for name in OTHERS)
-    likely = max(others, key=lambda name: others[name])
-    named = any(f.significant for f in findings)
-    if effects > others[likely]:
-        return "effect" if named else verdict
-    if likely == "none":
-        return verdict if named else "none"
-    return "several" if likely == "several" else "unknown"
+    likely = max(OTHERS, key=lambda name: probabilities[name])
+    most = probabilities[likely]
+    if likely not in {"none", "several"} or most <= max((f.probability for f in findings), default=0.0):
+        return verdict
+    if likely == "several":
+        return "several"
+    return verdict if any(f.significant for f in findings) else "none"
 
 
 def with_probability(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> tuple[Finding, ...]:

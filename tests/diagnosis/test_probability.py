@@ -1,0 +1,218 @@
+"""Probabilities of a diagnosis: they sum to one, follow from the evidence, and agree with the sentences beside them."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from frischid.cli.pages.improving import diagnosis as page_of
+from frischid.diagnosis.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.floor import refuted, with_leverage
+from frischid.diagnosis.hypotheses import OTHERS, Evidence
+from frischid.diagnosis.probability import DATA, Weights, chances, fitted, probabilities
+from frischid.diagnosis.rivals import IN_WORDS, rivals, sentence_of, separating_command
+from frischid.diagnosis.situation import cross_validator
+from frischid.diagnosis.verdict import concluded
+from frischid.effects import BASELINE, EFFECTS, parse_effects
+from frischid.model.identification import identify
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
+from frischid.reports.study import missing
+from frischid.robot.robot import Robot
+
+ARM = Robot.load("planar2")
+HIDDEN = {
+    "healthy": ("", {}),
+    "spring": ("joint_spring@joint2", {"ks2": 2.0}),
+    "unknown": ('formula("q2*sign(v1)")@joint1', {"c[q2*sign(v1)]1": 1.5}),
+    "two": ("joint_spring@joint2, quadratic_viscous@joint1", {"ks2": 1.0, "fvv1": 0.3}),
+    "slow noise": ("", {}),
+}
+
+
+@cache
+def found(name: str) -> Diagnosis:
+    effect, values = HIDDEN[name]
+    logs = [
+        simulate(
+            ARM,
+            random_fourier(ARM, 20, seed=seed),
+            rate=50,
+            effects=(*BASELINE, *parse_effects(effect)),
+            parameters={"fc1": 0.5, "fc2": 0.3, "fv1": 0.4, "fv2": 0.2, **values},
+            noise=Noise(q=1e-5, tau=0.02),
+            channels=(),
+            seed=seed,
+            name=f"{name} {seed}",
+        )
+        for seed in (1, 2)
+    ]
+    if name == "slow noise":
+        rng = np.random.default_rng(0)
+        for k, log in enumerate(logs):
+            x = rng.normal(size=log.tau.shape)
+            for i in range(1, len(x)):
+                x[i] = 0.8 * x[i - 1] + 0.6 * x[i]
+            logs[k] = replace(log, tau=log.tau + 0.02 * log.tau.std(axis=0) * x)
+    return diagnose(identify(ARM, logs[:1], recursion="none").model, logs)
+
+
+every_case = pytest.mark.parametrize("name", HIDDEN)
+
+
+@every_case
+def test_no_sentence_contradicts_the_table_beside_it(name):
+    result = found(name)
+    chance = result.probabilities
+    assert sum(chance.values()) == pytest.approx(1.0)
+    assert set(OTHERS) <= set(chance)
+    named = [f for f in result.findings if f.significant]
+    for f in result.findings:
+        if f.effect in EFFECTS:
+            assert f.probability == chance.get(f.effect, 0.0)
+    # the verdict and the table
+    if result.verdict == "none":
+        assert not named
+    if result.verdict == "effect":
+        assert result.findings[0].significant
+    if result.verdict in {"unknown", "several", "contact"}:
+        assert result.findings[0].effect == result.verdict
+        assert result.findings[0].probability == chance["outside" if result.verdict == "unknown" else result.verdict]
+    # sentences and numbers
+    text = " ".join(str(part) for part in page_of(result).parts if isinstance(part, str))
+    for words in IN_WORDS.values():
+        assert words in text
+    if named and result.verdict == "unknown":
+        assert "beside effects that explain a part" in text
+    told = missing(result)
+    if result.verdict in {"effect", "unknown"} and named:
+        assert named[0].effect in told
+    best = next((f for f in named if f.members), None)
+    if best is not None and best.probability < result.criteria.sure_probability:
+        assert any(
+            f"{best.effect} is the cause with a probability of {best.probability:.0%}" in n for n in result.notes
+        )
+    if best is not None and best.probability >= result.criteria.sure_probability:
+        assert not rivals(result.findings, chance)
+    # plain JSON values: the judgement is there, a p value is not
+    data = json.loads(json.dumps(result.to_dict()))
+    assert data["probabilities"] == pytest.approx(chance)
+    for one, f in zip(data["findings"], result.findings, strict=True):
+        assert one["significant"] == f.significant
+        assert one["withheld"] == f.withheld
+        assert one["probability"] == f.probability
+        assert "p_value" not in one
+
+
+def test_a_clear_effect_is_probable_and_a_healthy_robot_lacks_none():
+    spring, healthy = found("spring"), found("healthy")
+    assert (spring.verdict, spring.findings[0].effect) == ("effect", "joint_spring")
+    assert spring.findings[0].probability == max(spring.probabilities.values()) > 0.7
+    assert healthy.verdict == "none"
+    assert healthy.probabilities["none"] > 0.5
+
+
+def test_slow_noise_is_no_alarm():
+    """Torque noise with a memory is no physics: no effect of the catalogue is called probable."""
+    result = found("slow noise")
+    assert not any(f.significant and f.probability > 0.5 for f in result.findings)
+
+
+def evidence(**scores: float) -> Evidence:
+    return Evidence(tuple(scores), tuple({"score": x} for x in scores.values()))
+
+
+def test_probability_follows_the_evidence():
+    told = chances(evidence(a=0.0, b=np.log(3.0)).to_dict(), Weights({"score": 1.0}))
+    np.testing.assert_allclose(told, [0.25, 0.75])
+    huge = chances(evidence(a=-1e6, b=1e6, c=0.0).to_dict(), Weights({"score": 1.0}))
+    np.testing.assert_allclose(huge, [0.0, 1.0, 0.0])
+
+
+def test_a_fit_recovers_the_law_that_made_the_cases():
+    """Cases drawn from known weights: the fit's probabilities are calibrated, and near the true ones."""
+    rng, truth = np.random.default_rng(0), Weights({"a": 2.0, "b": -1.0})
+    cases = []
+    for _ in range(600):
+        told = [{"hypothesis": str(k), "a": float(rng.normal()), "b": float(rng.normal())} for k in range(3)]
+        right = str(rng.choice(3, p=chances(told, truth)))
+        cases.append((told, [right]))
+    weights, _ = fitted(cases)
+    assert weights.values["a"] == pytest.approx(2.0, abs=0.4)
+    assert weights.values["b"] == pytest.approx(-1.0, abs=0.3)
+
+
+def test_several_right_answers_count_together():
+    told = [{"hypothesis": name, name: 1.0} for name in "abc"]
+    weights, _ = fitted([(told, ["a", "b"])] * 50)
+    np.testing.assert_allclose(chances(told, weights)[:2].sum(), 1.0, atol=0.1)
+
+
+def test_the_shipped_weights_say_where_they_come_from():
+    data = json.loads(DATA.read_text())
+    assert sum(data["cases"].values()) >= 100
+    assert data["made by"] == "benchmarks/calibration.py --fit"
+    used = {k for e in found("spring").evidence.values for k in e}
+    assert used <= set(data["weights"]), "every number of evidence has a weight"
+    assert probabilities(found("spring").evidence) == found("spring").probabilities
+
+
+def test_below_four_fifths_the_rivals_are_told_with_the_motion_that_separates_them():
+    result = found("two")
+    first, second = (f for f in result.findings if f.effect in {"joint_spring", "quadratic_viscous"})
+    shared = [replace(first, probability=0.6), replace(second, probability=0.25)]
+    chance = {first.effect: 0.6, second.effect: 0.25, "none": 0.0, "several": 0.12, "outside": 0.03, "contact": 0.0}
+    assert [r.name for r in rivals(shared, chance)] == [second.effect, "several"]
+    command = separating_command(shared, chance)
+    pair = parse_effects(command.split("--separate ")[1].split()[0])
+    assert [e.id for e in pair] == [first.effect, second.effect]
+    sentence = sentence_of(shared, chance)
+    assert f"{first.effect} is the cause with a probability of 60%" in sentence
+    assert f"{second.effect} (25%)" in sentence
+    assert command in sentence
+    sure = [replace(first, probability=0.85), *shared[1:]]
+    assert rivals(sure, {**chance, first.effect: 0.85}) == []
+    assert sentence_of(sure, {**chance, first.effect: 0.85}) == ""
+
+
+@pytest.mark.parametrize(
+    ("rules", "likely", "named", "verdict"),
+    [
+        ("none", "none", False, "none"),
+        ("none", "several", False, "several"),
+        ("unknown", "none", False, "none"),
+        ("unknown", "none", True, "unknown"),
+        ("effect", "several", True, "several"),
+        ("effect", "outside", True, "effect"),
+        ("unknown", "effect", True, "unknown"),
+        ("unknown", "effect", False, "unknown"),
+        ("contact", "none", False, "contact"),
+    ],
+)
+def test_the_verdict_is_the_likely_one_that_the_table_allows(rules, likely, named, verdict):
+    chance = {"joint_spring": 0.02, **dict.fromkeys(OTHERS, 0.02)}
+    chance["joint_spring" if likely == "effect" else likely] = 0.9
+    finding = replace(found("spring").findings[0], probability=chance["joint_spring"])
+    findings = [finding] if named else [replace(finding, gain=-1.0)]
+    assert concluded(rules, findings, chance, unmodelled=False) == verdict
+    assert concluded(rules, findings, chance, unmodelled=True) == rules
+
+
+def test_a_floor_above_a_held_out_error_is_wrong_and_a_prediction_is_uncertain():
+    result = found("healthy")
+    v = result.validator
+    error = v.base_nrmse() * v.spread
+    np.testing.assert_allclose(refuted(2 * error, v), error)
+    np.testing.assert_allclose(refuted(0.5 * error, v), 0.5 * error)
+    wider = with_leverage(v, 0.5 * error)
+    assert (wider > 0.5 * error).all()
+    short, _ = cross_validator(v.model, [_short(v)], "always")
+    little = with_leverage(short, 0.5 * short.base_nrmse() * short.spread) / (0.5 * short.base_nrmse() * short.spread)
+    assert (little > wider / (0.5 * error)).all(), "the fewer the rows, the larger the variance of the prediction"
+
+
+def _short(v):
+    log = simulate(ARM, random_fourier(ARM, 5, seed=3), rate=50, effects=BASELINE, noise=Noise(q=1e-5, tau=0.02))
+    return replace(log, source="short")
