@@ -138,9 +138,8 @@ def missing(diagnosis: Diagnosis) -> str:
     best = next((f for f in diagnosis.findings if f.significant and f.members), None)
     named = "" if best is None else f"{best.effect} on {listed(best.joints) or 'the whole robot'}"
     others = [r.words for r in rivals(diagnosis.findings, diagnosis.probabilities)]
-    if best is not None:
-        named += f" (probability {100 * best.probability:.0f} %)" if not others else ""
-        named += f", or {' or '.join(others)}: these logs alone cannot tell which" if others else ""
+    named += f", or {' or '.join(others)}: these logs alone cannot tell which" if others else ""
+    sure = "" if best is None or others else f" (probability {100 * best.probability:.0f} %)"
     if diagnosis.verdict == "contact":
         count = len(diagnosis.contacts)
         touched = f"Something touched the robot {'once' if count == 1 else f'{count} times'} (left out)"
@@ -150,7 +149,7 @@ def missing(diagnosis: Diagnosis) -> str:
         return f"Something is missing that no effect of the catalogue explains{part}"
     if diagnosis.verdict == "several":
         return "Several small effects are missing; none of them dominates"
-    return f"Missing: {named}" if named else f"{diagnosis.remainder[:1].upper()}{diagnosis.remainder[1:]}"
+    return f"Missing: {named}{sure}" if named else f"{diagnosis.remainder[:1].upper()}{diagnosis.remainder[1:]}"
 
 
 def opened(sentence: str, joints: Collection[str]) -> str:
