@@ -14,7 +14,7 @@ from frischid.core.text import listed
 from frischid.diagnosis.findings import Finding
 from frischid.effects import EFFECTS
 
-MOST = 3  # hypotheses that are named beside the first
+MOST_RIVALS = 3  # hypotheses that are named beside the first
 IN_WORDS = {
     "none": "no effect is missing",
     "several": "several small effects, none dominant",
@@ -46,7 +46,7 @@ def rivals(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> l
         return []
     others = [Rival(name, p) for name, p in probabilities.items() if name != first.effect]
     told = [r for r in others if r.probability >= first.criteria.rival_probability or r.name in first.undecided]
-    return sorted(told, key=lambda r: -r.probability)[:MOST]
+    return sorted(told, key=lambda r: -r.probability)[:MOST_RIVALS]
 
 
 def best_of(findings: Sequence[Finding]) -> Finding | None:
