@@ -127,7 +127,9 @@ class Headline:
             return "–"
         if self.nrmse <= AS_THE_SENSORS * self.noise_floor:  # also where the URDF is as good
             return "A"
-        reference = min(self.urdf_nrmse, self.constant_nrmse)
+        # A URDF that is as good as the sensors leaves nothing to compare with.
+        known = AS_THE_SENSORS * self.noise_floor < self.urdf_nrmse < self.constant_nrmse
+        reference = self.urdf_nrmse if known else self.constant_nrmse
         if self.nrmse >= reference:
             return "F"
         return "ABCDE"[min(4, int(5 * between(self.nrmse, self.noise_floor, reference)))]

@@ -32,6 +32,7 @@ from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from frischid.core.types import Array, Column, Sign
 from frischid.errors import IdentifiabilityError, InputError
@@ -236,8 +237,11 @@ def _compact(root: Array, count: int, tol: float) -> Array:
 
 
 def _right_svd(matrix: Array) -> tuple[Array, Array]:
-    """Singular values, one per column, and all right singular vectors as columns."""
-    _, values, Vt = np.linalg.svd(matrix)
+    """Singular values, one per column, and all right singular vectors as columns.
+
+    By the QR iteration (gesvd): divide and conquer (gesdd) does not converge for some matrices, as that of Baxter.
+    """
+    _, values, Vt = linalg.svd(matrix, lapack_driver="gesvd")
     return np.pad(values, (0, matrix.shape[1] - len(values))), Vt.T
 
 

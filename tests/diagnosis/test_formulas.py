@@ -26,7 +26,7 @@ def case():
     [
         ("0", "is zero"), ("q-q", "is zero"), ("0*v2", "is zero"), ("1e-40*q", "is zero"),
         ("v", "combination of columns"), ("-3*v", "combination of columns"), ("a", "combination of columns"),
-        ("2", "combination of columns"), 
+        ("2", "combination of columns"),
         ("sin(v)**2+cos(v)**2", "combination of columns"),
     ],
 )  # fmt: skip

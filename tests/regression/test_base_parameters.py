@@ -10,8 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frischid.core.types import Column
+from frischid.effects import BASELINE
 from frischid.errors import IdentifiabilityError, InputError
 from frischid.regression.base_parameters import Reduction, reduce, root_of
+from frischid.regression.regressor import Regressor
+from frischid.regression.structure import structure
+from frischid.robot.robot import Robot
 
 ROBOTS = Path(pin.__file__).parents[4] / "share/example-robot-data/robots"
 LINK = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -322,3 +326,10 @@ def test_root_of_squares_to_the_moments(seed, count, rank):
     assert root.shape == (count, count)
     scale = np.linalg.norm(W, axis=0)
     assert np.all(np.abs(root.T @ root - moments) <= 1e-13 * np.outer(scale, scale))
+
+
+def test_a_matrix_for_which_divide_and_conquer_does_not_converge():
+    """LAPACK's gesdd gives up on Baxter's regression."""
+    machine = Robot.load("baxter")
+    found = structure(Regressor(machine, BASELINE), machine.joints)
+    assert found.rank == len(found.base) > 100

@@ -397,6 +397,7 @@ def test_a_model_with_a_severe_alarm_has_no_grade():
     grades = [replace(fair, nrmse=x).grade for x in (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6)]
     assert grades == ["A", "A", "B", "C", "D", "E", "F"]
     assert replace(fair, urdf_nrmse=0.0195).grade == "A", "a URDF as good as the sensors leaves nothing to gain"
+    assert replace(fair, nrmse=0.023, urdf_nrmse=0.0195).grade == "A"
     assert replace(fair, alarms=(alarm,)).grade == "–"
 
 
