@@ -6,6 +6,7 @@ Every command takes ``--json`` for machines. Heavy imports are done only when a 
 # each module adds its commands to the group
 from frischid.cli import (
     checking,
+    completion,
     doctor,
     drives,
     exporting,
@@ -21,6 +22,7 @@ from frischid.cli.group import main
 
 __all__ = [
     "checking",
+    "completion",
     "doctor",
     "drives",
     "exporting",

@@ -44,7 +44,7 @@ class _Commands(click.Group):
         sys.exit(2)
 
 
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "show_default": True})
 @click.version_option(package_name="frischid")
 def main() -> None:
     """Identify the dynamic parameters of a robot from its URDF and measured logs.

@@ -53,6 +53,7 @@ def paper_page(source: str, authors: bool, runs: int, tables: Sequence[PaperTabl
         f"{runs} runs of each study · frischid {__version__} · {day}",
         "chapters": chapters,
         "plotly": Markup(get_plotlyjs()),
+        "model": "",
     }
     return render("page.html", values)
 

@@ -490,3 +490,14 @@ def test_tiago(measured):
     assert list(data["comparison"]["joints"]) == rows.split(",")
     assert any("measured velocity of" in n and "arm_1_joint" in n for n in data["notes"])
     run("check", folder / "tiago_48_schunk.urdf", folder / "logs/ident_0_48s.parquet", code=1)
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_is_a_script_of_the_shell(shell):
+    script = run("completion", shell).stdout
+    assert "_FRISCHID_COMPLETE" in script
+    assert "frischid" in script
+
+
+def test_help_says_the_defaults():
+    assert "[default: auto]" in " ".join(run("identify", "--help").stdout.split())

@@ -82,10 +82,12 @@
     });
     box.after(button);
   });
-  const model = document.getElementById("model");
-  document.getElementById("download-model").addEventListener("click", () => {
-    download(model.dataset.name, "application/json", model.textContent);
-  });
+  const model = document.getElementById("model"); // the page of the paper has none
+  if (model) {
+    document.getElementById("download-model").addEventListener("click", () => {
+      download(model.dataset.name, "application/json", model.textContent);
+    });
+  }
 
   wanted.addEventListener("change", () => plots.filter((p) => p.dataset.drawn).forEach(draw));
   window.addEventListener("beforeprint", () => {
