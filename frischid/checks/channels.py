@@ -41,6 +41,12 @@ def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = T
             _effort(log, channel, unit, moving, notes)
 
 
+def testifies(q: Array, criteria: CheckCriteria) -> NDArray[np.bool_]:
+    """Joints that moved far enough, compared with the noise and resolution of their positions, to testify; q (N, J)."""
+    finest = np.maximum(noise_level(q), [quantum(x, criteria) for x in q.T])
+    return np.asarray((np.ptp(q, axis=0) > criteria.testimony_steps * finest) & (np.ptp(q, axis=0) >= STANDSTILL_SPAN))
+
+
 def quantum(x: Array, criteria: CheckCriteria = DEFAULT_CRITERIA) -> float:
     """Step of a channel whose values all lie on a grid; zero where there is no grid."""
     levels = np.unique(x)

@@ -47,6 +47,9 @@ class CheckCriteria:
     repeated_share: float = 0.01
     """Share of rows equal to the row before. Above this share the issue "repeated samples" is reported. (planted: stale
     rows; real: Panda)"""
+    testimony_steps: float = 50.0
+    """Steps of the position's resolution (or standard deviations of its noise). A joint that moved less testifies to
+    neither clock nor velocity. (planted: small motions; real: LBR)"""
     repeat_motion: float = 3.0
     """Smallest changes of the channel per step. Only a joint that moves by more than this can show that a row was
     repeated. (clean: coarse)"""
@@ -158,14 +161,34 @@ class CheckCriteria:
     bad_nrmse: float = 0.3
     """NRMSE of the URDF with fitted friction. A larger error asks for an explanation; real arms have 0.02 to 0.25.
     (real; clean)"""
+    independent_time: float = 0.5
+    """s. Errors of a URDF's torques are correlated over about so long: one independent sample. (planted)"""
+    independent_samples: tuple[float, float] = (10.0, 40.0)
+    """Samples. Independent samples of a joint count as at least and at most so many: errors of a URDF repeat with the
+    motion, so a longer log does not prove more. (planted)"""
+    urdf_error: float = 0.1
+    """NRMSE. Below this error, which URDFs of real arms have anyway, a smaller error proves nothing. (real)"""
+    heard_share: float = 0.7
+    """Share of the rms torque. A row takes part in a common factor only if a multiple of the URDF leaves less.
+    (planted: mN·m)"""
+    odd_factor: float = 1.5
+    """Factor. A gain nearer to one is an error of the URDF's masses, not of the log. (real: LBR)"""
+    unit_tolerance: float = 0.2
+    """Relative difference. A common factor this near to that of a unit is taken as this unit. (planted: mN·m)"""
+    least_odds: float = 20.0
+    """Posterior odds against no fault. A hypothesis with lower odds is not named. (clean)"""
+    likely_probability: float = 0.9
+    """Probability against the runner-up. Above it a fault is "likely", below it "possible". (planted)"""
+    changed_nrmse: float = 0.02
+    """NRMSE. A hypothesis changes the rows whose error changes by more than this. (planted)"""
+    discrete_share: float = 0.5
+    """Share of the squared error. Faults without a fitted number (signs, exchanges) are named if they explain this
+    share: nothing is fitted that could explain it by chance, and URDFs have errors of their own. (real: LBR)"""
     explained_share: float = 0.85
     """Share of the squared error. A mistake of single joints is reported only if correcting it explains at least this
     share; correcting the true mistake explains nearly all. (planted: signs, exchanges, degrees, payloads)"""
     nrmse_cap: float = 2.0
     """NRMSE. Larger errors count as this one, so that one joint does not outvote all others. (planted: torque scale)"""
-    equal_share: float = 0.03
-    """Difference of explained shares. Below this difference, the simpler of two explanations is taken. (planted: turned
-    axis, swapped joints)"""
     gravity_tolerance: float = 0.15
     """Relative difference. A fitted direction of gravity is accepted only if its length is this near to 9.81 m/s²; the
     fit itself leaves the length free. (planted: mounting)"""
@@ -182,6 +205,9 @@ class CheckCriteria:
     """The same share. Below this value another robot is "likely", not only "possible". (planted: wrong robot)"""
     payload_nrmse: float = 0.03
     """NRMSE. If the error is lower on every joint, no payload is searched. (clean)"""
+    exact_share: float = 0.97
+    """Share of the squared error. A body that explains errors below `urdf_error` must explain this share: else they may
+    be errors of the URDF's links. (clean, with links that differ from the URDF's)"""
     payload_reach: float = 1.0
     """m from the last joint. Nobody carries a payload farther out. (planted: payload)"""
     missing_mass: float = 1.3

@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage, signal
 
+from frischid.checks.channels import testifies
 from frischid.checks.check_criteria import CheckCriteria
 from frischid.checks.log_issue import Notebook
 from frischid.core.types import Array
@@ -115,7 +116,10 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
     inside = slice(window, -window)
     if len(log) < 10 * window:
         return
-    told, weight, steps = (x[inside] for x in (*_told_by_positions(log, window), step))
+    able = testifies(log.q, criteria)
+    if not able.any():
+        return
+    told, weight, steps = (x[inside] for x in (*_told_by_positions(log.q[:, able], log.t, window), step))
     mean = ndimage.uniform_filter1d(steps, window)
     use = (steps < 3 * usual) & (weight > np.median(weight)) & (weight > 0)
     if use.sum() < criteria.enough_samples:
@@ -169,16 +173,16 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
         )
 
 
-def _told_by_positions(log: Log, window: int) -> tuple[Array, Array]:
+def _told_by_positions(q: Array, t: Array, window: int) -> tuple[Array, Array]:
     """Time between samples computed from the positions [s], and 1 / variance of this time [1/s²], both (N - 1,)."""
     taps = signal.savgol_coeffs(window, 3, deriv=1, use="dot")
-    slope = ndimage.correlate1d(log.q, taps, axis=0, mode="nearest")
-    speed = slope / ndimage.correlate1d(log.t, taps, mode="nearest")[:, None]
-    noise = noise_level(log.q)
-    seen = (noise > 0) & (np.ptp(log.q, axis=0) > 0)
+    slope = ndimage.correlate1d(q, taps, axis=0, mode="nearest")
+    speed = slope / ndimage.correlate1d(t, taps, mode="nearest")[:, None]
+    noise = noise_level(q)
+    seen = (noise > 0) & (np.ptp(q, axis=0) > 0)
     if not seen.any():
-        noise, seen = np.maximum(noise, 1e-12), np.ptp(log.q, axis=0) > 0
+        noise, seen = np.maximum(noise, 1e-12), np.ptp(q, axis=0) > 0
     speed = ((speed[1:] + speed[:-1]) / 2 / np.where(seen, noise, np.inf))[:, seen]
-    advance = np.diff(log.q, axis=0)[:, seen] / noise[seen]
+    advance = np.diff(q, axis=0)[:, seen] / noise[seen]
     weight = np.sum(speed**2, axis=1)
     return np.sum(speed * advance, axis=1) / np.maximum(weight, 1e-300), weight

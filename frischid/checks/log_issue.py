@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
+from frischid.checks.faults import Fix
 from frischid.core.types import Array
 
 Sureness = Literal["certain", "likely", "possible"]
@@ -72,6 +73,8 @@ class LogReport:
         Those that block an identification first, then the most certain.
     criteria : CheckCriteria
         The numbers that decided.
+    fix : tuple of (str, str, object)
+        Joint, key and value of the entries of a mapping file that undo the faults.
     """
 
     source: str
@@ -79,6 +82,7 @@ class LogReport:
     joints: Mapping[str, Mapping[str, float]]
     issues: tuple[LogIssue, ...]
     criteria: CheckCriteria = DEFAULT_CRITERIA
+    fix: tuple[Fix, ...] = ()
 
     @property
     def blocked(self) -> bool:
@@ -100,6 +104,7 @@ class Notebook:
     facts: dict[str, Any] = field(default_factory=dict)
     joints: dict[str, dict[str, float]] = field(default_factory=dict)
     issues: list[LogIssue] = field(default_factory=list)
+    fix: tuple[Fix, ...] = ()
 
     def per_joint(self, quantity: str, values: Array) -> None:
         """Note a figure of every joint, (J,); values that are not finite are left out."""
@@ -127,7 +132,7 @@ class Notebook:
         """The report of everything noted, the most severe issue first."""
         order = {"certain": 0, "likely": 1, "possible": 2}
         issues = sorted(self.issues, key=lambda f: (not f.blocks, order[f.sure]))
-        return LogReport(source, self.facts, self.joints, tuple(issues), self.criteria)
+        return LogReport(source, self.facts, self.joints, tuple(issues), self.criteria, self.fix)
 
 
 def span(values: Array, unit: str = "") -> str:

@@ -14,7 +14,7 @@ from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.clock import check_clock
 from frischid.checks.excitation import FreeFit, check_excitation, free_fit
 from frischid.checks.lag import check_lag
-from frischid.checks.log_issue import LogReport, Notebook
+from frischid.checks.log_issue import LogReport, Notebook, span
 from frischid.checks.physics import check_physics
 from frischid.checks.sketch import Sketch
 from frischid.checks.velocity import check_velocity
@@ -24,6 +24,7 @@ from frischid.logs.cutoff_choice import choose_lowpass
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion, prepare
+from frischid.logs.wraps import unwrapped, wraps_of
 from frischid.regression.base_parameters import Reduction
 from frischid.robot.robot import Robot
 
@@ -74,6 +75,13 @@ def inspect(
     """
     log, brief = log.select(robot.joints), prepared is not None
     notes = Notebook(robot.joints, criteria)
+    if (wraps := wraps_of(log.q)).any():
+        what = f"the angle jumps by a whole turn {span(wraps[wraps > 0].astype(float))} times: it wraps at ±π"
+        advice = "nothing to do: frischid makes such angles continuous when it reads them"
+        notes.add("wrapped angle", what, notes.which(wraps > 0), "certain", advice)
+        low, high = robot.limits.lower, robot.limits.upper
+        limited = np.isfinite(low) & np.isfinite(high)
+        log = unwrapped(log, np.where(limited, (np.where(limited, low, 0.0) + np.where(limited, high, 0.0)) / 2, 0.0))
     check_clock(log, notes)
     check_channels(robot, log, notes, figures=not brief)
     if any(f.blocks for f in notes.issues):

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from frischid.checks.channels import testifies
 from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
 from frischid.logs.derivatives import LATE_VELOCITY
 from frischid.logs.filters import LowPass, derivative_taps, noise_level
-from frischid.logs.log import STANDSTILL_SPAN, Log
+from frischid.logs.log import Log
 from frischid.logs.mapping import TICKS_PER_SECOND
 from frischid.logs.time_grid import uniform
 
@@ -30,7 +31,7 @@ _LAG_ERRORS = 3.0
 def check_velocity(log: Log, lowpass: LowPass, notes: Notebook, most: float | None = None) -> None:
     """Report late, scaled, negated, exchanged and unrelated velocities, from at most `most` seconds of the log."""
     criteria = notes.criteria
-    moving = np.ptp(log.q, axis=0) >= STANDSTILL_SPAN
+    moving = testifies(log.q, criteria)
     which = np.flatnonzero(log.has("v") & moving & (np.ptp(np.nan_to_num(_measured(log)), axis=0) > 0))
     if len(which) == 0:
         return

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,22 +16,31 @@ from frischid.cli.output import show_page, working
 from frischid.cli.paths import InputPath, OutputFolder, OutputPath
 from frischid.errors import InputError
 
+if TYPE_CHECKING:
+    from frischid.checks import LogReport
+    from frischid.logs.log import Log
+
 
 @main.command()
 @click.argument("robot", type=InputPath())
 @click.argument("logs", type=InputPath(), nargs=-1, required=True)
 @robot_options
 @map_option
+@click.option("-o", "--output", type=OutputPath(), help="Write a mapping file that undoes the faults here (TOML).")
 @json_option
-def check(robot: str, logs: tuple[str, ...], mapping: MapFiles, as_json: bool, **options: Any) -> None:
+def check(
+    robot: str, logs: tuple[str, ...], mapping: MapFiles, output: str | None, as_json: bool, **options: Any
+) -> None:
     """Find faults in logs.
 
-    Examples are wrong clocks, dead channels, units, signs, payloads, and the wrong robot.
+    Examples are wrong clocks, dead channels, units, signs, payloads, and the wrong robot. Faults that a mapping file
+    can undo (signs, exchanged columns, zeros, units) are printed as such a file, and written with -o.
 
     Exit code 0: no issue. 1: an issue to look at. 2: a log cannot be used at all.
     """
     from frischid.checks import defects
     from frischid.cli.pages import checking as show
+    from frischid.core.files import write_text
     from frischid.logs.mapping import LogMap
     from frischid.model.log_examination import check as check_logs
 
@@ -47,8 +57,28 @@ def check(robot: str, logs: tuple[str, ...], mapping: MapFiles, as_json: bool, *
             raise
         progress("checking")
         reports = check_logs(machine, data)
-    show_page(show.check(reports), as_json)
+    text = _corrections(logs, mapping, data, reports)
+    if output and text:
+        write_text(Path(output), text)
+    show_page(show.check(reports, text, output if text else None), as_json)
     sys.exit(1 if any(report.issues for report in reports) else 0)
+
+
+def _corrections(logs: Sequence[str], mapping: MapFiles, data: Sequence[Log], reports: Sequence[LogReport]) -> str:
+    """Mapping file that undoes the faults of all logs; empty if there is none that it can undo."""
+    from frischid.logs.layouts import layout_of
+    from frischid.logs.log import CHANNELS
+    from frischid.logs.mapping import LogMap
+    from frischid.logs.mapping_fix import together
+
+    if not any(report.fix for report in reports):
+        return ""
+    form = LogMap.of(mapping)
+    parts = []
+    for path, log, report in zip(logs, data, reports, strict=True):
+        channels = [c for c in CHANNELS if log.has(c).any()]
+        parts.append((Path(path).name, layout_of(Path(path), form), report.fix, channels))
+    return together(parts)
 
 
 @main.command()

@@ -156,7 +156,13 @@ def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str],
     entry = form.joint.get(joint, JointMap())
     motion = entry.sign * RADIANS_PER_UNIT[entry.angle_unit or form.angle_unit] / entry.gear_ratio
     effort = entry.sign * entry.torque_sign
-    factors = {"q": motion, "v": motion, "a": motion, "tau": effort * entry.gear_ratio, "current": effort}
+    factors = {
+        "q": motion,
+        "v": motion,
+        "a": motion,
+        "tau": effort * entry.gear_ratio * entry.torque_factor,
+        "current": effort,
+    }
     channels: dict[str, Array] = {}
     for channel, name in columns.items():
         raw = np.asarray(table.values(name), dtype=np.float64)

@@ -8,7 +8,7 @@
 A `LogMap` gives the joint and channel of each column, and the unit and direction in which it was recorded:
 
     q = sign · unit · raw / gear_ratio + offset        q̇, q̈ = sign · unit · raw / gear_ratio
-    i = sign · torque_sign · raw                       τ = sign · torque_sign · gear_ratio · raw
+    i = sign · torque_sign · raw                       τ = sign · torque_sign · torque_factor · gear_ratio · raw
                                                        or τ = current_gain · i
 
 Logs of one robot may have different columns. Each layout is then a section ``[layout.<name>]`` with tables of its own,
@@ -54,6 +54,8 @@ class JointMap:
         Gear ratio if the columns are motor-side: q, v, a are divided by it, tau is multiplied.
     torque_sign : {1, -1}
         Further factor of tau and current only.
+    torque_factor : float
+        Further factor of tau only: its unit, N·m per unit of the column.
     current_gain : float, optional
         Joint-side torque per ampere [N·m/A]: ``tau = current_gain · current`` where there is no tau column.
     tau_from : {"tau", "current"}, optional
@@ -71,6 +73,7 @@ class JointMap:
     offset: float = 0.0
     gear_ratio: float = 1.0
     torque_sign: int = 1
+    torque_factor: float = 1.0
     current_gain: float | None = None
     tau_from: str | None = None
     angle_unit: str | None = None
@@ -268,6 +271,7 @@ JOINT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, COLUMN_RULE) | {
     "offset": (_is_finite, "a number"),
     "gear_ratio": NONZERO_RULE,
     "torque_sign": SIGN_RULE,
+    "torque_factor": NONZERO_RULE,
     "current_gain": NONZERO_RULE,
     "tau_from": TAU_FROM_RULE,
     "angle_unit": _one_of(*RADIANS_PER_UNIT),

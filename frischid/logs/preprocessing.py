@@ -29,6 +29,7 @@ from frischid.logs.filters import LowPass, derivative_taps
 from frischid.logs.log import Log
 from frischid.logs.standstill import PAUSE, find_standstill
 from frischid.logs.time_grid import breaks_of, largest_gap, uniform
+from frischid.logs.wraps import unwrapped, wrap_notes
 
 VELOCITIES = ("auto", "measured", "derived")
 """Sources of q̇: the better of the other two, joint by joint; the channel of the log; the slope of the positions."""
@@ -133,11 +134,12 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto", begin: float 
     """
     if velocity not in VELOCITIES:
         raise InputError(f"velocity must be one of {', '.join(VELOCITIES)}, got '{velocity}'")
+    wraps, log = wrap_notes(log), unwrapped(log)
     median = float(np.median(np.diff(log.t)))
     longest = largest_gap(median, lowpass)
     begins = breaks_of(log, lowpass)
     bounds = [*begins.tolist(), len(log.t)]
-    notes = []
+    notes = wraps
     if gaps := len(begins) - 1:
         widest = float(np.diff(log.t).max())
         notes.append(

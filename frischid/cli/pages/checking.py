@@ -27,8 +27,8 @@ COLUMNS = {
 }
 
 
-def check(reports: Sequence[LogReport]) -> Page:
-    """Figures and issues of logs."""
+def check(reports: Sequence[LogReport], correction: str = "", output: str | None = None) -> Page:
+    """Figures and issues of logs, and the mapping file that undoes those that it can undo."""
     parts: list[Any] = []
     for report in reports:
         parts += [_headline(report.source, report.facts), *(f"  {escape(n)}" for n in report.facts.get("notes", ()))]
@@ -45,8 +45,12 @@ def check(reports: Sequence[LogReport]) -> Page:
         }
         for report in reports
     ]
+    if correction:
+        where = f"written to {output}" if output else "-o FILE writes it"
+        parts += ["", f"mapping file that undoes what it can ({where}):", escape(correction)]
     criteria = reports[0].criteria.to_dict() if reports else {}
-    return Page({"logs": data, "ok": not any(report.issues for report in reports), "criteria": criteria}, parts)
+    ok = not any(report.issues for report in reports)
+    return Page({"logs": data, "ok": ok, "correction": correction, "criteria": criteria}, parts)
 
 
 def lines(issue: LogIssue) -> list[str]:

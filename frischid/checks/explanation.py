@@ -1,0 +1,176 @@
+"""Hypotheses against each other: which few faults explain a log's torques best.
+
+Every hypothesis h is a set of faults. It is scored by a posterior,
+
+    score(h) = Σ_j log L_j(h) − Σ_{faults} cost,        log L_j = −(n_j / 2) log(e_j² + e_URDF²),
+
+where e_j is the error of joint j with the faults undone and friction fitted, n_j the number of independent samples, and
+e_URDF the error that URDFs have anyway: below it, a smaller error proves nothing. A fault costs more if there are many
+places for it, or if numbers are fitted (Schwarz 1978). The probability of the best hypothesis against the runner-up is
+1 / (1 + exp(score₂ − score₁)).
+
+Faults of positions (`position_faults`) and of the robot (`robot_faults`) give other rigid torques. For each of them the
+best faults of single torques follow row by row (`row_fits`). Two such faults together are tried from the best ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frischid.checks.faults import Fault, cost
+from frischid.checks.position_faults import position_faults
+from frischid.checks.robot_faults import robot_faults
+from frischid.checks.row_fits import RowFits, local_fits
+from frischid.checks.sketch import Sketch
+from frischid.core.types import Array
+
+BEAM = 3
+"""Hypotheses from which further faults are tried."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Some faults, their score, the errors that they leave (R,), and the log with them undone."""
+
+    faults: tuple[Fault, ...]
+    score: float
+    errors: Array
+    sketch: Sketch
+
+    @property
+    def key(self) -> frozenset[tuple[str, tuple[str, ...]]]:
+        """What the hypothesis claims."""
+        return frozenset((fault.kind, fault.where) for fault in self.faults)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The best hypothesis, its probability against the runner-up, and the runner-up."""
+
+    best: Hypothesis
+    probability: float
+    runner_up: Hypothesis | None
+
+    @property
+    def odds(self) -> str:
+        """The probability in words."""
+        if self.runner_up is None or not self.runner_up.faults:
+            against = "no fault"
+        else:
+            against = " and ".join(f"{f.kind} of {', '.join(f.where) or 'the robot'}" for f in self.runner_up.faults)
+        return f"probability {min(self.probability, 0.99):.2f} against {against}"
+
+
+def explain(sketch: Sketch) -> Explanation | None:
+    """The best acceptable hypothesis about a log that the URDF does not explain; None without one."""
+    fits = RowFits(sketch)
+    null = Hypothesis((), fits.total(sketch.asis), sketch.asis, sketch)
+    found = _readings(sketch, ())
+    for item in position_faults(sketch):
+        found += _readings(item.sketch, (item.fault,))
+    found += _of_the_robot([*_best(found), *_readings(sketch, (), simple=True)])
+    if (top := max(found, key=_score)) and not (_is_enough(top, null) and _is_good(top)):
+        for start in _best(found):
+            for item in position_faults(start.sketch):
+                found += _readings(item.sketch, (*start.faults, item.fault))
+        found += _of_the_robot(_best(found))
+    enough = sorted((h for h in found if _is_enough(h, null)), key=_score, reverse=True)
+    if not enough:
+        return None
+    best = enough[0]
+    others = [h for h in [*found, null] if not h.key >= best.key]
+    runner = max(others, key=_score, default=None)
+    gap = np.inf if runner is None else best.score - runner.score
+    return Explanation(best, float(1 / (1 + np.exp(np.clip(-gap, -50, 50)))), runner)
+
+
+def _score(hypothesis: Hypothesis) -> float:
+    return hypothesis.score
+
+
+def _best(found: Iterable[Hypothesis]) -> list[Hypothesis]:
+    """The best few different hypotheses."""
+    kept: dict[frozenset[tuple[str, tuple[str, ...]]], Hypothesis] = {}
+    for hypothesis in sorted(found, key=_score, reverse=True):
+        kept.setdefault(hypothesis.key, hypothesis)
+        if len(kept) == BEAM:
+            break
+    return list(kept.values())
+
+
+def _readings(sketch: Sketch, faults: tuple[Fault, ...], *, simple: bool = False) -> list[Hypothesis]:
+    """The best readings of the torques, with some faults undone already."""
+    fits = RowFits(sketch)
+    found = []
+    for local in local_fits(fits, simple=simple):
+        nominal = sketch.nominal
+        if local.springs:
+            nominal = nominal.copy()
+            for j, torque in local.springs.items():
+                nominal[:, j] += torque
+        read = replace(sketch, tau=local.tau, given_nominal=nominal)
+        paid = sum(f.cost for f in faults)
+        merged, refund = _merged((*faults, *local.faults), len(fits.rows))
+        found.append(Hypothesis(merged, local.score - paid + refund, local.errors, read))
+    return found
+
+
+def _merged(faults: Sequence[Fault], joints: int) -> tuple[tuple[Fault, ...], float]:
+    """Faults of a joint's positions and torques together are one fault; and the cost that this saves."""
+    left, refund = list(faults), 0.0
+    for kind, partner, together in (
+        ("position sign", "torque sign", "position sign"),
+        ("swapped positions", "swapped torques", "swapped joints"),
+    ):
+        for one in [f for f in left if f.kind == kind]:
+            other = next((f for f in left if f.kind == partner and set(f.where) == set(one.where)), None)
+            if other is None:
+                continue
+            what = one.what.replace("its positions have", "its positions and torques have")
+            what = what.replace("their positions are", "their positions and torques are")
+            fix = (*one.fix, *other.fix)
+            if kind == "position sign":
+                fix = tuple(f for f in one.fix if f[1] == "sign")
+            choices = joints * (joints - 1) // 2 if kind == "swapped positions" else joints
+            price = cost(together, choices)
+            refund += one.cost + other.cost - price
+            advice = one.advice.replace(" and torque_sign = -1", "")
+            left = [f for f in left if f is not one and f is not other]
+            left.append(replace(one, kind=together, what=what, cost=price, fix=fix, advice=advice))
+    return tuple(left), refund
+
+
+def _of_the_robot(starts: Iterable[Hypothesis]) -> list[Hypothesis]:
+    found = []
+    for start in starts:
+        for item in robot_faults(start.sketch):
+            if item.fault.kind in {f.kind for f in start.faults}:
+                continue
+            fits = RowFits(item.sketch)
+            errors = item.sketch.errors(item.sketch.nominal)
+            score = fits.total(errors) - item.fault.cost - sum(f.cost for f in start.faults)
+            found.append(Hypothesis((*start.faults, item.fault), score, errors, item.sketch))
+    return found
+
+
+def _is_enough(hypothesis: Hypothesis, null: Hypothesis) -> bool:
+    """Whether a hypothesis explains most of the error of the rows that it changes, and is worth its cost."""
+    criteria = null.sketch.criteria
+    if not hypothesis.faults or hypothesis.score - null.score < np.log(criteria.least_odds):
+        return False
+    if sum(fault.kind == "torque scale" for fault in hypothesis.faults) > 1:
+        return False  # several factors are a mistake of another kind
+    before, after = (np.minimum(x, criteria.nrmse_cap) for x in (null.errors, hypothesis.errors))
+    if len(before) != len(after):
+        return False
+    changed = np.abs(before - after) > criteria.changed_nrmse
+    removed = 1 - float(np.sum(after[changed] ** 2)) / max(float(np.sum(before[changed] ** 2)), 1e-12)
+    share = criteria.discrete_share if all(f.discrete for f in hypothesis.faults) else criteria.explained_share
+    return bool(changed.any()) and removed > share
+
+
+def _is_good(hypothesis: Hypothesis) -> bool:
+    return bool((hypothesis.errors < hypothesis.sketch.criteria.bad_nrmse).all())

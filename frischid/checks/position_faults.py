@@ -1,0 +1,127 @@
+"""Faults of positions: turned, exchanged and shifted joints, degrees. Each gives another rigid torque.
+
+The nominal torque with joint j's zero shifted by δ needs no search: inertias turn with a joint, so they contain the
+sine and the cosine of δ at most squared,
+
+    τ(q + δ e_j) = a₀ + a₁ cos δ + b₁ sin δ + a₂ cos 2δ + b₂ sin 2δ,
+
+and five values of δ give the torque for all others exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.checks.faults import Fault, Fix, cost
+from frischid.checks.row_fits import RowFits
+from frischid.checks.sketch import Sketch
+from frischid.core.types import Array
+
+TURN = 2 * np.pi
+GRID_DEGREES = 10.0
+"""Degrees between the zeros that are tried first; the best is refined."""
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A sketch with other positions, and the fault that this undoes."""
+
+    sketch: Sketch
+    fault: Fault
+
+
+def position_faults(sketch: Sketch) -> Iterator[Moved]:
+    """The sketch with one fault of the positions undone, for every such fault."""
+    robot, J = sketch.robot, len(sketch.robot.joints)
+    for j in range(J):
+        turn = np.where(np.arange(J) == j, -1.0, 1.0)
+        what = "its positions have the wrong sign: with it changed, the model fits"
+        advice = "set sign = -1 and torque_sign = -1 for it in a mapping file"
+        fix: tuple[Fix, ...] = ((robot.joints[j], "sign", -1), (robot.joints[j], "torque_sign", -1))
+        price = cost("position sign", J)
+        yield Moved(moved(sketch, turn, None), Fault("position sign", what, (robot.joints[j],), advice, price, fix=fix))
+    for i, j in combinations(range(J), 2):
+        order = np.arange(J)
+        order[[i, j]] = j, i
+        pair = (robot.joints[i], robot.joints[j])
+        what = "their positions are exchanged: with the columns exchanged back, the model explains the torques"
+        fix = tuple((a, c, b) for a, b in (pair, pair[::-1]) for c in ("q", "v", "a"))
+        price = cost("swapped positions", J * (J - 1) // 2)
+        advice = "exchange the columns in the mapping file"
+        yield Moved(moved(sketch, None, order), Fault("swapped positions", what, pair, advice, price, fix=fix))
+    for turning in np.flatnonzero(~robot.prismatic):
+        yield from _zeros(sketch, int(turning))
+    if not (np.abs(sketch.q[:, ~robot.prismatic]) > TURN).any():
+        return  # within one turn each way: as degrees, the robot would hardly have moved
+    degrees = moved(sketch, np.where(robot.prismatic, 1.0, np.deg2rad(1.0)), None)
+    what = "the positions are in degrees: in radians the model explains the torques"
+    advice = 'set angle_unit = "deg" under [file] in a mapping file'
+    fix = (("", "angle_unit", "deg"),)
+    yield Moved(degrees, Fault("degrees", what, robot.joints, advice, cost("degrees"), fix=fix))
+
+
+def moved(sketch: Sketch, factor: Array | None, order: NDArray[np.intp] | None) -> Sketch:
+    """The sketch with motions scaled and reordered."""
+    J = sketch.q.shape[1]
+    take = np.arange(J) if order is None else order
+    by = np.ones(J) if factor is None else factor
+    changes = {name: getattr(sketch, name)[:, take] * by for name in ("q", "v", "a")}
+    changes |= {"sign": sketch.sign[:, take] * np.sign(by), "used": sketch.used[:, take]}
+    return sketch.with_(**changes)
+
+
+def _zeros(sketch: Sketch, j: int) -> Iterator[Moved]:
+    """The zero of joint j shifted by the best multiple of 90° and by the best other angle."""
+    J, name = len(sketch.robot.joints), sketch.robot.joints[j]
+    unit = np.eye(J)[j]
+    angles = 2 * np.pi * np.arange(5) / 5
+    torques = np.array([sketch.robot.inverse_dynamics(sketch.q + d * unit, sketch.v, sketch.a) for d in angles])
+    inverse = np.linalg.inv(_waves(angles))
+    fits = RowFits(sketch)
+    reading = [fits.of(k, sketch.tau) for k in range(len(fits.rows))]
+    spread = [max(float(y.std()), 1e-12) for y in reading]
+
+    def nominal(delta: float) -> Array:
+        return np.asarray(np.tensordot((_waves(np.array([delta])) @ inverse)[0], torques, axes=1))
+
+    def value(delta: float) -> float:
+        torque = nominal(delta)
+        fits.nominal = [torque[use, i] for use, i in zip(fits.uses, fits.rows, strict=True)]
+        score = 0.0
+        for k, y in enumerate(reading):
+            score += fits.value(k, min(fits.error(k, y, spread[k]), fits.error(k, -y, spread[k])))
+        return score
+
+    right = max((np.pi / 2, np.pi, -np.pi / 2), key=value)
+    grid = np.deg2rad(np.arange(GRID_DEGREES, 360, GRID_DEGREES))
+    free = float(grid[int(np.argmax([value(x) for x in grid]))])
+    for step in (4.0, 1.0, 0.3):
+        free = max((free + np.deg2rad(step) * k for k in range(-3, 4)), key=value)
+    n = float(fits.weight.mean())
+    for delta, choices, fitted in ((right, 3 * J, 0), (free, J, 2)):
+        delta = (delta + np.pi) % (2 * np.pi) - np.pi
+        if abs(delta) < np.deg2rad(1.0):
+            continue
+        said = f"{np.rad2deg(delta):.3g}°"
+        fault = Fault(
+            "joint zero",
+            f"the zero of its angle is off by {said}: with {said} added, the model explains the torques",
+            (name,),
+            f"set offset = {delta:.6g} for it in a mapping file, or correct the joint's origin in the URDF",
+            cost("joint zero", choices, fitted, n),
+            discrete=fitted == 0,
+            fix=((name, "offset", float(f"{delta:.6g}")),),
+        )
+        shifted = replace(sketch, q=sketch.q + delta * unit, given_nominal=nominal(delta))
+        yield Moved(shifted, fault)
+
+
+def _waves(delta: Array) -> Array:
+    """Constant, sines and cosines of the angles and of twice the angles, (K, 5)."""
+    one = np.ones_like(delta)
+    return np.column_stack([one, np.cos(delta), np.sin(delta), np.cos(2 * delta), np.sin(2 * delta)])

@@ -1,0 +1,98 @@
+"""What a robot has and its URDF does not: a tilted base, a body on its last link, motors that turn with two joints.
+
+All three add a torque that is linear in a few parameters and shared by several rows:
+
+    gravity    Σ_i g_i ∂τ_nominal/∂g_i          body    Γ_last(q, q̇, q̈) φ
+    coupling   τ_i += r (Ia ω̇ + fv ω + fc sign ω),  ω = r_i q̇_i + r_k q̇_k,  for rows i and k
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from frischid.checks.faults import Fault, cost
+from frischid.checks.payload import payload_errors
+from frischid.checks.position_faults import Moved
+from frischid.checks.row_fits import RowFits
+from frischid.checks.sketch import Sketch, shared_fit
+from frischid.core.types import Array
+from frischid.effects.state import SIGN_WIDTH
+from frischid.robot.robot import Robot
+
+
+def robot_faults(sketch: Sketch) -> Iterator[Moved]:
+    """The sketch with one such cause explained, for every cause; the torques are right, up to this."""
+    if not len(sketch.rows):
+        return
+    n = float(RowFits(sketch).weight.mean())
+    yield from _mounting(sketch, n)
+    body = payload_errors(sketch)
+    if body.removed > 0 and body.torque is not None:
+        what = f"a body of about {body.mass:.2g} kg on the last link that the URDF lacks"
+        advice = "use a URDF with the payload if it belongs to the robot; take it off if it does not"
+        fault = Fault("payload", what, (body.joint,), advice, cost("payload", 1, 10, n), False, False)
+        yield Moved(replace(sketch, given_nominal=sketch.nominal + body.torque), fault)
+    yield from _couplings(sketch, n)
+
+
+def _mounting(sketch: Sketch, n: float) -> Iterator[Moved]:
+    robot = sketch.robot
+    gravity = gravity_of(sketch)
+    length = float(np.linalg.norm(robot.gravity))
+    # The fit leaves the length of the vector free: a direction is accepted when the length is that of gravity.
+    if not length or abs(np.linalg.norm(gravity) / length - 1) >= sketch.criteria.gravity_tolerance:
+        return
+    turned = gravity / np.linalg.norm(gravity) * length
+    other = Robot.from_dict({**robot.to_dict(), "gravity": turned.tolist()})
+    at = ", ".join(f"{x:.3g}" for x in np.round(turned, 2) + 0.0)
+    angle = np.rad2deg(np.arccos(np.clip(turned @ np.asarray(robot.gravity) / length**2, -1, 1)))
+    what = (
+        f"gravity points along ({at}) m/s² in the base frame, {angle:.3g}° from the URDF's: with this gravity the "
+        "model explains the torques"
+    )
+    advice = "state how the base is mounted (--base-rpy or --gravity)"
+    fault = Fault("mounting", what, (), advice, cost("mounting", 1, 2, n), False, False)
+    same = np.asarray(sketch.nominal - robot.inverse_dynamics(sketch.q, sketch.v, sketch.a))
+    new = other.inverse_dynamics(sketch.q, sketch.v, sketch.a)
+    yield Moved(replace(sketch, robot=other, given_nominal=new + same), fault)
+
+
+def gravity_of(sketch: Sketch) -> Array:
+    """Gravity in the base frame that fits best together with friction, for the nominal inertias, m/s²."""
+    few = sketch.thinned(sketch.criteria.few_samples)
+    zero = np.zeros_like(few.q)
+    pull = []
+    for axis in np.eye(3):
+        robot = Robot.from_dict({**few.robot.to_dict(), "gravity": axis.tolist()})
+        pull.append(robot.inverse_dynamics(few.q, zero, zero))
+    own = np.einsum("i,inj->nj", few.robot.gravity, np.array(pull))
+    columns = {int(j): np.column_stack([x[:, j] for x in pull]) for j in few.rows}
+    return shared_fit(few, columns, few.tau - (few.nominal - own))[:3]
+
+
+def _couplings(sketch: Sketch, n: float) -> Iterator[Moved]:
+    """A motor that turns with two neighbouring joints: its friction and inertia act on both."""
+    fits = RowFits(sketch)
+    pairs = [(a, b) for a, b in combinations(range(len(fits.rows)), 2) if fits.rows[b] - fits.rows[a] == 1]
+    for a, b in pairs:
+        i, k = fits.rows[a], fits.rows[b]
+        extra = np.zeros_like(sketch.tau)
+        for row, other in ((a, k), (b, i)):
+            v, w = sketch.v[:, fits.rows[row]], sketch.v[:, other]
+            both = [np.tanh((v + w) / SIGN_WIDTH), np.tanh((v - w) / SIGN_WIDTH)]
+            X = np.column_stack([w, sketch.a[:, other], *both])
+            use = fits.uses[row]
+            _, x = fits.with_columns(row, fits.of(row, sketch.tau) - fits.nominal[row], X[use])
+            extra[:, fits.rows[row]] = X @ x
+        names = (sketch.robot.joints[i], sketch.robot.joints[k])
+        what = "torques that depend on the motion of both joints: a motor turns with both (coupled drives)"
+        advice = (
+            "give positions and torques of the joints, not of the motors, or add the coupled motor as an effect "
+            "(rotor_inertia, viscous and coulomb on both joints); it is not a fault of columns, signs or units"
+        )
+        fault = Fault("motor coupling", what, names, advice, cost("motor coupling", len(pairs), 8, n), False, False)
+        yield Moved(replace(sketch, given_nominal=sketch.nominal + extra), fault)

@@ -1,0 +1,109 @@
+"""A mapping file that undoes the faults of a log: the given mapping, and the entries that a check found.
+
+Entries are (joint, key, value). A sign multiplies the sign that the mapping has already, an offset is added to it, and
+the column of another joint replaces the joint's own. An entry without a joint belongs to ``[file]``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+from frischid.errors import InputError
+from frischid.logs.log import CHANNELS
+from frischid.logs.mapping import JointMap, LogMap
+
+FILE_KEYS = (
+    "time", "time_unit", "zero_time", "header", "delimiter", "columns", "joints", "topic", "rate", "logs", "angle_unit"
+)  # fmt: skip
+
+
+def corrected(form: LogMap, fixes: Sequence[tuple[str, str, Any]], channels: Sequence[str]) -> LogMap:
+    """The mapping with some entries changed.
+
+    Parameters
+    ----------
+    form : LogMap
+        Of one layout.
+    fixes : sequence of (str, str, object)
+        Joint, key and value.
+    channels : sequence of str
+        Channels that the log has.
+    """
+    joint = dict(form.joint)
+    for name, key, value in fixes:
+        if not name:
+            form = replace(form, **{key: value})
+            continue
+        entry = joint.get(name, JointMap())
+        if key in CHANNELS:
+            if key not in channels:
+                continue
+            source = "current" if key == "tau" and entry.current_gain is not None and "current" in channels else key
+            other = form.joint.get(value, JointMap())
+            column = getattr(other, source)
+            named: Any = form.default[source].replace("{joint}", value) if column is None else column
+            entry = replace(entry, **{source: named})
+        elif key == "offset":
+            entry = replace(entry, offset=entry.offset + value)
+        else:
+            entry = replace(entry, **{key: getattr(entry, key) * value})
+            if key == "sign":
+                entry = replace(entry, offset=-entry.offset)
+        joint[name] = entry
+    return replace(form, joint=joint, file=None)
+
+
+def toml_of(forms: Mapping[str, LogMap]) -> str:
+    """Text of a mapping file; several mappings become layouts of these names."""
+    if len(forms) == 1:
+        return "\n".join(_lines(next(iter(forms.values())), "")).strip() + "\n"
+    parts = ["\n".join(_lines(form, f"layout.{json.dumps(name)}.")) for name, form in forms.items()]
+    return "\n".join(parts).strip() + "\n"
+
+
+def _lines(form: LogMap, prefix: str) -> list[str]:
+    usual, own = LogMap(), JointMap()
+    file = {k: getattr(form, k) for k in FILE_KEYS if getattr(form, k) != getattr(usual, k)}
+    default: dict[str, Any] = {k: x for k, x in form.default.items() if x != usual.default[k]}
+    if form.tau_from is not None:
+        default["tau_from"] = form.tau_from
+    lines = _table(f"[{prefix}file]", file) + _table(f"[{prefix}default]", default)
+    for name, entry in form.joint.items():
+        keys = {f.name: getattr(entry, f.name) for f in fields(entry)}
+        changed = {k: x for k, x in keys.items() if x != getattr(own, k)}
+        lines += _table(f"[{prefix}joint.{json.dumps(name, ensure_ascii=False)}]", changed)
+    return lines
+
+
+def _table(title: str, entries: Mapping[str, Any]) -> list[str]:
+    if not entries:
+        return []
+    plain = {key: list(x) if isinstance(x, tuple) else x for key, x in entries.items()}
+    return ["", title, *(f"{key} = {json.dumps(x, ensure_ascii=False)}" for key, x in plain.items())]
+
+
+def together(parts: Sequence[tuple[str, LogMap, Sequence[tuple[str, str, Any]], Sequence[str]]]) -> str:
+    """Mapping file for several logs: name, mapping, fixes and channels of each.
+
+    Raises
+    ------
+    InputError
+        Two logs share a mapping and need different fixes.
+    """
+    found: dict[str, LogMap] = {}
+    by_form: dict[str, tuple[str, LogMap]] = {}
+    for name, form, fixes, channels in parts:
+        fixed = corrected(form, fixes, channels)
+        key = repr(replace(form, file=None))
+        if key in by_form and by_form[key][1] != fixed:
+            raise InputError(
+                f"{by_form[key][0]} and {name} have the same columns and need different corrections; check them one by "
+                "one, with an output file for each"
+            )
+        if key not in by_form:
+            by_form[key] = (name, fixed)
+            found[name] = fixed
+    return toml_of(found)

@@ -1,0 +1,63 @@
+"""Angles that wrap at ±π: recognised, and undone.
+
+    |q(k+1) − q(k) − 2πn| ≪ 2π,   n ≠ 0
+
+Between two samples no joint turns by a whole turn; where a recorded angle does, it wrapped. The jump must be a multiple
+of 2π up to the motion of some samples around it, in steps that are otherwise small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.core.types import Array
+from frischid.logs.log import Log
+
+TURN = 2 * np.pi
+LARGEST_USUAL_STEP = 0.7
+"""rad. A joint that turns farther between usual samples is sampled too slowly for a jump to tell anything."""
+
+
+def wraps_of(q: Array) -> NDArray[np.intp]:
+    """Number of wraps of each angle, (J,), from positions (N, J)."""
+    return np.asarray([np.count_nonzero(_turns(x)) for x in q.T], dtype=np.intp)
+
+
+def _turns(x: Array) -> Array:
+    """Whole turns by which an angle jumps at each step, (N - 1,)."""
+    step = np.diff(x)
+    usual = float(np.quantile(np.abs(step), 0.99))
+    turns = np.round(step / TURN)
+    rest = np.abs(step - TURN * turns)
+    near = max(3 * float(np.quantile(np.abs(step), 0.9)), 1e-6)
+    true = (turns != 0) & (rest <= near)
+    if usual > LARGEST_USUAL_STEP and not true.mean() > 0.005:
+        return np.zeros_like(turns)
+    # a jump that is no wrap (a lost encoder, garbage) says that the others may be none either
+    return np.where(true, turns, 0.0) if true[turns != 0].all() else np.zeros_like(turns)
+
+
+def unwrapped(log: Log, centres: Array | None = None) -> Log:
+    """The same log with its wraps undone; the log itself if there is none.
+
+    Of the angles that differ by whole turns, the median is put nearest to `centres`, (J,), or to that of the record.
+    """
+    counts = wraps_of(log.q)
+    if not counts.any():
+        return log
+    q = np.array(log.q)
+    for j in np.flatnonzero(counts):
+        q[1:, j] -= TURN * np.cumsum(_turns(log.q[:, j]))
+        centre = float(np.median(log.q[:, j])) if centres is None else float(centres[j])
+        q[:, j] -= TURN * np.round((np.median(q[:, j]) - centre) / TURN)
+    return replace(log, q=q)
+
+
+def wrap_notes(log: Log) -> list[str]:
+    """A note that says which angles wrap."""
+    counts = wraps_of(log.q)
+    names = [f"{n} ({k} times)" for n, k in zip(log.joints, counts, strict=True) if k]
+    return [f"angles that wrap at whole turns are made continuous: {', '.join(names)}"] if names else []

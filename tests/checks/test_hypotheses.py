@@ -1,0 +1,166 @@
+"""Faults of logs against each other: the simplest that explains the torques is named, and a mapping file undoes it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from frischid.checks.check_criteria import DEFAULT_CRITERIA
+from frischid.cli import main
+from frischid.effects import BASELINE
+from frischid.logs.log import Log
+from frischid.logs.mapping import LogMap
+from frischid.logs.mapping_fix import corrected, together
+from frischid.logs.readers import read_log, write_log
+from frischid.logs.wraps import unwrapped, wraps_of
+from frischid.model.identification import identify
+from frischid.model.log_examination import check
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
+from frischid.regression.regressor import Regressor
+from frischid.robot.robot import Robot
+
+UR = Robot.load("ur10")
+
+
+@pytest.fixture(scope="module")
+def log():
+    """A log of an arm whose links are heavier and lighter than its URDF says."""
+    rng = np.random.default_rng(5)
+    own = dict(zip(UR.all_names, UR.nominal, strict=True))
+    factor = dict(zip(range(1, 7), np.exp(0.1 * rng.normal(size=6)), strict=True))
+    values = {n: x * factor[int(n[-1])] for n, x in own.items()}
+    for k in range(1, 7):
+        values |= {f"fv{k}": 1.0, f"fc{k}": 1.0, f"Ia{k}": 0.1}
+    values = {n: x for n, x in values.items() if n in {c.name for c in Regressor(UR, BASELINE).columns}}
+    motion = random_fourier(UR, 20, seed=7)
+    return simulate(UR, motion, rate=100, noise=Noise(q=1e-5, tau=0.02), parameters=values, channels=())
+
+
+def issues(log):
+    (report,) = check(UR, [log])
+    return {issue.kind: issue for issue in report.issues}, report
+
+
+def shifted(log, j, delta):
+    q = np.array(log.q)
+    q[:, j] -= delta
+    return replace(log, q=q)
+
+
+def signed(log, *columns):
+    tau = np.array(log.tau)
+    tau[:, list(columns)] *= -1
+    return replace(log, tau=tau)
+
+
+def test_a_robot_that_is_not_quite_its_urdf_is_no_fault(log):
+    assert issues(log)[0] == {}
+
+
+def test_one_convention_for_all_signs_is_the_simplest(log):
+    found, report = issues(signed(log, *range(6)))
+    assert found["torque sign"].where == UR.joints
+    assert "probability" in found["torque sign"].what
+    assert {entry[1:] for entry in report.fix} == {("torque_sign", -1)}
+    assert report.facts["explanation"]["probability"] > 0.9
+
+
+@pytest.mark.parametrize("degrees", [90.0, 180.0, -50.0])
+def test_a_zero_that_is_off(log, degrees):
+    found, report = issues(shifted(log, 2, np.deg2rad(degrees)))
+    assert found["joint zero"].where == (UR.joints[2],)
+    ((name, key, value),) = report.fix
+    assert (name, key) == (UR.joints[2], "offset")
+    assert np.rad2deg(value) % 360 == pytest.approx(degrees % 360, abs=3.0)
+
+
+def test_two_faults_at_once(log):
+    found, _ = issues(signed(shifted(log, 1, np.pi / 2), 2))
+    assert found["joint zero"].where == (UR.joints[1],)
+    assert found["torque sign"].where == (UR.joints[2],)
+
+
+def test_springs_and_coupled_motors_are_physics(log):
+    tau = np.array(log.tau)
+    tau[:, 1] += 300 * (log.q[:, 1] - 1.0)
+    found, report = issues(replace(log, tau=tau))
+    assert found["spring"].where == (UR.joints[1],)
+    assert not found["spring"].blocks
+    assert report.fix == ()
+    v = np.gradient(log.q, log.t, axis=0)
+    w = v[:, 3] + v[:, 4]
+    motor = 40 * np.tanh(w / 0.05) + 20 * w
+    tau = np.array(log.tau)
+    tau[:, 3:5] += motor[:, None]
+    assert issues(replace(log, tau=tau))[0]["motor coupling"].where == UR.joints[3:5]
+
+
+def test_angles_that_wrap_are_made_continuous(log):
+    q = np.array(log.q)
+    q[:, 0] = (q[:, 0] - np.median(q[:, 0])) % (2 * np.pi) - np.pi
+    wrapped = replace(log, q=q)
+    assert wraps_of(wrapped.q)[0] > 0
+    np.testing.assert_allclose(np.diff(unwrapped(wrapped).q, axis=0), np.diff(log.q, axis=0), atol=1e-9)
+    found, _ = issues(wrapped)
+    assert set(found) == {"wrapped angle"}
+    assert found["wrapped angle"].where == UR.joints[:1]
+    model = identify(UR, [wrapped], recursion="none")
+    assert any("wrap at whole turns" in note for note in model.notes)
+    assert max(model.cross_validation.values()) < 0.1
+
+
+def test_a_jump_that_is_no_turn_is_no_wrap(log):
+    q = np.array(log.q)
+    q[500:, 0] += 5.0
+    assert not wraps_of(q).any()
+
+
+def test_a_joint_that_hardly_moves_testifies_to_nothing():
+    t = np.arange(0, 20, 0.01)
+    rng = np.random.default_rng(0)
+    q = np.column_stack([1.3e-3 * np.sin(t), 0.8 * np.sin(0.7 * t)])
+    q[:, 0] = np.round(q[:, 0] / 1e-4) * 1e-4
+    robot = Robot.load("planar2")
+    v = np.gradient(q, t, axis=0)
+    v[:, 0] = 0.7 * 1.3e-3 * np.cos(t)
+    tau = robot.inverse_dynamics(q, v, np.gradient(v, t, axis=0)) + 0.01 * rng.normal(size=q.shape)
+    (report,) = check(robot, [Log(t, robot.joints, q, v=v, tau=tau)])
+    assert not any(issue.sure == "certain" and issue.kind == "velocity scale" for issue in report.issues)
+    assert DEFAULT_CRITERIA.testimony_steps > 13
+
+
+def test_the_printed_mapping_undoes_the_faults(tmp_path, log):
+    table = {"t": log.t} | {f"p{j}": log.q[:, j] for j in range(6)} | {f"e{j}": log.tau[:, j] for j in range(6)}
+    table["p1"], table["e3"], table["e4"] = log.q[:, 1] - np.pi / 2, log.tau[:, 4], log.tau[:, 3]
+    from frischid.logs.tables import write_table
+
+    write_table(table, tmp_path / "log.csv")
+    names = "".join(f'[joint.{n}]\nq = "p{j}"\ntau = "e{j}"\n' for j, n in enumerate(UR.joints))
+    (tmp_path / "map.toml").write_text(names)
+    options = ["--map", str(tmp_path / "map.toml"), "-o", str(tmp_path / "fixed.toml")]
+    result = CliRunner().invoke(main, ["check", "ur10", str(tmp_path / "log.csv"), *options])
+    assert result.exit_code == 1, result.output
+    read = read_log(tmp_path / "log.csv", UR.joints, tmp_path / "fixed.toml")
+    np.testing.assert_allclose(read.tau, log.tau)
+    np.testing.assert_allclose(read.q, log.q, atol=1e-5)
+    again = CliRunner().invoke(
+        main, ["check", "ur10", str(tmp_path / "log.csv"), "--map", str(tmp_path / "fixed.toml")]
+    )
+    assert again.exit_code == 0, again.output
+
+
+def test_signs_and_offsets_of_a_mapping_are_kept():
+    form = LogMap.from_dict({"joint": {"a": {"q": "x", "sign": -1, "offset": 0.5}}})
+    fixed = corrected(form, [("a", "sign", -1), ("a", "offset", 0.1)], ["q"])
+    assert (fixed.joint["a"].sign, fixed.joint["a"].offset) == (1, pytest.approx(-0.4))
+    text = together([("one", form, [("a", "torque_factor", 0.001)], ["q"]), ("two", LogMap(rate=50.0), [], ["q"])])
+    assert '[layout."one".joint."a"]' in text
+    assert "rate = 50.0" in text
+
+
+def test_torque_factor(tmp_path, log):
+    write_log(log, tmp_path / "log.npz")
+    read = read_log(tmp_path / "log.npz", UR.joints, {"joint": {UR.joints[0]: {"torque_factor": 0.001}}})
+    np.testing.assert_allclose(read.tau[:, 0], 1e-3 * log.tau[:, 0])
