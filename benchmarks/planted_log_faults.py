@@ -120,7 +120,8 @@ def _seen_zero(c: Case, delta: float) -> int:
 
 
 def zero_right_angle(c: Case) -> None:
-    delta = float(c.rng.choice([np.pi / 2, -np.pi / 2, np.pi]))
+    # not π: at a spherical shoulder a zero that is off by half a turn is the same as a turned neighbouring axis
+    delta = float(c.rng.choice([np.pi / 2, -np.pi / 2]))
     j = _seen_zero(c, delta)
     c.column("q", j, lambda q: q - delta)
     c.said.append(("joint zero", c.name(j)))

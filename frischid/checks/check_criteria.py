@@ -205,7 +205,7 @@ class CheckCriteria:
     """The same share. Below this value another robot is "likely", not only "possible". (planted: wrong robot)"""
     payload_nrmse: float = 0.03
     """NRMSE. If the error is lower on every joint, no payload is searched. (clean)"""
-    exact_share: float = 0.97
+    exact_share: float = 0.99
     """Share of the squared error. A body that explains errors below `urdf_error` must explain this share: else they may
     be errors of the URDF's links. (clean, with links that differ from the URDF's)"""
     payload_reach: float = 1.0

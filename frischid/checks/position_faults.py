@@ -22,7 +22,6 @@ from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
 
-TURN = 2 * np.pi
 GRID_DEGREES = 10.0
 """Degrees between the zeros that are tried first; the best is refined."""
 
@@ -56,7 +55,7 @@ def position_faults(sketch: Sketch) -> Iterator[Moved]:
         yield Moved(moved(sketch, None, order), Fault("swapped positions", what, pair, advice, price, fix=fix))
     for turning in np.flatnonzero(~robot.prismatic):
         yield from _zeros(sketch, int(turning))
-    if not (np.abs(sketch.q[:, ~robot.prismatic]) > TURN).any():
+    if not (np.abs(sketch.q[:, ~robot.prismatic]) > 2 * np.pi).any():
         return  # within one turn each way: as degrees, the robot would hardly have moved
     degrees = moved(sketch, np.where(robot.prismatic, 1.0, np.deg2rad(1.0)), None)
     what = "the positions are in degrees: in radians the model explains the torques"
