@@ -29,12 +29,12 @@ def wraps_of(q: Array) -> NDArray[np.intp]:
 def _turns(x: Array) -> Array:
     """Whole turns by which an angle jumps at each step, (N - 1,)."""
     step = np.diff(x)
-    usual = float(np.quantile(np.abs(step), 0.99))
+    usual = float(np.quantile(np.abs(step), 0.9))  # wraps are rarer than one step in ten
     turns = np.round(step / TURN)
     rest = np.abs(step - TURN * turns)
-    near = max(3 * float(np.quantile(np.abs(step), 0.9)), 1e-6)
+    near = max(3 * usual, 1e-6)
     true = (turns != 0) & (rest <= near)
-    if usual > LARGEST_USUAL_STEP and not true.mean() > 0.005:
+    if usual > LARGEST_USUAL_STEP:
         return np.zeros_like(turns)
     # a jump that is no wrap (a lost encoder, garbage) says that the others may be none either
     return np.where(true, turns, 0.0) if true[turns != 0].all() else np.zeros_like(turns)
