@@ -27,6 +27,8 @@ from frischid.checks.row_fits import RowFits, local_fits
 from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
 
+POSITION_KINDS = ("position sign", "swapped positions", "swapped joints", "joint zero", "degrees")
+ROBOT_KINDS = ("mounting", "payload", "motor coupling")
 BEAM = 3
 """Hypotheses from which further faults are tried."""
 
@@ -76,7 +78,8 @@ def explain(sketch: Sketch) -> Explanation | None:
         for start in _best(found):
             for item in position_faults(start.sketch):
                 found += _readings(item.sketch, (*start.faults, item.fault))
-        found += _of_the_robot(_best(found))
+        by_position = [h for h in found if h.faults and not _has_robot_fault(h)]
+        found += _of_the_robot([*_different(by_position), *_best(h for h in found if _has_robot_fault(h))])
     enough = sorted((h for h in found if _is_enough(h, null)), key=_score, reverse=True)
     if not enough:
         return None
@@ -99,6 +102,21 @@ def _best(found: Iterable[Hypothesis]) -> list[Hypothesis]:
         if len(kept) == BEAM:
             break
     return list(kept.values())
+
+
+def _different(found: Iterable[Hypothesis]) -> list[Hypothesis]:
+    """The best hypothesis for each fault of the positions: a fault of the robot may hide how good it is."""
+    kept: dict[frozenset[tuple[str, tuple[str, ...]]], Hypothesis] = {}
+    for hypothesis in sorted(found, key=_score, reverse=True):
+        key = frozenset((f.kind, f.where) for f in hypothesis.faults if f.kind in POSITION_KINDS)
+        simple = all(f.kind in POSITION_KINDS or f.discrete for f in hypothesis.faults)
+        if simple and len(key) <= 1:
+            kept.setdefault(key, hypothesis)
+    return list(kept.values())
+
+
+def _has_robot_fault(hypothesis: Hypothesis) -> bool:
+    return any(f.kind in ROBOT_KINDS for f in hypothesis.faults)
 
 
 def _readings(sketch: Sketch, faults: tuple[Fault, ...], *, simple: bool = False) -> list[Hypothesis]:

@@ -53,15 +53,7 @@ def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) ->
     corrected = _say(found, sketch, notes)
     if not any(f.kind == "payload" for f in found.best.faults) and not check_payload(corrected, notes):
         _unexplained(corrected, free, notes)
-    wrong = {name for f in found.best.faults for name in (f.where if _is_local(f.kind) else sketch.names)}
-    return sketch.with_(
-        rows=np.array([j for j, n in zip(sketch.rows, sketch.names, strict=True) if n not in wrong], int)
-    )
-
-
-def _is_local(kind: str) -> bool:
-    """Whether a fault concerns the torques of its joints only."""
-    return kind in ("torque sign", "swapped torques", "torque scale", "spring")
+    return corrected
 
 
 def _say(found: Explanation, sketch: Sketch, notes: Notebook) -> Sketch:
