@@ -29,6 +29,8 @@ from frischid.core.types import Array
 
 POSITION_KINDS = ("position sign", "swapped positions", "swapped joints", "joint zero", "degrees")
 ROBOT_KINDS = ("mounting", "payload", "motor coupling")
+WIDE_BEAM = 24
+"""Hypotheses about positions to which faults of the robot are added."""
 BEAM = 3
 """Hypotheses from which further faults are tried."""
 
@@ -73,7 +75,7 @@ def explain(sketch: Sketch) -> Explanation | None:
     found = _readings(sketch, ())
     for item in position_faults(sketch):
         found += _readings(item.sketch, (item.fault,))
-    found += _of_the_robot([*_best(found), *_readings(sketch, (), simple=True)])
+    found += _of_the_robot([null, *_best(found), *_readings(sketch, (), simple=True)])
     if (top := max(found, key=_score)) and not (_is_enough(top, null) and _is_good(top)):
         for start in _best(found):
             for item in position_faults(start.sketch):
@@ -108,11 +110,10 @@ def _different(found: Iterable[Hypothesis]) -> list[Hypothesis]:
     """The best hypothesis for each fault of the positions: a fault of the robot may hide how good it is."""
     kept: dict[frozenset[tuple[str, tuple[str, ...]]], Hypothesis] = {}
     for hypothesis in sorted(found, key=_score, reverse=True):
-        key = frozenset((f.kind, f.where) for f in hypothesis.faults if f.kind in POSITION_KINDS)
-        simple = all(f.kind in POSITION_KINDS or f.discrete for f in hypothesis.faults)
-        if simple and len(key) <= 1:
-            kept.setdefault(key, hypothesis)
-    return list(kept.values())
+        at_positions = [f for f in hypothesis.faults if f.kind in POSITION_KINDS]
+        if len(at_positions) <= 1 and all(f.discrete or f in at_positions for f in hypothesis.faults):
+            kept.setdefault(hypothesis.key, hypothesis)
+    return list(kept.values())[:WIDE_BEAM]
 
 
 def _has_robot_fault(hypothesis: Hypothesis) -> bool:
@@ -122,7 +123,9 @@ def _has_robot_fault(hypothesis: Hypothesis) -> bool:
 def _readings(sketch: Sketch, faults: tuple[Fault, ...], *, simple: bool = False) -> list[Hypothesis]:
     """The best readings of the torques, with some faults undone already."""
     fits = RowFits(sketch)
-    found = []
+    paid = sum(f.cost for f in faults)
+    plain = sketch.errors(sketch.nominal)
+    found = [Hypothesis(faults, fits.total(plain) - paid, plain, sketch)] if faults else []
     for local in local_fits(fits, simple=simple):
         nominal = sketch.nominal
         if local.springs:
@@ -130,7 +133,6 @@ def _readings(sketch: Sketch, faults: tuple[Fault, ...], *, simple: bool = False
             for j, torque in local.springs.items():
                 nominal[:, j] += torque
         read = replace(sketch, tau=local.tau, given_nominal=nominal)
-        paid = sum(f.cost for f in faults)
         merged, refund = _merged((*faults, *local.faults), len(fits.rows))
         found.append(Hypothesis(merged, local.score - paid + refund, local.errors, read))
     return found

@@ -5,6 +5,7 @@ Every command takes ``--json`` for machines. Heavy imports are done only when a 
 
 # each module adds its commands to the group
 from frischid.cli import (
+    carrying,
     checking,
     completion,
     doctor,
@@ -21,6 +22,7 @@ from frischid.cli import (
 from frischid.cli.group import main
 
 __all__ = [
+    "carrying",
     "checking",
     "completion",
     "doctor",

@@ -1,0 +1,48 @@
+"""The command `payload`: the body that a robot carries."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from frischid.cli.arguments import MapFiles, json_option, map_option
+from frischid.cli.group import main
+from frischid.cli.inputs import model_of, opened
+from frischid.cli.output import show_page, working
+from frischid.cli.paths import InputPath, OutputPath
+
+
+@main.command()
+@click.argument("model", type=InputPath())
+@click.argument("logs", type=InputPath(), nargs=-1, required=True)
+@click.option("--frame", help="Frame of the URDF in which the result is given; the flange by default.")
+@click.option("--carrier", help="Joint whose link carries the body; the last by default.")
+@map_option
+@click.option("-o", "--output", type=OutputPath(), help="Write the body here (JSON).")
+@json_option
+def payload(
+    model: str,
+    logs: tuple[str, ...],
+    frame: str | None,
+    carrier: str | None,
+    mapping: MapFiles,
+    output: str | None,
+    as_json: bool,
+) -> None:
+    """Identify the body that the robot carries in LOGS: mass, centre of mass and inertia, with bounds.
+
+    MODEL is the model of the robot without the body.
+    """
+    from frischid.cli.pages import carrying as show
+    from frischid.core.files import write_text
+    from frischid.model.payload import payload as run
+
+    loaded = model_of(model)
+    with working(as_json) as progress:
+        progress("payload")
+        found = run(loaded, opened(logs, loaded.robot, mapping), frame=frame, carrier=carrier)
+    if output:
+        write_text(Path(output), json.dumps(found.to_dict(), indent=1) + "\n")
+    show_page(show.payload(found, output), as_json)

@@ -1,0 +1,31 @@
+"""An identified payload as a page."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.markup import escape
+
+from frischid.cli.pages.page import Page, table_of
+from frischid.model.payload import IdentifiedPayload
+
+UNITS = {"mass": "kg"} | dict.fromkeys("xyz", "m")
+
+
+def payload(found: IdentifiedPayload, output: str | None) -> Page:
+    """Numbers with bounds, and the text to enter."""
+    table = table_of("quantity", "unit", "value", "± (95 %)", "from the log")
+    for name, x in found.values.items():
+        numbers = f"{x:.4g}", f"{found.bound[name]:.2g}", f"{found.from_log[name]:.0%}"
+        table.add_row(name, UNITS.get(name, "kg·m²"), *numbers)
+    parts: list[Any] = [
+        escape(f"body on the link of {found.carrier}, in the frame {found.frame}; inertia about the centre of mass"),
+        table,
+        f"NRMSE {found.error:.4f} with the body, {found.error_without:.4f} without",
+        *(escape(note) for note in found.notes),
+        escape(f"Franka (SetLoad, setLoad): {found.franka()}"),
+        escape(f"UR (URScript): {found.ur()}"),
+        escape(f"KUKA (KRL, mm): {found.kuka()}"),
+        *([f"written to {output}"] if output else []),
+    ]
+    return Page(found.to_dict(), parts)

@@ -1,0 +1,112 @@
+"""The body that a robot carries: mass, centre and inertia, with bounds that hold."""
+
+import json
+import os
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from frischid.cli import main
+from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
+from frischid.logs.readers import read_log, write_log
+from frischid.model.identification import identify
+from frischid.model.payload import payload
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
+from frischid.robot.inertia import is_physical, pseudo_inertia
+from frischid.robot.robot import Robot
+
+UR = Robot.load("ur5")
+NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+BODY = dict(zip(NAMES, (2.0, 0.04, 0, 0.2, 0.04, 0, 0.04, -0.004, 0, 0.01), strict=True))
+NOISE = Noise(q=1e-5, tau=0.01)
+
+
+@cache
+def bare():
+    return identify(UR, [simulate(UR, random_fourier(UR, 15, seed=1), rate=100, noise=NOISE)], recursion="none").model
+
+
+@cache
+def loaded(factor=1.0):
+    own = dict(zip(UR.all_names, UR.nominal, strict=True))
+    values = {f"{n}6": own[f"{n}6"] + factor * x for n, x in BODY.items()}
+    return simulate(UR, random_fourier(UR, 15, seed=2), rate=100, noise=NOISE, parameters=values)
+
+
+def test_the_body_is_weighed_with_bounds_that_hold():
+    found = payload(bare(), [loaded()], frame="wrist_3_link")
+    for value, truth, name in ((found.mass, 2.0, "mass"), *zip(found.centre, (0.02, 0.0, 0.1), "xyz", strict=True)):
+        # bounds of 95 % are two standard errors; among four numbers one may be outside, none by as much again
+        assert abs(value - truth) <= 2 * found.bound[name]
+    assert found.bound["mass"] < 0.1
+    assert found.error < 0.3 * found.error_without
+    assert all(0 <= share <= 1 for share in found.from_log.values())
+
+
+def test_the_frame_only_moves_the_numbers():
+    here, there = payload(bare(), [loaded()], frame="wrist_3_link"), payload(bare(), [loaded()])
+    assert there.frame == "tool0"
+    placement = next(f.placement for f in UR.model.frames if f.name == "tool0")
+    np.testing.assert_allclose(placement.act(there.centre), here.centre, atol=1e-6)
+    R = placement.rotation
+    assert there.mass == pytest.approx(here.mass, rel=1e-3)
+    np.testing.assert_allclose(R @ there.inertia @ R.T, here.inertia, atol=2e-3 * np.abs(here.inertia).max() + 1e-5)
+
+
+def test_texts_to_enter():
+    found = payload(bare(), [loaded()])
+    franka = json.loads(found.franka())
+    assert franka["mass"] == pytest.approx(found.mass, rel=1e-3)
+    assert len(franka["load_inertia"]) == 9
+    assert found.ur().startswith(f"set_target_payload({franka['mass']}, [")
+    assert f"Z {1e3 * franka['center_of_mass'][2]:.4g}" in found.kuka()
+    P = np.concatenate([[found.mass], found.mass * found.centre, np.zeros(6)])
+    assert pseudo_inertia(P).shape == (4, 4)
+    assert np.linalg.eigvalsh(found.inertia)[0] > 0
+    assert is_physical(UR.nominal[-10:])
+
+
+def test_what_cannot_be_done_is_said():
+    none = payload_or_error(simulate(UR, random_fourier(UR, 15, seed=3), rate=100, noise=NOISE))
+    assert "no body" in none
+    with pytest.raises(UnknownNameError, match="tool9"):
+        payload(bare(), [loaded()], frame="tool9")
+    with pytest.raises(InputError, match="no log"):
+        payload(bare(), [])
+
+
+def payload_or_error(log):
+    try:
+        return " ".join(payload(bare(), [log]).notes)
+    except IdentifiabilityError as error:
+        return str(error)
+
+
+def test_the_command(tmp_path):
+    bare().save(tmp_path / "model.json")
+    write_log(loaded(), tmp_path / "log.parquet")
+    files = [str(tmp_path / name) for name in ("model.json", "log.parquet", "tool.json")]
+    result = CliRunner().invoke(main, ["payload", files[0], files[1], "-o", files[2]])
+    assert result.exit_code == 0, result.output
+    assert "set_target_payload" in result.output
+    written = json.loads((tmp_path / "tool.json").read_text())
+    assert written["mass"] == pytest.approx(2.0, abs=written["bound_95"]["mass"])
+
+
+def test_ur10e_with_a_known_load():
+    if not (folder := os.environ.get("FRISCHID_DATA")):
+        pytest.skip("FRISCHID_DATA is not set")
+    data = Path(folder) / "ur10e"
+    robot = Robot.load(data / "ur10e.urdf")
+    gains = dict(zip(robot.joints, [11.97, 11.98, 9.84, 10.75, 10.69, 10.68], strict=True))
+    form = {"current_gain": gains}
+    model = identify(
+        robot, [read_log(data / "logs/ident_30s_12harm.parquet", robot.joints, form)], recursion="none"
+    ).model
+    found = payload(model, [read_log(data / "logs/loaded_2805g_50s_14harm.parquet", robot.joints, form)])
+    assert abs(found.mass / 2.805 - 1) < 0.03
+    assert abs(found.mass - 2.805) <= found.bound["mass"]
