@@ -33,8 +33,8 @@ from .model.identification import identify as identify
 from .model.log_examination import check as check
 from .model.model import Model as Model
 from .model.own_logs import own_logs as own_logs
-from .model.payload import IdentifiedPayload as IdentifiedPayload
-from .model.payload import payload as payload
+from .model.payload_identification import IdentifiedPayload as IdentifiedPayload
+from .model.payload_identification import payload as payload
 from .motions.plan import Plan as Plan
 from .motions.plan import plan as plan
 from .motions.plan_options import PlanOptions as PlanOptions

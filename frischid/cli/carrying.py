@@ -37,7 +37,7 @@ def payload(
     """
     from frischid.cli.pages import carrying as show
     from frischid.core.files import write_text
-    from frischid.model.payload import payload as run
+    from frischid.model.payload_identification import payload as run
 
     loaded = model_of(model)
     with working(as_json) as progress:

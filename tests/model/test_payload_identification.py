@@ -13,7 +13,7 @@ from frischid.cli import main
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.logs.readers import read_log, write_log
 from frischid.model.identification import identify
-from frischid.model.payload import payload
+from frischid.model.payload_identification import payload
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.inertia import is_physical, pseudo_inertia

@@ -35,13 +35,13 @@ from frischid.regression.regressor import Regressor
 from frischid.robot.inertia import dynamic_parameters, parameter_transform, pseudo_inertia
 from frischid.robot.robot import LINK_PARAMETERS, Robot
 
-REACH = 0.15
+USUAL_REACH = 0.15
 """m. Standard deviation of the body's centre of mass from the flange, and of its radius of gyration, in its prior."""
 FRICTION_CHANGE = 0.2
 """Share. Friction and offsets change by so much from day to day, and with temperature (one standard deviation)."""
 FLANGES = ("tool0", "flange", "link_ee", "ee_link", "link8", "tool")
 """Parts of the names that flange frames have in URDFs, the usual ones first."""
-QUANTITIES = ("mass", "x", "y", "z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+BODY_NUMBERS = ("mass", "x", "y", "z", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class IdentifiedPayload:
         Half width of the 95 % bound of ``mass``, ``x``, ``y``, ``z``, ``Ixx``, ..., ``Izz``.
     from_log : dict of str to float
         How well the log determines each number, 0 to 1: one less its variance over that of a body of this mass whose
-        centre and radius of gyration are within `REACH`.
+        centre and radius of gyration are within `USUAL_REACH`.
     error, error_without : float
         Mean NRMSE of the joints with the body, and without it.
     notes : tuple of str
@@ -102,7 +102,7 @@ class IdentifiedPayload:
         """The ten numbers by the names of `bound`."""
         at = self.inertia
         six = (at[0, 0], at[0, 1], at[1, 1], at[0, 2], at[1, 2], at[2, 2])
-        return dict(zip(QUANTITIES, map(float, (self.mass, *self.centre, *six)), strict=True))
+        return dict(zip(BODY_NUMBERS, map(float, (self.mass, *self.centre, *six)), strict=True))
 
     def franka(self) -> str:
         """Fields of Franka's ``SetLoad`` (libfranka: ``robot.setLoad``), inertia column by column."""
@@ -254,7 +254,7 @@ def _model_covariance(model: Model) -> Array:
 
 def _prior_covariance(mass: float, flange: Array) -> Array:
     """A body of about this mass, up to three times as heavy, somewhere around the flange."""
-    reach = REACH + float(np.linalg.norm(flange))
+    reach = USUAL_REACH + float(np.linalg.norm(flange))
     spread = 3 * mass * np.array([1.0, *[reach] * 3, *[reach**2] * 6])
     return np.diag(spread**2)
 
@@ -289,7 +289,7 @@ def _in_frame(
         step[k] = 1e-4 * max(float(np.sqrt(covariance[k, k])), 1e-9)
         slope[:, k] = (_numbers(phi + step) - _numbers(phi - step)) / (2 * step[k])
     spread = np.sqrt(np.diag(slope @ covariance @ slope.T))
-    usual = phi[0] * np.array([1.0, *[REACH / phi[0]] * 3, *[REACH**2] * 6])
+    usual = phi[0] * np.array([1.0, *[USUAL_REACH / phi[0]] * 3, *[USUAL_REACH**2] * 6])
     known = np.clip(1 - (spread / usual) ** 2, 0, 1)
     physical, changed = _physical(phi)
     values = _numbers(physical)
@@ -305,8 +305,8 @@ def _in_frame(
         float(values[0]),
         values[1:4],
         inertia,
-        dict(zip(QUANTITIES, map(float, half), strict=True)),
-        dict(zip(QUANTITIES, map(float, known), strict=True)),
+        dict(zip(BODY_NUMBERS, map(float, half), strict=True)),
+        dict(zip(BODY_NUMBERS, map(float, known), strict=True)),
         *errors,
         notes,
     )
