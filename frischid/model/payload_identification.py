@@ -68,6 +68,14 @@ class IdentifiedPayload:
     error, error_without : float
         Mean NRMSE of the joints with the body, and without it.
     notes : tuple of str
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> body = fr.IdentifiedPayload("tool0", "wrist_3", 2.5, np.array([0, 0, 0.1]), 0.01 * np.eye(3), {}, {}, 0.05, 0.4)
+    >>> body.ur()
+    'set_target_payload(2.5, [0.0, 0.0, 0.1], [0.01, 0.01, 0.01, 0.0, 0.0, 0.0])'
     """
 
     frame: str
