@@ -56,10 +56,13 @@ def consistent(model: str, box: tuple[str, ...], no_shapes: bool, output: str | 
 @main.command()
 @click.argument("model", type=InputPath())
 @click.option("-o", "--output", type=OutputPath(), required=True, help="robot.urdf, robot.xml (MJCF), x.c or x.py.")
+@click.option("--into", type=InputPath(), help="The robot's own MJCF file: only its numbers change in the written one.")
 @box_options
 @click.option("--force", is_flag=True, help="Export the model as identified, even if it is not physical.")
 @json_option
-def export(model: str, box: tuple[str, ...], no_shapes: bool, output: str, force: bool, as_json: bool) -> None:
+def export(
+    model: str, box: tuple[str, ...], no_shapes: bool, output: str, into: str | None, force: bool, as_json: bool
+) -> None:
     """Write a model as URDF, MJCF, or C or NumPy code.
 
     The code is a function for a control loop, without further dependencies.
@@ -72,7 +75,7 @@ def export(model: str, box: tuple[str, ...], no_shapes: bool, output: str, force
     loaded = model_of(model)
     with working(as_json) as progress:
         progress("physical links")
-        done = run(loaded, output, force=force, boxes=_corners(box) or None, shapes=not no_shapes)
+        done = run(loaded, output, force=force, boxes=_corners(box) or None, shapes=not no_shapes, into=into)
     show_page(show.export(done), as_json)
 
 

@@ -72,6 +72,10 @@ class RotorInertia(Effect):
         """One column per joint: its acceleration, or the coupled form in all rows."""
         return [self._term(state, *joint) for joint in self.acts_on(state.robot)]
 
+    def nominal(self, robot: Robot) -> list[float]:
+        """``armature`` of an MJCF file; zero for a URDF."""
+        return [0.0 if self.coupled else robot.armature[name] for _, name, _ in self.acts_on(robot)]
+
     def _term(self, state: State, i: int, name: str, number: str) -> Term:
         unit = torque_unit(state.robot, i, "acceleration")
         if not self.coupled:

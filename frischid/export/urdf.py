@@ -18,6 +18,7 @@ from frischid.errors import FrischidError, InputError, UnknownNameError
 from frischid.export.code import c_source, numpy_source
 from frischid.export.consistency import Box, Consistency, as_identified, make_consistent
 from frischid.export.mjcf import mjcf_source
+from frischid.export.mjcf_edit import edited_mjcf
 from frischid.export.proofread import proofread
 from frischid.model.model import Model
 from frischid.robot.inertia import is_physical, pseudo_inertia, redistributed
@@ -81,6 +82,7 @@ def export(
     force: bool = False,
     boxes: Mapping[str, Box] | None = None,
     shapes: bool = True,
+    into: str | Path | None = None,
 ) -> Export:
     """Write a model to a file; the suffix chooses the format: .urdf, .xml (MJCF), .c or .py (NumPy only).
 
@@ -93,6 +95,8 @@ def export(
         Export even a model that is not physical, with its parameters as identified.
     boxes, shapes
         As for `frischid.export.consistency.make_consistent`.
+    into : str or Path, optional
+        The MJCF file that the robot was read from: the written file is this one with other numbers.
 
     Raises
     ------
@@ -129,6 +133,10 @@ def export(
                 f"{target}: not written, because the URDF's torque would differ from the model's by {difference:.1e} "
                 "of its size; please report this with the model file"
             )
+    elif into is not None:
+        if kind != "MJCF":
+            raise InputError(f"{target}: `into` is for MJCF; name the file .xml")
+        text = edited_mjcf(physical, Path(into))
     else:
         text = {"MJCF": mjcf_source, "C": c_source, "NumPy": numpy_source}[kind](physical)
     proofread(text, kind, str(target))

@@ -33,7 +33,7 @@ from frischid.robot.joint_limits import JointLimits, read_limits
 from frischid.robot.mimics import MimicRule, mimic_rules
 from frischid.robot.pinocchio_model import build_model, configurations, frame_placement, gravity_in_base, with_inertias
 from frischid.robot.urdf_numbers import LARGEST_QUANTITY
-from frischid.robot.urdf_reading import joint_dynamics, parse_urdf, read_urdf
+from frischid.robot.urdf_reading import joint_armature, joint_dynamics, parse_urdf, read_urdf
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 LINK_UNITS = ("kg",) + ("kg·m",) * 3 + ("kg·m²",) * 6
@@ -218,6 +218,12 @@ class Robot:
         """URDF ``<dynamics damping friction>`` of each independent joint (N·m·s/rad, N·m); zero where there is none."""
         found = joint_dynamics(self.urdf)
         return {j: found.get(j, (0.0, 0.0)) for j in self.joints}
+
+    @cached_property
+    def armature(self) -> dict[str, float]:
+        """Reflected rotor inertia that an MJCF file gives each independent joint, kg·m² (kg); zero without one."""
+        found = joint_armature(self.urdf)
+        return {j: found.get(j, 0.0) for j in self.joints}
 
     @cached_property
     def _leaders(self) -> tuple[NDArray[np.intp], Array, Array]:

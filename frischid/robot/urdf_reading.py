@@ -13,6 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 from frischid.errors import InputError, UnknownNameError
+from frischid.robot.mjcf_reading import is_mjcf, urdf_of_mjcf
 from frischid.robot.urdf_numbers import check_numbers
 
 
@@ -44,12 +45,12 @@ def robot_names() -> dict[str, Path]:
 
 
 def read_urdf(robot: str | Path) -> tuple[str, str]:
-    """Read a URDF by path, or by a name that `robot_names` lists.
+    """Read a URDF or MJCF file by path, or a URDF by a name that `robot_names` lists.
 
     Returns
     -------
     source, text : str
-        The given path or name, and the file's text.
+        The given path or name, and the file's text; of an MJCF file, a URDF with the same dynamics.
 
     Raises
     ------
@@ -70,9 +71,9 @@ def read_urdf(robot: str | Path) -> tuple[str, str]:
     elif not path.exists():
         raise InputError(f"{path}: no such URDF file; give a path, or a name that `frischid info` lists")
     try:
-        return text, path.read_bytes().decode(
-            "utf-8"
-        )  # decoded from bytes, so that line ends stay the same in an export
+        # decoded from bytes, so that line ends stay the same in an export
+        content = path.read_bytes().decode("utf-8")
+        return text, urdf_of_mjcf(path) if is_mjcf(content) else content
     except UnicodeDecodeError as error:
         raise InputError(
             f"{path}: not a UTF-8 text file, so not a URDF ({error.reason} at byte {error.start})"
@@ -107,3 +108,9 @@ def joint_dynamics(urdf: str) -> dict[str, tuple[float, float]]:
         if tag is not None:
             found[str(joint.get("name"))] = (float(tag.get("damping", 0)), float(tag.get("friction", 0)))
     return found
+
+
+def joint_armature(urdf: str) -> dict[str, float]:
+    """``<dynamics armature>`` of every joint that came from an MJCF file: joint -> kg·m² (kg)."""
+    tags = {str(j.get("name")): j.find("dynamics") for j in ET.fromstring(urdf).findall("joint")}
+    return {name: float(tag.get("armature", 0)) for name, tag in tags.items() if tag is not None}

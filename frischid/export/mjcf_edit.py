@@ -1,0 +1,173 @@
+"""Identified numbers in the user's own MJCF: only numbers change; names, actuators, shapes and comments stay.
+
+The text is edited in place: the ``<inertial>`` of the body of every joint, and ``armature``, ``damping`` and
+``frictionloss`` of the joint. The inertia of bodies that are welded to a body stays theirs; the body gets the rest.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.parsers import expat
+
+import numpy as np
+import pinocchio as pin
+
+from frischid.core.types import Array
+from frischid.errors import InputError
+from frischid.export.names import number
+from frischid.model.model import Model
+from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
+
+JOINT_EFFECTS = {"armature": ("rotor_inertia", "Ia"), "damping": ("viscous", "fv"), "frictionloss": ("coulomb", "fc")}
+
+
+@dataclass
+class _Tag:
+    """Place of a start tag in the bytes of a file."""
+
+    start: int
+    end: int
+    name: str
+
+
+@dataclass
+class _Body:
+    """A body of the file: its tag, its own inertial, and its joint."""
+
+    tag: _Tag
+    inertial: _Tag | None = None
+    joint: _Tag | None = None
+
+
+def edited_mjcf(model: Model, path: Path) -> str:
+    """Text of an MJCF file with the numbers of a model with physical links.
+
+    Parameters
+    ----------
+    model : Model
+        Its robot was read from this file, and none of its joints is locked.
+    path : Path
+        The MJCF file.
+
+    Raises
+    ------
+    InputError
+        A joint of the model has no named body in this file, or the welded bodies weigh more than the link.
+    """
+    robot = model.robot
+    if robot.locked:
+        raise InputError(
+            f"{path}: joints {', '.join(robot.locked)} are locked in the model; identify all joints for this"
+        )
+    data = path.read_bytes()
+    if re.search(rb"inertiafromgeom\s*=\s*[\"']true", data):
+        raise InputError(f'{path}: inertiafromgeom="true" makes MuJoCo ignore inertials; set it to "auto" first')
+    places = _bodies(data, str(path))
+    own = pin.buildModelFromMJCF(str(path))
+    links = model.links if robot.transforms is None else (robot.transforms @ model.links[:, :, None])[:, :, 0]
+    changes: list[tuple[int, int, str]] = []
+    for i, joint in enumerate(robot.bodies):
+        if joint not in places:
+            raise InputError(
+                f"{path}: no body with a joint '{joint}' stands in this file itself (included files do not count)"
+            )
+        body = places[joint]
+        new = _body_inertia(own, joint, body.tag.name, links[i])
+        if not is_physical(new):
+            raise InputError(f"{path}: the bodies welded to '{body.tag.name}' weigh more than its identified link")
+        changes.append(_inertial(data, body, new))
+        assert body.joint is not None
+        if joint in robot.joints:
+            changes.append(_joint(data, body.joint, _values(model, joint)))
+    for start, end, text in sorted(changes, reverse=True):
+        data = data[:start] + text.encode() + data[end:]
+    return data.decode("utf-8")
+
+
+def _values(model: Model, joint: str) -> dict[str, float]:
+    found = {key: model.of_effect(*effect).get(joint) for key, effect in JOINT_EFFECTS.items()}
+    return {key: max(x, 0.0) for key, x in found.items() if x is not None}  # MuJoCo refuses negative values
+
+
+def _body_inertia(own: pin.Model, joint: str, body: str, total: Array) -> Array:
+    """Ten parameters of the body alone, in its own frame, from those of the whole link in the joint's frame."""
+    index = own.getJointId(joint)
+    P = pseudo_inertia(total)
+    place = np.eye(4)
+    for frame in own.frames:
+        if frame.parentJoint != index:
+            continue
+        if frame.type == pin.FrameType.BODY and frame.name == body:
+            place = np.asarray(frame.placement.homogeneous)
+        elif frame.inertia.mass > 0 and frame.type == pin.FrameType.FIXED_JOINT:
+            H = np.asarray(frame.placement.homogeneous)
+            P = P - H @ pseudo_inertia(frame.inertia.toDynamicParameters()) @ H.T
+    back = np.linalg.inv(place)
+    return np.asarray(dynamic_parameters(back @ P @ back.T))
+
+
+def _inertial(data: bytes, body: _Body, theta: Array) -> tuple[int, int, str]:
+    P = pseudo_inertia(theta)
+    centre = P[:3, 3] / P[3, 3]
+    P[:3, :3] -= P[3, 3] * np.outer(centre, centre)
+    xx, xy, yy, xz, yz, zz = dynamic_parameters(P)[4:]
+    full = " ".join(map(number, (xx, yy, zz, xy, xz, yz)))
+    at = " ".join(map(number, centre))
+    text = f'<inertial pos="{at}" mass="{number(P[3, 3])}" fullinertia="{full}"/>'
+    if body.inertial is None:
+        return body.tag.end, body.tag.end, text
+    old = data[body.inertial.start : body.inertial.end].decode()
+    return body.inertial.start, body.inertial.end, text if old.endswith("/>") else text.removesuffix("/>") + ">"
+
+
+def _joint(data: bytes, tag: _Tag, values: Mapping[str, float]) -> tuple[int, int, str]:
+    text = data[tag.start : tag.end].decode()
+    for key, x in values.items():
+        written, count = re.subn(rf"(\b{key}\s*=\s*)([\"'])[^\"']*\2", rf"\g<1>\g<2>{number(x)}\g<2>", text)
+        text = written if count else re.sub(r"(\s*/?>)$", f' {key}="{number(x)}"\\1', text)
+    return tag.start, tag.end, text
+
+
+def _bodies(data: bytes, source: str) -> dict[str, _Body]:
+    """Bodies of a file by the name of their joint."""
+    parser = expat.ParserCreate()
+    open_bodies: list[_Body | None] = []
+    found: dict[str, _Body] = {}
+
+    def start(kind: str, attributes: dict[str, str]) -> None:
+        at = parser.CurrentByteIndex
+        tag = _Tag(at, _end_of_tag(data, at), attributes.get("name", ""))
+        above = open_bodies[-1] if open_bodies else None
+        if above is not None and kind == "inertial":
+            above.inertial = tag
+        elif above is not None and kind == "joint":
+            above.joint = tag
+            found[tag.name] = above
+        open_bodies.append(_Body(tag) if kind == "body" else None)
+
+    def end(_: str) -> None:
+        open_bodies.pop()
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise InputError(f"{source}: not an XML file: {error}") from None
+    return found
+
+
+def _end_of_tag(data: bytes, start: int) -> int:
+    """Index after the ``>`` of the tag that begins at `start`."""
+    quote = 0
+    for k in range(start, len(data)):
+        c = data[k]
+        if quote:
+            quote = 0 if c == quote else quote
+        elif c in b"\"'":
+            quote = c
+        elif c == ord(">"):
+            return k + 1
+    return len(data)

@@ -1,0 +1,144 @@
+"""A robot from MuJoCo's format, MJCF: converted to a URDF that has the same dynamics.
+
+Pinocchio reads the MJCF with its defaults and included files. Every moving body becomes a link, with the inertia that
+Pinocchio gives it (of all bodies that are welded together, about the joint's frame), and every hinge or slide a joint
+with its limits, damping and dry friction. Bodies become frames of the same names. Shapes are left out. MuJoCo's
+``armature`` has no place in a URDF. It stands as an attribute of ``<dynamics>``, which other programs ignore, and is
+the nominal value of the effect ``rotor_inertia``.
+
+Format: MuJoCo XML reference, https://mujoco.readthedocs.io/en/stable/XMLreference.html.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import pinocchio as pin
+
+from frischid.core.types import Array
+from frischid.errors import InputError
+
+_HEAD = re.compile(r"<mujoco[\s>]")
+
+
+def is_mjcf(text: str) -> bool:
+    """Whether a text looks like MJCF.
+
+    >>> is_mjcf('<mujoco model="arm"/>'), is_mjcf('<robot name="arm"/>')
+    (True, False)
+    """
+    found = _HEAD.search(text)
+    return found is not None and "<robot" not in text[: found.start()]
+
+
+def urdf_of_mjcf(path: Path) -> str:
+    """Convert an MJCF file to the text of a URDF.
+
+    Raises
+    ------
+    InputError
+        Pinocchio cannot read the file, or a joint is neither hinge nor slide.
+    """
+    try:
+        model = pin.buildModelFromMJCF(str(path))
+    except (ValueError, RuntimeError, IndexError) as error:
+        raise InputError(f"{path}: Pinocchio cannot build a model from this MJCF: {error}") from error
+    names = list(model.names)
+    for index in range(1, model.njoints):
+        joint = model.joints[index]
+        if joint.nv != 1:
+            raise InputError(
+                f"{path}: joint '{names[index]}' has {joint.nv} degrees of freedom ({joint.shortname()}); frischid "
+                "identifies hinges and slides: remove the base's freejoint, and give each body at most one joint"
+            )
+    # a body's name may stand for a joint too; links get names of their own where it does
+    used = set(names[1:])
+    links = ["world"] + [_free(f"link of {name}", used) for name in names[1:]]
+    lines = [f"<robot name={quoteattr(model.name or path.stem)}>", f"  <link name={quoteattr(links[0])}/>"]
+    for index in range(1, model.njoints):
+        lines += _link(links[index], model.inertias[index])
+        lines += _joint(model, index, links)
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY and frame.name not in used and frame.name not in links:
+            used.add(frame.name)
+            lines += [
+                f"  <link name={quoteattr(frame.name)}/>",
+                f'  <joint name={quoteattr(_free(f"{frame.name} frame", used))} type="fixed">',
+                f"    <parent link={quoteattr(links[frame.parentJoint])}/><child link={quoteattr(frame.name)}/>",
+                f"    {_origin(frame.placement)}",
+                "  </joint>",
+            ]
+    return "\n".join([*lines, "</robot>"]) + "\n"
+
+
+def _free(name: str, used: set[str]) -> str:
+    while name in used:
+        name += "_"
+    used.add(name)
+    return name
+
+
+def _link(name: str, inertia: Any) -> list[str]:
+    c, at = np.asarray(inertia.lever), np.asarray(inertia.inertia)
+    six = {"ixx": at[0, 0], "ixy": at[0, 1], "ixz": at[0, 2], "iyy": at[1, 1], "iyz": at[1, 2], "izz": at[2, 2]}
+    return [
+        f"  <link name={quoteattr(name)}>",
+        "    <inertial>",
+        f'      <origin xyz="{_row(c)}" rpy="0 0 0"/>',
+        f'      <mass value="{float(inertia.mass)!r}"/>',
+        "      <inertia " + " ".join(f'{k}="{float(x)!r}"' for k, x in six.items()) + "/>",
+        "    </inertial>",
+        "  </link>",
+    ]
+
+
+def _joint(model: Any, index: int, links: list[str]) -> list[str]:
+    joint, name = model.joints[index], model.names[index]
+    kind, axis = _kind(joint)
+    v, q = joint.idx_v, joint.idx_q
+    bounds = (model.lowerPositionLimit, model.upperPositionLimit)
+    lower, upper = (float(x[q]) if joint.nq == 1 else math.inf for x in bounds)
+    limited = joint.nq == 1 and math.isfinite(lower) and math.isfinite(upper) and upper > lower
+    word = "prismatic" if kind == "P" else "revolute" if limited else "continuous"
+    effort = float(model.upperEffortLimit[v]) if hasattr(model, "upperEffortLimit") else float(model.effortLimit[v])
+    room = {"lower": lower, "upper": upper} if limited else {}
+    if word == "prismatic" and not limited:
+        room = {"lower": -1e3, "upper": 1e3}
+    room |= {"effort": effort if 0 < effort < 1e6 else 1e6, "velocity": 1e6}
+    friction = getattr(model, "upperDryFrictionLimit", np.zeros(model.nv))
+    damping = getattr(model, "damping", np.zeros(model.nv))
+    dynamics = {"damping": float(damping[v]), "friction": float(friction[v]), "armature": float(model.armature[v])}
+    return [
+        f'  <joint name={quoteattr(name)} type="{word}">',
+        f"    <parent link={quoteattr(links[model.parents[index]])}/><child link={quoteattr(links[index])}/>",
+        f"    {_origin(model.jointPlacements[index])}",
+        f'    <axis xyz="{_row(axis)}"/>',
+        "    <limit " + " ".join(f'{k}="{x!r}"' for k, x in room.items()) + "/>",
+        "    <dynamics " + " ".join(f'{k}="{x!r}"' for k, x in dynamics.items()) + "/>",
+        "  </joint>",
+    ]
+
+
+def _kind(joint: Any) -> tuple[str, Array]:
+    """R (turns) or P (slides), and the axis."""
+    short = joint.shortname().removeprefix("JointModel")
+    letter = "P" if short.startswith("P") else "R"
+    data = joint.createData()
+    joint.calc(data, np.array([1.0, 0.0] if joint.nq == 2 else [0.0]))
+    twist = np.asarray(data.S).reshape(6)
+    axis = twist[:3] if letter == "P" else twist[3:]
+    return letter, axis / np.linalg.norm(axis)
+
+
+def _origin(placement: Any) -> str:
+    rpy = pin.rpy.matrixToRpy(placement.rotation)
+    return f'<origin xyz="{_row(placement.translation)}" rpy="{_row(rpy)}"/>'
+
+
+def _row(values: Any) -> str:
+    return " ".join(repr(float(x)) for x in values)

@@ -1,0 +1,122 @@
+"""MJCF in and out: a robot from its XML, identified, and the same XML with other numbers."""
+
+import re
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from click.testing import CliRunner
+
+from frischid.cli import main
+from frischid.errors import InputError
+from frischid.export.urdf import export
+from frischid.model.identification import identify
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
+from frischid.robot.mjcf_reading import urdf_of_mjcf
+from frischid.robot.robot import Robot
+
+ARM = """<mujoco model="arm">
+  <!-- a comment that must stay -->
+  <compiler angle="radian"/>
+  <default><joint armature="0.1" damping="0.5"/></default>
+  <worldbody>
+    <body name="upper" pos="0 0 0.3">
+      <joint name="shoulder" type="hinge" axis="0 1 0" range="-2 2" frictionloss="0.3"/>
+      <inertial pos="0 0.1 0" mass="2" diaginertia="0.02 0.03 0.04"/>
+      <geom type="capsule" size="0.05" fromto="0 0 0 0 0.2 0"/>
+      <body name="lower" pos="0.3 0 0" euler="0 0 0.4">
+        <joint name="elbow" axis="1 0 0" pos="0 0.01 0" range="-2 2"/>
+        <geom type="box" size="0.05 0.1 0.05" mass="1"/>
+        <body name="tool" pos="0 0.1 0"><inertial pos="0 0 0.1" mass="0.3" diaginertia="0.001 0.001 0.001"/></body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="shoulder"/></actuator>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def path(tmp_path):
+    (tmp_path / "arm.xml").write_text(ARM)
+    return tmp_path / "arm.xml"
+
+
+def states(rng, model):
+    q = rng.uniform(-1, 1, model.nq)
+    return q, rng.normal(size=model.nv), rng.normal(size=model.nv)
+
+
+def test_the_converted_robot_has_the_same_dynamics(path):
+    own, robot = pin.buildModelFromMJCF(str(path)), Robot.load(path)
+    assert robot.joints == ("shoulder", "elbow")
+    assert robot.dynamics == {"shoulder": (0.5, 0.3), "elbow": (0.5, 0.0)}
+    assert robot.armature == {"shoulder": 0.1, "elbow": 0.1}
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        q, v, a = states(rng, own)
+        expected = pin.rnea(own, own.createData(), q, v, a) - own.armature * a
+        np.testing.assert_allclose(robot.inverse_dynamics(q[None], v[None], a[None])[0], expected, atol=1e-9)
+
+
+def test_only_numbers_change_and_they_are_the_identified_ones(path, tmp_path):
+    robot = Robot.load(path)
+    own = dict(zip(robot.all_names, robot.nominal, strict=True))
+    truth = {n: 1.4 * x for n, x in own.items()} | {
+        "fv1": 0.9,
+        "fc1": 0.5,
+        "Ia1": 0.2,
+        "fv2": 0.3,
+        "fc2": 0.2,
+        "Ia2": 0.05,
+    }
+    noise = Noise(q=1e-6, tau=1e-3)
+    log = simulate(robot, random_fourier(robot, 30, seed=1), rate=200, parameters=truth, noise=noise)
+    model = identify(robot, [log], recursion="none", prior="none").model
+    done = export(model, tmp_path / "new.xml", into=path)
+    text = (tmp_path / "new.xml").read_text()
+
+    def bare(x):
+        x = re.sub(r"<inertial[^>]*>", "", x)
+        return re.sub(r' ?(armature|damping|frictionloss)="[^"]*"', "", x)
+
+    assert bare(text) == bare(ARM)
+    assert "a comment that must stay" in text
+    again = Robot.load(tmp_path / "new.xml")
+    rigid = done.model.robot
+    assert again.armature["shoulder"] == pytest.approx(
+        done.model.of_effect("rotor_inertia", "Ia")["shoulder"], rel=1e-6
+    )
+    assert again.dynamics["elbow"][0] == pytest.approx(0.3, rel=0.05)
+    expected = rigid.pinocchio(done.model.links.ravel())
+    q = np.random.default_rng(1).uniform(-1, 1, (4, 2))
+    for row in q:
+        torque = pin.rnea(expected, expected.createData(), row, 0 * row, 0 * row)
+        np.testing.assert_allclose(
+            again.inverse_dynamics(row[None], 0 * row[None], 0 * row[None])[0], torque, atol=1e-6
+        )
+
+
+def test_the_command_line_takes_mjcf(path, tmp_path):
+    robot = Robot.load(path)
+    log = simulate(robot, random_fourier(robot, 15, seed=1), rate=100, noise=Noise(tau=0.01))
+    np.savez(tmp_path / "log.npz", time=log.t, qpos=log.q, qfrc_actuator=log.tau)
+    run = CliRunner().invoke
+    options = ["--bbrf", "none", "-o", str(tmp_path / "model.json")]
+    result = run(main, ["identify", str(path), str(tmp_path / "log.npz"), *options])
+    assert result.exit_code in (0, 1), result.output
+    files = [str(tmp_path / "model.json"), "-o", str(tmp_path / "new.xml"), "--into", str(path)]
+    result = run(main, ["export", *files])
+    assert result.exit_code == 0, result.output
+    assert '<motor joint="shoulder"/>' in (tmp_path / "new.xml").read_text()
+
+
+def test_what_cannot_be_converted_is_said(tmp_path):
+    free = re.sub(r'<joint name="shoulder"[^>]*>', '<freejoint name="shoulder"/>', ARM)
+    (tmp_path / "free.xml").write_text(free)
+    with pytest.raises(InputError, match="6 degrees of freedom"):
+        urdf_of_mjcf(tmp_path / "free.xml")
+    (tmp_path / "broken.xml").write_text("<mujoco><worldbody></mujoco>")
+    with pytest.raises(InputError):
+        Robot.load(tmp_path / "broken.xml")
