@@ -31,10 +31,13 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 
 import frischid as fr
 
+BATCH = 200  # inputs between two looks at the clock
+
 
 def main() -> None:
     options = parser(__doc__)
     options.add_argument("--examples", type=int, default=2000, help="inputs of each surface")
+    options.add_argument("--seconds", type=float, default=3600.0, help="longest time of a surface")
     options.add_argument("--only", help="surfaces, comma separated")
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--keep", type=Path, help="folder for the inputs that failed")
@@ -44,7 +47,7 @@ def main() -> None:
     rows, notes = [], []
     keep = None if given_options.keep is None else given_options.keep.resolve()
     for name in names:
-        row, failures = run(name, given_options.examples, given_options.seed)
+        row, failures = run(name, given_options.examples, given_options.seed, given_options.seconds)
         rows.append(row)
         notes += [f"{name}: {kind}: {value!r:.300}" for kind, value in failures.items()]
         for number, value in enumerate(failures.values() if keep else ()):
@@ -57,22 +60,13 @@ def main() -> None:
         sys.exit("an input ended in another error than frischid's")
 
 
-def run(name: str, examples: int, start: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Try many inputs of one surface."""
+def run(name: str, examples: int, start: int, seconds: float) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Try many inputs of one surface, `BATCH` by `BATCH` until they are enough or the time is over."""
     surface, counts, failures = SURFACES[name], Counter[str](), dict[str, Any]()
     longest = 0.0
     with TemporaryDirectory() as folder:
         os.chdir(folder)
 
-        @seed(start)
-        @settings(
-            max_examples=examples,
-            database=None,
-            deadline=None,
-            phases=(Phase.generate,),
-            suppress_health_check=list(HealthCheck),
-        )
-        @given(surface.inputs)
         def attempt(value: Any) -> None:
             nonlocal longest
             begin = time.perf_counter()
@@ -89,7 +83,15 @@ def run(name: str, examples: int, start: int) -> tuple[dict[str, Any], dict[str,
                 failures.setdefault(kind, value)
             longest = max(longest, time.perf_counter() - begin)
 
-        attempt()
+        checks, end = list(HealthCheck), time.monotonic() + seconds
+        chosen = settings(
+            max_examples=min(BATCH, examples), database=None, deadline=None, phases=(Phase.generate,),
+            suppress_health_check=checks,
+        )  # fmt: skip
+        batch = 0
+        while counts.total() < examples and time.monotonic() < end:
+            seed(f"{start} {batch}")(chosen(given(surface.inputs)(attempt)))()
+            batch += 1
         os.chdir("/")
     row = {"surface": name, "inputs": counts.total()}
     row |= {kind: counts[kind] for kind in ("used", "refused", "other errors")}
