@@ -66,6 +66,22 @@ def six_robots(prefix: str) -> str:
     return table(head, rows)
 
 
+def six_robots_paper() -> str:
+    """The table of the paper: figures alone."""
+    head = ("robot", "torque from", "URDF + friction", "identified", "with effects", "first effect found")
+    keys = ("urdf_with_friction", "identified", "improved")
+    rows = [
+        (
+            row["robot"],
+            row["sensor"],
+            *(f"{row[key]:.3f}" for key in keys),
+            (row["steps"] or [{"title": "–"}])[0]["title"],
+        )
+        for row in data()["rows"]
+    ]
+    return table(head, rows)
+
+
 def robot_page(row: Row) -> str:
     """Figures of one robot: errors, steps, joints."""
     joints = ", ".join(row["torque_joints"]) or "all"
@@ -121,6 +137,7 @@ def machine() -> str:
 def pages() -> Iterator[Path]:
     """The pages that hold a table."""
     yield ROOT / "README.md"
+    yield ROOT / "paper" / "paper.md"
     yield from sorted((DOCS / "robots").glob("*.md"))
 
 
@@ -133,6 +150,8 @@ def filled(page: Path) -> str:
         name = match[2]
         if name == "six_robots":
             text = six_robots(prefix)
+        elif name == "six_robots_paper":
+            text = six_robots_paper()
         elif name == "machine":
             text = machine()
         else:

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 README = ROOT / "README.md"
 PAGES = sorted(DOCS.rglob("*.md"))
-TEXTS = [README, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *PAGES]
+TEXTS = [README, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", ROOT / "paper" / "paper.md", *PAGES]
 
 
 def name_of(path):
@@ -49,7 +49,7 @@ def test_tables_show_the_stored_results():
     tables = script("tables")
     pages = [page for page in tables.pages() if "<!-- table:" in text_of(page)]
     assert README in pages
-    assert len(pages) == 8, "README, the robots' page, six robots"
+    assert len(pages) == 9, "README, the paper, the robots' page, six robots"
     for page in pages:
         assert text_of(page) == tables.filled(page), f"{name_of(page)}: run python docs/tables.py"
 
