@@ -16,6 +16,17 @@ from frischid.errors import FrischidError
 STOPPED = 130  # exit code of a command that Ctrl-C ended, as shells have it: 128 + SIGINT
 
 
+SECTIONS = {
+    "Begin": ("demo", "info", "doctor", "fetch"),
+    "Record": ("excite", "simulate", "map", "check"),
+    "Model": ("identify", "compare", "history", "report", "studio"),
+    "What is missing": ("diagnose", "add", "improve", "effects"),
+    "Use": ("consistent", "export", "gains", "fleet"),
+    "The paper": ("paper",),
+}
+"""Sections of ``frischid --help``, in the order of the work; a command in none of them stands under Others."""
+
+
 class _Commands(click.Group):
     """Turns errors of the input, of a file and of memory into one line on stderr and exit code 2; Ctrl-C into 130."""
 
@@ -25,6 +36,15 @@ class _Commands(click.Group):
         """Run the command line."""
         prepare_streams()
         return super().main(*args, **options)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The commands in the order of the work."""
+        shown = {name for names in SECTIONS.values() for name in names}
+        sections = SECTIONS | {"Others": tuple(sorted(set(self.commands) - shown))}
+        for title, names in sections.items():
+            if rows := [(name, self.commands[name].get_short_help_str(70)) for name in names if name in self.commands]:
+                with formatter.section(title):
+                    formatter.write_dl(rows, col_spacing=max(2, 14 - max(len(name) for name, _ in rows)))
 
     def invoke(self, ctx: click.Context) -> Any:
         try:

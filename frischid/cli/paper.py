@@ -34,7 +34,7 @@ def paper(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Reproduce the paper: every equation, table and figure, ours beside the printed value."""
+    """Compute the paper's tables and figures again, beside the printed ones."""
     from frischid.cli.pages import paper as show
     from frischid.paper.reproduction import reproduce_paper
 

@@ -7,7 +7,11 @@ installed metadata do, so it is right for a checkout, a wheel and a registry ali
 from __future__ import annotations
 
 import re
+import shlex
+import shutil
+import sys
 from importlib import metadata
+from pathlib import Path
 
 PURPOSE = {
     "fetch": "public logs of real robots",
@@ -59,7 +63,10 @@ def install_command(extra: str) -> str:
     """What to type to get an optional part.
 
     >>> from frischid.core.extras import install_command
-    >>> install_command("fetch").startswith('pip install "pooch')
+    >>> 'pip install "pooch' in install_command("fetch")
     True
     """
-    return " ".join(["pip install", *(f'"{text}"' for text in packages(extra))])
+    beside = shutil.which("pip")
+    here = beside is not None and Path(beside).parent == Path(sys.executable).parent
+    pip = "pip" if here else f"{shlex.quote(sys.executable)} -m pip"  # another pip would install elsewhere
+    return " ".join([pip, "install", *(f'"{text}"' for text in packages(extra))])

@@ -52,15 +52,15 @@ def test_a_missing_part_is_named_with_its_packages(monkeypatch):
     monkeypatch.setattr("frischid.cli.pages.doctor.installed", lambda text: None if "viser" in text else real(text))
     monkeypatch.setattr(demo, "run", lambda seed: sys.exit)  # no need to work for this
     text = run().stdout
-    assert "the page to work in: missing: pip install" in text
+    assert "the page to work in: missing: " in text
     assert '"viser>=' in text
 
 
 def test_what_to_install_does_not_suppose_a_registry():
     for extra in extras.PURPOSE:
         command = extras.install_command(extra)
-        assert command.startswith('pip install "')
-        assert "frischid" not in command
+        assert 'pip install "' in command
+        assert "frischid[" not in command
         assert extras.packages(extra)
     assert extras.packages() == tuple(dict.fromkeys(extras.packages()))
     assert "numpy" in {extras.name_of(text) for text in extras.packages()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
@@ -51,10 +52,13 @@ def _brief(found: Identification, messages: Sequence[str]) -> list[str]:
 
 
 def _next(found: Identification, output: str) -> str:
-    """The command that most users want next."""
+    """The command that most users want next, with the mapping file where there was one."""
+    files = {x["file"]["mapping"]["path"] for x in found.model.fitted_logs if (x.get("file") or {}).get("mapping")}
+    near = [min(path, os.path.relpath(path), key=len) for path in sorted(map(str, files))]
+    maps = "".join(f" --map {shlex.quote(path)}" for path in near)
     logs = " ".join(shlex.quote(x["source"]) for x in found.model.fitted_logs[:1])
     more = " ..." if len(found.model.fitted_logs) > 1 else ""
-    return f"next: frischid diagnose {shlex.quote(output)} {logs}{more}"
+    return f"next: frischid diagnose {shlex.quote(output)} {logs}{more}{maps}"
 
 
 def identified(found: Identification) -> dict[str, Any]:
