@@ -21,7 +21,7 @@ SECTIONS = {
     "Record": ("excite", "simulate", "map", "check"),
     "Model": ("identify", "compare", "history", "report", "studio"),
     "What is missing": ("diagnose", "add", "improve", "effects"),
-    "Use": ("consistent", "export", "gains", "fleet"),
+    "Use": ("consistent", "export", "payload", "gains", "fleet"),
     "The paper": ("paper",),
 }
 """Sections of ``frischid --help``, in the order of the work; a command in none of them stands under Others."""

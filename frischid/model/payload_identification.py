@@ -14,6 +14,7 @@ parameters of industrial manipulators, IEEE ICRA.
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -132,7 +133,9 @@ class IdentifiedPayload:
         """KUKA's ``LOAD`` in KRL: mm, principal moments, and their axes as A, B, C in degrees."""
         moments, axes = np.linalg.eigh(self.inertia)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
-        a, b, c = Rotation.from_matrix(axes).as_euler("ZYX", degrees=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # at a quarter turn two angles are one, and the third is zero
+            a, b, c = Rotation.from_matrix(axes).as_euler("ZYX", degrees=True)
         x, y, z = (_short(1e3 * u) for u in self.centre)
         j = ", ".join(f"{n} {_short(u)}" for n, u in zip("XYZ", moments, strict=True))
         turned = f"A {a:.1f}, B {b:.1f}, C {c:.1f}"
