@@ -15,6 +15,7 @@ sample of the piece before.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -94,6 +95,7 @@ def examine_long(log: Log | Recording, names: Sequence[str], examine: Callable[[
         if keys:
             notes.joints[name] = {k: float(np.median([v[k] for v in figures if k in v])) for k in keys}
     notes.issues = list(_issues(found, names))
+    notes.fix = Counter(report.fix for report in reports).most_common(1)[0][0]  # what most pieces say
     return notes.report(log.source)
 
 

@@ -82,6 +82,16 @@ def inspect(
         low, high = robot.limits.lower, robot.limits.upper
         limited = np.isfinite(low) & np.isfinite(high)
         log = unwrapped(log, np.where(limited, (np.where(limited, low, 0.0) + np.where(limited, high, 0.0)) / 2, 0.0))
+    if log.tau is None and log.current is not None:
+        notes.add(
+            "currents only",
+            "the log has currents and no torques: the clock, positions, velocities and currents are checked, the "
+            "torques against the URDF are not",
+            (),
+            "certain",
+            "give the torque per ampere under [current_gain] in a mapping file; frischid gains finds it from logs with "
+            "and without a known payload",
+        )
     check_clock(log, notes)
     check_channels(robot, log, notes, figures=not brief)
     if any(f.blocks for f in notes.issues):

@@ -70,13 +70,14 @@ def _corrections(logs: Sequence[str], mapping: MapFiles, data: Sequence[Log], re
     from frischid.logs.log import CHANNELS
     from frischid.logs.mapping import LogMap
     from frischid.logs.mapping_fix import together
+    from frischid.logs.recording import preview_of
 
     if not any(report.fix for report in reports):
         return ""
     form = LogMap.of(mapping)
     parts = []
     for path, log, report in zip(logs, data, reports, strict=True):
-        channels = [c for c in CHANNELS if log.has(c).any()]
+        channels = [c for c in CHANNELS if preview_of(log).has(c).any()]
         parts.append((Path(path).name, layout_of(Path(path), form), report.fix, channels))
     return together(parts)
 

@@ -105,12 +105,26 @@ def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
             f"the logs share no joint with the robot; joints of the robot are {', '.join(robot.joints)}; "
             f"{logs[0].source} holds {', '.join(heads[0].joints)}"
         )
+    _refuse_torque_without_position(robot, held, heads)
     kept = robot.keep(held)
     by_angle: dict[str, list[str]] = {}
     for name, angle in kept.locked.items():
         why = "" if name in robot.locked else ", which some log does not hold"
         by_angle.setdefault(f"{angle:.4g} rad (m){why}", []).append(name)
     return kept, [f"locked at {angle}: {', '.join(names)}" for angle, names in by_angle.items()]
+
+
+def _refuse_torque_without_position(robot: Robot, held: Sequence[str], heads: Sequence[Log]) -> None:
+    """Refuse to lock a joint whose torque was recorded: it probably moved, and its position is missing."""
+    for log in heads:
+        for name in robot.joints:
+            there = [f"{c}_{name}" for c in ("tau", "current", "v") if f"{c}_{name}" in log.extra]
+            if name not in held and name not in log.joints and there:
+                raise InputError(
+                    f"{log.source}: holds {', '.join(there)} but no position q_{name}: this joint would be locked at "
+                    f"{robot.angle_at_lock(name):.3g} although it may have moved; record its position, name its column "
+                    f"in a mapping file, or say --lock {name}=ANGLE if it stood still"
+                )
 
 
 def torque_joints(robot: Robot, logs: Sequence[Data], wanted: Sequence[str] | None, notes: list[str]) -> list[str]:

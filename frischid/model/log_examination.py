@@ -25,6 +25,7 @@ from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
+from frischid.robot.urdf_doubts import urdf_doubts
 
 
 def check(robot: Robot, logs: Sequence[Data]) -> list[LogReport]:
@@ -86,7 +87,8 @@ def _checked(
     report = examine_long(log, robot.joints, examine) if is_long(log) else examine(next(chunks_of(log)))
     if all(faults) and faults[0] is not None:
         raise faults[0]
-    notes = [*locked, *(brief(said, log.source) if is_long(log) else said)]
+    doubts = [f"{robot.source}, {doubt}" for doubt in urdf_doubts(robot.urdf)]
+    notes = [*doubts, *locked, *(brief(said, log.source) if is_long(log) else said)]
     return replace(report, facts={**report.facts, "joints": list(robot.joints), "notes": notes})
 
 
@@ -94,6 +96,8 @@ def _fault(robot: Robot, log: Log) -> InputError | None:
     """Why a log cannot be used; None where it can."""
     chosen = log.select(robot.joints)
     with_torque = [n for n in robot.joints if chosen.select([n]).has("tau")[0]]
+    if not with_torque and chosen.has("current").any():
+        return None  # clock, positions and currents can be checked; the report says that torques cannot
     try:
         check_usable(robot, log, with_torque or list(robot.joints), strict=False)
     except InputError as error:

@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from frischid.checks.check_criteria import DEFAULT_CRITERIA
 from frischid.cli import main
 from frischid.effects import BASELINE
+from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.mapping import LogMap
 from frischid.logs.mapping_fix import corrected, together
@@ -164,3 +165,19 @@ def test_torque_factor(tmp_path, log):
     write_log(log, tmp_path / "log.npz")
     read = read_log(tmp_path / "log.npz", UR.joints, {"joint": {UR.joints[0]: {"torque_factor": 0.001}}})
     np.testing.assert_allclose(read.tau[:, 0], 1e-3 * log.tau[:, 0])
+
+
+def test_currents_alone_can_be_checked(log):
+    found, _ = issues(replace(log, tau=None, current=log.tau / 10))
+    assert set(found) == {"currents only"}
+
+
+def test_a_torque_without_a_position_is_not_locked_silently(log):
+    names = [n for n in UR.joints if n != UR.joints[1]]
+    part = replace(log.select(names), extra={f"tau_{UR.joints[1]}": log.tau[:, 1]})
+    with pytest.raises(InputError, match="no position q_shoulder_lift_joint"):
+        check(UR, [part])
+    with pytest.raises(InputError, match="--lock shoulder_lift_joint=ANGLE"):
+        identify(UR, [part])
+    locked = Robot.load("ur10", lock={UR.joints[1]: 0.0})
+    check(locked, [part])

@@ -1,0 +1,146 @@
+"""Doubtful numbers of a URDF: possible, but hardly those of a real robot.
+
+    I_xx + I_yy ≥ I_zz (and its permutations) for every body;    a body's centre of mass lies within the body
+
+Parsers accept all of this. A simulator's placeholder (one damping for all joints, one inertia for all links) is a
+number too. Each doubt names its line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from xml.parsers import expat
+
+import numpy as np
+
+from frischid.robot.urdf_numbers import NUMBER_PATTERN
+
+FEWEST_ALIKE = 3
+"""Joints or links that must share a number before it is a placeholder."""
+FAR_CENTRE = 1.5
+"""Times the distance to the farthest next joint (at least `SMALL_LINK`). A centre of mass farther out is doubtful."""
+SMALL_LINK = 0.25
+"""m. A link without a next joint, or with a near one, may be as large as this."""
+
+Place = tuple[int, str]
+
+
+def urdf_doubts(text: str) -> list[str]:
+    r"""Sentences about doubtful numbers, each with its line.
+
+    Parameters
+    ----------
+    text : str
+        A URDF that has been read without error.
+
+    Examples
+    --------
+    >>> from frischid.robot.urdf_doubts import urdf_doubts
+    >>> joint = '<joint name="{}" type="revolute"><dynamics damping="10"/></joint>'
+    >>> urdf_doubts("<robot>" + "".join(joint.format(name) for name in "abc") + "</robot>")
+    ['line 1: damping="10" on all 3 moving joints: a simulator\'s value, hardly that of a real robot']
+    """
+    seen = _read(text)
+    return [*_dampings(seen), *_inertias(seen), *_centres(seen)]
+
+
+class _Seen:
+    """What the elements of a URDF say, with their lines."""
+
+    def __init__(self) -> None:
+        self.moving: list[str] = []
+        self.damping: dict[str, tuple[int, str]] = {}
+        self.inertia: dict[str, tuple[int, tuple[float, ...]]] = {}
+        self.mass: dict[str, float] = {}
+        self.centre: dict[str, tuple[int, np.ndarray]] = {}
+        self.reach: dict[str, float] = {}
+
+
+def _read(text: str) -> _Seen:
+    parser, seen = expat.ParserCreate(), _Seen()
+    path: list[str] = []
+    owner, parent, offset = "", "", 0.0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal owner, parent, offset
+        path.append(tag)
+        place, line = tuple(path[1:]), parser.CurrentLineNumber
+        if place in (("link",), ("joint",)):
+            owner, parent, offset = attributes.get("name", ""), "", 0.0
+            if tag == "joint" and attributes.get("type") in ("revolute", "continuous", "prismatic"):
+                seen.moving.append(owner)
+        elif place == ("joint", "dynamics") and "damping" in attributes:
+            seen.damping[owner] = line, attributes["damping"]
+        elif place == ("joint", "origin"):
+            offset = float(np.linalg.norm(_three(attributes)))
+        elif place == ("joint", "parent"):
+            parent = attributes.get("link", "")
+        elif place == ("link", "inertial", "origin"):
+            seen.centre[owner] = line, _three(attributes)
+        elif place == ("link", "inertial", "mass"):
+            seen.mass[owner] = _number(attributes.get("value", ""))
+        elif place == ("link", "inertial", "inertia"):
+            six = tuple(_number(attributes.get(k, "")) for k in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+            seen.inertia[owner] = line, six
+
+    def end(tag: str) -> None:
+        if path[1:] == ["joint"]:
+            seen.reach[parent] = max(seen.reach.get(parent, 0.0), offset)
+        path.pop()
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.Parse(text, True)
+    return seen
+
+
+def _three(attributes: Mapping[str, str]) -> np.ndarray:
+    parts = attributes.get("xyz", "0 0 0").split()
+    return np.array([_number(x) for x in parts]) if len(parts) == 3 else np.zeros(3)
+
+
+def _number(text: str) -> float:
+    return float(text) if NUMBER_PATTERN.fullmatch(text) and math.isfinite(float(text)) else 0.0
+
+
+def _dampings(seen: _Seen) -> list[str]:
+    values = [seen.damping[n][1] for n in seen.moving if n in seen.damping]
+    if len(values) < FEWEST_ALIKE or len(values) < len(seen.moving) or len(set(values)) > 1 or not _number(values[0]):
+        return []
+    line = min(seen.damping[n][0] for n in seen.moving)
+    return [
+        f'line {line}: damping="{values[0]}" on all {len(values)} moving joints: a simulator\'s value, hardly that of '
+        "a real robot"
+    ]
+
+
+def _inertias(seen: _Seen) -> list[str]:
+    found = []
+    alike = Counter(six for _, six in seen.inertia.values() if any(six))
+    if alike and (most := alike.most_common(1)[0])[1] >= FEWEST_ALIKE and most[1] == len(seen.inertia):
+        line = min(line for line, _ in seen.inertia.values())
+        found.append(
+            f"line {line}: all {most[1]} links have the same inertia: a placeholder, hardly that of a real robot"
+        )
+    for link, (line, (xx, xy, xz, yy, yz, zz)) in seen.inertia.items():
+        moments = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+        size = float(np.abs(moments).max())
+        if size and (moments[0] < -1e-6 * size or moments[0] + moments[1] < moments[2] * (1 - 1e-3)):
+            found.append(
+                f"line {line}: no body can have the inertia of link '{link}' (a principal moment exceeds the sum)"
+            )
+        if seen.mass.get(link) == 0 and size:
+            found.append(f"line {line}: link '{link}' has inertia and no mass")
+    return found
+
+
+def _centres(seen: _Seen) -> list[str]:
+    found = []
+    for link, (line, centre) in seen.centre.items():
+        room = FAR_CENTRE * max(seen.reach.get(link, 0.0), SMALL_LINK)
+        if (far := float(np.linalg.norm(centre))) > room and seen.mass.get(link, 0.0) > 0:
+            found.append(
+                f"line {line}: the centre of mass of link '{link}' is {far:.3g} m from its frame, outside the link"
+            )
+    return found

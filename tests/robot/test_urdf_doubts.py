@@ -1,0 +1,41 @@
+"""Numbers of a URDF that no real robot has are said, with their line."""
+
+from cases import joint, link, urdf
+
+from frischid.robot.robot import Robot
+from frischid.robot.urdf_doubts import urdf_doubts
+
+
+def chain(*links, dynamics=""):
+    inside = '<limit lower="-2" upper="2" velocity="3" effort="50"/>' + dynamics
+    names = ["base", *(f"l{k}" for k in range(len(links)))]
+    joints = [joint(f"j{k}", names[k], names[k + 1], inside=inside) for k in range(len(links))]
+    return urdf(link("base"), *links, *joints).replace("><", ">\n<")
+
+
+SOUND = [link(f"l{k}", 1.0 + k, inertia=(0.05 + k / 100, 0.06, 0.07)) for k in range(3)]
+
+
+def test_a_sound_robot_raises_no_doubt():
+    assert urdf_doubts(chain(*SOUND)) == []
+    assert urdf_doubts(Robot.load("ur10").urdf) == []
+
+
+def test_one_damping_for_all_joints():
+    text = chain(*SOUND, dynamics='<dynamics damping="10"/>')
+    (doubt,) = urdf_doubts(text)
+    line = next(k for k, x in enumerate(text.splitlines(), 1) if "damping" in x)
+    assert doubt.startswith(f'line {line}: damping="10" on all 3 moving joints')
+
+
+def test_one_inertia_for_all_links():
+    assert any(
+        "all 3 links have the same inertia" in x for x in urdf_doubts(chain(*[link(f"l{k}", 1.0) for k in range(3)]))
+    )
+
+
+def test_impossible_bodies_and_far_centres():
+    text = chain(link("l0", 1.0, inertia=(0.01, 0.02, 0.5)), link("l1", 2.0, centre="0 0 1.7"), SOUND[2])
+    found = urdf_doubts(text)
+    assert any("no body can have the inertia of link 'l0'" in x for x in found)
+    assert any("centre of mass of link 'l1' is 1.7 m" in x for x in found)
