@@ -175,6 +175,8 @@ class CheckCriteria:
     """Factor. A gain nearer to one is an error of the URDF's masses, not of the log. (real: LBR)"""
     unit_tolerance: float = 0.2
     """Relative difference. A common factor this near to that of a unit is taken as this unit. (planted: mN·m)"""
+    most_faults: int = 3
+    """Faults of one hypothesis, signs of torques not counted. More faults explain anything. (planted: pairs)"""
     least_odds: float = 20.0
     """Posterior odds against no fault. A hypothesis with lower odds is not named. (clean)"""
     likely_probability: float = 0.9

@@ -140,7 +140,7 @@ def _readings(sketch: Sketch, faults: tuple[Fault, ...], *, simple: bool = False
 
 def _merged(faults: Sequence[Fault], joints: int) -> tuple[tuple[Fault, ...], float]:
     """Faults of a joint's positions and torques together are one fault; and the cost that this saves."""
-    left, refund = list(faults), 0.0
+    left, refund = _one_sign_each(faults), 0.0
     for kind, partner, together in (
         ("position sign", "torque sign", "position sign"),
         ("swapped positions", "swapped torques", "swapped joints"),
@@ -163,6 +163,22 @@ def _merged(faults: Sequence[Fault], joints: int) -> tuple[tuple[Fault, ...], fl
     return tuple(left), refund
 
 
+def _one_sign_each(faults: Sequence[Fault]) -> list[Fault]:
+    """All torques reversed, and some reversed once more: the others are reversed."""
+    signs = [f for f in faults if f.kind == "torque sign"]
+    every = next((f for f in signs if len(f.where) > 1), None)
+    again = {name for f in signs if f is not every for name in f.where}
+    if every is None or not again:
+        return list(faults)
+    where = tuple(name for name in every.where if name not in again)
+    advice = "set torque_sign = -1 for these joints in a mapping file"
+    what = "these torques have the wrong sign: with the signs changed, the model explains them"
+    fix = tuple((name, "torque_sign", -1) for name in where)
+    price = sum(f.cost for f in signs)
+    rest = [f for f in faults if f.kind != "torque sign"]
+    return [replace(every, what=what, where=where, advice=advice, fix=fix, cost=price), *rest]
+
+
 def _of_the_robot(starts: Iterable[Hypothesis]) -> list[Hypothesis]:
     found = []
     for start in starts:
@@ -183,6 +199,8 @@ def _is_enough(hypothesis: Hypothesis, null: Hypothesis) -> bool:
         return False
     if sum(fault.kind == "torque scale" for fault in hypothesis.faults) > 1:
         return False  # several factors are a mistake of another kind
+    if sum(fault.kind != "torque sign" for fault in hypothesis.faults) > criteria.most_faults:
+        return False  # so many faults explain anything
     before, after = (np.minimum(x, criteria.nrmse_cap) for x in (null.errors, hypothesis.errors))
     if len(before) != len(after):
         return False

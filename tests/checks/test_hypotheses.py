@@ -181,3 +181,9 @@ def test_a_torque_without_a_position_is_not_locked_silently(log):
         identify(UR, [part])
     locked = Robot.load("ur10", lock={UR.joints[1]: 0.0})
     check(locked, [part])
+
+
+def test_all_signs_but_one(log):
+    found, report = issues(signed(log, 0, 1, 2, 4, 5))
+    assert found["torque sign"].where == tuple(n for j, n in enumerate(UR.joints) if j != 3)
+    assert len(report.fix) == 5
