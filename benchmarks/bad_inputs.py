@@ -21,7 +21,7 @@ import bad_input_rows
 import click.testing
 from bad_input_row import Row
 from common import parser, publish
-from mutated_models import limited
+from mutated_models import TooLongError, limited
 
 from frischid.cli import main as frischid
 
@@ -57,15 +57,14 @@ def result(row: Row) -> dict[str, Any]:
     try:
         with limited(LONGEST):
             done = runner.invoke(frischid, list(row.arguments))
-    except TimeoutError as error:
+    except TooLongError as error:
         return line(row, -1, str(error), "too long")
     verdict = "right"
     message = last_line(done.stderr) or last_line(done.stdout)
     if done.exception is not None and not isinstance(done.exception, SystemExit):
-        kind = "too long" if isinstance(done.exception, TimeoutError) else "traceback"
         place = traceback.extract_tb(done.exception.__traceback__)[-1]
         where = f"{Path(place.filename).name}:{place.lineno}"
-        return line(row, done.exit_code, f"{type(done.exception).__name__} at {where}: {done.exception}", kind)
+        return line(row, done.exit_code, f"{type(done.exception).__name__} at {where}: {done.exception}", "traceback")
     if done.exit_code not in row.codes:
         verdict = "accepted" if done.exit_code == 0 else "another exit code"
     return line(row, done.exit_code, message, verdict)

@@ -22,7 +22,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from common import parser, publish
-from mutated_models import LONGEST, limited
+from mutated_models import LONGEST, TooLongError, limited
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
@@ -76,6 +76,9 @@ def run(name: str, examples: int, start: int, seconds: float) -> tuple[dict[str,
                 counts["used"] += 1
             except fr.FrischidError:
                 counts["refused"] += 1
+            except TooLongError as error:
+                counts["other errors"] += 1
+                failures.setdefault(str(error), value)
             except Exception as error:  # whatever is not frischid's own error is what this script looks for
                 counts["other errors"] += 1
                 place = traceback.extract_tb(error.__traceback__)[-1]

@@ -141,9 +141,15 @@ def tried(data: dict[str, Any], log: fr.Log, path: Path) -> str:
             model.save(path)
     except fr.FrischidError:
         return "refused"
+    except TooLongError as error:
+        return f"other errors: {error}"
     except Exception as error:  # whatever is not frischid's own error is what this script looks for
         return f"other errors: {type(error).__name__}: {str(error)[:150]}"
     return "used"
+
+
+class TooLongError(BaseException):
+    """The time is over; no `except` of the tried code, which may wait for a `TimeoutError`, catches this."""
 
 
 @contextmanager
@@ -151,7 +157,7 @@ def limited(seconds: int) -> Iterator[None]:
     """Interrupt what takes longer."""
 
     def late(*_: Any) -> None:
-        raise TimeoutError(f"longer than {seconds} s")
+        raise TooLongError(f"longer than {seconds} s")
 
     signal.signal(signal.SIGALRM, late)
     signal.alarm(seconds)

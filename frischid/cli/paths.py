@@ -7,6 +7,7 @@ that a pattern matches, meshes of a URDF) are held against the outputs by `check
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -19,15 +20,25 @@ from frischid.core.files import check_outputs, check_writable
 _OUTPUTS = "frischid.outputs"  # key in click's own store of a running command
 
 
-class InputPath(click.Path):
+class _FilePath(click.Path):
+    """A path; a null character, which no path can hold, is an error of the argument."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Check, then convert as click does."""
+        if "\0" in os.fspath(value):
+            self.fail("a path holds no null character", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class InputPath(_FilePath):
     """A file or folder that is read, or the name of a robot."""
 
 
-class OutputPath(click.Path):
+class OutputPath(_FilePath):
     """A file that is written."""
 
 
-class OutputFolder(click.Path):
+class OutputFolder(_FilePath):
     """A folder that is filled."""
 
 
