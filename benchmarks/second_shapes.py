@@ -239,8 +239,8 @@ def saturating_motor(rng: np.random.Generator, fit: World, j: int) -> Hidden:
 
 
 def pushed_elbow(rng: np.random.Generator, fit: World, j: int) -> Hidden:
-    """Somebody leans against a middle link in one log, once or twice: half a sine over time."""
-    seed, link = int(rng.integers(2**31)), max(1, (fit.model.njoints - 1 + 1) // 2)
+    """Somebody leans against the far end of a middle link in one log, once or twice: half a sine over time."""
+    seed, after = int(rng.integers(2**31)), min(fit.model.njoints // 2 + 1, fit.model.njoints - 1)
 
     def torque(w: World) -> Array:
         out = np.zeros_like(w.base)
@@ -255,7 +255,7 @@ def pushed_elbow(rng: np.random.Generator, fit: World, j: int) -> Hidden:
             force *= draw.uniform(0.6, 1.0) / np.linalg.norm(force)
             for k, q in zip(rows.tolist(), w.robot.configuration(w.path.q[rows]), strict=True):
                 pin.computeJointJacobians(w.model, data, q)
-                J = pin.getJointJacobian(w.model, data, link, pin.LOCAL_WORLD_ALIGNED)[:3]
+                J = pin.getJointJacobian(w.model, data, after, pin.LOCAL_WORLD_ALIGNED)[:3]  # where a link ends
                 out[k] -= np.sin(np.pi * (w.path.t[k] - start) / length) * (J.T @ force)
         return out
 

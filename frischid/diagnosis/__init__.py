@@ -11,7 +11,10 @@ Comes in: a model and logs. Goes out: findings with evidence, a verdict, and bet
    `effect_ranking`): every effect in every place is scored, alone and together.
 6. `unmodelled_terms` (`gear_steps`, `reversal_residuals`): is the first finding the cause, or does a term outside the
    catalogue explain far more?
-7. `verdict`: none, effect, contact or unknown; `residual_formula` describes an unknown residual.
+7. `verdict`: none, effect, several, contact or unknown; `residual_formula` describes an unknown residual.
+8. `hypotheses` and `probability`: how probable is each answer? `rivals`: which other answers share the probability?
+
+`floor` is the noise floor of held-out errors: the variance of the prediction belongs to it, and the data may refute it.
 
 `improvement` adds findings to a model step by step (`step_acceptance`: may a step stay?), `effect_curves` draws them.
 Every number that decides is a field of `criteria.DiagnosisCriteria`.

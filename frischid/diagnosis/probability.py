@@ -9,9 +9,10 @@ from simulated robots whose truth is known: they maximise the probability of the
 
     Σ_cases log Σ_{h right} P(h)  −  ½ λ Σ w²,
 
-and λ is chosen by cross-validation over the cases. `benchmarks/calibration.py` makes the cases, fits the weights, and
-checks on other seeds that a probability of 0.9 is right nine times out of ten. The weights and the cases they come from
-stand in the data file beside this module.
+and λ is the largest whose cross-validated likelihood is within one standard error of the best one, which keeps the
+weights small where the cases do not need them (Breiman, Friedman, Olshen and Stone 1984, section 3.4.3).
+`benchmarks/calibration.py` makes the cases, fits the weights, and checks on other seeds that a probability of 0.9 is
+right nine times out of ten. The weights and the cases they come from stand in the data file beside this module.
 """
 
 from __future__ import annotations
@@ -107,7 +108,10 @@ def fitted(cases: Sequence[Case]) -> tuple[Weights, float]:
     used = [x for x in (_numbers(case, names) for case in cases) if x[1].any()]
     scale = np.maximum(np.sqrt(np.mean(np.concatenate([x for x, _ in used]) ** 2, axis=0)), 1e-9)
     used = [(x / scale, right) for x, right in used]
-    best = max(RIDGES, key=lambda ridge: _held_out(used, ridge))
+    tried = {ridge: _held_out(used, ridge) for ridge in RIDGES}
+    top = max(tried.values(), key=lambda x: float(x.sum()))
+    error = {ridge: float(np.sqrt(len(x)) * (x - top).std()) for ridge, x in tried.items()}  # of the sum's difference
+    best = max(ridge for ridge, x in tried.items() if float((top - x).sum()) <= error[ridge])
     weights = _fit(used, best) / scale
     return Weights(dict(zip(names, map(float, weights), strict=True))), best
 
@@ -133,11 +137,12 @@ def _fit(cases: Sequence[tuple[Array, Array]], ridge: float) -> Array:
     return np.asarray(optimize.minimize(loss, start, jac=True, method="L-BFGS-B").x)
 
 
-def _held_out(cases: Sequence[tuple[Array, Array]], ridge: float) -> float:
-    """Sum of the log probabilities of the right hypotheses, each case predicted by a fit to others."""
-    total = 0.0
+def _held_out(cases: Sequence[tuple[Array, Array]], ridge: float) -> Array:
+    """Log probability of the right hypotheses of each case, which is predicted by a fit to others."""
+    found = np.zeros(len(cases))
     for fold in range(_FOLDS):
         w = _fit([c for k, c in enumerate(cases) if k % _FOLDS != fold], ridge)
-        for x, right in (c for k, c in enumerate(cases) if k % _FOLDS == fold):
-            total += float(np.log(max(float(_softmax(x @ w)[right].sum()), 1e-300)))
-    return total
+        for k in range(fold, len(cases), _FOLDS):
+            x, right = cases[k]
+            found[k] = np.log(max(float(_softmax(x @ w)[right].sum()), 1e-300))
+    return found

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from frischid.core.text import listed
 from frischid.diagnosis.findings import Finding
 from frischid.effects import EFFECTS
 
@@ -54,28 +53,39 @@ def best_of(findings: Sequence[Finding]) -> Finding | None:
     return next((f for f in findings if f.significant and f.members), None)
 
 
+def shared(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> list[Rival]:
+    """The first finding and its rivals, most probable first; none where the first is sure."""
+    first, others = best_of(findings), rivals(findings, probabilities)
+    if first is None or not others:
+        return []
+    return sorted([Rival(first.effect, first.probability), *others], key=lambda r: -r.probability)
+
+
 def separating_command(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:
-    """Command that plans a motion to separate the first finding from its first rival effect; empty without one."""
-    first = best_of(findings)
-    effects = [r.name for r in rivals(findings, probabilities) if r.name in EFFECTS]
-    other = next((f for f in findings if effects and f.effect == effects[0] and f.members), None)
-    if first is None or other is None:
-        return ""
-    return f"frischid excite ROBOT --separate {_placed(first)},{_placed(other)} -o motion.csv"
+    """Command that plans a motion to separate the two most probable effects of `shared`; empty without two."""
+    members = {f.effect: f for f in findings if f.members}
+    pair = [members[r.name] for r in shared(findings, probabilities) if r.name in EFFECTS and r.name in members][:2]
+    placed = ",".join(_placed(finding) for finding in pair)
+    return f"frischid excite ROBOT --separate {placed} -o motion.csv" if len(pair) == 2 else ""
 
 
 def _placed(finding: Finding) -> str:
-    """An effect at its joints, as the command line reads it; of several joints the first, except where it needs two."""
+    """An effect at the joints of its best place, as the command line reads it."""
     effect = finding.members[0]
     return finding.effect if effect.joints is None else f"{finding.effect}@{'+'.join(effect.joints)}"
 
 
+def cause_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:
+    """The hypotheses of `shared` with their probabilities, as ``A (50 %), B (20 %) or C (10 %)``; empty without any."""
+    told = [f"{r.words} ({100 * r.probability:.0f} %)" for r in shared(findings, probabilities)]
+    return f"{', '.join(told[:-1])} or {told[-1]}" if told else ""
+
+
 def sentence_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:
-    """A sentence on the rivals of the first finding; empty where that one is sure."""
-    first, others = best_of(findings), rivals(findings, probabilities)
-    if first is None or not others:
+    """A sentence on the hypotheses that share the probability; empty where the first finding is sure."""
+    cause = cause_of(findings, probabilities)
+    if not cause:
         return ""
-    told = listed([f"{r.words} ({r.probability:.0%})" for r in others])
-    sentence = f"{first.effect} is the cause with a probability of {first.probability:.0%}; it may also be {told}"
+    sentence = f"these logs alone cannot tell the cause: {cause}"
     command = separating_command(findings, probabilities)
-    return f"{sentence}. A motion that tells them apart: {command}" if command else sentence
+    return f"{sentence}. A motion that tells the first two effects apart: {command}" if command else sentence

@@ -19,6 +19,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
+import numpy as np
+
 from frischid.core.types import Array
 from frischid.effects.base import Effect
 from frischid.effects.link_lag import Gear, Lag, lags
@@ -33,12 +35,22 @@ def require_share(effect: str, rubbing: float) -> None:
         raise InputError(f"{effect}: rubbing must be a share of the friction, 0 or more, got {rubbing}")
 
 
-def deflected(state: State, joint: int, lag: Lag) -> dict[int, Array]:
-    """First-order change of the torque on every joint when a link lags its joint's encoder."""
-    position, velocity, acceleration = (slope[:, :, joint] for slope in state.slopes)
-    change = position * lag.place[:, None] + velocity * lag.rate[:, None] + acceleration * lag.acceleration[:, None]
-    change[:, joint] -= lag.friction
-    return {i: -change[:, i] for i in range(change.shape[1])}
+def deflected(slopes: Sequence[Array], joint: int, lag: Lag) -> dict[int, Array]:
+    """First-order change of the torque on every joint when a link lags its joint's encoder.
+
+    Parameters
+    ----------
+    slopes : sequence of ndarray, shape (J, N)
+        ∂τ/∂q_j, ∂τ/∂q̇_j and M_j of the joint along the motion.
+    joint : int
+    lag : Lag
+    """
+    position, velocity, acceleration = slopes
+    change = position * -lag.place
+    change -= velocity * lag.rate
+    change -= acceleration * lag.acceleration
+    change[joint] += lag.friction
+    return dict(enumerate(change))
 
 
 @dataclass(frozen=True)
@@ -59,11 +71,13 @@ class _Geared(Effect):
         """Columns of several effects over `state`; the motions of all links are computed at once."""
         acting = [effect.acts_on(state.robot) for effect in effects]
         found = lags(state, [e.gear(i) for e, where in zip(effects, acting, strict=True) for i, *_ in where])
+        joints = sorted({i for where in acting for i, *_ in where})
+        slopes = {i: [np.ascontiguousarray(slope[:, :, i].T) for slope in state.slopes] for i in joints}
         for effect, where in zip(effects, acting, strict=True):
             yield [
                 Term(
                     effect.column(cls.symbol, torque_unit(state.robot, i, cls.per), name, number, sign=1),
-                    deflected(state, i, next(found)),
+                    deflected(slopes[i], i, next(found)),
                 )
                 for i, name, number in where
             ]

@@ -12,7 +12,7 @@ import numpy as np
 from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
-from frischid.diagnosis.rivals import rivals
+from frischid.diagnosis.rivals import cause_of
 from frischid.diagnosis.roles import diagnose_in_roles
 from frischid.errors import FrischidError, InputError
 from frischid.export.consistency import Consistency, make_consistent
@@ -137,9 +137,8 @@ def missing(diagnosis: Diagnosis) -> str:
     """A diagnosis in one clause, as the subject line of a page."""
     best = next((f for f in diagnosis.findings if f.significant and f.members), None)
     named = "" if best is None else f"{best.effect} on {listed(best.joints) or 'the whole robot'}"
-    others = [r.words for r in rivals(diagnosis.findings, diagnosis.probabilities)]
-    named += f", or {' or '.join(others)}: these logs alone cannot tell which" if others else ""
-    sure = "" if best is None or others else f" (probability {100 * best.probability:.0f} %)"
+    cause = cause_of(diagnosis.findings, diagnosis.probabilities)
+    sure = "" if best is None or cause else f" (probability {100 * best.probability:.0f} %)"
     if diagnosis.verdict == "contact":
         count = len(diagnosis.contacts)
         touched = f"Something touched the robot {'once' if count == 1 else f'{count} times'} (left out)"
@@ -149,6 +148,9 @@ def missing(diagnosis: Diagnosis) -> str:
         return f"Something is missing that no effect of the catalogue explains{part}"
     if diagnosis.verdict == "several":
         return "Several small effects are missing; none of them dominates"
+    if best is not None and cause:
+        where = f"Missing: {named}; t" if cause.startswith(best.effect) else "An effect is missing; t"
+        return f"{where}hese logs alone cannot tell the cause: {cause}"
     return f"Missing: {named}{sure}" if named else f"{diagnosis.remainder[:1].upper()}{diagnosis.remainder[1:]}"
 
 

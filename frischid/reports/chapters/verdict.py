@@ -110,7 +110,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "formula", "command": f"frischid studio {given} LOG..."})
     elif separating:
         found.append({"kind": "separate", "command": separating})
-    elif passing:
+    if passing and not (diagnosis is not None and diagnosis.verdict == "unknown"):
         best = passing[0]
         where = f" --joints {','.join(best.joints)}" if best.joints else ""
         add = f"frischid add {given} {best.effect}{where} LOG... -o {better}"
