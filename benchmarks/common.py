@@ -9,6 +9,7 @@ import os
 import platform
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,7 +21,6 @@ from rich.table import Table
 
 from frischid.core.files import write_text
 from frischid.core.parallel import HERE, Dask, Workers, workers
-from frischid.core.version import __version__
 
 
 def parser(description: str | None) -> argparse.ArgumentParser:
@@ -123,11 +123,13 @@ def publish(title: str, rows: Sequence[Mapping[str, Any]], path: Path | None, no
 
 def record(title: str, rows: Sequence[Mapping[str, Any]], path: Path, notes: Sequence[str] = ()) -> None:
     """Write rows as JSON, with the machine and the version that made them; parameters as in `publish`."""
+    project = (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
+    version = tomllib.loads(project)["project"]["version"]  # of this checkout, whatever is installed
     machine = {"python": platform.python_version(), "processor": platform.machine(), "cores": os.cpu_count()}
     content = {
         "schema": "frischid.benchmark/1",
         "title": title,
-        "frischid": __version__,
+        "frischid": version,
         "machine": machine,
         "rows": list(rows),
         "notes": list(notes),
