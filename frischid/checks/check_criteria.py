@@ -171,7 +171,7 @@ class CheckCriteria:
     heard_share: float = 0.7
     """Share of the rms torque. A row takes part in a common factor only if a multiple of the URDF leaves less.
     (planted: mN·m)"""
-    odd_factor: float = 1.5
+    odd_factor: float = 2.0
     """Factor. A gain nearer to one is an error of the URDF's masses, not of the log. (real: LBR)"""
     unit_tolerance: float = 0.2
     """Relative difference. A common factor this near to that of a unit is taken as this unit. (planted: mN·m)"""

@@ -208,8 +208,7 @@ def _scale_fault(fits: RowFits, k: int, gain: float) -> Fault:
     what = f"the load in its torque is {gain:.3g} times that of the URDF, while the friction fits"
     advice = "check its unit and its current gain; without a usable unit leave its torque row out (--torque-joints)"
     price = cost("torque scale", len(fits.rows), 1, n)
-    fix = ((name, "torque_factor", float(f"{1 / gain:.4g}")),)
-    return Fault("torque scale", what, (name,), advice, price, False, False, fix)
+    return Fault("torque scale", what, (name,), advice, price, False, False)
 
 
 def _springs(fits: RowFits, k: int, tau: Array, spread: float, faults: tuple[Fault, ...]) -> list[Option]:
@@ -258,7 +257,8 @@ def _common_scales(fits: RowFits) -> list[tuple[float, Fault]]:
         what += f": their unit looks like {unit}" if unit else ""
         advice = "check their unit and the current gains, or whether the URDF is of a smaller or larger robot"
         price = cost("common scale", 1, 1, float(fits.weight.mean()))
-        fix = tuple((n, "torque_factor", float(f"{1 / common:.4g}")) for n in fits.names)
+        # a factor that is no unit may be an error of the URDF: it is said, and not undone
+        fix = tuple((n, "torque_factor", float(f"{1 / common:.4g}")) for n in fits.names if unit)
         found.append((sign * common, Fault("torque scale", what, fits.names, advice, price, False, False, fix)))
     return found
 

@@ -7,6 +7,7 @@ most columns is taken. ``logs = ["cell3_*.csv"]`` under ``[file]`` restricts a l
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -34,7 +35,7 @@ def layout_of(path: Path, form: LogMap) -> LogMap:
         raise InputError(f"{path}: no layout of the mapping fits this log ({why}); add one (frischid map)")
     most = max(int(tried[layout.source]) for layout in found)
     best = [layout for layout in found if tried[layout.source] == most]
-    if len(best) > 1:
+    if any(replace(layout, source="", file=None) != replace(best[0], source="", file=None) for layout in best):
         raise InputError(
             f"{path}: {' and '.join(layout.source for layout in best)} fit this log equally well; restrict one with "
             'logs = ["name*"] under its [file]'

@@ -187,3 +187,14 @@ def test_all_signs_but_one(log):
     found, report = issues(signed(log, 0, 1, 2, 4, 5))
     assert found["torque sign"].where == tuple(n for j, n in enumerate(UR.joints) if j != 3)
     assert len(report.fix) == 5
+
+
+def test_a_unit_is_undone_and_an_odd_gain_is_only_said(log):
+    found, report = issues(replace(log, tau=1e3 * log.tau))
+    assert found["torque scale"].where == UR.joints
+    assert {key for _, key, _ in report.fix} == {"torque_factor"}
+    tau = np.array(log.tau)
+    tau[:, 1] *= 3.0
+    found, report = issues(replace(log, tau=tau))
+    assert found["torque scale"].where == UR.joints[1:2]
+    assert report.fix == ()

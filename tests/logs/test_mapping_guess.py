@@ -191,6 +191,8 @@ def test_layouts(tmp_path):
     with pytest.raises(InputError, match="no layout of the mapping fits this log"):
         read_log(tmp_path / "three.csv", UR.joints, both)
     twice = {"layout": {"a": {"default": {"q": "angle_{joint}"}}, "b": {"default": {"q": "angle_{joint}"}}}}
+    assert read_log(tmp_path / "two.csv", None, twice).joints  # they say the same
+    twice["layout"]["b"]["file"] = {"angle_unit": "deg"}
     with pytest.raises(InputError, match="equally well"):
         read_log(tmp_path / "two.csv", None, twice)
 
