@@ -248,7 +248,7 @@ def try_formula(folder: Path, given: str) -> None:
 
 # ---- the command line
 
-NOT_TRIED = {"studio", "demo", "fetch", "paper"}  # one never ends, two are slow, one needs a network
+NOT_TRIED = {"studio", "demo", "doctor", "fetch", "paper"}  # one never ends, three are slow, one needs a network
 SLOW = {"workers": "1", "starts": "1", "budget": "20", "max_steps": "1", "scheduler": "none", "diagnosed": "0"}
 GOOD = {"model": "model.json", "robot": "robot.urdf", "logs": "log.csv", "log": "log.csv", "unloaded": "log.csv",
         "loaded": "log.csv", "payload": "1", "effect": "viscous", "output": "out.json", "name": "viscous"}  # fmt: skip
