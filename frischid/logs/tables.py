@@ -214,7 +214,8 @@ def _line_place(path: Path, skip: int) -> Place:
     def place(row: int) -> str:
         with path.open("rb") as file:
             filled = (k for k, line in enumerate(file) if k >= skip and line.strip(b"\r\n"))
-            return f"line {next(itertools.islice(filled, row, None)) + 1}"
+            line = next(itertools.islice(filled, row, None), None)
+            return f"row {row + 1}" if line is None else f"line {line + 1}"  # lone carriage returns are lines to Arrow
 
     return place
 
