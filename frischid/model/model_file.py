@@ -144,14 +144,14 @@ def _check_shapes(record: ModelRecord, place: str, source: str) -> None:
                 where = f"joints[{k}].name" if kind == "joints" else f"parameters[{k}].column"
                 raise damaged(source, f"expected each {kind} once, got {value} again - at `{place}{where}`")
     if record.fitted is not None:
-        lengths = (("velocity", len(record.joints)), ("acceleration", len(record.joints)), ("urdf", p))
+        lengths = {"velocity": len(record.joints), "acceleration": len(record.joints), "urdf": p}
         if [len(row) for row in record.fitted.scores] != [len(record.joints)] * len(LEVELS):
             raise damaged(
                 source, f"expected {len(LEVELS)} rows of {len(record.joints)} numbers - at `{place}fitted.scores`"
             )
         if record.fitted.model_share:  # earlier versions wrote none
-            lengths = (*lengths, ("model_share", len(record.joints)))
-        for name, length in lengths:
+            lengths["model_share"] = len(record.joints)
+        for name, length in lengths.items():
             if len(getattr(record.fitted, name)) != length:
                 raise damaged(source, f"expected {length} numbers - at `{place}fitted.{name}`")
     methods = set(record.parameters[0].bounds) if record.parameters else set()
