@@ -57,7 +57,13 @@ def check(
             raise
         progress("checking")
         reports = check_logs(machine, data)
-    text = _corrections(logs, mapping, data, reports)
+    try:
+        text = _corrections(logs, mapping, data, reports)
+    except InputError:  # the logs need different corrections
+        if output:
+            show_page(show.check(reports), as_json)
+            raise
+        text = ""
     if output and text:
         write_text(Path(output), text)
     show_page(show.check(reports, text, output if text else None), as_json)

@@ -198,3 +198,16 @@ def test_a_unit_is_undone_and_an_odd_gain_is_only_said(log):
     found, report = issues(replace(log, tau=tau))
     assert found["torque scale"].where == UR.joints[1:2]
     assert report.fix == ()
+
+
+def test_logs_that_need_different_corrections_are_still_reported(tmp_path, log):
+    for name, one in (("a", log), ("b", signed(log, *range(6)))):
+        write_log(one, tmp_path / f"{name}.parquet")
+    files = [str(tmp_path / f"{name}.parquet") for name in "ab"]
+    plain = CliRunner().invoke(main, ["check", "ur10", *files])
+    assert plain.exit_code == 1
+    assert "torque sign" in plain.output
+    written = CliRunner().invoke(main, ["check", "ur10", *files, "-o", str(tmp_path / "fixed.toml")])
+    assert written.exit_code == 2
+    assert "torque sign" in written.output
+    assert "one by one" in " ".join(written.output.split())
