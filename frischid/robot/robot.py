@@ -86,10 +86,7 @@ class Robot:
         for what, values in (("gravity", self.gravity), ("lock", self.locked.values()), ("known", self.known.values())):
             if not all(abs(x) <= LARGEST_QUANTITY for x in values):
                 raise InputError(f"{self.source}: {what} holds a number above {LARGEST_QUANTITY:g}, or none")
-        _ = (
-            self.model,
-            self.transforms,
-        )  # errors (no joint left to move, an unknown frame) come now, not at the first sample
+        _ = self.model, self.transforms  # errors (no joint to move, an unknown frame) come now, not at the first sample
 
     @classmethod
     def load(
@@ -133,9 +130,8 @@ class Robot:
         source, text = read_urdf(robot)
         tree = parse_urdf(text, source)
         whole = cls(name=tree.get("name", Path(source).stem), source=source, urdf=text)
-        moving = set(whole.joints)
         for name in [*(joints or ()), *lock]:
-            if name not in moving:
+            if name not in whole.joints:
                 raise UnknownNameError("joint", name, whole.joints, source)
         angles = dict(lock) if isinstance(lock, Mapping) else dict.fromkeys(lock, math.nan)
         if joints is not None:
@@ -152,14 +148,13 @@ class Robot:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything needed to build this robot again, as plain JSON values."""
-        frames = self.frames if isinstance(self.frames, str) else dict(self.frames)
         return {
             "name": self.name,
             "source": self.source,
             "urdf": self.urdf,
             "gravity": list(self.gravity),
             "locked": dict(self.locked),
-            "frames": frames,
+            "frames": self.frames if isinstance(self.frames, str) else dict(self.frames),
             "known": dict(self.known),
         }
 
