@@ -30,8 +30,8 @@ from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording
 from frischid.model.fit_record import FitRecord, normal_reach
-from frischid.model.log_requirements import check_logs_fit
-from frischid.model.model_digest import check_digest, text_of
+from frischid.model.log_requirements import check_logs_fit, motion_of
+from frischid.model.model_digest import check_digest, text_of, without_hash
 from frischid.model.model_file import SCHEMA, read_json, read_records, robot_of
 from frischid.model.model_parts import parts_of, plain_estimate, plain_numbers, robot_dict, without_robot
 from frischid.model.parameters import Parameter, parameters_by_name
@@ -137,15 +137,19 @@ class Model(Shown):
         -------
         ndarray, shape (N, J)
             N·m (N); only the columns of `joints` were identified.
+
+        Raises
+        ------
+        InputError
+            The arrays do not have a column for each of the robot's joints, or differ in length.
         """
         Y, q, v, a = self._columns(q, v, a, t)
-        known = self.robot.known_torque(q, v, a)
-        torque = self.full_theta @ Y
+        known, torque = self.robot.known_torque(q, v, a), self.full_theta @ Y
         return np.asarray(torque if known is None else torque + known)
 
     def _columns(self, q: Array, v: Array, a: Array, t: Array | None) -> tuple[Array, Array, Array, Array]:
         """The regressor (N, C, J), and the motion as arrays of floats (N, J)."""
-        q, v, a = (np.atleast_2d(np.asarray(x, dtype=float)) for x in (q, v, a))
+        q, v, a = motion_of(self.robot.joints, q, v, a)
         regressor = Regressor(self.robot, self.effects, self.reference)
         return regressor(np.zeros(len(q)) if t is None else t, q, v, a), q, v, a
 
@@ -340,9 +344,7 @@ class Model(Shown):
         InputError
             The file is missing, not JSON, or not a model.
         """
-        found = located(written := read_json(path), Path(path).parent, str(path))
-        if isinstance(found, Mapping):  # the hash is that of the content before the paths were found
-            found = {name: value for name, value in found.items() if name != "sha256"}
+        found = without_hash(located(written := read_json(path), Path(path).parent, str(path)))
         model = cls.from_dict(found, str(path))
-        check_digest(written, str(path))
+        check_digest(written, str(path))  # of the content before the paths were found
         return model

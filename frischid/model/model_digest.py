@@ -18,7 +18,7 @@ from frischid.model.stored_paths import portable
 
 def digest(data: Mapping[str, Any]) -> str:
     """SHA-256 of everything that a model file says, however the file is laid out; the hash itself is left out."""
-    content = _canonical({k: v for k, v in data.items() if k != "sha256"})
+    content = _canonical(without_hash(data))
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -61,3 +61,8 @@ def text_of(data: Mapping[str, Any], folder: Path) -> str:
     found = portable(data, folder)
     found["sha256"] = digest(found)
     return json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def without_hash(found: Any) -> Any:
+    """The content of a model file without its hash; anything but a JSON object as it is."""
+    return {k: v for k, v in found.items() if k != "sha256"} if isinstance(found, Mapping) else found

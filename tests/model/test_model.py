@@ -427,3 +427,10 @@ def test_a_field_that_is_nested_deep_is_said(tmp_path):
     deep = json.loads("[" * 500 + "]" * 500)
     path.write_text(json.dumps(changed(model().to_dict(), "history", 0, "criteria", to=deep)))
     refused(path, "nested too deep")
+
+
+@pytest.mark.parametrize("wrong", [None, np.zeros((10, 1)), np.zeros((5, 2)), np.zeros((10, 2, 1))])
+def test_a_motion_of_the_wrong_shape_is_refused(wrong):
+    q = np.zeros((10, 2))
+    with pytest.raises(InputError, match=r"a has the shape .*; expected \(10, 2\): .* joint1, joint2"):
+        model().inverse_dynamics(q, q, wrong)
