@@ -43,7 +43,7 @@ class Outcome:
 
     Attributes
     ----------
-    verdict : {"none", "effect", "contact", "unknown"}
+    verdict : {"none", "effect", "several", "contact", "unknown"}
     ranking : tuple of tuple of str
         Effects named by each finding, best first; several where a finding names effects that cannot be distinguished.
     joints : tuple of tuple of str
@@ -109,7 +109,8 @@ def score(kind: str, truth: Truth, said: Outcome) -> dict[str, Any]:
         # With a background, small effects are really there: naming one is no false alarm. Nor is "unknown", if a part
         # of the background is outside the catalogue.
         there = {"unknown" if name in UNKNOWN else name for name in truth.background_effects}
-        result["first"] = said.verdict == "none" or bool(set(first) & there)
+        small = said.verdict == "several" and truth.background > 0
+        result["first"] = said.verdict == "none" or small or bool(set(first) & there)
         return result
     if kind == "pair":
         named = {name for names in said.added for name in names}
