@@ -69,8 +69,10 @@ def _say(found: Explanation, sketch: Sketch, notes: Notebook) -> Sketch:
             before = replace(found.best.sketch, given_nominal=None, rows=found.best.sketch.rows)
             if check_payload(before, notes):
                 continue
-        what = f"{fault.what} ({found.odds})"
-        notes.add(fault.kind, what, fault.where, sure, fault.advice, blocks=fault.blocks)
+        # Behind a fault without fitted numbers, one with fitted numbers may only take up what the URDF misses anyway.
+        behind = not fault.discrete and any(f.discrete for f in found.best.faults)
+        what = f"{fault.what} ({'seen only with the others corrected: check again then' if behind else found.odds})"
+        notes.add(fault.kind, what, fault.where, "possible" if behind else sure, fault.advice, blocks=fault.blocks)
         notes.fix += fault.fix
     return found.best.sketch
 
