@@ -64,6 +64,15 @@ class Plan(Shown):
         Limits that the motion does not keep, with joint and time.
     notes : tuple of str
         Limits and distances that were not checked.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> found = fr.plan(fr.Robot.load("planar2"), options=fr.PlanOptions(duration=4.0, budget=20, seed=0))
+    >>> found.joints, found.violations
+    (('joint1', 'joint2'), ())
+    >>> found.to_log(rate=50.0).q.shape
+    (201, 2)
     """
 
     joints: tuple[str, ...]
