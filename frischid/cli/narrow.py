@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import Any
 
 from rich.cells import cell_len
 from rich.console import RenderableType
@@ -38,7 +39,7 @@ class Wide(Table):
         self.droppable = tuple(droppable)
 
 
-def fitted(part: object, width: int) -> list[RenderableType]:
+def fitted(part: Any, width: int) -> list[RenderableType]:
     """A part of a page as it fits a terminal.
 
     Parameters
@@ -53,7 +54,7 @@ def fitted(part: object, width: int) -> list[RenderableType]:
     list of renderable
     """
     if not isinstance(part, Table):
-        return [part]  # type: ignore[list-item]
+        return [part]
     cells = [[str(column.header), *(str(cell) for cell in column.cells)] for column in part.columns]
     kept, left_out = list(range(len(cells))), []
     for heading in getattr(part, "droppable", ()):
