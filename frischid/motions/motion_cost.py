@@ -54,14 +54,14 @@ class Cost:
         self.shifts = np.concatenate([np.zeros((1, *shifts.shape[1:])), shifts])
         self.evaluations = 0
 
-    def __call__(self, states: Array, sharpness: float = UNSMOOTHED) -> float:
+    def __call__(self, states: Array, exponent: float = UNSMOOTHED) -> float:
         """Cost of q, q̇, q̈ at the samples, (3, N, J)."""
-        return self.criterion(self._full(states)[:, :, self.base], sharpness)[0]
+        return self.criterion(self._full(states)[:, :, self.base], exponent)[0]
 
-    def gradient(self, states: Array, sharpness: float) -> tuple[float, Array]:
+    def gradient(self, states: Array, exponent: float) -> tuple[float, Array]:
         """Cost, and its derivative with respect to the states, (3, N, J)."""
         here = self._full(states)
-        cost, slope = self.criterion(here[:, :, self.base], sharpness)
+        cost, slope = self.criterion(here[:, :, self.base], exponent)
         direction = np.zeros_like(here)
         direction[:, :, self.base] = slope
         gradient = np.empty_like(states)

@@ -14,7 +14,7 @@ drawn once.
 
 Extreme eigenvalues have a derivative only where they are simple, and at an optimum several become equal. So every
 criterion uses the soft extremes ``λ_max ≈ (Σ λᵏ)^(1/k)``, ``λ_min ≈ (Σ λ⁻ᵏ)^(−1/k)``, which are smooth, and exact for
-k → ∞. The search raises the exponent k, called the sharpness, step by step. An eigenvalue changes by
+k → ∞. The search raises the exponent k step by step. An eigenvalue changes by
 ``dλ_i = u_iᵀ dM u_i``, so every gradient is one matrix G with ``df = tr(G dM)``, and ``∂f/∂Π = 2 Π G``.
 """
 
@@ -58,13 +58,13 @@ class Criterion(ABC):
         return np.empty((0, 3, samples, joints))
 
     @abstractmethod
-    def __call__(self, W: Array, sharpness: float = UNSMOOTHED) -> tuple[float, Array]:
+    def __call__(self, W: Array, exponent: float = UNSMOOTHED) -> tuple[float, Array]:
         """Cost and its derivative with respect to every entry of W.
 
         Parameters
         ----------
         W : ndarray, shape (1 + D, N, p, J)
-        sharpness : float
+        exponent : float
             Exponent k of the soft extremes.
 
         Returns
@@ -81,13 +81,13 @@ class Condition(Criterion):
     name: ClassVar[str] = "condition"
     title: ClassVar[str] = "condition number, columns at unit norm"
 
-    def __call__(self, W: Array, sharpness: float = UNSMOOTHED) -> tuple[float, Array]:
+    def __call__(self, W: Array, exponent: float = UNSMOOTHED) -> tuple[float, Array]:
         """See `Criterion`."""
         M = _moments(W[0])
         size = np.maximum(M.diagonal(), 1e-300)
         root = np.sqrt(size)
         S = M / np.outer(root, root)
-        (high, low), (G_high, G_low) = _log_extremes(S, sharpness)
+        (high, low), (G_high, G_low) = _log_extremes(S, exponent)
         cost = float(np.exp(0.5 * (high - low)))
         G = 0.5 * cost * (G_high - G_low)
         # The unit norms change with M as well.
@@ -103,7 +103,7 @@ class DOptimal(Criterion):
     title: ClassVar[str] = "−log det of the moments per sample and parameter"
     positive: ClassVar[bool] = False
 
-    def __call__(self, W: Array, sharpness: float = UNSMOOTHED) -> tuple[float, Array]:
+    def __call__(self, W: Array, exponent: float = UNSMOOTHED) -> tuple[float, Array]:
         """See `Criterion`."""
         M = _moments(W[0]) / W.shape[1]
         values, vectors = _spectrum(M)
@@ -143,24 +143,24 @@ class Paper(Criterion):
         noise = np.random.default_rng(seed).normal(size=(self.draws, 3, samples, joints))
         return np.asarray(self.noise * noise)
 
-    def __call__(self, W: Array, sharpness: float = UNSMOOTHED) -> tuple[float, Array]:
+    def __call__(self, W: Array, exponent: float = UNSMOOTHED) -> tuple[float, Array]:
         """See `Criterion`."""
-        (high, low), (G_high, G_low) = _log_extremes(_moments(W[0]), sharpness)
+        (high, low), (G_high, G_low) = _log_extremes(_moments(W[0]), exponent)
         cond, inverse = float(np.exp(0.5 * (high - low))), float(np.exp(-0.5 * low))
         G = 0.5 * self.condition * cond * (G_high - G_low) - 0.5 * self.smallest * inverse * G_low
         gradient = _through_moments(W, G)
-        psi, slope = self._psi(W, sharpness)
+        psi, slope = self._psi(W, exponent)
         cost = self.condition * cond + self.smallest * inverse + self.correlation * psi
         return cost, gradient + self.correlation * slope
 
-    def _psi(self, W: Array, sharpness: float) -> tuple[float, Array]:
+    def _psi(self, W: Array, exponent: float) -> tuple[float, Array]:
         """ψ and its derivative with respect to every entry of W."""
         moved = W[1:] - W[0]
         scale = 1.0 / (moved.shape[0] * moved.shape[1] * moved.shape[3])
         S = scale * sum(_moments(each) for each in moved)
         off = S - np.diag(S.diagonal())
         rows = np.maximum(np.abs(off).sum(axis=1), 1e-300)
-        value, weights = _soft_max(np.log(rows), sharpness)
+        value, weights = _soft_max(np.log(rows), exponent)
         psi = float(np.exp(value))
         G = (psi * weights / rows)[:, None] * np.sign(off)
         slope = np.zeros_like(W)
@@ -188,7 +188,7 @@ class Separation(Criterion):
 
     count: int
 
-    def __call__(self, W: Array, sharpness: float = UNSMOOTHED) -> tuple[float, Array]:
+    def __call__(self, W: Array, exponent: float = UNSMOOTHED) -> tuple[float, Array]:
         """See `Criterion`."""
         M = _moments(W[0]) / W.shape[1]
         rest = len(M) - self.count
@@ -227,19 +227,19 @@ def _spectrum(M: Array) -> tuple[Array, Array]:
     return np.maximum(values, 1e-15 * max(values[-1], 1e-300)), vectors
 
 
-def _log_extremes(M: Array, sharpness: float) -> tuple[tuple[float, float], tuple[Array, Array]]:
+def _log_extremes(M: Array, exponent: float) -> tuple[tuple[float, float], tuple[Array, Array]]:
     """Logarithms of the soft largest and smallest eigenvalue, and their derivatives with respect to M."""
     values, vectors = _spectrum(M)
-    high, w_high = _soft_max(np.log(values), sharpness)
-    low, w_low = _soft_max(-np.log(values), sharpness)
+    high, w_high = _soft_max(np.log(values), exponent)
+    low, w_low = _soft_max(-np.log(values), exponent)
     return (high, -low), ((vectors * (w_high / values)) @ vectors.T, (vectors * (w_low / values)) @ vectors.T)
 
 
-def _soft_max(x: Array, sharpness: float) -> tuple[float, Array]:
+def _soft_max(x: Array, exponent: float) -> tuple[float, Array]:
     """``log(Σ exp(k x))/k`` and its derivative."""
     top = x.argmax()
-    if np.isinf(sharpness):
+    if np.isinf(exponent):
         return float(x[top]), np.eye(len(x))[top]
-    weights = np.exp(sharpness * (x - x[top]))
+    weights = np.exp(exponent * (x - x[top]))
     total = weights.sum()
-    return float(x[top] + np.log(total) / sharpness), weights / total
+    return float(x[top] + np.log(total) / exponent), weights / total

@@ -13,7 +13,7 @@ limits by construction. Then L-BFGS-B (Byrd et al. 1995) minimises
 
     log f_k(X) + w Σ max(0, excess)²
 
-with the criterion f_k in soft extremes of sharpness k (`frischid.motions.optimality`) and a weight w; k and w rise from
+with the criterion f_k in soft extremes of exponent k (`frischid.motions.optimality`) and a weight w; k and w rise from
 step to step. In the end the motion is scaled down until no excess remains.
 
 References: R. Storn and K. Price, J. Global Optimization 11, 1997; R. Byrd et al., SIAM J. Scientific Computing 16(5),
@@ -278,10 +278,10 @@ class Search:
         self._look(last)
         return last
 
-    def objective(self, Z: Array, sharpness: float, weight: float) -> tuple[float, Array]:
+    def objective(self, Z: Array, exponent: float, weight: float) -> tuple[float, Array]:
         """Soft cost plus weighted excess of the coefficients ``Z · unit``, and its derivative by Z as a vector."""
         X = Z * self.unit
-        cost, slope = self.cost.gradient(self.at_samples @ X, sharpness)
+        cost, slope = self.cost.gradient(self.at_samples @ X, exponent)
         value = self._level(cost)
         if self.cost.criterion.positive:
             slope = slope / cost

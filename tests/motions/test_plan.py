@@ -60,14 +60,14 @@ def paper_bounds():
 
 
 @pytest.mark.parametrize("criterion", [Condition(), DOptimal(), Paper(), Paper(noise=0.1, draws=3)], ids=str)
-@pytest.mark.parametrize("sharpness", [4.0, 40.0, np.inf])
-def test_criterion_slope(criterion, sharpness):
+@pytest.mark.parametrize("exponent", [4.0, 40.0, np.inf])
+def test_criterion_slope(criterion, exponent):
     rng = np.random.default_rng(2)
     shape = (1 + len(criterion.displacements(12, 2, 0)), 12, 5, 2)
     W, direction = rng.normal(size=(2, *shape))
-    _, slope = criterion(W, sharpness)
+    _, slope = criterion(W, exponent)
     h = 1e-6
-    change = (criterion(W + h * direction, sharpness)[0] - criterion(W - h * direction, sharpness)[0]) / (2 * h)
+    change = (criterion(W + h * direction, exponent)[0] - criterion(W - h * direction, exponent)[0]) / (2 * h)
     assert (slope * direction).sum() == pytest.approx(change, rel=1e-5)
 
 
