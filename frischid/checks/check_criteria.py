@@ -18,6 +18,24 @@ from dataclasses import asdict, dataclass
 from math import pi
 from typing import Any
 
+FAULT_COSTS = (
+    ("all torque signs", 1.0),
+    ("degrees", 2.0),
+    ("common scale", 2.0),
+    ("torque sign", 3.0),
+    ("payload", 3.0),
+    ("swapped torques", 4.0),
+    ("position sign", 4.0),
+    ("swapped joints", 4.0),
+    ("joint zero", 4.0),
+    ("mounting", 4.0),
+    ("swapped positions", 5.0),
+    ("torque scale", 5.0),
+    ("spring", 6.0),
+    ("motor coupling", 6.0),
+)
+"""Kinds of faults and their costs; `CheckCriteria.fault_costs` explains them."""
+
 
 @dataclass(frozen=True)
 class CheckCriteria:
@@ -175,6 +193,9 @@ class CheckCriteria:
     """Factor. A gain nearer to one is an error of the URDF's masses, not of the log. (real: LBR)"""
     unit_tolerance: float = 0.2
     """Relative difference. A common factor this near to that of a unit is taken as this unit. (planted: mN·m)"""
+    fault_costs: tuple[tuple[str, float], ...] = FAULT_COSTS
+    """Nats, the negative logarithm of how common each fault is. One convention for all drives is the most common fault;
+    turned, exchanged and shifted joints follow; gains, springs and couplings are rarer. (planted: each, and pairs)"""
     most_faults: int = 3
     """Faults of one hypothesis, signs of torques not counted. More faults explain anything. (planted: pairs)"""
     least_odds: float = 20.0
@@ -252,7 +273,8 @@ class CheckCriteria:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return {name: list(x) if isinstance(x, tuple) else x for name, x in asdict(self).items()}
+        found = {name: list(x) if isinstance(x, tuple) else x for name, x in asdict(self).items()}
+        return found | {"fault_costs": dict(self.fault_costs)}
 
 
 DEFAULT_CRITERIA = CheckCriteria()

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from frischid.checks.check_criteria import CheckCriteria
 from frischid.checks.faults import Fault, cost
 from frischid.checks.position_faults import position_faults
 from frischid.checks.robot_faults import robot_faults
@@ -133,12 +134,12 @@ def _readings(sketch: Sketch, faults: tuple[Fault, ...], *, simple: bool = False
             for j, torque in local.springs.items():
                 nominal[:, j] += torque
         read = replace(sketch, tau=local.tau, given_nominal=nominal)
-        merged, refund = _merged((*faults, *local.faults), len(fits.rows))
+        merged, refund = _merged((*faults, *local.faults), len(fits.rows), sketch.criteria)
         found.append(Hypothesis(merged, local.score - paid + refund, local.errors, read))
     return found
 
 
-def _merged(faults: Sequence[Fault], joints: int) -> tuple[tuple[Fault, ...], float]:
+def _merged(faults: Sequence[Fault], joints: int, criteria: CheckCriteria) -> tuple[tuple[Fault, ...], float]:
     """Faults of a joint's positions and torques together are one fault; and the cost that this saves."""
     left, refund = _one_sign_each(faults), 0.0
     for kind, partner, together in (
@@ -155,7 +156,7 @@ def _merged(faults: Sequence[Fault], joints: int) -> tuple[tuple[Fault, ...], fl
             if kind == "position sign":
                 fix = tuple(f for f in one.fix if f[1] == "sign")
             choices = joints * (joints - 1) // 2 if kind == "swapped positions" else joints
-            price = cost(together, choices)
+            price = cost(criteria, together, choices)
             refund += one.cost + other.cost - price
             advice = one.advice.replace(" and torque_sign = -1", "")
             left = [f for f in left if f is not one and f is not other]

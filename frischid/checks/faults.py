@@ -2,34 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
+from frischid.checks.check_criteria import CheckCriteria
 
 Fix = tuple[str, str, Any]
 """Joint, key of its table in a mapping file, value."""
-
-TORQUE_SIGN = "torque sign"
-COSTS = {
-    "all torque signs": 1.0,
-    "degrees": 2.0,
-    "common scale": 2.0,
-    TORQUE_SIGN: 3.0,
-    "swapped torques": 4.0,
-    "position sign": 4.0,
-    "swapped joints": 4.0,
-    "swapped positions": 5.0,
-    "joint zero": 4.0,
-    "mounting": 4.0,
-    "payload": 3.0,
-    "torque scale": 5.0,
-    "spring": 6.0,
-    "motor coupling": 6.0,
-}
-"""Nats, the negative logarithm of how common each fault is. One convention for all drives is the most common fault;
-turned, exchanged and shifted joints follow; gains, springs and couplings are rarer. The choice among joints, and each
-fitted number, cost more on top of it (see `cost`)."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +40,7 @@ class Fault:
     fix: tuple[Fix, ...] = ()
 
 
-def cost(kind: str, choices: int = 1, fitted: int = 0, samples: float = 1.0) -> float:
+def cost(criteria: CheckCriteria, kind: str, choices: int = 1, fitted: int = 0, samples: float = 1.0) -> float:
     """Nats of a fault that has several possible places and fitted numbers (Schwarz 1978: half log n each)."""
-    return COSTS[kind] + float(np.log(max(choices, 1))) + 0.5 * fitted * float(np.log(max(samples, 2.0)))
+    fitting = 0.5 * fitted * math.log(max(samples, 2.0))
+    return dict(criteria.fault_costs)[kind] + math.log(max(choices, 1)) + fitting

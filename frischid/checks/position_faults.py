@@ -42,7 +42,7 @@ def position_faults(sketch: Sketch) -> Iterator[Moved]:
         what = "its positions have the wrong sign: with it changed, the model fits"
         advice = "set sign = -1 and torque_sign = -1 for it in a mapping file"
         fix: tuple[Fix, ...] = ((robot.joints[j], "sign", -1), (robot.joints[j], "torque_sign", -1))
-        price = cost("position sign", J)
+        price = cost(sketch.criteria, "position sign", J)
         yield Moved(moved(sketch, turn, None), Fault("position sign", what, (robot.joints[j],), advice, price, fix=fix))
     for i, j in combinations(range(J), 2):
         order = np.arange(J)
@@ -50,7 +50,7 @@ def position_faults(sketch: Sketch) -> Iterator[Moved]:
         pair = (robot.joints[i], robot.joints[j])
         what = "their positions are exchanged: with the columns exchanged back, the model explains the torques"
         fix = tuple((a, c, b) for a, b in (pair, pair[::-1]) for c in ("q", "v", "a"))
-        price = cost("swapped positions", J * (J - 1) // 2)
+        price = cost(sketch.criteria, "swapped positions", J * (J - 1) // 2)
         advice = "exchange the columns in the mapping file"
         yield Moved(moved(sketch, None, order), Fault("swapped positions", what, pair, advice, price, fix=fix))
     for turning in np.flatnonzero(~robot.prismatic):
@@ -61,7 +61,7 @@ def position_faults(sketch: Sketch) -> Iterator[Moved]:
     what = "the positions are in degrees: in radians the model explains the torques"
     advice = 'set angle_unit = "deg" under [file] in a mapping file'
     fix = (("", "angle_unit", "deg"),)
-    yield Moved(degrees, Fault("degrees", what, robot.joints, advice, cost("degrees"), fix=fix))
+    yield Moved(degrees, Fault("degrees", what, robot.joints, advice, cost(sketch.criteria, "degrees"), fix=fix))
 
 
 def moved(sketch: Sketch, factor: Array | None, order: NDArray[np.intp] | None) -> Sketch:
@@ -112,7 +112,7 @@ def _zeros(sketch: Sketch, j: int) -> Iterator[Moved]:
             f"the zero of its angle is off by {said}: with {said} added, the model explains the torques",
             (name,),
             f"set offset = {delta:.6g} for it in a mapping file, or correct the joint's origin in the URDF",
-            cost("joint zero", choices, fitted, n),
+            cost(sketch.criteria, "joint zero", choices, fitted, n),
             discrete=fitted == 0,
             fix=((name, "offset", float(f"{delta:.6g}")),),
         )

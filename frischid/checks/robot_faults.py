@@ -34,7 +34,7 @@ def robot_faults(sketch: Sketch) -> Iterator[Moved]:
     if body.removed > 0 and body.torque is not None:
         what = f"a body of about {body.mass:.2g} kg on the last link that the URDF lacks"
         advice = "use a URDF with the payload if it belongs to the robot; take it off if it does not"
-        fault = Fault("payload", what, (body.joint,), advice, cost("payload", 1, 10, n), False, False)
+        fault = Fault("payload", what, (body.joint,), advice, cost(sketch.criteria, "payload", 1, 10, n), False, False)
         yield Moved(replace(sketch, given_nominal=sketch.nominal + body.torque), fault)
     yield from _couplings(sketch, n)
 
@@ -55,7 +55,7 @@ def _mounting(sketch: Sketch, n: float) -> Iterator[Moved]:
         "model explains the torques"
     )
     advice = "state how the base is mounted (--base-rpy or --gravity)"
-    fault = Fault("mounting", what, (), advice, cost("mounting", 1, 2, n), False, False)
+    fault = Fault("mounting", what, (), advice, cost(sketch.criteria, "mounting", 1, 2, n), False, False)
     same = np.asarray(sketch.nominal - robot.inverse_dynamics(sketch.q, sketch.v, sketch.a))
     new = other.inverse_dynamics(sketch.q, sketch.v, sketch.a)
     yield Moved(replace(sketch, robot=other, given_nominal=new + same), fault)
@@ -94,5 +94,13 @@ def _couplings(sketch: Sketch, n: float) -> Iterator[Moved]:
             "give positions and torques of the joints, not of the motors, or add the coupled motor as an effect "
             "(rotor_inertia, viscous and coulomb on both joints); it is not a fault of columns, signs or units"
         )
-        fault = Fault("motor coupling", what, names, advice, cost("motor coupling", len(pairs), 8, n), False, False)
+        fault = Fault(
+            "motor coupling",
+            what,
+            names,
+            advice,
+            cost(sketch.criteria, "motor coupling", len(pairs), 8, n),
+            False,
+            False,
+        )
         yield Moved(replace(sketch, given_nominal=sketch.nominal + extra), fault)

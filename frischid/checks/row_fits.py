@@ -118,7 +118,7 @@ def local_fits(fits: RowFits, *, simple: bool = False) -> list[Local]:
         advice = "set torque_sign = -1 for every joint in a mapping file"
         what = "all torques have the wrong sign: with the signs changed, the model explains them"
         fix = tuple((n, "torque_sign", -1) for n in fits.names)
-        every = Fault("torque sign", what, fits.names, advice, cost("all torque signs"), fix=fix)
+        every = Fault("torque sign", what, fits.names, advice, cost(fits.criteria, "all torque signs"), fix=fix)
         found.append(_rows(fits, -sketch.tau, (every,), simple))
         if not simple:
             for c, fault in _common_scales(fits):
@@ -168,7 +168,7 @@ def _exchange(fits: RowFits, i: int, k: int, tau: Array, spreads: tuple[float, f
         "their torques are exchanged: the model of each joint explains the torque of the other",
         pair,
         "exchange the two torque columns in the mapping file",
-        cost("swapped torques", R * (R - 1) // 2),
+        cost(fits.criteria, "swapped torques", R * (R - 1) // 2),
         fix=((pair[0], "tau", pair[1]), (pair[1], "tau", pair[0])),
     )
     score = fits.value(i, errors[0]) + fits.value(k, errors[1]) - fault.cost
@@ -184,7 +184,7 @@ def _options(fits: RowFits, k: int, tau: Array, spread: float, simple: bool) -> 
         "the torque has the wrong sign: with the sign changed, the model explains the torque",
         (name,),
         "set torque_sign = -1 for it in a mapping file, or check the sign of its current gain",
-        cost("torque sign", R),
+        cost(fits.criteria, "torque sign", R),
         fix=((name, "torque_sign", -1),),
     )
     found = []
@@ -207,7 +207,7 @@ def _scale_fault(fits: RowFits, k: int, gain: float) -> Fault:
     name, n = fits.names[k], float(fits.weight[k])
     what = f"the load in its torque is {gain:.3g} times that of the URDF, while the friction fits"
     advice = "check its unit and its current gain; without a usable unit leave its torque row out (--torque-joints)"
-    price = cost("torque scale", len(fits.rows), 1, n)
+    price = cost(fits.criteria, "torque scale", len(fits.rows), 1, n)
     return Fault("torque scale", what, (name,), advice, price, False, False)
 
 
@@ -228,7 +228,7 @@ def _springs(fits: RowFits, k: int, tau: Array, spread: float, faults: tuple[Fau
             "on it",
             (name,),
             "add the effect (frischid effects joint_spring); it is physics of the robot, not a fault of the log",
-            cost("spring", R, X.shape[1], n),
+            cost(fits.criteria, "spring", R, X.shape[1], n),
             False,
             False,
         )
@@ -256,7 +256,7 @@ def _common_scales(fits: RowFits) -> list[tuple[float, Fault]]:
         what = f"all torques are about {common:.3g} times those that the URDF predicts"
         what += f": their unit looks like {unit}" if unit else ""
         advice = "check their unit and the current gains, or whether the URDF is of a smaller or larger robot"
-        price = cost("common scale", 1, 1, float(fits.weight.mean()))
+        price = cost(fits.criteria, "common scale", 1, 1, float(fits.weight.mean()))
         # a factor that is no unit may be an error of the URDF: it is said, and not undone
         fix = tuple((n, "torque_factor", float(f"{1 / common:.4g}")) for n in fits.names if unit)
         found.append((sign * common, Fault("torque scale", what, fits.names, advice, price, False, False, fix)))
