@@ -27,7 +27,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from common import data_folder, parser, pool, publish
@@ -53,7 +53,7 @@ from frischid.motions.simulation import parameters_of, torque
 from frischid.motions.trajectory import Trajectory
 from frischid.regression.accumulation import accumulate
 from frischid.regression.block import stack
-from frischid.regression.moments import total
+from frischid.regression.moments import Gram, total
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 
@@ -119,16 +119,12 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class Noisy:
-    """One noisy log, and the data that all methods use."""
+    """One noisy log, and the data that all methods use; blocks are moments of the base columns in stretches of time."""
 
     case: Case
     sigma: float
     motion: Motion
-
-    def __post_init__(self) -> None:
-        case = self.case
-        blocks = [g.select(list(case.base)) for g in accumulate(case.regressor, [self.motion], NOTHING, self.joints)]
-        object.__setattr__(self, "blocks", [replace(g, columns=case.columns) for g in blocks])
+    blocks: list[Gram]
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -143,7 +139,7 @@ class Noisy:
     @property
     def moments(self) -> Array:
         """Mean moments of [Y τ], rows of equal weight."""
-        whole = total(self.blocks)  # type: ignore[attr-defined]
+        whole = total(self.blocks)
         return np.asarray(whole.weighted() / whole.rows)
 
     @property
@@ -156,12 +152,14 @@ def noisy(case: Case, sigma: float, rng: np.random.Generator) -> Noisy:
     """Record the motion with fresh noise."""
     m = case.clean
     q, v, a = (x + s * sigma * rng.normal(size=x.shape) for x, s in ((m.q, 1), (m.v, 2), (m.a, 2)))
-    return Noisy(case, sigma, replace(m, q=q, v=v, a=a, tau=m.tau + TORQUE_NOISE * rng.normal(size=m.tau.shape)))
+    motion = replace(m, q=q, v=v, a=a, tau=m.tau + TORQUE_NOISE * rng.normal(size=m.tau.shape))
+    blocks = accumulate(case.regressor, [motion], NOTHING, case.regressor.robot.joints)
+    return Noisy(case, sigma, motion, [replace(g.select(list(case.base)), columns=case.columns) for g in blocks])
 
 
 def interval(log: Noisy, estimate: Estimate) -> tuple[Array, Box]:
     """Estimate, and joint bounds from its standard errors."""
-    p, B = len(estimate.theta), len(log.blocks)  # type: ignore[attr-defined]
+    p, B = len(estimate.theta), len(log.blocks)
     reach = student.isf((1 - CONFIDENCE) / (2 * p), B - 1) * estimate.stderr
     return estimate.theta, Box(tuple(log.names), estimate.theta - reach, estimate.theta + reach)
 
@@ -173,7 +171,7 @@ def in_box(log: Noisy, box: Box | None) -> tuple[Array, Box | None]:
     return select(log.moments, box).theta, box
 
 
-def recursed(variant: str) -> Callable[[Noisy], tuple[Array, Box | None]]:
+def recursed(variant: Literal["strict", "undo", "calibrated"]) -> Callable[[Noisy], tuple[Array, Box | None]]:
     """BBRF of one variant."""
 
     def run(log: Noisy) -> tuple[Array, Box | None]:
@@ -188,7 +186,7 @@ def recursed(variant: str) -> Callable[[Noisy], tuple[Array, Box | None]]:
             window = max(WINDOW, 20 * p)
             stride = max(1, (len(rows) - window) // (10_000 if p < 20 else WINDOWS))
             signs = [c.sign for c in case.columns]
-            found = bbrf(rows, log.names, window=window, stride=stride, signs=signs, variant=variant)  # type: ignore[arg-type]
+            found = bbrf(rows, log.names, window=window, stride=stride, signs=signs, variant=variant)
         return in_box(log, None if found.emptied is not None else found.box)
 
     return run
@@ -229,15 +227,15 @@ def instruments(known: bool) -> Callable[[Noisy], tuple[Array, Box | None]]:
 
     def run(log: Noisy) -> tuple[Array, Box | None]:
         references = [log.case.trajectory] if known else None
-        start = wls(log.blocks)  # type: ignore[attr-defined]
+        start = wls(log.blocks)
         return interval(log, iv(log.case.regressor, [log.motion], NOTHING, log.case.base, start, references=references))
 
     return run
 
 
 METHODS: dict[str, Callable[[Noisy], tuple[Array, Box | None]]] = {
-    "ols": lambda log: interval(log, ols(log.blocks)),  # type: ignore[attr-defined]
-    "wls": lambda log: interval(log, wls(log.blocks)),  # type: ignore[attr-defined]
+    "ols": lambda log: interval(log, ols(log.blocks)),
+    "wls": lambda log: interval(log, wls(log.blocks)),
     "frisch box": lambda log: in_box(log, simplex(log.moments, log.names).box()),
     "bbrf strict": recursed("strict"),
     "bbrf undo": recursed("undo"),
@@ -306,7 +304,8 @@ def summary(case: Case, name: str, sigma: float, runs: Sequence[dict[str, Answer
 
 
 def _median_width(runs: Sequence[dict[str, Answer]], method: str) -> Array:
-    widths = [r[method].box.width for r in runs if r[method].box is not None]  # type: ignore[union-attr]
+    boxes = [r[method].box for r in runs]
+    widths = [box.width for box in boxes if box is not None]
     return np.median(widths, axis=0) if widths else np.full(len(runs[0][method].theta), np.nan)
 
 

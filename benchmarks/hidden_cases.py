@@ -35,8 +35,8 @@ MUJOCO_SHARE = 0.2
 
 
 @dataclass(frozen=True)
-class CaseSpec:
-    """Description of one case: everything that is drawn before the simulation.
+class DrawnCase:
+    """Everything that both generators draw before a simulation.
 
     Attributes
     ----------
@@ -50,14 +50,8 @@ class CaseSpec:
     background : float
         Size of small effects of other kinds on every joint, as a share of the joint's torque.
     arm : str
-    simulator : {"rnea", "two_mass", "mujoco"}
     duration : float
         Seconds.
-    families : tuple of str
-        Families of the motion to fit, of the second one, and of the one before the change.
-    scale, bandwidth, pauses : float, float, int
-        See `hidden_physics.motion`.
-    sensors : Sensors
     """
 
     number: int
@@ -67,8 +61,24 @@ class CaseSpec:
     grade: int
     background: float
     arm: str
-    simulator: str
     duration: float
+
+
+@dataclass(frozen=True)
+class CaseSpec(DrawnCase):
+    """Everything that the first generator draws before the simulation.
+
+    Attributes
+    ----------
+    simulator : {"rnea", "two_mass", "mujoco"}
+    families : tuple of str
+        Families of the motion to fit, of the second one, and of the one before the change.
+    scale, bandwidth, pauses : float, float, int
+        See `hidden_physics.motion`.
+    sensors : Sensors
+    """
+
+    simulator: str
     families: tuple[str, str, str]
     scale: float
     bandwidth: float
@@ -118,7 +128,7 @@ class Truth:
 class Case:
     """The robot as its user knows it, its logs, and the truth; `reference` logs are from before a change."""
 
-    spec: CaseSpec
+    spec: DrawnCase
     robot: Robot
     fit: list[Log]
     valid: list[Log]
@@ -183,8 +193,8 @@ def _spec(seed: int, number: int, kind: str, effects: tuple[str, ...], grade: in
         grade,
         float(rng.uniform(0.005, 0.03)) if small else 0.0,
         str(rng.choice(names)),
-        "two_mass" if geared else "mujoco" if mujoco else "rnea",
         float(rng.integers(20, 26) if mujoco or geared else rng.integers(20, 41)),
+        "two_mass" if geared else "mujoco" if mujoco else "rnea",
         ("fourier", str(rng.choice(["fourier", "points"], p=[0.7, 0.3])), "fourier"),
         float(rng.uniform(0.6, 0.9)),
         float(rng.uniform(low, high)),

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from hidden_cases import CHANGES, GRADES, Case, Truth
+from hidden_cases import CHANGES, GRADES, Case, DrawnCase, Truth
 from hidden_parts import Baseline, Part, acting, torque_scale
 from hidden_physics import STEP, Array, Drive, Path, World, arm, perturbed, prescribed, rms, rnea
 from hidden_shapes import loaded_joint
@@ -63,17 +63,9 @@ class SecondSensors:
 
 
 @dataclass(frozen=True)
-class SecondSpec:
-    """What is drawn before the simulation; see `hidden_cases.CaseSpec`."""
+class SecondSpec(DrawnCase):
+    """Everything that this generator draws before the simulation; `moves`: the second motion is trapezoidal moves."""
 
-    number: int
-    seed: tuple[int, int]
-    kind: str
-    effects: tuple[str, ...]
-    grade: int
-    background: float
-    arm: str
-    duration: float
     moves: bool
     sensors: SecondSensors
 
@@ -144,7 +136,7 @@ def build(spec: SecondSpec) -> Case:
         "second",
         "",
     )
-    return Case(spec, robot, logs[:1], logs[1:2], logs[2:], truth)  # type: ignore[arg-type]
+    return Case(spec, robot, logs[:1], logs[1:2], logs[2:], truth)
 
 
 def _part(

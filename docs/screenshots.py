@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 from PIL import Image
+from playwright.sync_api import Page
 
 import frischid as fr
 from frischid.cli import demo
@@ -77,9 +78,9 @@ def main() -> None:
             running.stop()
 
 
-def _close_notice(page: object) -> None:
+def _close_notice(page: Page) -> None:
     """Close viser's notice that this machine has no GPU."""
-    page.locator(".mantine-Notification-closeButton").first.click()  # type: ignore[attr-defined]
+    page.locator(".mantine-Notification-closeButton").first.click()
 
 
 if __name__ == "__main__":

@@ -157,9 +157,9 @@ def _value(node: ast.expr, values: Mapping[str, Array]) -> Array:
     """Evaluate a checked tree."""
     match node:
         case ast.Constant(value=value):
-            return np.float64(value)  # type: ignore[arg-type, return-value]
+            return np.asarray(value, dtype=float)
         case ast.Name(id=name):
-            return np.float64(np.pi) if name == "pi" else values[name]  # type: ignore[return-value]
+            return np.asarray(np.pi) if name == "pi" else values[name]
         case ast.UnaryOp(op=op, operand=operand):
             inner = _value(operand, values)
             return -inner if isinstance(op, ast.USub) else inner

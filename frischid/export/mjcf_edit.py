@@ -20,6 +20,7 @@ from frischid.errors import InputError
 from frischid.export.names import number
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
+from frischid.robot.urdf_edit import end_of_tag
 
 JOINT_EFFECTS = {"armature": ("rotor_inertia", "Ia"), "damping": ("viscous", "fv"), "frictionloss": ("coulomb", "fc")}
 
@@ -139,7 +140,7 @@ def _bodies(data: bytes, source: str) -> dict[str, _Body]:
 
     def start(kind: str, attributes: dict[str, str]) -> None:
         at = parser.CurrentByteIndex
-        tag = _Tag(at, _end_of_tag(data, at), attributes.get("name", ""))
+        tag = _Tag(at, end_of_tag(data, at), attributes.get("name", ""))
         above = open_bodies[-1] if open_bodies else None
         if above is not None and kind == "inertial":
             above.inertial = tag
@@ -157,17 +158,3 @@ def _bodies(data: bytes, source: str) -> dict[str, _Body]:
     except expat.ExpatError as error:
         raise InputError(f"{source}: not an XML file: {error}") from None
     return found
-
-
-def _end_of_tag(data: bytes, start: int) -> int:
-    """Index after the ``>`` of the tag that begins at `start`."""
-    quote = 0
-    for k in range(start, len(data)):
-        c = data[k]
-        if quote:
-            quote = 0 if c == quote else quote
-        elif c in b"\"'":
-            quote = c
-        elif c == ord(">"):
-            return k + 1
-    return len(data)

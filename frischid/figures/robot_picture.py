@@ -18,7 +18,7 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.figures.style import COLOURS
-from frischid.model.headline import between
+from frischid.model.headline import fifth
 from frischid.robot.robot import Robot
 from frischid.robot.skeleton import skeleton
 
@@ -85,11 +85,6 @@ def robot_picture(robot: Robot, q: Array, joints: Mapping[str, tuple[float, floa
         said = f"{100 * joints[name][0]:.1f} %, {WORDS[fifth(*joints[name])]}" if name in joints else "not fitted"
         ET.SubElement(mark, "title").text = f"{name}: {said}"
     return ET.tostring(root, encoding="unicode")
-
-
-def fifth(nrmse: float, floor: float, constant: float) -> int:
-    """The fifth of the scale from the sensors' noise to a constant torque in which an error lies: 0 to 4."""
-    return min(4, int(5 * between(nrmse, floor, constant)))
 
 
 def _projected(points: Array) -> Array:

@@ -202,28 +202,57 @@ def compare(
     """
     if not logs:
         raise InputError("there is no log to compare the model with")
-    index = model.torque_index
     model.check(logs)
-    moving, everything, kept = ErrorSums(len(index)), ErrorSums(len(index)), KeptBlocks(residuals_kept)
-    nominal, expected = urdf_parameters(model), ExpectedError(model)
-    noise = NoiseFloor(model)
-    motions = noise.watch(model.motions(logs))
-    pairs = model.evaluate(motions) if evaluated is None else evaluated
-    for block, fitted in pairs:
-        known = block.known[:, index]
-        guess = (nominal @ block.Y)[:, index]
-        rows = (block.t, block.tau[:, index] + known, fitted[:, index] + known, guess + known)
-        used = block.used[:, index].astype(float)
-        moving.add(*rows, used, block.source)
-        everything.add(*rows, np.ones_like(used), block.source)
-        kept.add(block, fitted)
-        expected.add(block)
+    errors = ModelErrors(model, residuals_kept)
+    motions = errors.noise.watch(model.motions(logs))
+    for block, fitted in model.evaluate(motions) if evaluated is None else evaluated:
+        errors.add(block, fitted)
     for _ in motions:  # those of blocks that the caller evaluated are still to be seen
         pass
-    residuals = Residuals(model, kept.blocks)
-    summary = _summary(model, (moving, everything), tuple(log.source for log in logs), noise, expected, residuals)
-    own = all(model.made_from(log) for log in logs)
-    return summary if own else replace(summary, alarms=_alarms(model, summary, expected, criteria or AlarmCriteria()))
+    found = errors.comparison(tuple(log.source for log in logs))
+    if all(model.made_from(log) for log in logs):
+        return found
+    return replace(found, alarms=_alarms(model, found, errors.expected, criteria or AlarmCriteria()))
+
+
+class ModelErrors:
+    """Errors of a model on logs, gathered block by block.
+
+    Attributes
+    ----------
+    noise : NoiseFloor
+        Is to see the motions that the blocks come from.
+    expected : ExpectedError
+    """
+
+    def __init__(self, model: Model, residuals_kept: int = SAMPLES_KEPT) -> None:
+        count = len(model.joints)
+        self._model, self._urdf = model, urdf_parameters(model)
+        self._moving, self._everything, self._kept = ErrorSums(count), ErrorSums(count), KeptBlocks(residuals_kept)
+        self.noise, self.expected = NoiseFloor(model), ExpectedError(model)
+
+    def add(self, block: Block, fitted: Array) -> None:
+        """Take in a block and the torque the model predicts for the block, shape (M, J)."""
+        index = self._model.torque_index
+        known = block.known[:, index]
+        guess = (self._urdf @ block.Y)[:, index]
+        rows = (block.t, block.tau[:, index] + known, fitted[:, index] + known, guess + known)
+        used = block.used[:, index].astype(float)
+        self._moving.add(*rows, used, block.source)
+        self._everything.add(*rows, np.ones_like(used), block.source)
+        self._kept.add(block, fitted)
+        self.expected.add(block)
+
+    def comparison(self, sources: tuple[str, ...]) -> Comparison:
+        """The comparison on these logs, without alarms.
+
+        Raises
+        ------
+        InputError
+            A joint never moves, or its torque never changes.
+        """
+        residuals, both = Residuals(self._model, self._kept.blocks), (self._moving, self._everything)
+        return _summary(self._model, both, sources, self.noise, self.expected, residuals)
 
 
 def urdf_parameters(model: Model) -> Array:

@@ -69,6 +69,18 @@ def between(nrmse: float, floor: float, reference: float) -> float:
     return 1.0 if nrmse >= reference else float(np.log(nrmse / floor) / np.log(reference / floor))
 
 
+def fifth(nrmse: float, floor: float, reference: float) -> int:
+    """The fifth of the scale of `between` in which an error lies: 0 to 4.
+
+    Examples
+    --------
+    >>> from frischid.model.headline import fifth
+    >>> [fifth(nrmse, 0.01, 1.0) for nrmse in (0.01, 0.1, 2.0)]
+    [0, 2, 4]
+    """
+    return min(4, int(5 * between(nrmse, floor, reference)))
+
+
 @dataclass(frozen=True)
 class Headline:
     """A model's error with its three references; each a mean NRMSE over the joints.
@@ -132,7 +144,7 @@ class Headline:
         reference = self.urdf_nrmse if known else self.constant_nrmse
         if self.nrmse >= reference:
             return "F"
-        return "ABCDE"[min(4, int(5 * between(self.nrmse, self.noise_floor, reference)))]
+        return "ABCDE"[fifth(self.nrmse, self.noise_floor, reference)]
 
     @property
     def grade_in_words(self) -> str:

@@ -28,7 +28,8 @@ from frischid.estimators.map_estimate import map_folds
 from frischid.estimators.urdf_prior import UrdfPrior
 from frischid.logs.summary import Data
 from frischid.model.alarms import Alarm
-from frischid.model.comparison import Comparison, compare
+from frischid.model.comparison import Comparison, ModelErrors, compare
+from frischid.model.fit_record import FitRecord
 from frischid.model.headline import Headline, from_fit
 from frischid.model.identification_alarms import fit_alarms, fit_record
 from frischid.model.identification_bounds import Bounds, bound_parameters, recursion_record
@@ -44,7 +45,7 @@ from frischid.model.identification_stages import (
 from frischid.model.identify_options import IdentifyChoices, IdentifyOptions
 from frischid.model.model import Model
 from frischid.model.own_logs import log_entry
-from frischid.model.residual_scores import residual_scores
+from frischid.model.residual_scores import ResidualScores
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Gram
 from frischid.robot.robot import Robot
@@ -198,14 +199,10 @@ def assess(bounds: Bounds) -> Identification:
         folds = map_folds(problem.blocks, problem.reduction.mapping, fit.posterior)
     variance = held_out_variance(folds)
     cross_validation = dict(zip(data.joints, _nrmse(whole, variance), strict=True))
-    model = _model(bounds, residual_scores(problem, folds, bounds.estimate))
     journal.progress("comparison")
     before = fit_alarms(fit)
-    there = _own_comparison(model, data)
+    model, there = _measured(bounds, ResidualScores(problem, folds, bounds.estimate))
     own = None if there is None else from_fit(there, np.sqrt(variance).tolist(), before)
-    if there is not None and model.fitted is not None and fit.posterior is not None:
-        share = _model_share(problem, there, fit.posterior.rows)
-        model = replace(model, fitted=replace(model.fitted, model_share=share))
     event = _event(data, problem.effects, cross_validation, own)
     comparison = compare(replace(model, history=(event,)), data.valid) if data.valid else None
     headline = own if comparison is None else Headline.of(comparison, "test", before)
@@ -235,7 +232,7 @@ def assess(bounds: Bounds) -> Identification:
     )
 
 
-def _model(bounds: Bounds, scores: Array) -> Model:
+def _model(bounds: Bounds, record: FitRecord) -> Model:
     """The model, as yet without a history."""
     fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
     return Model(
@@ -251,7 +248,7 @@ def _model(bounds: Bounds, scores: Array) -> Model:
         reference=data.options.reference,
         recursion=recursion_record(bounds, data.options.criteria),
         prior=None if fit.posterior is None else UrdfPrior.of(fit.posterior),
-        fitted=fit_record(fit, scores),
+        fitted=record,
     )
 
 
@@ -266,12 +263,22 @@ def _unexplained(errors: Mapping[str, float], limit: float) -> list[str]:
     ]
 
 
-def _own_comparison(model: Model, data: LogData) -> Comparison | None:
-    """The model on the logs it was fitted to; None where a joint's torque never changes."""
+def _measured(bounds: Bounds, scores: ResidualScores) -> tuple[Model, Comparison | None]:
+    """The model with its record, and its comparison with its own logs; None where a joint's torque never changes."""
+    fit, data, record = bounds.fit, bounds.fit.problem.data, fit_record(bounds.fit)
+    model = _model(bounds, record)
+    errors = ModelErrors(model, residuals_kept=1)
+    for block, fitted in model.evaluate(errors.noise.watch(data.motions)):
+        errors.add(block, fitted)
+        scores.add(block)
+    record = replace(record, scores=scores.quantiles())
     try:
-        return compare(model, data.logs, residuals_kept=1)
+        there = errors.comparison(tuple(log.source for log in data.logs))
     except InputError:
-        return None
+        return replace(model, fitted=record), None
+    if fit.posterior is not None:
+        record = replace(record, model_share=_model_share(fit.problem, there, fit.posterior.rows))
+    return replace(model, fitted=record), there
 
 
 def _model_share(problem: Problem, own: Comparison, rows: float) -> Array:

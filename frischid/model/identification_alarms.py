@@ -15,7 +15,7 @@ from frischid.errors import IdentifiabilityError
 from frischid.estimators.least_squares import NormalEquations
 from frischid.estimators.map_estimate import MapEstimate, effects_alone, map_estimate
 from frischid.model.alarms import Alarm, by_severity, noisy_cutoff, too_short, undetermined, wrong_signs
-from frischid.model.fit_record import FitRecord
+from frischid.model.fit_record import LEVELS, FitRecord
 from frischid.model.identification_stages import Fit, Problem
 
 STATES = 400
@@ -24,15 +24,8 @@ REACHED = 0.99
 """Share of the samples that lie within the fitted range: single jerks do not widen it."""
 
 
-def fit_record(fit: Fit, scores: Array) -> FitRecord:
-    """Record of a fit.
-
-    Parameters
-    ----------
-    fit : Fit
-    scores : ndarray, shape (L, J)
-        From `frischid.model.residual_scores.residual_scores`.
-    """
+def fit_record(fit: Fit) -> FitRecord:
+    """Record of a fit; its scores and its model's share come from the next pass over the logs."""
     problem = fit.problem
     index = [problem.data.robot.joints.index(n) for n in problem.data.joints]
     reach = np.zeros((2, len(index)))
@@ -40,7 +33,7 @@ def fit_record(fit: Fit, scores: Array) -> FitRecord:
         for row, x in enumerate((motion.v, motion.a)):
             reach[row] = np.maximum(reach[row], np.quantile(np.abs(x[:, index]), REACHED, axis=0))
     urdf = effects_alone(problem.blocks, problem.reduction.mapping, problem.urdf)
-    return FitRecord(reach[0], reach[1], urdf, scores, np.ones(len(index)))
+    return FitRecord(reach[0], reach[1], urdf, np.full((len(LEVELS), len(index)), np.nan), np.ones(len(index)))
 
 
 def fit_alarms(fit: Fit) -> tuple[Alarm, ...]:

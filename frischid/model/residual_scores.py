@@ -26,6 +26,7 @@ from frischid.estimators.held_out import Fold
 from frischid.estimators.least_squares import Estimate
 from frischid.model.fit_record import LEVELS
 from frischid.model.identification_stages import Problem
+from frischid.regression.block import Block
 
 ENOUGH = 20_000
 """Rows per joint from which quantiles are taken: the quantile at 0.99 is then sure to a few percent."""
@@ -34,8 +35,8 @@ EDGES = np.concatenate([[0.0], np.geomspace(1e-4, 1e6, 4001)])
 """Edges of the bins: each is 0.6 % wide."""
 
 
-def residual_scores(problem: Problem, folds: Sequence[Fold], estimate: Estimate) -> Array:
-    """Quantiles of each joint's scores.
+class ResidualScores:
+    """Quantiles of each joint's scores, gathered block by block.
 
     Parameters
     ----------
@@ -45,34 +46,36 @@ def residual_scores(problem: Problem, folds: Sequence[Fold], estimate: Estimate)
         In the order of time.
     estimate : Estimate
         Expected error of each row.
-
-    Returns
-    -------
-    ndarray, shape (L, J)
-        At each of `LEVELS`; NaN for a joint without rows.
     """
-    data = problem.data
-    index = [data.robot.joints.index(n) for n in data.joints]
-    # Rows come in the order in which the moments took them in: a joint's row belongs to the fold its number falls in.
-    ends = np.cumsum([fold.out.counts for fold in folds], axis=0)
-    thetas = np.stack([fold.theta for fold in folds])
-    seen, counts = np.zeros(len(index)), np.zeros((len(index), len(EDGES) - 1))
-    every = max(1, int(ends[-1].max(initial=0.0)) // ENOUGH)
-    for motion in data.motions:
-        for block in problem.regressor.blocks(motion, data.lowpass):
-            Y = block.Z[:, list(problem.reduction.base)][:, :, index]
-            expected = np.sqrt(estimate.error_variance(Y[::every]))
-            tau, used = block.tau[:, index], block.used[:, index]
-            number = seen + np.cumsum(used, axis=0) - 1
-            seen = seen + used.sum(axis=0)
-            for j in range(len(index)):
-                some = np.flatnonzero(used[::every, j])
-                rows = some * every
-                fold = np.minimum(np.searchsorted(ends[:, j], number[rows, j], side="right"), len(folds) - 1)
-                error = tau[rows, j] - np.einsum("np,np->n", Y[rows, :, j], thetas[fold])
-                score = np.abs(error) / np.maximum(expected[some, j], 1e-300)
-                counts[j] += np.histogram(np.minimum(score, EDGES[-1]), EDGES)[0]
-    return np.stack([_quantiles(count) for count in counts], axis=1)
+
+    def __init__(self, problem: Problem, folds: Sequence[Fold], estimate: Estimate) -> None:
+        joints = problem.data.joints
+        self._base, self._estimate = list(problem.reduction.base), estimate
+        self._index = [problem.data.robot.joints.index(name) for name in joints]
+        # Rows come in the order in which the moments took them in: the number of a row of a joint says its fold.
+        self._ends = np.cumsum([fold.out.counts for fold in folds], axis=0)
+        self._thetas = np.stack([fold.theta for fold in folds])
+        self._every = max(1, int(self._ends[-1].max(initial=0.0)) // ENOUGH)
+        self._seen, self._counts = np.zeros(len(joints)), np.zeros((len(joints), len(EDGES) - 1))
+
+    def add(self, block: Block) -> None:
+        """Take in the next block in the order of time."""
+        Y, tau, used = block.Z[:, self._base][:, :, self._index], block.tau[:, self._index], block.used[:, self._index]
+        expected = np.sqrt(self._estimate.error_variance(Y[:: self._every]))
+        number = self._seen + np.cumsum(used, axis=0) - 1
+        self._seen = self._seen + used.sum(axis=0)
+        for j in range(len(self._index)):
+            some = np.flatnonzero(used[:: self._every, j])
+            rows = some * self._every
+            fold = np.searchsorted(self._ends[:, j], number[rows, j], side="right")
+            theta = self._thetas[np.minimum(fold, len(self._thetas) - 1)]
+            error = tau[rows, j] - np.einsum("np,np->n", Y[rows, :, j], theta)
+            score = np.abs(error) / np.maximum(expected[some, j], 1e-300)
+            self._counts[j] += np.histogram(np.minimum(score, EDGES[-1]), EDGES)[0]
+
+    def quantiles(self) -> Array:
+        """At each of `LEVELS`, shape (L, J); NaN for a joint without rows."""
+        return np.stack([_quantiles(count) for count in self._counts], axis=1)
 
 
 def _quantiles(counts: Array) -> Array:

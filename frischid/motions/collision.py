@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import coal  # type: ignore[import-untyped]
+import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray

@@ -167,7 +167,7 @@ def _elements(data: bytes) -> Element:
 
     def start(name: str, attributes: dict[str, str]) -> None:
         begin = parser.CurrentByteIndex
-        close = _tag_end(data, begin)
+        close = end_of_tag(data, begin)
         element = Element(name, attributes, (begin, close), close, data[close - 2 : close] == b"/>", [])
         open_elements[-1].children.append(element)
         open_elements.append(element)
@@ -185,7 +185,7 @@ def _elements(data: bytes) -> Element:
     return top.children[0]
 
 
-def _tag_end(data: bytes, begin: int) -> int:
+def end_of_tag(data: bytes, begin: int) -> int:
     """Place after the ``>`` that ends a start tag; a ``>`` inside quotes does not end it."""
     quote = 0
     for place in range(begin, len(data)):
@@ -196,7 +196,7 @@ def _tag_end(data: bytes, begin: int) -> int:
             quote = byte
         elif byte == ord(">"):
             return place + 1
-    raise InputError("the URDF ends inside a tag")
+    raise InputError("the file ends inside a tag")
 
 
 def _rotation(rpy: Array) -> Array:

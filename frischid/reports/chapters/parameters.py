@@ -26,7 +26,7 @@ RECURSION_TITLES = {
     "calibrated": "every window's box is widened by its sampling error",
 }  # fmt: skip
 MOST_CHANGED = 12  # parameters in the open table
-STRONGLY = 0.9  # correlation from which two parameters are hardly told apart
+STRONGLY = 0.9  # correlation from which the logs hardly distinguish two parameters
 PAIRS_NAMED = 5
 CHANGED_CAPTION = "The parameters that differ most from the URDF, in standard errors"
 PARAMETERS_CAPTION = "Base parameters; R marks one that others are regrouped into; s.e. is the standard error"
@@ -74,7 +74,7 @@ def _changed(study: Study) -> Table:
 
 
 def _correlated(study: Study) -> str:
-    """Pairs of parameters that the logs hardly tell apart, in a sentence."""
+    """Pairs of parameters that the logs hardly distinguish, in a sentence."""
     e = study.model.estimate
     scale = np.where(e.stderr > 0, e.stderr, 1.0)
     rho = e.covariance / np.outer(scale, scale)
@@ -85,7 +85,7 @@ def _correlated(study: Study) -> str:
     names = [c.name for c in e.columns]
     pairs = [f"{names[rows[k]]} and {names[columns[k]]} ({rho[rows[k], columns[k]]:.2f})" for k in order[:PAIRS_NAMED]]
     more = f" and {len(order) - PAIRS_NAMED} pairs more" if len(order) > PAIRS_NAMED else ""
-    return f"The logs hardly tell apart, by the correlation of their errors: {', '.join(pairs)}{more}."
+    return f"The logs hardly distinguish these pairs, by the correlation of their errors: {', '.join(pairs)}{more}."
 
 
 def _values(study: Study) -> Table:
