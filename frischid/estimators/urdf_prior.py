@@ -30,6 +30,7 @@ from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.robot.robot import Robot
+from frischid.robot.scale import RobotScale
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ class PriorCriteria:
     heaviest_share : float
         A further share, of the heaviest link's mass, so that a link which the URDF gives no mass may still have some.
     least_size, largest_size : float
-        m. Bounds of a link's size L, for URDFs whose inertias are zero or impossible.
+        m. Bounds of a link's size L, for URDFs whose inertias are zero or impossible, of a robot of 1 m; a shorter
+        robot's least and a longer robot's largest size are in proportion (`frischid.robot.scale`).
     rotor : float
         Standard deviation of a rotor's inertia, as a multiple of the links' mean inertia about its joint.
     rotor_opposite : float
@@ -219,6 +221,8 @@ def link_spread(regressor: Regressor, criteria: PriorCriteria | None = None) -> 
     """
     criteria, robot = criteria or PriorCriteria(), regressor.robot
     nominal = dict(zip(robot.all_names, robot.nominal, strict=True))
+    length = RobotScale.of(robot).length
+    sizes = criteria.least_size * min(length, 1.0), criteria.largest_size * max(length, 1.0)
     heaviest = max(nominal[f"m{i}"] for i in robot.numbers.values()) or 1.0
     spread = np.full(len(regressor.columns), np.nan)
     for k, column in enumerate(regressor.columns):
@@ -226,16 +230,16 @@ def link_spread(regressor: Regressor, criteria: PriorCriteria | None = None) -> 
             kind, body = column.name.rstrip("0123456789"), column.name.lstrip("mxyzI")
             mass = criteria.mass_share * max(nominal[f"m{body}"], 0.0) + criteria.heaviest_share * heaviest
             order = {"m": 0}.get(kind, 1 if kind.startswith("m") else 2)
-            spread[k] = mass * _size(nominal, body, criteria) ** order
+            spread[k] = mass * _size(nominal, body, *sizes) ** order
     return spread
 
 
-def _size(nominal: Mapping[str, float], body: str, criteria: PriorCriteria) -> float:
+def _size(nominal: Mapping[str, float], body: str, least: float, largest: float) -> float:
     """Root-mean-square distance of a link's mass from its joint, m."""
     mass = nominal[f"m{body}"]
     squares = 0.5 * sum(nominal[f"I{axis}{axis}{body}"] for axis in "xyz")
     size = np.sqrt(max(squares, 0.0) / mass) if mass > 0 else 0.0
-    return float(np.clip(size, criteria.least_size, criteria.largest_size))
+    return float(np.clip(size, least, largest))
 
 
 def _joint_inertias(robot: Robot, links: Array, regressor: Regressor) -> dict[str, float]:

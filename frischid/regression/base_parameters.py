@@ -42,6 +42,8 @@ Indices = NDArray[np.intp]
 _EXHAUSTIVE = 20_000  # up to so many subsets of rows, all are tried; beyond, rows are exchanged one by one
 _TIE = 1e-6  # relative difference below which two costs or two coefficients count as equal
 _ROUNDING = 1e-7  # relative singular value above all rounding, even that of moments
+_PRECISE = 1e-13  # relative singular value that only a regression in full precision can have
+_EXACT = 1e-9  # difference from 1 below which a coefficient is written without a factor
 _MISALIGNED = 100.0  # × tol: error of an exact relation when an angle is written 1.5708 (off by 3.7e-6 rad)
 
 
@@ -66,6 +68,8 @@ class Reduction:
         Columns of θ_l1, which stay, and of θ_l2, which are regrouped into those of θ_l1.
     mapping : ndarray, shape (p, C)
         K in ``θ_base = K θ``, so that ``W θ = W[:, base] K θ``.
+    cost : float
+        Largest share of a joint's torque by which ``W[:, base] K θ`` differs from ``W θ``, as `structure` measures it.
     """
 
     columns: tuple[Column, ...]
@@ -78,11 +82,17 @@ class Reduction:
     independent: tuple[int, ...]
     dependent: tuple[int, ...]
     mapping: Array
+    cost: float = 0.0
 
     @property
     def base(self) -> tuple[int, ...]:
         """Columns of W that remain: the leading parameter of every base parameter."""
         return tuple(sorted(self.absolute + self.independent))
+
+    def described_cost(self) -> str:
+        """What merging costs, in words; empty where it costs nothing but rounding."""
+        words = f"merging near-dependencies costs at most {self.cost:.1e} of a joint's torque"
+        return words if self.cost > _EXACT else ""
 
     def base_columns(self) -> tuple[Column, ...]:
         """Describe the base parameters as columns.
@@ -109,7 +119,7 @@ class Reduction:
 
     def _expression(self, row: Array, lead: int) -> str:
         # Terms without a factor come first: Izz1 + Ia1 + 0.25 m2.
-        others = sorted((abs(row[i]) != 1.0, i) for i in np.flatnonzero(row) if i != lead)
+        others = sorted((abs(abs(row[i]) - 1.0) > _EXACT, i) for i in np.flatnonzero(row) if i != lead)
         text = self.columns[lead].name
         for scaled, i in others:
             # Rounded twice, so that the last bit of 0.012345 does not decide between 0.01234 and 0.01235.
@@ -134,10 +144,6 @@ def reduce(
         a W in full precision allows 1e-9. A column of norm below ``100 tol`` times the largest counts as zero.
     alpha : (float, float)
         α1 and α2, the weights of conditioning and volume in the choice of the dependent parameters.
-
-    Returns
-    -------
-    Reduction
 
     Raises
     ------
@@ -254,7 +260,8 @@ def _rank(sigma: Array, tol: float) -> tuple[int, float, float]:
     p = int(np.argmax(gaps)) + 1
     # Rounding perturbs the moments, and so V2 to second order; a misaligned axis perturbs W, and so V2 to first order.
     after = float(np.append(relative, 0.0)[p])
-    error = after / relative[p - 1] if after > _ROUNDING else (tol / relative[p - 1]) ** 2
+    precise = after < _PRECISE and p < len(sigma)
+    error = max(after, _PRECISE) / relative[p - 1] if after > _ROUNDING or precise else (tol / relative[p - 1]) ** 2
     return p, float(gaps[p - 1]), float(np.clip(10.0 * error, 1e-8, 1e-3))
 
 

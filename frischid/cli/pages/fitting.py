@@ -72,6 +72,7 @@ def identified(found: Identification) -> dict[str, Any]:
         "cutoff_hz": model.lowpass.cutoff,
         "rank": reduction.rank,
         "gap": reduction.gap,
+        "merging_cost": reduction.cost,
         "condition": model.estimate.condition,
         "estimator": model.estimate.estimator,
         "parameters": content["parameters"],
@@ -132,6 +133,7 @@ def summary(found: Identification) -> str:
         f"({cut}), "
         f"effects {', '.join(str(x) for x in model.effects)}; {e.estimator}, condition {e.condition:.3g}, "
         f"rank gap {found.reduction.gap:.2g}"
+        f"{f'; {cost}' if (cost := found.reduction.described_cost()) else ''}"
     )
 
 

@@ -53,6 +53,7 @@ def robot(machine: Robot, regressor: Regressor, reduction: Reduction) -> Page:
         "at all"
         f"{f' ({len(machine.known)} of them known)' if machine.known else ''}; "
         f"rank {reduction.rank}, gap {reduction.gap:.2g}"
+        f"{f'; {cost}' if (cost := reduction.described_cost()) else ''}"
     )
     units = ", ".join(f"{p} {u}" for p, u in zip(LINK_PARAMETERS, LINK_UNITS, strict=True))
     data = {
@@ -65,6 +66,7 @@ def robot(machine: Robot, regressor: Regressor, reduction: Reduction) -> Page:
         "effects": [str(e) for e in regressor.effects],
         "rank": reduction.rank,
         "gap": reduction.gap,
+        "merging_cost": reduction.cost,
         "base_parameters": base,
         **groups,
     }
