@@ -64,7 +64,7 @@ def structure(
     W = _random_rows(regressor, torque_joints, scale, seed) * sizes
     levels = _joint_levels(W, np.array([column.effect == "rigid" for column in regressor.columns]))
     W = W / levels[:, None, None]
-    root = np.linalg.qr(W.reshape(-1, W.shape[2]), mode="r")
+    root = np.asarray(np.linalg.qr(W.reshape(-1, W.shape[2]), mode="r"))
     for tol in TOLERANCES:
         found = reduce(root, regressor.columns, tol=tol)
         cost = _cost(W, nominal, found)

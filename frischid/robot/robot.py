@@ -341,10 +341,10 @@ class Robot:
 
     def known_torque(self, q: Array, v: Array, a: Array) -> Array | None:
         """Torque of the `known` parameters, (N, J); None when all of them are zero."""
-        values = np.array([self.known.get(n, 0.0) for n in self.all_names])
-        if not values.any():
+        if not any(self.known.values()):
             return None
-        bare = replace(self, known={})
         out = np.empty((len(q), len(self.all_names), len(self.joints)))
-        bare.regressor(q, v, a, out)
-        return np.asarray(np.einsum("ncj,c->nj", out, values))
+        self._without_known.regressor(q, v, a, out)
+        return np.asarray(np.einsum("ncj,c->nj", out, [self.known.get(n, 0.0) for n in self.all_names]))
+
+    _without_known = cached_property(lambda self: replace(self, known={}))  # once: a model is built from XML

@@ -8,12 +8,13 @@ from cases import exact_log, random_values, robot, whole_regressor
 
 from frischid.effects import BASELINE
 from frischid.logs.filters import LowPass
-from frischid.logs.preprocessing import prepare
+from frischid.logs.preprocessing import Motion, prepare
 from frischid.regression.accumulation import accumulate, gram_of, streaming_qr
 from frischid.regression.block import stack
 from frischid.regression.moments import total
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
+from frischid.robot.robot import Robot
 
 LOWPASS = LowPass(6.0)
 
@@ -124,3 +125,27 @@ def test_columns_that_cannot_act_on_a_joint_are_zero_there():
     for j, active in enumerate(regressor.active):
         rest = np.delete(Y[:, :, j], active, axis=1)
         assert np.abs(rest).max(initial=0.0) < 1e-9
+
+
+def test_a_known_parameter_builds_the_robot_once(monkeypatch):
+    """It was read from XML again for every chunk, which took longer than everything else."""
+    machine = Robot.load("planar2", known={"m2": 9.0})
+    q, v, a = np.ones((3, 4, 2))
+    first = machine.known_torque(q, v, a)
+    monkeypatch.setattr("frischid.robot.robot.build_model", lambda *_: pytest.fail("read again"))
+    np.testing.assert_array_equal(machine.known_torque(q, v, a), first)
+
+
+def test_moments_of_some_columns_are_those_columns_of_all_moments():
+    machine = Robot.load("ur10")
+    regressor, rng = Regressor(machine, BASELINE), np.random.default_rng(1)
+    q, v, a, tau = rng.normal(size=(4, 300, 6))
+    motion = Motion(np.arange(300) * 0.01, q, v, a, tau, rng.random((300, 6)) < 0.1, "random")
+    base = [70, 3, 61, 12, 59]
+    some = accumulate(regressor, [motion], LowPass(None), machine.joints, base=base)
+    every = accumulate(regressor, [motion], LowPass(None), machine.joints)
+    for part, whole in zip(some, every, strict=True):
+        assert part.columns == whole.select(base).columns
+        np.testing.assert_allclose(part.moments, whole.select(base).moments, rtol=1e-12)
+        np.testing.assert_allclose(part.sums, whole.select(base).sums, rtol=1e-12)
+        np.testing.assert_array_equal(part.counts, whole.counts)

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scaling import scaled, torque_factor
 
 from frischid.cli import main
 from frischid.effects import BASELINE
@@ -18,7 +19,6 @@ from frischid.regression.structure import MERGED_SHARE, structure
 from frischid.robot.robot import Robot
 from frischid.robot.scale import RobotScale, dimensions
 from frischid.robot.urdf_reading import robot_names
-from tests.scaling import scaled, torque_factor
 
 MANY_JOINTS = 20
 """Robots with more joints are left out: their decompositions take seconds."""
