@@ -116,7 +116,7 @@ class EventLogRecord(Struct, frozen=True):
     """One log of a step: where it was, and its hash."""
 
     source: str
-    sha256: str | None = None
+    sha256: str | None
     samples: Annotated[int, Meta(ge=0)] | None = None
 
 

@@ -420,6 +420,8 @@ def test_a_step_of_the_history_has_types(tmp_path):
     path = tmp_path / "model.json"
     path.write_text(json.dumps(changed(model().to_dict(), "history", 0, "logs", to="all of them")))
     refused(path, "Expected `array`, got `str`", "history[0].logs")
+    path.write_text(json.dumps(changed(model().to_dict(), "history", 0, "logs", to=[{"source": "log.csv"}])))
+    refused(path, "missing required field `sha256`", "history[0].logs[0]")
 
 
 def test_a_field_that_is_nested_deep_is_said(tmp_path):
