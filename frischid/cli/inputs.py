@@ -14,9 +14,6 @@ if TYPE_CHECKING:
     from frischid.model.model import Model
     from frischid.robot.robot import Robot
 
-IN_MEMORY = 32 * 2**20
-"""Bytes of all files together, up to which they are read into memory as a whole."""
-
 
 def load(
     robot: str, arguments: RobotArguments, paths: Sequence[str] = (), mapping: MapFiles = None, *, whole: bool = True
@@ -72,15 +69,15 @@ def read(paths: Sequence[str], robot: Robot, mapping: MapFiles) -> list[Log]:
 
 def opened(paths: Sequence[str], robot: Robot, mapping: MapFiles) -> list[Any]:
     """Logs of a robot: in memory if they are small together, otherwise as recordings, read chunk by chunk."""
+    from frischid.logs import recording
     from frischid.logs.mapping import LogMap
-    from frischid.logs.recording import Recording
 
     check_found(paths)
     sizes = [path.stat().st_size for path in map(Path, paths) if path.is_file()]
-    if len(sizes) == len(paths) and sum(sizes) <= IN_MEMORY:
+    if len(sizes) == len(paths) and sum(sizes) <= recording.IN_MEMORY:
         return list(read(paths, robot, mapping))
     form, names = LogMap.of(mapping), names_of(robot)
-    return [Recording.open(path, names, form) for path in paths]
+    return [recording.Recording.open(path, names, form) for path in paths]
 
 
 def names_of(robot: Robot) -> tuple[str, ...]:

@@ -48,6 +48,7 @@ from frischid.diagnosis.verdict import (
 )
 from frischid.effects import EFFECTS
 from frischid.errors import InputError, UnknownNameError
+from frischid.logs.excerpt import as_recording, excerpt
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.headline import Headline, headline
@@ -163,6 +164,7 @@ def diagnose(
     logs : sequence of Log or Recording
         Data that the model predicts badly. Each of several logs is predicted by a fit to the others. Of a single log,
         each motion (stretch without a gap) is cut into four parts, and each part is predicted by a fit to the others.
+        Of a long log, effects are searched along an excerpt (`frischid.logs.excerpt`), and a note says so.
     valid : sequence of Log or Recording
         Test logs of the same robot in the same state: the model's error on them is stated; nothing else uses them.
     situation : {"auto", "always", "changed"}
@@ -215,14 +217,17 @@ def diagnose(
     check_logs(logs, valid)
     model.check([*logs, *valid])
     progress("reading logs")
-    validator, state = cross_validator(model, logs, situation, criteria=criteria, workers=workers)
+    parts = [excerpt(log) for log in logs]
+    searched = [part.log for part in parts]
+    validator, state = cross_validator(model, searched, situation, criteria=criteria, workers=workers)
     results = _stages(validator, state, _noise_floor(validator), effects, progress)
     verdict = decided(results)
     if state == "changed" and effects is None:
         refit = refit_finding(results.validator, results.floor)
         verdict, findings = with_refit(verdict, results.findings, refit)
         results = replace(results, findings=tuple(findings))
-    return _diagnosis(results, verdict, headline(model, valid or logs))
+    found = _diagnosis(results, verdict, headline(model, [as_recording(log) for log in valid or logs]))
+    return replace(found, notes=(*found.notes, *(part.said for part in parts if part.said)))
 
 
 def _noise_floor(validator: CrossValidator) -> Array:

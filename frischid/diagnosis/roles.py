@@ -23,6 +23,7 @@ from frischid.core.text import listed
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.situation import SituationOption, cross_validator
+from frischid.logs.excerpt import excerpt
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
@@ -77,7 +78,7 @@ def roles(
     if situation == "changed":
         return Roles(tuple(logs), tuple(valid), situation, "")
     if not own and situation == "auto":
-        situation = cross_validator(model, logs, criteria=criteria)[1]
+        situation = cross_validator(model, [excerpt(log).log for log in logs], criteria=criteria)[1]
         if situation == "changed":
             return Roles(tuple(logs), tuple(valid), situation, "")
     others = tuple(log for log in logs if not model.made_from(log))

@@ -43,6 +43,8 @@ class Excerpt:
         Shortest and longest time step of the whole log, s.
     gaps : int
         Steps above five times the usual one.
+    said : str
+        What the excerpt omits; empty where it is the whole log.
     """
 
     log: Log
@@ -52,6 +54,7 @@ class Excerpt:
     rate: float
     steps: tuple[float, float]
     gaps: int
+    said: str = ""
 
 
 def as_recording(log: Log | Recording) -> Log | Recording:
@@ -77,33 +80,39 @@ def excerpt(log: Log | Recording) -> Excerpt:
     Returns
     -------
     Excerpt
-        With the log's name and identity; a note says what was left out.
+        With the log's name and identity; a note says what the excerpt omits.
     """
     given = as_recording(log)
     if isinstance(given, Log):
         step = np.diff(given.t)
         return Excerpt(given, given, len(given), given.duration, given.rate, _ends(step), _gaps(step))
     kept: list[Log] = []
+    entire: list[Log] = []
     every, samples, steps, gaps, last, rates = 1, 0, [np.inf, 0.0], 0, None, []
     for number, chunk in enumerate(given.chunks(RECORDING_CHUNK)):
         step = np.diff(chunk.t if last is None else np.append(last, chunk.t))
         samples, last, gaps = samples + len(chunk), float(chunk.t[-1]), gaps + _gaps(step)
         steps = [min(steps[0], float(step.min())), max(steps[1], float(step.max()))]
         rates.append(chunk.rate)
+        entire = [*entire, chunk] if samples <= EXCERPT else []
         if number % every == 0:
             kept.append(chunk.slice(0, EXCERPT // STRETCHES))
         if len(kept) > STRETCHES:
             kept, every = kept[::2], 2 * every
-    whole = kept[0]
-    for stretch in kept[1:]:
+    parts = entire or kept
+    whole = parts[0]
+    for stretch in parts[1:]:
         whole = joined(whole, 0, stretch) if _alike(whole, stretch) else whole
     seconds = float(last or 0.0) - float(kept[0].t[0])
     said = (
         f"{log.source}: figures and the search for effects use {len(whole)} of {samples} samples, in {len(kept)} "
         "evenly spread stretches; errors are those of all samples"
     )
-    whole = replace(whole, source=log.source, sha256=given.identity, notes=(*kept[0].notes, said))
-    return Excerpt(whole, kept[0], samples, seconds, float(np.median(rates)), (float(steps[0]), float(steps[1])), gaps)
+    said = said if len(whole) < samples else ""
+    notes = (*parts[0].notes, said) if said else parts[0].notes
+    whole = replace(whole, source=log.source, sha256=given.identity, notes=notes)
+    ends = (float(steps[0]), float(steps[1]))
+    return Excerpt(whole, parts[0], samples, seconds, float(np.median(rates)), ends, gaps, said)
 
 
 def _alike(one: Log, other: Log) -> bool:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from frischid.errors import InputError
+from frischid.logs import recording
 from frischid.logs.bags import BAG_SUFFIXES
 from frischid.logs.log import Log
 from frischid.logs.log_file import MOST_MAPPING_BYTES, LogFile, StoredFile, difference
@@ -32,12 +33,13 @@ class OwnLogs(NamedTuple):
 
     Attributes
     ----------
-    logs : tuple of Log
+    logs : tuple of Log or Recording
+        A large file is a recording.
     missing : tuple of str
         A name and a reason for each log that was not found.
     """
 
-    logs: tuple[Log, ...]
+    logs: tuple[Log | Recording, ...]
     missing: tuple[str, ...]
 
 
@@ -70,7 +72,7 @@ def own_logs(model: Model, given: tuple[Log | Recording, ...] = ()) -> OwnLogs:
     ([501], ())
     """
     here = {log.identity for log in given}
-    logs: list[Log] = []
+    logs: list[Log | Recording] = []
     missing: list[str] = []
     for entry in _entries(model):
         if entry.get("sha256") in here:
@@ -95,7 +97,7 @@ def _entries(model: Model) -> list[Mapping[str, Any]]:
     return next((list(event["logs"]) for event in reversed(model.history) if event.get("logs")), [])
 
 
-def _found(entry: Mapping[str, Any], model: Model) -> Log | str:
+def _found(entry: Mapping[str, Any], model: Model) -> Log | Recording | str:
     """A log, or why it is not read."""
     file = file_of(entry)
     if file is None:
@@ -113,7 +115,10 @@ def _found(entry: Mapping[str, Any], model: Model) -> Log | str:
             return f"of its mapping file {Path(mapping.path).name}: {reason}"
     try:
         joints = (*model.robot.joints, *model.robot.locked)
-        log = read_log(file.path, joints, None if mapping is None else mapping.path)
+        form = None if mapping is None else mapping.path
+        if file.bytes > recording.IN_MEMORY:
+            return Recording.open(file.path, joints, form)
+        log = read_log(file.path, joints, form)
     except InputError as error:
         return str(error)
     return log if log.sha256 == sha256 else "its content changed while it was read"

@@ -92,3 +92,27 @@ def test_paths_instead_of_logs_are_said(tmp_path):
     with pytest.raises(InputError, match=r"fr\.Model\.load"):
         fr.report("model.json", [log], tmp_path / "report.html")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_short_recording_is_whole():
+    log = counted(70_000)
+    found = excerpt(
+        Recording(log.source, lambda n: (log.slice(k, k + n) for k in range(0, 70_000, n)), lambda: log.sha256)
+    )
+    assert np.array_equal(found.log.q, log.q)
+    assert not found.said
+
+
+def test_a_diagnosis_searches_an_excerpt_and_states_the_error_of_all_samples(small):
+    robot = Robot.load("planar2")
+    motions = [random_fourier(robot, 60.0, seed=seed) for seed in (0, 1)]
+    hidden = (*fr.BASELINE, *fr.parse_effects("joint_spring@joint2"))
+    logs = [
+        simulate(robot, m, rate=100.0, effects=hidden, parameters={"ks2": 1.5}, noise=Noise(tau=0.01)) for m in motions
+    ]
+    model = identify(robot, logs[:1], recursion="none").model
+    found = fr.diagnose(model, logs[:1], valid=logs[1:], effects=["joint_spring"])
+    assert found.findings[0].effect == "joint_spring"
+    assert found.headline.nrmse == pytest.approx(compare(model, logs[1:]).nrmse, rel=0.02)
+    assert any("of 6001 samples" in note for note in found.notes)
+    assert sum(len(motion.t) for motion in found.validator.data.cache.prepared) <= 1600

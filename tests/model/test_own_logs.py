@@ -12,6 +12,7 @@ import frischid as fr
 from frischid.cli import main
 from frischid.diagnosis.roles import roles
 from frischid.logs.log_file import StoredFile, difference
+from frischid.logs.recording import Recording
 from frischid.model.own_logs import LOG_SUFFIXES
 
 PLANAR2 = fr.Robot.load("planar2")
@@ -88,6 +89,14 @@ def test_saving_again_elsewhere_keeps_the_way_to_the_logs(case, tmp_path):
     assert len(fr.own_logs(again).logs) == 2
     again.save(tmp_path / "twice.json")
     assert content(tmp_path / "twice.json") == content(tmp_path / "again.json")
+
+
+def test_a_large_own_log_is_read_in_pieces(case, monkeypatch):
+    whole = fr.own_logs(fr.Model.load(case.path)).logs
+    monkeypatch.setattr("frischid.logs.recording.IN_MEMORY", 0)
+    pieces = fr.own_logs(fr.Model.load(case.path)).logs
+    assert all(isinstance(log, Recording) for log in pieces)
+    assert [log.identity for log in pieces] == [log.identity for log in whole]
 
 
 def test_logs_that_are_given_are_not_looked_for(case):
