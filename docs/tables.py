@@ -51,7 +51,7 @@ def source(row: Row) -> str:
 
 def six_robots(prefix: str) -> str:
     """The table of the README and of the robots' page; `prefix` leads to the robots' pages."""
-    head = ("robot, torque from", "URDF + friction", "identified", "with the added effects", "effects that were added", "data")
+    head = ("robot, torque from", "URDF + friction", "identified", "with added effects", "added effects", "data")
     rows = [
         (
             f"[{row['robot']}]({prefix}{row['key']}.md), {row['sensor']}",
