@@ -27,6 +27,7 @@ PLACES: dict[str, tuple[int, float, str]] = {
     "checks": (5, 0.6, "is this log any good?"),
     "estimators": (6, -0.6, "moments → parameters, bounds"),
     "model": (7, 0.0, "logs → model → error on logs"),
+    "forward": (8, 1.7, "model + torque → motion"),
     "diagnosis": (8, -0.6, "which effect is missing?"),
     "export": (8, 0.6, "model → URDF, MJCF, C, NumPy"),
     "fleet": (9, -1.1, "many equal robots"),

@@ -23,6 +23,7 @@ TITLES = {
     "robot": "Robots",
     "logs": "Logs",
     "model": "Models",
+    "forward": "Simulated motion",
     "effects": "Effects",
     "diagnosis": "Diagnosis",
     "motions": "Motions",

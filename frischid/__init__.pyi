@@ -17,6 +17,10 @@ from .export.drive_gains import Gains as Gains
 from .export.drive_gains import find_gains as find_gains
 from .export.urdf import Export as Export
 from .export.urdf import export as export
+from .forward.forward_dynamics import ForwardDynamics as ForwardDynamics
+from .forward.forward_dynamics import Starts as Starts
+from .forward.torque_sources import PositionController as PositionController
+from .forward.torque_sources import RecordedTorque as RecordedTorque
 from .logs.frames import log_of_frame as log_of_frame
 from .logs.log import Log as Log
 from .logs.mapping import LogMap as LogMap

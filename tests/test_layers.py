@@ -25,6 +25,7 @@ FOLDERS = (
     "checks",
     "estimators",
     "model",
+    "forward",
     "diagnosis",
     "export",
     "fleet",

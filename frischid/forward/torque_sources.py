@@ -1,0 +1,163 @@
+"""Where the torque of a simulation comes from: a recording, or a controller that follows commands.
+
+    open loop:    τ(t) = the recorded torque, a straight line between its samples
+    closed loop:  τ = sat( τ_ff + kp dz(q_cmd − q) + kd (v_cmd − q̇) ),   dz(x) = x less at most the dead band
+
+A source is anything with a method ``torque(t, q, v)`` for K robots at once. It may have a `delay`: the torque that acts
+at t is the one the source gave at t − delay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.errors import InputError
+
+
+class TorqueSource(Protocol):
+    """Torque for K simulated robots."""
+
+    def torque(self, t: Array, q: Array, v: Array) -> Array:
+        """Torque (K, J), N·m (N), at the times t (K,), s, for positions and velocities (K, J)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedTorque:
+    """A torque over time, for open-loop simulation.
+
+    Attributes
+    ----------
+    t : ndarray, shape (N,)
+        Increasing times, s. Before the first and after the last, the torque stays the same.
+    tau : ndarray, shape (N, J)
+        N·m (N).
+
+    Raises
+    ------
+    InputError
+        Shapes disagree, times do not increase, or a torque is not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> source = fr.RecordedTorque(np.array([0.0, 1.0]), np.array([[0.0], [2.0]]))
+    >>> source.torque(np.array([0.25]), np.zeros((1, 1)), np.zeros((1, 1)))
+    array([[0.5]])
+    """
+
+    t: Array
+    tau: Array
+
+    def __post_init__(self) -> None:
+        if self.tau.ndim != 2 or len(self.tau) != len(self.t) or len(self.t) < 2:
+            raise InputError(f"a recorded torque needs tau (N, J) with N ≥ 2 times, got {np.shape(self.tau)}")
+        if not (np.diff(self.t) > 0).all():
+            raise InputError("the times of a recorded torque must increase")
+        if not np.isfinite(self.tau).all():
+            raise InputError("a recorded torque has values that are not finite; name only joints with a torque channel")
+
+    def torque(self, t: Array, q: Array, v: Array) -> Array:
+        """Interpolate; `q` and `v` do not matter."""
+        k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
+        share = np.clip((t - self.t[k]) / (self.t[k + 1] - self.t[k]), 0.0, 1.0)[:, None]
+        return np.asarray((1.0 - share) * self.tau[k] + share * self.tau[k + 1])
+
+
+Gain = float | Array
+
+
+@dataclass(frozen=True, eq=False)
+class PositionController:
+    """Position control with saturation, dead band and delay; every gain is a number, (J,), or (K, J) for K robots.
+
+    Attributes
+    ----------
+    t : ndarray, shape (N,)
+        Times of the commands, s.
+    q_cmd : ndarray, shape (N, J)
+        Commanded positions, rad (m); straight lines between the samples.
+    kp, kd : float or ndarray
+        N·m/rad (N/m), N·m·s/rad (N·s/m).
+    v_cmd, feedforward : ndarray, shape (N, J), optional
+        Commanded velocities and torques; zero by default.
+    limit : float or ndarray
+        Largest torque, N·m (N).
+    dead_band : float or ndarray
+        Position error that makes no torque, rad (m).
+    delay : float
+        Time from measuring to torque, s.
+
+    Raises
+    ------
+    InputError
+        Shapes disagree, times do not increase, or the delay or a limit is negative.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> hold = fr.PositionController(np.array([0.0, 1.0]), np.ones((2, 1)), kp=10.0, kd=1.0, limit=4.0)
+    >>> hold.torque(np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1)))
+    array([[4.]])
+    """
+
+    t: Array
+    q_cmd: Array
+    kp: Gain
+    kd: Gain
+    v_cmd: Array | None = None
+    feedforward: Array | None = None
+    limit: Gain = np.inf
+    dead_band: Gain = 0.0
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("q_cmd", "v_cmd", "feedforward"):
+            values = getattr(self, name)
+            if values is not None and (np.ndim(values) != 2 or len(values) != len(self.t)):
+                raise InputError(f"{name} must be (N, J) with the N = {len(self.t)} times, got {np.shape(values)}")
+        if len(self.t) < 2 or not (np.diff(self.t) > 0).all():
+            raise InputError("a controller needs at least two commands, at increasing times")
+        for name in ("limit", "dead_band", "delay"):
+            if not (np.asarray(getattr(self, name)) >= 0).all():
+                raise InputError(f"{name} of a controller must not be negative, got {getattr(self, name)}")
+
+    def torque(self, t: Array, q: Array, v: Array) -> Array:
+        """Torque of the controller for K robots, (K, J)."""
+        error = self._at(self.q_cmd, t) - q
+        rate = (0.0 if self.v_cmd is None else self._at(self.v_cmd, t)) - v
+        error = np.sign(error) * np.maximum(np.abs(error) - self.dead_band, 0.0)
+        ahead = 0.0 if self.feedforward is None else self._at(self.feedforward, t)
+        return np.asarray(np.clip(ahead + self.kp * error + self.kd * rate, -np.asarray(self.limit), self.limit))
+
+    def _at(self, commands: Array, t: Array) -> Array:
+        k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
+        share = np.clip((t - self.t[k]) / (self.t[k + 1] - self.t[k]), 0.0, 1.0)[:, None]
+        return np.asarray((1.0 - share) * commands[k] + share * commands[k + 1])
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueFunction:
+    """A function ``(t, q, v) -> tau`` as a source, for controllers of one's own.
+
+    Attributes
+    ----------
+    function : callable
+        Takes times (K,), positions and velocities (K, J), and returns the torque (K, J).
+    delay : float
+        s.
+    """
+
+    function: Callable[[Array, Array, Array], Array]
+    delay: float = 0.0
+
+    def torque(self, t: Array, q: Array, v: Array) -> Array:
+        """What the function returns."""
+        return self.function(t, q, v)
