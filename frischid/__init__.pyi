@@ -19,6 +19,8 @@ from .export.urdf import Export as Export
 from .export.urdf import export as export
 from .forward.forward_dynamics import ForwardDynamics as ForwardDynamics
 from .forward.forward_dynamics import Starts as Starts
+from .forward.motion_error import MotionComparison as MotionComparison
+from .forward.motion_error import compare_simulated as compare_simulated
 from .forward.torque_sources import PositionController as PositionController
 from .forward.torque_sources import RecordedTorque as RecordedTorque
 from .logs.frames import log_of_frame as log_of_frame

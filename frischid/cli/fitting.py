@@ -142,10 +142,15 @@ def identify(
 @click.argument("model", type=InputPath())
 @click.argument("logs", type=InputPath(), nargs=-1, required=True)
 @map_option
+@click.option("--simulate", is_flag=True, help="Also simulate the motion, and print its error against the horizon.")
 @json_option
-def compare(model: str, logs: tuple[str, ...], mapping: MapFiles, as_json: bool) -> None:
-    """Compare measured and predicted torque, joint by joint."""
+def compare(model: str, logs: tuple[str, ...], mapping: MapFiles, simulate: bool, as_json: bool) -> None:
+    """Compare measured and predicted torque, joint by joint.
+
+    With --simulate, the model also moves under the recorded torque alone, from many moments of the logs.
+    """
     from frischid.cli.pages import comparing as show
+    from frischid.forward.motion_error import compare_simulated
     from frischid.model.comparison import compare as run
     from frischid.model.headline import headline
 
@@ -155,4 +160,7 @@ def compare(model: str, logs: tuple[str, ...], mapping: MapFiles, as_json: bool)
         data = opened(logs, loaded.robot, mapping)
         comparison = run(loaded, data)
         error = headline(loaded, data, comparison)
-    show_page(show.comparison(comparison, error), as_json)
+        if simulate:
+            progress("simulating")
+        motion = compare_simulated(loaded, data) if simulate else None
+    show_page(show.comparison(comparison, error, motion), as_json)

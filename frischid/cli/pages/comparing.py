@@ -5,17 +5,44 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from frischid.cli.pages.page import Page, depends, figure, headline_line, table_of
+from frischid.forward.motion_error import MotionComparison
 from frischid.model.comparison import Comparison
 from frischid.model.headline import Headline
 from frischid.model.residual_conditions import CONDITION_ORDER
 
 
-def comparison(result: Comparison, error: Headline) -> Page:
-    """The model's error, then the errors behind it: joint by joint, and where it fails."""
+def comparison(result: Comparison, error: Headline, motion: MotionComparison | None = None) -> Page:
+    """The model's error, then the errors behind it: joint by joint, where it fails, and of the simulated motion."""
     parts: list[Any] = [headline_line(error)]
     parts += [*error_tables(result), *_where(result), *_residual_error(result)]
-    return Page({"headline": error.to_dict(), "comparison": result.to_dict()}, parts, error.alarms)
+    data: dict[str, Any] = {"headline": error.to_dict(), "comparison": result.to_dict()}
+    if motion is not None:
+        parts.append(motion_table(motion))
+        data["simulated"] = motion.to_dict()
+    return Page(data, parts, error.alarms)
+
+
+def motion_table(result: MotionComparison) -> Any:
+    """Position errors of the simulated motion against the horizon; the URDF's with friction in the last column."""
+    how = "under its controller" if result.closed else "under the recorded torque alone"
+    names = list(result.whole.joints)
+    table = table_of(
+        "horizon", "starts", "tip, mm", *names, "URDF + friction: tip, mm",
+        title=f"simulated motion {how}: rms position error, rad (m)", droppable=["starts", *names[::-1]],
+    )  # fmt: skip
+    for h in (*result.horizons, result.whole):
+        table.add_row(
+            "whole log" if h.horizon is None else f"{h.horizon:g}\N{NO-BREAK SPACE}s", str(h.starts), _motion(h.tip),
+            *(_motion(h.joints[n]) for n in names), _motion(h.urdf_tip),
+        )  # fmt: skip
+    return table
+
+
+def _motion(error: float) -> str:
+    return figure(float(f"{error:.3g}")) if np.isfinite(error) else "unstable"
 
 
 def error_tables(result: Comparison) -> list[Any]:
