@@ -36,6 +36,13 @@ def in_amperes(log: fr.Log, gains: tuple[float, ...]) -> fr.Log:
     return replace(log, tau=None, current=log.tau / np.array(gains))
 
 
+def with_commands(log: fr.Log, kp: float = 400.0, kd: float = 4.0) -> fr.Log:
+    """The same motion from a robot that reports commanded positions instead of torques."""
+    assert log.tau is not None
+    assert log.v is not None
+    return replace(log, tau=None, v=None, qcmd=log.q + (log.tau + kd * log.v) / kp)
+
+
 def fill(folder: Path) -> None:
     """Write every file that the guides name."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -48,8 +55,7 @@ def fill(folder: Path) -> None:
     fr.write_log(loaded, folder / "loaded.csv")
     fr.write_log(in_amperes(record(robot, 3), (10.0, 5.0)), folder / "unloaded_currents.csv")
     fr.write_log(in_amperes(loaded, (10.0, 5.0)), folder / "loaded_currents.csv")
-    commanded = {f"qcmd_{name}": log.q[:, j] + 0.01 for j, name in enumerate(log.joints)}
-    fr.write_log(replace(log, tau=None, extra=commanded), folder / "commanded.csv")
+    fr.write_log(with_commands(log), folder / "commanded.csv")
     for k in range(3):
         place = folder / "fleet" / f"robot{k}"
         place.mkdir(parents=True, exist_ok=True)

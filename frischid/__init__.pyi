@@ -23,6 +23,7 @@ from .forward.motion_error import MotionComparison as MotionComparison
 from .forward.motion_error import compare_simulated as compare_simulated
 from .forward.torque_sources import PositionController as PositionController
 from .forward.torque_sources import RecordedTorque as RecordedTorque
+from .logs.controller import PDController as PDController
 from .logs.frames import log_of_frame as log_of_frame
 from .logs.log import Log as Log
 from .logs.mapping import LogMap as LogMap
@@ -30,8 +31,10 @@ from .logs.readers import read_chunks as read_chunks
 from .logs.readers import read_log as read_log
 from .logs.readers import write_log as write_log
 from .logs.recording import Recording as Recording
+from .logs.stretch import stretch as stretch
 from .model.comparison import Comparison as Comparison
 from .model.comparison import compare as compare
+from .model.drive_parameters import drive_parameters as drive_parameters
 from .model.headline import Headline as Headline
 from .model.headline import headline as headline
 from .model.identification import Identification as Identification

@@ -92,6 +92,15 @@ def inspect(
             "give the torque per ampere under [current_gain] in a mapping file; frischid gains finds it from logs with "
             "and without a known payload",
         )
+    elif log.tau is None and log.qcmd is not None:
+        notes.add(
+            "commands only",
+            "the log has commanded positions and no torques: the clock, positions and velocities are checked, the "
+            "torques against the URDF are not",
+            (),
+            "certain",
+            "name the controller that turns commands into torque: --controller pd --kp ... --kd ...",
+        )
     check_clock(log, notes)
     check_channels(robot, log, notes, figures=not brief)
     if any(f.blocks for f in notes.issues):

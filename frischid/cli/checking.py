@@ -1,4 +1,4 @@
-"""The commands `check`, `map` and `fetch`: faults of logs, the meaning of their columns, public data sets."""
+"""The commands `check`, `map`, `cut` and `fetch`: faults of logs, their columns, parts of them, public data sets."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from frischid.cli.arguments import MapFiles, RobotArguments, json_option, map_option, robot_options
+from frischid.cli.controllers import ControllerArguments, controller_options
 from frischid.cli.group import main
-from frischid.cli.inputs import load
+from frischid.cli.inputs import load, names_of
 from frischid.cli.output import show_page, working
-from frischid.cli.paths import InputPath, OutputFolder, OutputPath
+from frischid.cli.paths import InputPath, OutputFolder, OutputPath, check_found
 from frischid.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,10 +27,17 @@ if TYPE_CHECKING:
 @click.argument("logs", type=InputPath(), nargs=-1, required=True)
 @robot_options
 @map_option
+@controller_options
 @click.option("-o", "--output", type=OutputPath(), help="Write a mapping file that undoes the faults here (TOML).")
 @json_option
 def check(
-    robot: str, logs: tuple[str, ...], mapping: MapFiles, output: str | None, as_json: bool, **options: Any
+    robot: str,
+    logs: tuple[str, ...],
+    mapping: MapFiles,
+    output: str | None,
+    controller: ControllerArguments,
+    as_json: bool,
+    **options: Any,
 ) -> None:
     """Find faults in logs.
 
@@ -56,7 +64,7 @@ def check(
                 show_page(show.check(broken), as_json)
             raise
         progress("checking")
-        reports = check_logs(machine, data)
+        reports = check_logs(machine, data, controller=controller.read(names_of(machine)))
     try:
         text = _corrections(logs, mapping, data, reports)
     except InputError:  # the logs need different corrections
@@ -133,3 +141,27 @@ def map_columns(log: str, robot: str, output: str | None, rate: float | None, as
         write_text(Path(output), found.toml(Path(log).name))
     show_page(show.proposal(found, found.toml(Path(log).name), output), as_json)
     sys.exit(1 if found.guesses else 0)
+
+
+@main.command()
+@click.argument("log", type=InputPath())
+@click.option("--from", "start", type=float, help="First second to keep, counted from the log's first sample.")
+@click.option("--until", "stop", type=float, help="Second before which the part ends.")
+@map_option
+@click.option("-o", "--output", type=OutputPath(), required=True, help="Write the part here (.csv, .parquet, .npz).")
+@json_option
+def cut(log: str, start: float | None, stop: float | None, mapping: MapFiles, output: str, as_json: bool) -> None:
+    """Write a part of LOG: a stretch to fit, or one to hold out.
+
+    Two parts of one log are two logs: one is fitted, the other is given to --valid. The columns are written with
+    frischid's names, in SI units.
+    """
+    from frischid.cli.pages import checking as show
+    from frischid.logs.mapping import LogMap
+    from frischid.logs.readers import read_log, write_log
+    from frischid.logs.stretch import stretch
+
+    check_found([log])
+    part = stretch(read_log(log, mapping=LogMap.of(mapping)), start, stop)
+    write_log(part, output)
+    show_page(show.cut(part, output), as_json)

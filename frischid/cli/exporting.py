@@ -55,7 +55,13 @@ def consistent(model: str, box: tuple[str, ...], no_shapes: bool, output: str | 
 
 @main.command()
 @click.argument("model", type=InputPath())
-@click.option("-o", "--output", type=OutputPath(), required=True, help="robot.urdf, robot.xml (MJCF), x.c or x.py.")
+@click.option(
+    "-o",
+    "--output",
+    type=OutputPath(),
+    required=True,
+    help="robot.urdf, robot.xml (MJCF), x.c, x.py, or drives.json or .csv.",
+)
 @click.option("--into", type=InputPath(), help="The robot's own MJCF file: only its numbers change in the written one.")
 @box_options
 @click.option("--force", is_flag=True, help="Export the model as identified, even if it is not physical.")
@@ -65,7 +71,8 @@ def export(
 ) -> None:
     """Write a model as URDF, MJCF, or C or NumPy code.
 
-    The code is a function for a control loop, without further dependencies.
+    The code is a function for a control loop, without further dependencies. JSON and CSV hold a table of the drives
+    (stiffness, damping, armature, friction, effort limit, delay) with ranges, for simulators.
 
     Links that are not physical are made physical first (see `frischid consistent`); the changes are printed.
     """

@@ -18,9 +18,10 @@ from frischid.cli.arguments import (
     robot_options,
     valid_option,
 )
+from frischid.cli.controllers import ControllerArguments, controller_options
 from frischid.cli.fleets import FleetArguments, run_fleet
 from frischid.cli.group import main
-from frischid.cli.inputs import load, model_of, opened
+from frischid.cli.inputs import load, model_of, names_of, opened
 from frischid.cli.output import show_page, working
 from frischid.cli.paths import InputPath, OutputPath
 from frischid.errors import InputError
@@ -59,6 +60,7 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 @robot_options
 @effects_option
 @map_option
+@controller_options
 @click.option("--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default.")
 @click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
 @click.option("--velocity", type=click.Choice(["auto", "measured", "derived"]), default="auto")
@@ -96,17 +98,19 @@ def identify(
     force: bool,
     parameters: bool,
     output: str | None,
+    controller: ControllerArguments,
     as_json: bool,
     **options: Any,
 ) -> None:
     """Identify a robot's parameters from logs, with bounds.
 
-    Test logs (--valid) give the error on logs that were not fitted.
+    Test logs (--valid) give the error on logs that were not fitted. Logs of commanded positions need a --controller.
     """
     if scheduler is not None:
-        if valid or estimator != "wls" or window or bbrf not in {"strict", "none"}:
+        if valid or estimator != "wls" or window or bbrf not in {"strict", "none"} or controller.controller:
             raise InputError(
-                "--scheduler sums moments and cannot be combined with --valid, --estimator, --bbrf or --window; leave "
+                "--scheduler sums moments and cannot be combined with --valid, --estimator, --bbrf, --window or "
+                "--controller; leave "
                 "these out, or identify on this machine without --scheduler"
             )
         fleet = FleetArguments(effects, mapping, torque_joints, cutoff, velocity, output, scheduler)
@@ -131,6 +135,7 @@ def identify(
             recursion=bbrf,
             window=window,
             force=force,
+            controller=controller.read(names_of(machine)),
             progress=progress,
         )
     if output:
@@ -147,7 +152,8 @@ def identify(
 def compare(model: str, logs: tuple[str, ...], mapping: MapFiles, simulate: bool, as_json: bool) -> None:
     """Compare measured and predicted torque, joint by joint.
 
-    With --simulate, the model also moves under the recorded torque alone, from many moments of the logs.
+    With --simulate, the model also moves under the recorded torque alone, from many moments of the logs. A model with a
+    controller follows the recorded commands instead.
     """
     from frischid.cli.pages import comparing as show
     from frischid.forward.motion_error import compare_simulated

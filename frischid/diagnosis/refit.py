@@ -107,6 +107,7 @@ def refitted(
         prior="none" if model.prior is None else "urdf",
         recursion="none",
         reference=load_reference(model, criteria),
+        controller=model.controller,
     )
     return replace(found.model, lowpass=model.lowpass)
 

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from frischid.core.types import Array
 from frischid.export.names import attribute, number
+from frischid.model.drive_parameters import drive_parameters
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 from frischid.robot.kinematic_tree import Body, bodies_of
@@ -38,6 +39,7 @@ def mjcf_source(model: Model) -> str:
         *_children(model, bodies, links, -1, "    "),
         "  </worldbody>",
         *_followers(model, bodies),
+        *actuators(model),
         "</mujoco>",
     ]
     return "\n".join(lines) + "\n"
@@ -94,6 +96,34 @@ def _followers(model: Model, bodies: Sequence[Body]) -> list[str]:
         if b.joint not in joints
     ]
     return ["  <equality>", *rules, "  </equality>"] if rules else []
+
+
+def actuators(model: Model) -> list[str]:
+    """Lines of a position actuator for each joint of a model with a controller; none without."""
+    if model.controller is None:
+        return []
+    values = position_attributes(model)
+    rows = [
+        f"    <position name={attribute(joint)} joint={attribute(joint)} "
+        + " ".join(f'{key}="{text}"' for key, text in found.items())
+        + "/>"
+        for joint, found in values.items()
+    ]
+    return ["  <actuator>", *rows, "  </actuator>"]
+
+
+def position_attributes(model: Model) -> dict[str, dict[str, str]]:
+    """Joint -> attributes of its ``<position>`` actuator: gains, and the largest force where one is known."""
+    found: dict[str, dict[str, str]] = {}
+    for x in drive_parameters(model):
+        entry = found.setdefault(x.joint, {})
+        if x.quantity == "stiffness":
+            entry["kp"] = number(x.value)
+        elif x.quantity == "damping":
+            entry["kv"] = number(x.value)
+        elif x.quantity == "effort_limit":
+            entry["forcerange"] = _numbers([-x.value, x.value])
+    return found
 
 
 def _numbers(values: Sequence[float] | Array) -> str:

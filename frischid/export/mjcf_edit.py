@@ -1,7 +1,9 @@
 """Identified numbers in the user's own MJCF: only numbers change; names, actuators, shapes and comments stay.
 
 The text is edited in place: the ``<inertial>`` of the body of every joint, and ``armature``, ``damping`` and
-``frictionloss`` of the joint. The inertia of bodies that are welded to a body stays theirs; the body gets the rest.
+``frictionloss`` of the joint; of a model with a controller, ``kp`` and ``kv`` of the joint's ``<position>`` actuator
+too (a joint without one gets one). The inertia of bodies that are welded to a body stays theirs; the body gets the
+rest.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import pinocchio as pin
 
 from frischid.core.types import Array
 from frischid.errors import InputError
+from frischid.export.mjcf import actuators, position_attributes
 from frischid.export.names import number
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
@@ -83,9 +86,34 @@ def edited_mjcf(model: Model, path: Path) -> str:
         assert body.joint is not None
         if joint in robot.joints:
             changes.append(_joint(data, body.joint, _values(model, joint)))
+    if model.controller is not None:
+        changes += _positions(model, data)
     for start, end, text in sorted(changes, reverse=True):
         data = data[:start] + text.encode() + data[end:]
     return data.decode("utf-8")
+
+
+def _positions(model: Model, data: bytes) -> list[tuple[int, int, str]]:
+    """Changes that give each joint's ``<position>`` actuator the model's gains; new ones for joints without."""
+    parser, tags, last = expat.ParserCreate(), dict[str, _Tag](), [0]
+
+    def start(kind: str, attributes: dict[str, str]) -> None:
+        if kind == "position" and "joint" in attributes:
+            at = parser.CurrentByteIndex
+            tags[attributes["joint"]] = _Tag(at, end_of_tag(data, at), attributes["joint"])
+
+    def end(_: str) -> None:
+        last[0] = parser.CurrentByteIndex
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.Parse(data, True)
+    values = position_attributes(model)
+    changes = [_attributes(data, tag, values[joint]) for joint, tag in tags.items() if joint in values]
+    new = [line for joint, line in zip(values, actuators(model)[1:-1], strict=True) if joint not in tags]
+    if new:
+        text = "\n".join(["  <actuator>", *new, "  </actuator>", ""])
+        changes.append((last[0], last[0], text))
+    return changes
 
 
 def _values(model: Model, joint: str) -> dict[str, float]:
@@ -125,10 +153,15 @@ def _inertial(data: bytes, body: _Body, theta: Array) -> tuple[int, int, str]:
 
 
 def _joint(data: bytes, tag: _Tag, values: Mapping[str, float]) -> tuple[int, int, str]:
+    return _attributes(data, tag, {key: number(x) for key, x in values.items()})
+
+
+def _attributes(data: bytes, tag: _Tag, values: Mapping[str, str]) -> tuple[int, int, str]:
+    """The tag with other values of some attributes."""
     text = data[tag.start : tag.end].decode()
     for key, x in values.items():
-        written, count = re.subn(rf"(\b{key}\s*=\s*)([\"'])[^\"']*\2", rf"\g<1>\g<2>{number(x)}\g<2>", text)
-        text = written if count else re.sub(r"(\s*/?>)$", f' {key}="{number(x)}"\\1', text)
+        written, count = re.subn(rf"(\b{key}\s*=\s*)([\"'])[^\"']*\2", rf"\g<1>\g<2>{x}\g<2>", text)
+        text = written if count else re.sub(r"(\s*/?>)$", f' {key}="{x}"\\1', text)
     return tag.start, tag.end, text
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from frischid.core.files import check_writable, write_text
 from frischid.core.types import Array
 from frischid.errors import FrischidError, InputError, UnknownNameError
+from frischid.export.actuators import actuators_csv, actuators_json
 from frischid.export.code import c_source, numpy_source
 from frischid.export.consistency import Box, Consistency, as_identified, make_consistent
 from frischid.export.mjcf import mjcf_source
@@ -26,7 +27,7 @@ from frischid.robot.kinematic_tree import links_of
 from frischid.robot.robot import Robot
 from frischid.robot.urdf_edit import UrdfText
 
-FORMATS = {".urdf": "URDF", ".xml": "MJCF", ".c": "C", ".py": "NumPy"}
+FORMATS = {".urdf": "URDF", ".xml": "MJCF", ".c": "C", ".py": "NumPy", ".json": "actuators", ".csv": "actuators"}
 AGREEMENT = 1e-6  # largest relative difference of the written URDF's torque from the model's
 
 
@@ -86,6 +87,8 @@ def export(
 ) -> Export:
     """Write a model to a file; the suffix chooses the format: .urdf, .xml (MJCF), .c or .py (NumPy only).
 
+    With .json or .csv, the file is a table of the drives, with ranges (`frischid.export.actuators`).
+
     Parameters
     ----------
     model : Model
@@ -123,6 +126,9 @@ def export(
     if target.suffix not in FORMATS:
         raise UnknownNameError("export format", target.suffix or target.name, FORMATS)
     check_writable(target)
+    if FORMATS[target.suffix] == "actuators":
+        write_text(target, {".json": actuators_json, ".csv": actuators_csv}[target.suffix](model))
+        return Export(target, "actuators", model, None, None, ())
     physical, consistency = _physical(model, force, boxes, shapes)
     kind, difference = FORMATS[target.suffix], None
     if kind == "URDF":

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.errors import InputError
+from frischid.forward.commanded_motion import commanded_source, follows_commands
 from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics, Starts
 from frischid.forward.torque_sources import RecordedTorque, TorqueSource
 from frischid.logs.log import Log
@@ -129,7 +130,8 @@ def compare_simulated(
     horizons : sequence of float
         s. Horizons longer than every log are left out.
     sources : sequence of TorqueSource, optional
-        Source of torque for each log, on the log's clock; by default the log's own torque.
+        Source of torque for each log, on the log's clock. By default the log's own torque; for logs of commands,
+        the model's controller, which follows the commands.
     step : float
         Longest step of the integration, s.
 
@@ -159,6 +161,9 @@ def compare_simulated(
     if sources is not None and len(sources) != len(logs):
         raise InputError(f"{len(sources)} sources of torque were given for {len(logs)} logs; give one per log")
     model.check(logs)
+    if sources is None and all(follows_commands(model.controller, log, model.robot.joints) for log in logs):
+        assert model.controller is not None
+        sources = [commanded_source(model.controller, log, model.robot.joints) for log in logs]
     thetas = np.stack([model.full_theta, urdf_parameters(model)])
     parts: list[tuple[float, Array]] = []
     wholes: list[Array] = []

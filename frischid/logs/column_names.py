@@ -23,11 +23,17 @@ CHANNEL_WORDS = {
     "a": {"a", "qdd", "ddq", "acc", "acceleration", "qacc"},
     "tau": {"tau", "torque", "torques", "effort", "eff", "moment", "force", "load"},
     "current": {"i", "current", "currents", "cur", "amp", "amps", "iq"},
+    "qcmd": {"qcmd"},
+    "vcmd": {"vcmd"},
+    "tauff": {"tauff"},
 }
+COMMANDS = {"q": "qcmd", "v": "vcmd"}
+"""Channel of a set point, by the channel of the quantity that is set. A desired torque or current has none: whether
+it is a feed-forward, or the sum of all that the controller asks for, no name tells."""
 SETPOINT_WORDS = {"des", "desired", "ref", "reference", "cmd", "command", "commanded", "target", "setpoint", "goal"}
 OTHER_WORDS = {"temperature", "temp", "voltage", "status", "mode", "index", "count", "error"}
 TIME_WORDS = {"t", "time", "stamp", "timestamp", "sec", "secs", "seconds", "nsec", "clock"}
-MEASURED_WORDS = {"actual", "act", "measured", "meas"}
+MEASURED_WORDS = {"actual", "act", "measured", "meas", "present"}
 FILLER_WORDS = MEASURED_WORDS | {"joint", "joints", "link", "axis", "state", "states", "robot", "arm", "j", ""}
 LEAST_LIKENESS = 0.55
 """Share of matching characters (`difflib`) below which a column's name does not match a joint's."""
@@ -52,12 +58,17 @@ def split(name: str) -> tuple[str | None, str]:
 
     >>> split("actual_q_3")
     ('q', '3')
+    >>> split("position_command_elbow")
+    ('qcmd', 'elbow')
     """
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
     words = [w for w in re.split(r"[^0-9A-Za-z]+", spaced.lower()) if w]
     words = [part for w in words for part in (_counted(w) or [w])]
-    if set(words) & (SETPOINT_WORDS | OTHER_WORDS):
+    if set(words) & OTHER_WORDS:
         return None, name
+    if commanded := set(words) & SETPOINT_WORDS:
+        quantity, joint = split("_".join(w for w in words if w not in commanded))
+        return (COMMANDS[quantity], joint) if quantity in COMMANDS else (None, name)
     for channel, known in CHANNEL_WORDS.items():
         hits = [w for w in words if w in known]
         # a single letter is a quantity only as the first word: later "a" may be an arm

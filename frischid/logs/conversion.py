@@ -163,6 +163,7 @@ def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str],
         "tau": effort * entry.gear_ratio * entry.torque_factor,
         "current": effort,
     }
+    factors |= {"qcmd": motion, "vcmd": motion, "tauff": factors["tau"]}
     channels: dict[str, Array] = {}
     for channel, name in columns.items():
         raw = np.asarray(table.values(name), dtype=np.float64)
@@ -170,7 +171,7 @@ def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str],
             notes.append(f"{name} left out: it is empty")
             continue
         check_values(name, raw, table.source, table.place)
-        factor, offset = factors[channel], entry.offset if channel == "q" else 0.0
+        factor, offset = factors[channel], entry.offset if channel in ("q", "qcmd") else 0.0
         channels[channel] = raw if factor == 1 and offset == 0 else factor * raw + offset
         scaled = f"{factor:.6g} × {name}" if factor != 1 else name
         if factor == 1 and not offset:

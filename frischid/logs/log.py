@@ -1,4 +1,4 @@
-"""A log: position, velocity and torque of every joint, sample by sample, exactly as measured.
+"""A log: position, velocity, torque or command of every joint, sample by sample, exactly as measured.
 
 A log is the sequence ``(t_k, q_k, q̇_k, q̈_k, τ_k, i_k)`` of J joints at N instants. It is frozen. An unusable value
 (NaN, infinity, uninitialised memory, time running backwards) is an error that names its place; frischid never repairs
@@ -6,7 +6,7 @@ such a value silently. `frischid.checks` finds values that are only suspicious: 
 arrival, a constant torque.
 
 In a table every column has a name: ``t``, ``q_<joint>``, ``v_<joint>``, ``a_<joint>``, ``tau_<joint>``,
-``current_<joint>``, and any other name for other measurements.
+``current_<joint>``, ``qcmd_<joint>``, ``vcmd_<joint>``, ``tauff_<joint>``, and any other name for other measurements.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ from frischid.logs.log_file import LogFile
 
 Place = Callable[[int], str]
 
-CHANNELS = ("q", "v", "a", "tau", "current")
+MEASURED_CHANNELS = ("q", "v", "a", "tau", "current")
+COMMANDED_CHANNELS = ("qcmd", "vcmd", "tauff")
+CHANNELS = (*MEASURED_CHANNELS, *COMMANDED_CHANNELS)
 FEWEST_SAMPLES = 10
 GARBAGE = 1e12
 """Largest value in SI units that a robot's channel can have; a larger one is uninitialised memory."""
@@ -53,6 +55,11 @@ class Log:
         Joint-side torques [N·m] or forces [N].
     current : ndarray, shape (N, J), or None
         Motor currents [A], in the joint's positive direction.
+    qcmd, vcmd : ndarray, shape (N, J), or None
+        Commanded positions [rad or m] and velocities; a controller makes a torque of them
+        (`frischid.PDController`).
+    tauff : ndarray, shape (N, J), or None
+        Commanded feed-forward torques [N·m] or forces [N].
     extra : mapping of str to ndarray, shape (N,)
         Other numeric columns by name, for example ``temperature_<joint>``.
     source : str
@@ -97,6 +104,9 @@ class Log:
     sha256: str | None = None
     notes: tuple[str, ...] = ()
     file: LogFile | None = None
+    qcmd: Array | None = None
+    vcmd: Array | None = None
+    tauff: Array | None = None
 
     @cached_property
     def identity(self) -> str:
@@ -104,7 +114,9 @@ class Log:
         if self.sha256 is not None:
             return self.sha256
         digest = hashlib.sha256(repr(self.joints).encode())
-        for x in (self.t, self.q, self.v, self.a, self.tau, self.current, *self.extra.values()):
+        measured = (getattr(self, channel) for channel in MEASURED_CHANNELS)
+        commanded = (x for channel in COMMANDED_CHANNELS if (x := getattr(self, channel)) is not None)
+        for x in (self.t, *measured, *commanded, *self.extra.values()):
             digest.update(b"-" if x is None else np.ascontiguousarray(x).tobytes())
         return digest.hexdigest()
 
@@ -171,7 +183,7 @@ class Log:
 
         Parameters
         ----------
-        channel : {"q", "v", "a", "tau", "current"}
+        channel : {"q", "v", "a", "tau", "current", "qcmd", "vcmd", "tauff"}
 
         Returns
         -------
@@ -297,6 +309,10 @@ def check_torque(log: Log, joints: Sequence[str] | None = None) -> None:
     present = [j for j in log.index(wanted) if log.has("tau")[j]]
     if log.tau is None or not present:
         hint = "" if log.current is None else "; currents become torques by [current_gain] in a mapping file (--map)"
+        if log.qcmd is not None:
+            hint += (
+                "; commanded positions become torques by --controller pd --kp ... (controller=frischid.PDController)"
+            )
         raise InputError(
             f"{log.source}: no torque column (tau_<joint>) for {', '.join(wanted)}{hint}; "
             f"the log has {', '.join(log.to_table())}"

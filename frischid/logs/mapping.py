@@ -11,6 +11,8 @@ A `LogMap` gives the joint and channel of each column, and the unit and directio
     i = sign · torque_sign · raw                       τ = sign · torque_sign · torque_factor · gear_ratio · raw
                                                        or τ = current_gain · i
 
+Commanded positions ``qcmd`` and velocities ``vcmd`` are converted as q and q̇, feed-forward torques ``tauff`` as τ.
+
 Logs of one robot may have different columns. Each layout is then a section ``[layout.<name>]`` with tables of its own,
 and what stands outside holds for all; or there are several mapping files. `frischid.logs.layouts` finds the layout of a
 log.
@@ -44,18 +46,18 @@ class JointMap:
 
     Attributes
     ----------
-    q, v, a, tau, current : str or int, optional
+    q, v, a, tau, current, qcmd, vcmd, tauff : str or int, optional
         Column name, or number from 0; otherwise the template under ``[default]``.
     sign : {1, -1}
-        Direction of the recorded axis: factor of q, v, a, tau and current.
+        Direction of the recorded axis: factor of all channels.
     offset : float
-        Added to q after sign, unit and gear [rad or m].
+        Added to q and qcmd after sign, unit and gear [rad or m].
     gear_ratio : float
-        Gear ratio if the columns are motor-side: q, v, a are divided by it, tau is multiplied.
+        Gear ratio if the columns are motor-side: q, v, a, qcmd, vcmd are divided by it, tau and tauff are multiplied.
     torque_sign : {1, -1}
-        Further factor of tau and current only.
+        Further factor of tau, tauff and current only.
     torque_factor : float
-        Further factor of tau only: its unit, N·m per unit of the column.
+        Further factor of tau and tauff only: their unit, N·m per unit of the column.
     current_gain : float, optional
         Joint-side torque per ampere [N·m/A]: ``tau = current_gain · current`` where there is no tau column.
     tau_from : {"tau", "current"}, optional
@@ -69,6 +71,9 @@ class JointMap:
     a: str | int | None = None
     tau: str | int | None = None
     current: str | int | None = None
+    qcmd: str | int | None = None
+    vcmd: str | int | None = None
+    tauff: str | int | None = None
     sign: int = 1
     offset: float = 0.0
     gear_ratio: float = 1.0

@@ -155,7 +155,7 @@ def identify(
         Called with a few words at each stage.
     **choices
         Single fields of `IdentifyOptions`, which override `options`: ``torque_joints``, ``cutoff``, ``velocity``,
-        ``estimator``, ``prior``, ``recursion``, ``window``, ``reference``, ``force``, ``criteria``,
+        ``estimator``, ``prior``, ``recursion``, ``window``, ``reference``, ``force``, ``controller``, ``criteria``,
         ``prior_criteria``.
 
     Returns
@@ -249,6 +249,7 @@ def _model(bounds: Bounds, record: FitRecord) -> Model:
         recursion=recursion_record(bounds, data.options.criteria),
         prior=None if fit.posterior is None else UrdfPrior.of(fit.posterior),
         fitted=record,
+        controller=data.options.controller,
     )
 
 

@@ -24,6 +24,7 @@ from frischid.estimators.least_squares import Estimate, ols, wls
 from frischid.estimators.map_estimate import MapEstimate, map_estimate
 from frischid.estimators.parameter_prior import ParameterPrior
 from frischid.estimators.urdf_prior import urdf_prior
+from frischid.logs.controller import driven
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording, check_logs
@@ -188,6 +189,9 @@ def read_logs(
     """
     _check_robot(robot)
     check_logs(logs, valid)
+    if options.controller is not None:
+        options.controller.check_joints((*robot.joints, *robot.locked))
+    logs, valid = driven(logs, options.controller), driven(valid, options.controller)
     robot, locked = held_by(robot, logs)
     journal.notes += locked
     joints = tuple(torque_joints(robot, logs, options.torque_joints, journal.notes))

@@ -8,6 +8,7 @@ from typing import Literal, TypedDict
 
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.urdf_prior import PriorCriteria
+from frischid.logs.controller import PDController
 from frischid.logs.preprocessing import VELOCITIES
 from frischid.model.alarms import AlarmCriteria
 from frischid.model.identification_criteria import IdentificationCriteria
@@ -30,6 +31,7 @@ class IdentifyChoices(TypedDict, total=False):
     window: int | None
     reference: Mapping[str, float] | None
     force: bool
+    controller: PDController | None
     criteria: IdentificationCriteria
     prior_criteria: PriorCriteria
     alarm_criteria: AlarmCriteria
@@ -64,6 +66,8 @@ class IdentifyOptions:
         Parameter values from which effects that depend on the load take the load; the URDF's own by default.
     force : bool
         Go on in spite of an issue of `frischid.checks` that is certain and makes the logs worthless.
+    controller : PDController, optional
+        Makes the torque of logs that hold commanded positions and no torque.
     criteria : IdentificationCriteria
     prior_criteria : PriorCriteria
     alarm_criteria : AlarmCriteria
@@ -83,6 +87,7 @@ class IdentifyOptions:
     window: int | None = None
     reference: Mapping[str, float] | None = None
     force: bool = False
+    controller: PDController | None = None
     criteria: IdentificationCriteria = field(default_factory=IdentificationCriteria)
     prior_criteria: PriorCriteria = field(default_factory=PriorCriteria)
     alarm_criteria: AlarmCriteria = field(default_factory=AlarmCriteria)

@@ -14,6 +14,7 @@ from frischid.checks import LogReport, inspect
 from frischid.checks.long_log import examine_long, is_long
 from frischid.effects import BASELINE
 from frischid.errors import InputError
+from frischid.logs.controller import PDController, driven
 from frischid.logs.cutoff_choice import choose_lowpass
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
@@ -28,7 +29,7 @@ from frischid.robot.robot import Robot
 from frischid.robot.urdf_doubts import urdf_doubts
 
 
-def check(robot: Robot, logs: Sequence[Data]) -> list[LogReport]:
+def check(robot: Robot, logs: Sequence[Data], *, controller: PDController | None = None) -> list[LogReport]:
     """Check that logs can be used with a robot, and report suspicious findings.
 
     Parameters
@@ -36,6 +37,8 @@ def check(robot: Robot, logs: Sequence[Data]) -> list[LogReport]:
     robot : Robot
     logs : sequence of Log or Recording
         A long one is examined piece by piece: see `frischid.checks.long_log`.
+    controller : PDController, optional
+        Makes the torque of logs that hold commanded positions and no torque.
 
     Returns
     -------
@@ -56,6 +59,9 @@ def check(robot: Robot, logs: Sequence[Data]) -> list[LogReport]:
     >>> report.issues
     ()
     """
+    if controller is not None:
+        controller.check_joints((*robot.joints, *robot.locked))
+    logs = driven(logs, controller)
     robot, locked = held_by(robot, logs)
 
     @cache
@@ -96,7 +102,7 @@ def _fault(robot: Robot, log: Log) -> InputError | None:
     """Why a log cannot be used; None where it can."""
     chosen = log.select(robot.joints)
     with_torque = [n for n in robot.joints if chosen.select([n]).has("tau")[0]]
-    if not with_torque and chosen.has("current").any():
+    if not with_torque and (chosen.has("current") | chosen.has("qcmd")).any():
         return None  # clock, positions and currents can be checked; the report says that torques cannot
     try:
         check_usable(robot, log, with_torque or list(robot.joints), strict=False)

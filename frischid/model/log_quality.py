@@ -15,6 +15,7 @@ import numpy as np
 from frischid.checks import inspect
 from frischid.core.types import Array
 from frischid.effects import BASELINE
+from frischid.logs.controller import driven
 from frischid.logs.excerpt import Excerpt, excerpt
 from frischid.logs.filters import noise_level
 from frischid.logs.log import Log
@@ -89,7 +90,7 @@ def quality(model: Model, logs: Sequence[Log | Excerpt]) -> list[Quality]:
     list of Quality
         One per log.
     """
-    return [_judge(model, excerpt(log) if isinstance(log, Log) else log) for log in logs]
+    return [_judge(model, excerpt(*driven([x], model.controller)) if isinstance(x, Log) else x) for x in logs]
 
 
 def _judge(model: Model, given: Excerpt) -> Quality:

@@ -25,6 +25,7 @@ from frischid.errors import InputError
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import Estimate
 from frischid.estimators.urdf_prior import UrdfPrior
+from frischid.logs.controller import PDController, driven
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
@@ -79,6 +80,8 @@ class Model(Shown):
         Prior of the fit; None: the logs alone.
     fitted : FitRecord, optional
         The reach of the fitted logs, and the URDF with fitted friction; None: not known.
+    controller : PDController, optional
+        Makes the torque of logs that hold commands and no torque; None: logs need torque.
 
     Examples
     --------
@@ -88,8 +91,6 @@ class Model(Shown):
     >>> model = fr.identify(robot, [log], recursion="none").model
     >>> model.inverse_dynamics(log.q[:3], log.v[:3], log.a[:3]).shape
     (3, 2)
-    >>> model.parameters["fv1"].unit
-    'N·m·s/rad'
     """
 
     robot: Robot
@@ -108,6 +109,7 @@ class Model(Shown):
     recursion: Mapping[str, Any] | None = None
     prior: UrdfPrior | None = None
     fitted: FitRecord | None = None
+    controller: PDController | None = None
 
     def __repr__(self) -> str:
         kinds = ", ".join(dict.fromkeys(e.id for e in self.effects))
@@ -248,17 +250,12 @@ class Model(Shown):
         return self.standard[name]
 
     def check(self, logs: Sequence[Log | Recording]) -> None:
-        """Refuse logs that lack a joint of the robot, or torque of one the model was fitted to.
-
-        Raises
-        ------
-        InputError
-        """
-        check_logs_fit(self.robot, self.joints, logs)
+        """Refuse logs (InputError) that lack a joint of the robot, or torque of one the model was fitted to."""
+        check_logs_fit(self.robot, self.joints, driven(logs, self.controller))
 
     def motions(self, logs: Sequence[Log | Recording]) -> Motions:
         """Logs prepared as the model's own were."""
-        return Motions(logs, self.robot.joints, self.lowpass, self.velocity)
+        return Motions(driven(logs, self.controller), self.robot.joints, self.lowpass, self.velocity)
 
     def blocks(self, logs: Sequence[Log | Recording]) -> Iterator[tuple[Block, Array]]:
         """Filtered samples of logs with the torque the model predicts for them, shape (M, J)."""
@@ -312,6 +309,7 @@ class Model(Shown):
             "recursion": None if self.recursion is None else dict(self.recursion),
             "prior": None if self.prior is None else self.prior.to_dict(),
             "fitted": None if self.fitted is None else self.fitted.to_dict(),
+            "controller": None if self.controller is None else self.controller.to_dict(),
         }
 
     @classmethod

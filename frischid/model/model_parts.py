@@ -17,10 +17,11 @@ from frischid.errors import EmptyBoxError, InputError
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import Estimate
 from frischid.estimators.urdf_prior import UrdfPrior
+from frischid.logs.controller import PDController
 from frischid.logs.filters import LowPass
 from frischid.model.fit_record import FitRecord
 from frischid.model.model_file import check_columns, damaged
-from frischid.model.model_records import ModelRecord
+from frischid.model.model_records import ControllerRecord, ModelRecord
 from frischid.robot.robot import Robot
 
 
@@ -143,7 +144,24 @@ def parts_of(record: ModelRecord, robot: Robot, source: str) -> dict[str, Any]:
         "recursion": None if record.recursion is None else msgspec.to_builtins(record.recursion),
         "prior": None if record.prior is None else UrdfPrior.from_dict(msgspec.to_builtins(record.prior)),
         "fitted": None if record.fitted is None else FitRecord.from_dict(msgspec.to_builtins(record.fitted)),
+        "controller": None if record.controller is None else controller_of(record.controller, robot, source),
     }
+
+
+def controller_of(record: ControllerRecord, robot: Robot, source: str) -> PDController:
+    """The controller of a record.
+
+    Raises
+    ------
+    InputError
+        A value is not usable, or of a joint that the robot does not have.
+    """
+    try:
+        found = PDController.from_dict(msgspec.to_builtins(record))
+        found.check_joints((*robot.joints, *robot.locked))
+    except InputError as error:
+        raise damaged(source, f"{error} - at `controller`") from error
+    return found
 
 
 def plain_estimate(

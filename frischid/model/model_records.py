@@ -112,6 +112,16 @@ class FitFields(Struct, forbid_unknown_fields=True, frozen=True):
     model_share: list[Share] = []
 
 
+class ControllerRecord(Struct, forbid_unknown_fields=True, frozen=True, omit_defaults=True):
+    """The controller that makes torques of commands: values of all joints, or by joint."""
+
+    kp: float | dict[str, float] | None = None
+    kd: float | dict[str, float] = 0.0
+    limit: float | dict[str, float] | None = None
+    dead_band: float | dict[str, float] = 0.0
+    delay: float | dict[str, float] = 0.0
+
+
 class EventLogRecord(Struct, frozen=True):
     """One log of a step: where it was, and its hash."""
 
@@ -179,4 +189,5 @@ class ModelRecord(Struct, forbid_unknown_fields=True, frozen=True):
     recursion: RecursionRecord | None = None
     prior: PriorRecord | None = None
     fitted: FitFields | None = None
+    controller: ControllerRecord | None = None
     sha256: str | None = None

@@ -27,7 +27,6 @@ from frischid.core.types import Array
 from frischid.effects.load import Payload
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.least_squares import Prior, wls
-from frischid.logs.recording import Motions
 from frischid.logs.summary import Data
 from frischid.model.model import Model
 from frischid.regression.accumulation import accumulate
@@ -198,7 +197,7 @@ def payload(
     felt = [LINK_PARAMETERS.index(c.name[1:].removesuffix(str(robot.numbers[name]))) for c in regressor.columns[bare:]]
     if not felt:
         raise IdentifiabilityError(f"a body on the link of {name} changes no torque; name another link (carrier)")
-    motions = Motions(logs, robot.joints, model.lowpass, model.velocity)
+    motions = model.motions(logs)
     keep = [*model.base, *range(bare, len(regressor.columns))]
     blocks = list(accumulate(regressor, list(motions), model.lowpass, model.joints, base=keep))
     p = len(model.base)

@@ -16,6 +16,7 @@ from frischid.diagnosis.rivals import cause_of
 from frischid.diagnosis.roles import diagnose_in_roles
 from frischid.errors import FrischidError, InputError
 from frischid.export.consistency import Consistency, make_consistent
+from frischid.logs.controller import driven
 from frischid.logs.excerpt import as_recording, excerpt
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
@@ -193,6 +194,7 @@ def study(
         raise InputError(f"model must be a Model, got {type(model).__name__}: fr.Model.load(path)")
     model.check(logs)
     progress("comparing")
+    logs = driven(logs, model.controller)
     excerpts = [excerpt(log) for log in logs]
     shown, whole = [part.log for part in excerpts], [as_recording(log) for log in logs]
     held = [log for log in whole if not model.made_from(log)]

@@ -200,8 +200,9 @@ def test_layouts(tmp_path):
 def test_names():
     assert split("actual_q_3") == ("q", "3")
     assert split("- arm_1_joint_effort") == ("tau", "arm_1_joint")
-    assert split("target_q_3")[0] is None
-    assert split("qd_target_1")[0] is None
+    assert split("target_q_3") == ("qcmd", "3")
+    assert split("target_torque_3")[0] is None
+    assert split("qd_target_1") == ("vcmd", "1")
     assert split("pos.shoulder_pan") == ("q", "shoulder_pan")
     joints = [f"panda_joint{k}" for k in range(1, 8)]
     assert assign({f"c{k}": f"joint_{k}" for k in range(1, 8)}, joints).columns == {

@@ -10,6 +10,7 @@ from rich.markup import escape
 from frischid.checks import LogIssue, LogReport
 from frischid.cli.pages.page import Page, figure, table_of
 from frischid.logs.datasets import Dataset
+from frischid.logs.log import Log
 from frischid.logs.proposal import Proposal
 
 COLUMNS = {
@@ -133,6 +134,12 @@ def fetched(name: str, about: str, paths: Sequence[str]) -> Page:
     return Page(
         {"name": name, "about": about, "logs": list(paths)}, [escape(about.strip()), *(f"written: {p}" for p in paths)]
     )
+
+
+def cut(part: Log, output: str) -> Page:
+    """A part of a log that was written."""
+    data = {"output": output, "samples": len(part), "seconds": part.duration}
+    return Page(data, [f"{len(part)} samples, {part.duration:.4g} s, written to {output}"])
 
 
 def proposal(found: Proposal, text: str, output: str | None) -> Page:

@@ -8,6 +8,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from frischid.cli.pages.joint_drives import drives
 from frischid.cli.pages.page import Page, figure, table_of
 from frischid.export.consistency import Consistency
 from frischid.export.urdf import Export
@@ -100,7 +101,8 @@ def export(done: Export) -> Page:
         parts += [_verdict(done.consistency), *_changes(done.consistency), *_held(done.consistency)]
         data["consistency"] = consistency_data(done.consistency)
     data["difference"] = done.difference
-    parts += [links(done.model), *(f"  {escape(n)}" for n in done.notes)]
+    table = drives(done.model) if done.format == "actuators" else links(done.model)
+    parts += [table, *(f"  {escape(n)}" for n in done.notes)]
     if done.difference is not None:
         parts.append(f"loaded again: torque on 50 random states differs from the model's by {done.difference:.1e}")
     return Page(data, [*parts, f"{done.format} written to {done.path}"])

@@ -12,7 +12,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from frischid.cli.pages.comparing import error_tables
+from frischid.cli.pages.joint_drives import MEANING, drives
 from frischid.cli.pages.page import Page, figure, headline_line, table_of, warning_lines
+from frischid.model.drive_parameters import drive_parameters
 from frischid.model.identification import Identification
 from frischid.model.identification_bounds import NO_INFORMATION, without_information
 from frischid.model.model import Model
@@ -34,6 +36,8 @@ def identification(found: Identification, output: str | None, *, whole: bool = F
     parts += error_tables(found.comparison) if found.comparison else []
     parts += [cross_validation(found), *warning_lines(_brief(found, found.warnings)), summary(found)]
     parts += [f"  {escape(n)}" for n in _brief(found, found.notes)]
+    if model.controller is not None:
+        parts += [drives(model), f"  {MEANING}"]
     parts.append(parameters(model) if whole else f"  {len(model.expressions)} parameters: --parameters lists them")
     if output:
         parts += [f"model written to {output}", _next(found, output)]
@@ -75,6 +79,8 @@ def identified(found: Identification) -> dict[str, Any]:
         "merging_cost": reduction.cost,
         "condition": model.estimate.condition,
         "estimator": model.estimate.estimator,
+        "controller": content["controller"],
+        "drives": [x.to_dict() for x in drive_parameters(model)],
         "parameters": content["parameters"],
         "prior": content["prior"],
         "frisch": None

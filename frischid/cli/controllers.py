@@ -1,0 +1,101 @@
+"""Options that name the controller of a log of commands, and the controller that they describe."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from frischid.cli.arguments import matching, number
+from frischid.errors import InputError
+
+if TYPE_CHECKING:
+    from frischid.logs.controller import PDController
+
+KEYS = {"kp": "kp", "kd": "kd", "effort_limit": "limit", "dead_band": "dead_band", "delay": "delay"}
+"""Option -> field of `PDController`."""
+
+
+@dataclass(frozen=True)
+class ControllerArguments:
+    """The options of `controller_options`, as text.
+
+    Attributes
+    ----------
+    controller : str or None
+        ``pd``, or a TOML file.
+    values : dict of str to str
+        Option -> a number, or ``JOINT=VALUE,...``; options that were not given are absent.
+    """
+
+    controller: str | None
+    values: dict[str, str]
+
+    def read(self, joints: Sequence[str]) -> PDController | None:
+        """The controller; None without one.
+
+        Parameters
+        ----------
+        joints : sequence of str
+            All joints of the robot, against which names and patterns are matched.
+
+        Raises
+        ------
+        InputError
+            An option is given without ``--controller``, or a value is not usable.
+        """
+        from dataclasses import replace
+
+        from frischid.logs.controller import PDController
+
+        options = ", ".join(f"--{name.replace('_', '-')}" for name in self.values)
+        if self.controller is None:
+            if self.values:
+                raise InputError(f"{options}: say which controller has it: --controller pd")
+            return None
+        found = PDController() if self.controller == "pd" else PDController.load(self.controller)
+        found = replace(found, **{KEYS[name]: _values(name, text, joints) for name, text in self.values.items()})
+        found.check_joints(joints)
+        return found
+
+
+def _values(option: str, text: str, joints: Sequence[str]) -> float | dict[str, float]:
+    name = f"--{option.replace('_', '-')}"
+    if "=" not in text:
+        return number(name, text)
+    found: dict[str, float] = {}
+    for item in text.split(","):
+        pattern, _, value = item.partition("=")
+        found |= dict.fromkeys(matching(pattern, joints) or [], number(f"{name} {pattern}", value))
+    return found
+
+
+def controller_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options of a controller; the command gets them as ``controller``, a `ControllerArguments`."""
+
+    @functools.wraps(command)
+    def collected(*args: Any, controller: str | None, **given: Any) -> Any:
+        values = {name: text for name in KEYS if (text := given.pop(name)) is not None}
+        return command(*args, controller=ControllerArguments(controller, values), **given)
+
+    each = "one number, or JOINT=VALUE,... (* and ? match)."
+    options = [
+        click.option(
+            "--controller",
+            metavar="pd|FILE",
+            help="Logs hold commanded positions (qcmd_<joint>) instead of torque: the controller that turns commands "
+            "into torque; pd, or a TOML file.",
+        ),
+        click.option("--kp", metavar="VALUES", help=f"Its torque per position error, N·m/rad: {each}"),
+        click.option("--kd", metavar="VALUES", help=f"Its torque per velocity error, N·m·s/rad: {each}"),
+        click.option("--effort-limit", metavar="VALUES", help=f"Its largest torque, N·m: {each}"),
+        click.option("--dead-band", metavar="VALUES", help=f"Position error below which it rests, rad: {each}"),
+        click.option("--delay", metavar="VALUES", help=f"Age of a command when it acts, s: {each}"),
+    ]
+    wrapped: Callable[..., Any] = collected
+    for option in reversed(options):
+        wrapped = option(wrapped)
+    return wrapped

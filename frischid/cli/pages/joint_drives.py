@@ -1,0 +1,49 @@
+"""What a model knows of the drives of its joints, as a table."""
+
+from __future__ import annotations
+
+from rich.table import Table
+
+from frischid.cli.pages.page import figure, table_of
+from frischid.model.drive_parameters import DriveParameter, drive_parameters
+from frischid.model.model import Model
+
+TITLES = {
+    "stiffness": "kp",
+    "damping": "kd",
+    "delay": "delay",
+    "armature": "armature",
+    "viscous": "viscous",
+    "coulomb": "Coulomb",
+    "effort_limit": "limit",
+}
+
+
+def drives(model: Model) -> Table:
+    """One row per joint; a value with its 95 % range, and a word where the logs leave it open."""
+    values = {(x.joint, x.quantity): x for x in drive_parameters(model)}
+    there = [q for q in TITLES if any(quantity == q for _, quantity in values)]
+    units = {x.quantity: x.unit for x in values.values()}
+    table = table_of("drive of", *(f"{TITLES[q]} {units[q]}" for q in there))
+    for joint in model.joints:
+        table.add_row(joint, *(_cell(values.get((joint, q))) for q in there))
+    return table
+
+
+def _cell(x: DriveParameter | None) -> str:
+    if x is None:
+        return ""
+    if x.known == "given":
+        return figure(x.value)
+    return f"{figure(x.value)} ({figure(x.lower)} … {figure(x.upper)})" + (
+        "" if x.known == "identified" else f" {x.known}"
+    )
+
+
+MEANING = (
+    "in brackets: the 95 % range; open: the logs leave the value open within this range; in a sum: the logs show the "
+    "value only together with the links' (--parameters lists the sums), and the URDF divides the sum. Values are those "
+    "at the named gains: all of them grow in proportion to kp. A drive that damps its own joint shows kd + viscous "
+    "friction only: viscous is the rest after kd"
+)
+"""Explanation below the table, for a model with a controller."""

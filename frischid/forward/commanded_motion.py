@@ -1,0 +1,74 @@
+"""The controller of a model as the source of torque of a simulation: closed loop along recorded commands.
+
+    τ(t) = sat( kp dz(q_cmd(t − d) − q) + kd (v_cmd(t − d) − q̇) + τ_ff(t − d) )     with the simulated q and q̇
+
+The law is that of `frischid.logs.controller`, which puts the measured q and q̇ into it to get a torque from a log. Here
+the simulated ones close the loop, so the simulated joint makes its own tracking error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.forward.torque_sources import PositionController
+from frischid.logs.controller import PDController, check_commands, check_delay
+from frischid.logs.log import Log
+from frischid.logs.recording import Recording, chunks_of, preview_of
+
+
+def follows_commands(controller: PDController | None, log: Log | Recording, joints: Sequence[str]) -> bool:
+    """Whether the controller, and no measured torque, drives all these joints of a log."""
+    head = preview_of(log)
+    if controller is None or not set(joints) <= set(head.joints):
+        return False
+    chosen = head.select(joints)
+    return bool((chosen.has("qcmd") & ~chosen.has("tau")).all())
+
+
+def commanded_source(controller: PDController, log: Log | Recording, joints: Sequence[str]) -> PositionController:
+    """The controller with the commands of a log, on the log's clock.
+
+    Parameters
+    ----------
+    controller : PDController
+    log : Log or Recording
+        With commanded positions of all joints. Only the commands of a recording are held in memory.
+    joints : sequence of str
+        The robot's J joints.
+
+    Raises
+    ------
+    InputError
+        The commands never change, or the delay is longer than `MOST_DELAY_STEPS` steps.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> t = np.arange(0.0, 1.0, 0.01)
+    >>> log = fr.Log(t, ("elbow",), q=np.zeros((100, 1)), qcmd=np.sin(t)[:, None])
+    >>> from frischid.forward.commanded_motion import commanded_source
+    >>> source = commanded_source(fr.PDController(kp=20.0), log, ["elbow"])
+    >>> source.torque(t[50:51], np.zeros((1, 1)), np.zeros((1, 1))).round(3)
+    array([[9.589]])
+    """
+    parts = [chunk.select(joints) for chunk in chunks_of(log)]
+    check_commands(parts[0])
+    delay = controller.values("delay", joints)
+    check_delay(delay, joints, parts[0])
+    t = np.concatenate([part.t for part in parts])
+
+    def commands(channel: str) -> Array | None:
+        found = [x for part in parts if (x := getattr(part, channel)) is not None]
+        if len(found) < len(parts):
+            return None
+        whole = np.nan_to_num(np.concatenate(found))
+        return np.column_stack([np.interp(t - d, t, whole[:, j]) for j, d in enumerate(delay)])
+
+    positions = commands("qcmd")
+    assert positions is not None  # `follows_commands` looked
+    gains = {name: controller.values(name, joints) for name in ("kp", "kd", "limit", "dead_band")}
+    return PositionController(t, positions, v_cmd=commands("vcmd"), feedforward=commands("tauff"), **gains)

@@ -1,0 +1,312 @@
+"""A joint's controller as a torque sensor: commanded and measured positions become the torque of the drive.
+
+    τ_j(t) = clip( kp_j dead(q_cmd,j(t − d) − q_j) + kd_j (v_cmd,j(t − d) − q̇_j) + τ_ff,j(t − d),  ±limit_j )
+
+dead(e) is e outside of a dead band ±b and moved by b towards zero, and zero inside of it. A log without commanded
+velocities has v_cmd = 0: the drive damps the joint's own velocity, as most position servos do. d is the delay of the
+command. The log then has a torque like that of a sensor, and every later stage is the same for both.
+
+The measured q̇ is used where the log has one, otherwise the slope of the cubic spline through the positions. Noise in
+this slope does no harm: the parallel filter that follows is linear, and it filters torque and regressor alike.
+
+Source: Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, 8th edition, Pearson; Gautier and
+Janot 2013 use the same law to know the torque of a simulated loop, IEEE Trans. Control Systems Technology 21(2).
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from frischid.core.types import Array
+from frischid.errors import InputError, UnknownNameError
+from frischid.logs.log import STANDSTILL_SPAN, Log
+from frischid.logs.recording import Recording, joined
+
+Gains = float | Mapping[str, float]
+"""One value for all joints, or a value for each joint named."""
+MOST_DELAY_STEPS = 50
+"""Steps of a log. A command that is older than this says nothing about the joint's motion now."""
+_SPLINE_SAMPLES = 20
+"""Samples beyond which a cubic spline's slope no longer depends on a sample: its influence falls by 0.27 a sample."""
+
+
+@dataclass(frozen=True)
+class PDController:
+    """A proportional-derivative position controller, or a position servo, of each joint.
+
+    Attributes
+    ----------
+    kp : float, mapping of str to float, or None
+        Torque per position error, N·m/rad (N/m); None: unknown, `frischid.identify` finds it.
+    kd : float or mapping of str to float
+        Torque per velocity error, N·m·s/rad (N·s/m).
+    limit : float or mapping of str to float, optional
+        Largest torque, N·m (N); None: none.
+    dead_band : float or mapping of str to float
+        Position error below which the servo does not push, rad (m).
+    delay : float or mapping of str to float
+        Age of a command when it acts, s.
+
+    Raises
+    ------
+    InputError
+        A gain has the wrong sign, or is not a number.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> controller = fr.PDController(kp=20.0, kd=1.5, limit={"elbow": 23.0})
+    >>> t = np.arange(0.0, 1.0, 0.01)
+    >>> log = fr.Log(t, ("elbow",), q=np.zeros((100, 1)), qcmd=0.1 * np.sin(t)[:, None])
+    >>> driven = controller.drive(log)
+    >>> bool(np.allclose(driven.tau, 20.0 * log.qcmd))
+    True
+    """
+
+    kp: Gains | None = None
+    kd: Gains = 0.0
+    limit: Gains | None = None
+    dead_band: Gains = 0.0
+    delay: Gains = 0.0
+
+    def __post_init__(self) -> None:
+        for rule in fields(self):
+            given = getattr(self, rule.name)
+            if given is None and rule.name in ("kp", "limit"):
+                continue
+            values = dict(given) if isinstance(given, Mapping) else {"": given}
+            for joint, value in values.items():
+                _check(rule.name, joint, value)
+            object.__setattr__(self, rule.name, values if isinstance(given, Mapping) else float(given))
+
+    def __str__(self) -> str:
+        """The controller as the command line writes it."""
+        return f"pd({', '.join(f'{name} {_shown(value)}' for name, value in self.to_dict().items())})"
+
+    @property
+    def known(self) -> bool:
+        """Whether kp is known, so that commands become torques."""
+        return self.kp is not None
+
+    def check_joints(self, joints: Iterable[str]) -> None:
+        """Refuse a value of a joint that the robot does not have.
+
+        Raises
+        ------
+        UnknownNameError
+        """
+        valid = list(joints)
+        for rule in fields(self):
+            given = getattr(self, rule.name)
+            for name in given if isinstance(given, Mapping) else ():
+                if name not in valid:
+                    raise UnknownNameError("joint", name, valid, f"the controller's {rule.name}")
+
+    def values(self, name: str, joints: Sequence[str]) -> Array:
+        """One quantity of the controller for these joints, (J,).
+
+        Parameters
+        ----------
+        name : {"kp", "kd", "limit", "dead_band", "delay"}
+        joints : sequence of str
+
+        Raises
+        ------
+        InputError
+            kp is not known, or not known of one of the joints.
+        """
+        given, missing = getattr(self, name), {"limit": np.inf}.get(name, 0.0)
+        if given is None:
+            given = {}
+        if not isinstance(given, Mapping):
+            return np.full(len(joints), float(given))
+        absent = [j for j in joints if j not in given]
+        if name == "kp" and absent:
+            raise InputError(
+                f"the controller's kp of {', '.join(absent)} is not known: give --kp JOINT=VALUE (kp={{...}}) for each "
+                "joint that takes commands, or one value for all; with --kp 1 --prior none all values are ratios to kp"
+            )
+        return np.array([float(given.get(j, missing)) for j in joints])
+
+    def drive(self, log: Log) -> Log:
+        """The log with the torque that the controller gives.
+
+        A joint whose torque was measured keeps it, and so does a joint without commands.
+
+        Parameters
+        ----------
+        log : Log
+
+        Returns
+        -------
+        Log
+            The same log where no joint needs a torque.
+
+        Raises
+        ------
+        InputError
+            The commands never change, or the delay is longer than `MOST_DELAY_STEPS` steps.
+        """
+        columns = np.flatnonzero(log.has("qcmd") & ~log.has("tau")).tolist() if isinstance(log, Log) else []
+        if not columns:
+            return log
+        check_commands(log)
+        tau = np.full(log.q.shape, np.nan) if log.tau is None else log.tau.copy()
+        tau[:, columns] = self._torque(log, columns)
+        said = f"torque of {len(columns)} joints from their commands by the controller {self}"
+        return replace(log, tau=tau, sha256=log.identity, notes=(*log.notes, said))
+
+    def _torque(self, log: Log, columns: list[int]) -> Array:
+        joints = [log.joints[j] for j in columns]
+        delay = self.values("delay", joints)
+        check_delay(delay, joints, log)
+
+        def command(channel: str) -> Array:
+            x = getattr(log, channel)
+            if x is None:
+                return np.zeros((len(log), len(columns)))
+            late = [np.interp(log.t - d, log.t, x[:, j]) for d, j in zip(delay, columns, strict=True)]
+            return np.asarray(np.nan_to_num(np.column_stack(late)))  # a joint without this channel has NaN there
+
+        error = command("qcmd") - log.q[:, columns]
+        band = self.values("dead_band", joints)
+        error = np.sign(error) * np.maximum(np.abs(error) - band, 0.0)
+        torque = self.values("kp", joints) * error + command("tauff")
+        kd = self.values("kd", joints)
+        if kd.any():
+            torque += kd * (command("vcmd") - velocity_of(log)[:, columns])
+        limit = self.values("limit", joints)
+        return np.asarray(np.clip(torque, -limit, limit))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The quantities that are not at their defaults, as plain JSON values."""
+        return {f.name: x for f in fields(self) if (x := getattr(self, f.name)) not in (f.default, {})}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], source: str = "controller") -> PDController:
+        """Inverse of `to_dict`.
+
+        Raises
+        ------
+        InputError
+            A key is unknown, or a value is not usable.
+        """
+        known = [f.name for f in fields(cls)]
+        for key, value in data.items():
+            if key not in known:
+                raise UnknownNameError("key", key, known, source)
+            if isinstance(value, str | bool | list):
+                raise InputError(f"{source}: {key} = {value!r}, expected a number, or a table with a number per joint")
+        return cls(**data)
+
+    @classmethod
+    def load(cls, path: str | Path) -> PDController:
+        """Read a controller from a TOML file: ``kp = 20.0``, or a table ``[kp]`` with a line per joint.
+
+        Raises
+        ------
+        InputError
+            The file cannot be read, or is not such a file.
+        """
+        try:
+            content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"{path}: the controller's file cannot be read ({error.strerror})") from error
+        except ValueError as error:
+            raise InputError(f"{path}: the controller's file is not TOML: {error}") from error
+        return cls.from_dict(content, str(path))
+
+
+def driven(logs: Iterable[Log | Recording], controller: PDController | None) -> tuple[Log | Recording, ...]:
+    """Logs with the torque that a controller gives; as they are without a controller.
+
+    Parameters
+    ----------
+    logs : iterable of Log or Recording
+    controller : PDController or None
+    """
+    if controller is None:
+        return tuple(logs)
+    return tuple(_driven_recording(x, controller) if isinstance(x, Recording) else controller.drive(x) for x in logs)
+
+
+def _driven_recording(log: Recording, controller: PDController) -> Recording:
+    """A recording whose chunks have torques; each chunk sees the end of the one before, for its delays and slopes."""
+
+    def read(samples: int) -> Iterator[Log]:
+        tail: Log | None = None
+        for chunk in log.read(samples):
+            whole = chunk if tail is None else joined(tail, 0, chunk)
+            before = len(whole) - len(chunk)
+            yield controller.drive(whole).slice(before)
+            tail = whole.slice(-min(len(whole), MOST_DELAY_STEPS + _SPLINE_SAMPLES))
+
+    return replace(log, read=read)
+
+
+def velocity_of(log: Log) -> Array:
+    """Velocities (N, J): measured where the log has them, otherwise the slope of the spline through the positions."""
+    slope = np.asarray(CubicSpline(log.t, log.q)(log.t, 1))
+    return slope if log.v is None else np.where(log.has("v"), log.v, slope)
+
+
+def check_commands(log: Log) -> None:
+    """Refuse a log whose commands never move.
+
+    Raises
+    ------
+    InputError
+    """
+    if log.qcmd is None:
+        return
+    span = np.ptp(log.qcmd[:, log.has("qcmd")], axis=0).max()
+    if span < STANDSTILL_SPAN:
+        raise InputError(
+            f"{log.source}: the commanded positions (qcmd_<joint>) never move (largest range {span:.3g} rad): were the "
+            "commands recorded, or a constant? check the columns, or record a motion"
+        )
+
+
+def check_delay(delay: Array, joints: Sequence[str], log: Log) -> None:
+    """Refuse a delay longer than `MOST_DELAY_STEPS` steps of a log.
+
+    Raises
+    ------
+    InputError
+    """
+    longest, step = int(np.argmax(delay)), 1.0 / log.rate
+    if delay[longest] > MOST_DELAY_STEPS * step:
+        raise InputError(
+            f"{log.source}: a delay of {delay[longest]:.4g} s of {joints[longest]} is {delay[longest] / step:.0f} "
+            f"steps of {1e3 * step:.3g} ms, and at most {MOST_DELAY_STEPS} are possible; is the delay in seconds?"
+        )
+
+
+def _check(name: str, joint: str, value: Any) -> None:
+    of = f" of {joint}" if joint else ""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise InputError(f"the controller's {name}{of} must be a number, got {value!r}")
+    if value < 0 or (value == 0 and name in ("kp", "limit")):
+        sign = "above 0" if name in ("kp", "limit") else "at least 0"
+        why = ": a drive pushes towards its command; is the sign of the command or of the position wrong?" * (
+            name in ("kp", "kd")
+        )
+        raise InputError(f"the controller's {name}{of} must be {sign}, got {value:g}{why}")
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, Mapping):
+        same = set(value.values())
+        if len(same) == 1:
+            return f"{same.pop():.4g}"
+        shown = [f"{joint}={x:.4g}" for joint, x in value.items()]
+        return ", ".join(shown)
+    return f"{value:.4g}"

@@ -1,0 +1,150 @@
+"""What a model knows of each joint's drive: gains, delay, armature and friction, with the range of each.
+
+    τ = kp (q_cmd(t − delay) − q) − kd q̇ − fv q̇ − fc sign(q̇),     inertia about the joint = links + armature
+
+Each value has one of four states. *identified*: the logs gave most of what is known, and the 95 % range excludes zero.
+*in a sum*: the logs show the value only together with others (``Izz1 + Ia1 + 0.25 m2``); the URDF divides the sum.
+*open*: otherwise; every value of the range explains the logs, so that the range is an honest domain to randomise over.
+*given*: the user named the value. Values of a model from commands are ratios to kp, which gives the scale. And where a
+drive damps its own joint, logs show ``kd + fv`` only: fv is the rest after the kd that was named.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from frischid.effects import columns_of
+from frischid.model.model import Model
+
+Known = Literal["identified", "in a sum", "open", "given"]
+REACH = 1.96
+"""Standard errors on either side of a value that hold 95 % of a normal distribution."""
+LEAST_FROM_LOGS = 0.5
+"""Share of a value's knowledge that the logs must have given for it to count as identified: more than the prior did."""
+DRIVE_EFFECTS = {
+    "armature": ("rotor_inertia", "Ia"),
+    "viscous": ("viscous", "fv"),
+    "coulomb": ("coulomb", "fc"),
+}
+"""Quantity -> effect and symbol of its parameter."""
+NAMED_BY_USER = {"stiffness": "kp", "damping": "kd", "delay": "delay", "effort_limit": "limit"}
+"""Quantity -> field of the controller."""
+
+
+@dataclass(frozen=True)
+class DriveParameter:
+    """One value of one joint's drive.
+
+    Attributes
+    ----------
+    joint : str
+    quantity : {"stiffness", "damping", "delay", "effort_limit", "armature", "viscous", "coulomb"}
+    unit : str
+    value : float
+    lower, upper : float
+        Range that holds the true value in 95 % of cases, without impossible signs.
+    known : {"identified", "in a sum", "open", "given"}
+    of : str
+        The sum that the logs show, for a value that is known in a sum; otherwise empty.
+    """
+
+    joint: str
+    quantity: str
+    unit: str
+    value: float
+    lower: float
+    upper: float
+    known: Known
+    of: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return asdict(self)
+
+
+def drive_parameters(model: Model) -> tuple[DriveParameter, ...]:
+    """Gains, delay, armature and friction of every joint of a model.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    tuple of DriveParameter
+        Joint by joint; quantities that the model does not have are left out.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0, parameters={"fv1": 0.4})
+    >>> model = fr.identify(robot, [log], recursion="none").model
+    >>> [(x.quantity, x.known) for x in fr.drive_parameters(model) if x.joint == "joint1"]
+    [('armature', 'in a sum'), ('viscous', 'identified'), ('coulomb', 'identified')]
+    """
+    values = _values(model)
+    found: list[DriveParameter] = []
+    for joint in model.joints:
+        found += _given(model, joint)
+        for quantity, (effect, symbol) in DRIVE_EFFECTS.items():
+            for column, value, spread, share in values:
+                if (column.joint, column.effect) != (joint, effect) or column.name.rstrip("0123456789") != symbol:
+                    continue
+                lower, upper = max(0.0, value - REACH * spread), max(0.0, value + REACH * spread)
+                seen = lower > 0 and share >= LEAST_FROM_LOGS
+                of = "" if seen else _sum_with(model, column.name)
+                known: Known = "identified" if seen else "in a sum" if of else "open"
+                found.append(DriveParameter(joint, quantity, column.unit, max(0.0, value), lower, upper, known, of))
+    return tuple(found)
+
+
+def _given(model: Model, joint: str) -> list[DriveParameter]:
+    """Values that the user named, and the URDF's limit where no other is known."""
+    pd, robot = model.controller, model.robot
+    if pd is None:
+        return []
+    angle, torque = ("m", "N") if robot.prismatic[robot.joints.index(joint)] else ("rad", "N·m")
+    units = {
+        "stiffness": f"{torque}/{angle}",
+        "damping": f"{torque}·s/{angle}",
+        "delay": "s",
+        "effort_limit": torque,
+    }
+    found = []
+    for quantity, name in NAMED_BY_USER.items():
+        value = float(pd.values(name, [joint])[0])
+        if quantity == "effort_limit" and not np.isfinite(value):
+            value = float(robot.limits.effort[robot.joints.index(joint)])
+        if np.isfinite(value):
+            found.append(DriveParameter(joint, quantity, units[quantity], value, value, value, "given"))
+    return found
+
+
+def _sum_with(model: Model, name: str) -> str:
+    """The base parameter that holds a parameter and others, if the logs show this sum; otherwise empty."""
+    e = model.estimate
+    for k, text in enumerate(model.expressions):
+        if text != name and name in re.split(r"[ +-]+", text):
+            shown = e.from_data is None or e.from_data[k] >= LEAST_FROM_LOGS
+            return text if shown and abs(e.theta[k]) > REACH * e.stderr[k] else ""
+    return ""
+
+
+def _values(model: Model) -> list[tuple[Any, float, float, float]]:
+    """Column, value, standard error and share from the logs of every parameter that has these.
+
+    With a prior, every parameter has a value of its own. Without, only those that are base parameters by themselves.
+    """
+    columns = columns_of(model.robot, model.effects)
+    if model.prior is not None:
+        prior = model.prior
+        spread = prior.parameters.total_spread * np.sqrt(1.0 - prior.from_log)
+        return list(zip(columns, prior.value.tolist(), spread.tolist(), prior.from_log.tolist(), strict=True))
+    e = model.estimate
+    alone = [k for k, (c, text) in enumerate(zip(e.columns, model.expressions, strict=True)) if c.name == text]
+    return [(e.columns[k], float(e.theta[k]), float(e.stderr[k]), 1.0) for k in alone]

@@ -1,0 +1,97 @@
+"""The table of drives, and the actuators of an MJCF file, say what the model knows."""
+
+import csv
+import json
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import pytest
+from click.testing import CliRunner
+
+import frischid as fr
+from frischid.cli import main
+from frischid.export.actuators import actuator_rows
+from frischid.export.mjcf_edit import _positions
+
+TRUTH = {"fv1": 0.8, "fc1": 0.6, "Ia1": 0.3, "fv2": 0.5, "fc2": 0.4, "Ia2": 0.2}
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return fr.Robot.load("planar2")
+
+
+@pytest.fixture(scope="module")
+def model(robot):
+    motion = fr.random_fourier(robot, 20.0, seed=2)
+    log = fr.simulate(
+        robot, motion, rate=200.0, parameters=TRUTH, noise=fr.Noise(tau=0.01, q=1e-5), seed=1, channels=("v",)
+    )
+    servo = replace(log, tau=None, v=None, qcmd=log.q + (log.tau + 3.0 * log.v) / 300.0)
+    controller = fr.PDController(kp=300.0, kd=3.0, limit={"joint1": 5000.0}, delay={"joint2": 0.0})
+    return fr.identify(robot, [servo], controller=controller, recursion="none").model
+
+
+def test_ranges_hold_the_truth_and_given_values_are_given(model):
+    found = {(x.joint, x.quantity): x for x in fr.drive_parameters(model)}
+    for quantity, symbol in (("viscous", "fv"), ("coulomb", "fc"), ("armature", "Ia")):
+        for j in (1, 2):
+            x = found[f"joint{j}", quantity]
+            assert x.lower <= TRUTH[f"{symbol}{j}"] <= x.upper
+    assert found["joint1", "viscous"].known == "identified"
+    assert found["joint2", "armature"].known == "identified"
+    assert (found["joint1", "armature"].known, found["joint1", "armature"].of) == ("in a sum", "Izz1 + Ia1 + 0.25 m2")
+    assert found["joint1", "stiffness"].value == 300.0
+    assert found["joint1", "stiffness"].known == "given"
+    assert found["joint1", "effort_limit"].value == 5000.0
+
+
+def test_a_value_that_the_motion_does_not_show_is_open(robot):
+    log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=3, scale=0.9), rate=100.0, parameters={"fv1": 0.5})
+    found = {(x.joint, x.quantity): x for x in fr.drive_parameters(fr.identify(robot, [log], recursion="none").model)}
+    assert found["joint1", "viscous"].known == "identified"
+    assert found["joint2", "armature"].known == "open"  # there is none: the range reaches zero
+
+
+def test_csv_and_json_hold_the_same_rows(model, tmp_path):
+    done = fr.export(model, tmp_path / "drives.csv")
+    assert done.format == "actuators"
+    fr.export(model, tmp_path / "drives.json")
+    rows = json.loads((tmp_path / "drives.json").read_text(encoding="utf-8"))["joints"]
+    with (tmp_path / "drives.csv").open(encoding="utf-8", newline="") as file:
+        table = list(csv.DictReader(file))
+    assert [row["joint"] for row in rows] == [row["joint"] for row in table] == ["joint1", "joint2"]
+    assert float(table[0]["armature_high"]) == rows[0]["armature_high"] >= rows[0]["armature"]
+    late = replace(model, controller=replace(model.controller, delay=0.015))
+    assert actuator_rows(late, step=0.005)[0]["delay_steps"] == pytest.approx(3.0)
+    with pytest.raises(fr.InputError, match="step must be a positive time"):
+        actuator_rows(model, step=0.0)
+
+
+def test_mjcf_gets_position_actuators(model, tmp_path):
+    fr.export(model, tmp_path / "robot.xml")
+    servos = {x.get("joint"): x for x in ET.parse(tmp_path / "robot.xml").iter("position")}
+    assert set(servos) == {"joint1", "joint2"}
+    assert float(servos["joint1"].get("kp")) == 300.0
+    assert float(servos["joint1"].get("kv")) == 3.0
+    assert servos["joint1"].get("forcerange") == "-5000.0 5000.0"
+
+
+def test_position_actuators_of_the_users_own_file(model):
+    data = b'<mujoco>\n  <actuator>\n    <position name="a" joint="joint1" kp="7"/>\n  </actuator>\n</mujoco>\n'
+    for start, end, text in sorted(_positions(model, data), reverse=True):
+        data = data[:start] + text.encode() + data[end:]
+    servos = {x.get("joint"): x for x in ET.fromstring(data).iter("position")}
+    assert {joint: float(x.get("kp")) for joint, x in servos.items()} == {"joint1": 300.0, "joint2": 300.0}
+    assert servos["joint1"].get("name") == "a"
+
+
+def test_identify_prints_the_drives(robot, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=100.0, channels=("v",))
+    fr.write_log(replace(log, tau=None, v=None, qcmd=log.q + log.tau / 300.0), "servo.csv")
+    words = ["identify", "planar2", "servo.csv", "--controller", "pd", "--kp", "300", "--bbrf", "none"]
+    done = CliRunner().invoke(main, words)
+    assert "drive of" in done.output
+    assert "all of them grow in proportion to kp" in " ".join(done.output.split())
+    assert '"drives"' in CliRunner().invoke(main, [*words, "--json"]).output

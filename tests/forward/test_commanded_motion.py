@@ -1,0 +1,62 @@
+"""A model with a controller is simulated in closed loop along the recorded commands."""
+
+import numpy as np
+import pytest
+
+import frischid as fr
+from frischid.forward.commanded_motion import commanded_source
+from frischid.forward.torque_sources import PositionController
+
+JOINTS = ("joint1", "joint2")
+KP, KD, DELAY = 900.0, 90.0, 0.02
+
+
+@pytest.fixture(scope="module")
+def model():
+    robot = fr.Robot.load("planar2")
+    log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=200.0, parameters={"fv1": 4.0, "fc2": 3.0})
+    return fr.identify(robot, [log], effects=fr.parse_effects("viscous,coulomb,rotor_inertia"), recursion="none").model
+
+
+@pytest.fixture(scope="module")
+def servo(model):
+    """A log of positions and commands: the model itself, moved by a controller that is 20 ms late."""
+    t = np.arange(0.0, 4.0, 0.005)
+    qcmd = np.column_stack([np.sin(2 * t), 0.6 * np.sin(5 * t)])
+    late = np.column_stack([np.interp(t - DELAY, t, x) for x in qcmd.T])
+    forward = fr.ForwardDynamics(model)
+    at_rest = fr.Starts(np.zeros((1, 2)), np.zeros((1, 2)))
+    moved = forward.simulate(PositionController(t, late, KP, KD), at_rest, t)
+    return fr.Log(t, JOINTS, q=moved.q[0], qcmd=qcmd, source="servo")
+
+
+def with_controller(model, **values):
+    from dataclasses import replace
+
+    return replace(model, controller=fr.PDController(kp=KP, kd=KD, **values))
+
+
+def test_the_loop_is_closed_with_the_models_controller(model, servo):
+    found = fr.compare_simulated(with_controller(model, delay=DELAY), [servo], horizons=[0.5])
+    assert found.closed
+    assert max(found.whole.joints.values()) < 2e-3
+    wrong = fr.compare_simulated(with_controller(model), [servo], horizons=[0.5])
+    assert max(wrong.whole.joints.values()) > 5 * max(found.whole.joints.values())
+
+
+def test_a_measured_torque_is_preferred(model, servo):
+    from dataclasses import replace
+
+    driven = with_controller(model, delay=DELAY).controller.drive(servo)
+    found = fr.compare_simulated(with_controller(model, delay=DELAY), [replace(driven, sha256=None)], horizons=[0.1])
+    assert not found.closed
+
+
+def test_a_recording_has_the_commands_of_the_log(model, servo, tmp_path):
+    fr.write_log(servo, tmp_path / "servo.parquet")
+    controller = fr.PDController(kp=KP, kd=KD, delay=DELAY)
+    recording = fr.Recording.open(tmp_path / "servo.parquet", JOINTS)
+    one, other = (commanded_source(controller, x, JOINTS) for x in (servo, recording))
+    np.testing.assert_allclose(one.q_cmd, other.q_cmd)
+    with pytest.raises(fr.InputError, match="at most 50 are possible"):
+        commanded_source(fr.PDController(kp=KP, delay=1.0), servo, JOINTS)

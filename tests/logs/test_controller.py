@@ -1,0 +1,196 @@
+"""Commanded positions: a controller makes the torque, and every later stage is that of a measured torque."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import frischid as fr
+from frischid.cli import main
+from frischid.logs.controller import driven
+
+T = np.arange(0.0, 6.0, 0.01)
+JOINTS = ("joint1", "joint2")
+
+
+def commanded(**changes):
+    q = np.column_stack([np.sin(3 * T), 0.5 * np.cos(2 * T)])
+    return fr.Log(T, JOINTS, **{"q": q, "qcmd": q + 0.1 * np.sin(7 * T)[:, None], "source": "servo.csv"} | changes)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return fr.Robot.load("planar2")
+
+
+@pytest.fixture(scope="module")
+def measured(robot):
+    """A log with torque, and the log with commands of the same motion."""
+    log = fr.simulate(
+        robot, fr.random_fourier(robot, 10.0, seed=1), rate=200.0, parameters={"fv1": 0.4, "fc2": 0.3}, channels=("v",)
+    )
+    return log, replace(log, tau=None, v=None, qcmd=log.q + (log.tau + 4.0 * log.v) / 400.0)
+
+
+def test_the_law_of_the_controller():
+    log = commanded(v=np.ones((len(T), 2)), vcmd=np.full((len(T), 2), 3.0), tauff=np.full((len(T), 2), 0.25))
+    pd = fr.PDController(kp={"joint1": 20.0, "joint2": 30.0}, kd=1.5, limit={"joint2": 4.0}, dead_band=0.02)
+    e = log.qcmd - log.q
+    e = np.sign(e) * np.maximum(abs(e) - 0.02, 0.0)
+    tau = np.array([20.0, 30.0]) * e + 1.5 * (3.0 - 1.0) + 0.25
+    tau[:, 1] = np.clip(tau[:, 1], -4.0, 4.0)
+    np.testing.assert_allclose(pd.drive(log).tau, tau)
+
+
+def test_a_command_acts_after_its_delay():
+    log = commanded()
+    late = fr.PDController(kp=20.0, delay=0.03).drive(log).tau
+    np.testing.assert_allclose(late[3:], 20.0 * (log.qcmd[:-3] - log.q[3:]), atol=1e-9)
+
+
+def test_velocity_is_the_slope_of_the_positions_where_none_was_measured():
+    log = commanded()
+    slope = np.column_stack([3 * np.cos(3 * T), -np.sin(2 * T)])
+    tau = fr.PDController(kp=20.0, kd=1.0).drive(log).tau
+    np.testing.assert_allclose(tau, 20.0 * (log.qcmd - log.q) - slope, atol=1e-3)
+
+
+def test_a_measured_torque_is_kept_and_the_log_stays_the_same_log():
+    tau = np.column_stack([np.ones(len(T)), np.full(len(T), np.nan)])
+    log = commanded(tau=tau)
+    found = fr.PDController(kp=20.0).drive(log)
+    assert (found.tau[:, 0] == 1.0).all()
+    assert np.isfinite(found.tau[:, 1]).all()
+    assert found.identity == log.identity
+    whole = commanded(tau=np.ones((len(T), 2)))
+    assert fr.PDController(kp=20.0).drive(whole) is whole
+
+
+def test_a_recording_gives_the_torque_of_the_log(tmp_path):
+    log = commanded()
+    fr.write_log(log, tmp_path / "log.parquet")
+    pd = fr.PDController(kp=20.0, kd=1.0, delay=0.013)
+    (recording,) = driven([fr.Recording.open(tmp_path / "log.parquet", JOINTS)], pd)
+    parts = list(recording.chunks(100))
+    assert len(parts) > 3
+    whole = np.concatenate([part.tau for part in parts])
+    ends = np.cumsum([len(part) for part in parts])  # a spline's slope is less sure at the last sample of a chunk
+    np.testing.assert_allclose(np.delete(whole, ends - 1, 0), np.delete(pd.drive(log).tau, ends - 1, 0), atol=2e-3)
+    np.testing.assert_allclose(whole, pd.drive(log).tau, atol=2e-2)
+
+
+def test_a_model_from_commands_is_that_from_torques(robot, measured, tmp_path):
+    log, servo = measured
+    pd = fr.PDController(kp=400.0, kd=4.0)
+    ours = fr.identify(robot, [servo], controller=pd, recursion="none", cutoff=10.0)
+    theirs = fr.identify(robot, [replace(log, v=None)], recursion="none", cutoff=10.0)
+    np.testing.assert_allclose(ours.model.estimate.theta, theirs.model.estimate.theta, atol=0.02)
+    ours.model.save(tmp_path / "model.json")
+    again = fr.Model.load(tmp_path / "model.json")
+    assert again.controller == pd
+    assert fr.compare(again, [servo]).nrmse == pytest.approx(fr.compare(ours.model, [servo]).nrmse)
+    assert again.made_from(servo)
+    assert fr.diagnose(again, [servo], effects=["viscous"]).to_dict()
+    assert fr.add(again, fr.parse_effects("joint_spring@joint2"), [servo]).model.controller == pd
+
+
+def test_without_a_controller_the_error_names_one(robot, measured):
+    with pytest.raises(fr.InputError, match="--controller pd"):
+        fr.identify(robot, [measured[1]])
+    (report,) = fr.check(robot, [measured[1]])
+    assert [issue.kind for issue in report.issues] == ["commands only"]
+    (report,) = fr.check(robot, [measured[1]], controller=fr.PDController(kp=400.0, kd=4.0))
+    assert not report.issues
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"kp": -20.0}, "kp must be above 0, got -20: a drive pushes towards its command"),
+        ({"kp": 0.0}, "kp must be above 0"),
+        ({"kp": 20.0, "kd": {"joint1": -1.0}}, "kd of joint1 must be at least 0"),
+        ({"kp": float("nan")}, "kp must be a number"),
+        ({"kp": "20"}, "kp must be a number"),
+        ({"kp": 20.0, "limit": 0}, "limit must be above 0"),
+    ],
+)
+def test_gains_of_the_wrong_sign(values, words):
+    with pytest.raises(fr.InputError, match=words):
+        fr.PDController(**values)
+
+
+def test_a_controller_that_does_not_fit_the_robot_or_the_log(robot, measured):
+    servo = measured[1]
+
+    def run(log=servo, **values):
+        return fr.identify(robot, [log], controller=fr.PDController(**values))
+
+    with pytest.raises(fr.InputError, match=r"unknown joint 'jiont1'.*kp.*joint1"):
+        run(kp={"jiont1": 20.0})
+    with pytest.raises(fr.InputError, match="kp of joint2 is not known"):
+        run(kp={"joint1": 20.0})
+    with pytest.raises(fr.InputError, match="a delay of 2 s of joint1 is 400 steps of 5 ms, and at most 50"):
+        run(kp=20.0, delay=2.0)
+    with pytest.raises(fr.InputError, match=r"commanded positions .* never move"):
+        run(replace(servo, qcmd=np.ones_like(servo.q)), kp=20.0)
+
+
+def test_the_command_line(tmp_path, measured, robot, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    fr.write_log(measured[1], "servo.parquet")
+    (tmp_path / "pd.toml").write_text("kd = 4.0\n[kp]\njoint1 = 400.0\njoint2 = 400.0\n")
+    (tmp_path / "wrong.toml").write_text("kq = 4.0\n")
+    base = ["identify", "planar2", "servo.parquet", "--bbrf", "none"]
+
+    def run(*words):
+        return CliRunner().invoke(main, [*base, *words])
+
+    done = run("--controller", "pd.toml", "-o", "model.json")
+    assert done.exit_code == 0, done.output
+    assert "by the controller pd(kp 400, kd 4)" in done.output
+    assert fr.Model.load("model.json").controller.values("kp", JOINTS).tolist() == [400.0, 400.0]
+    done = run("--controller", "pd", "--kp", "joint*=400", "--kd", "4", "--json")
+    assert '"controller"' in done.output
+    for words, message in [
+        (["--controller", "pd", "--kp", "elbow=20"], "unknown joint 'elbow'"),
+        (["--controller", "pd", "--kp", "twenty"], "--kp: 'twenty' is not a number"),
+        (["--controller", "pd", "--kp", "-20"], "kp must be above 0"),
+        (["--kp", "20"], "--kp: say which controller has it: --controller pd"),
+        (["--controller", "wrong.toml"], "unknown key 'kq'"),
+        (["--controller", "none.toml"], "the controller's file cannot be read"),
+    ]:
+        done = run(*words)
+        assert done.exit_code == 2
+        assert message in done.output
+        assert "Traceback" not in done.output
+
+
+def test_cut_writes_two_logs(tmp_path, measured, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    fr.write_log(measured[1], "servo.csv")
+    for words in (["--until", "7", "-o", "first.csv"], ["--from", "7", "-o", "rest.csv"]):
+        assert CliRunner().invoke(main, ["cut", "servo.csv", *words]).exit_code == 0
+    first, rest = fr.read_log("first.csv"), fr.read_log("rest.csv")
+    assert len(first) + len(rest) == len(measured[1])
+    assert first.t[-1] < rest.t[0] == pytest.approx(7.0)
+    assert (rest.qcmd == measured[1].qcmd[len(first) :]).all()
+    done = CliRunner().invoke(main, ["cut", "servo.csv", "--from", "20", "-o", "none.csv"])
+    assert done.exit_code == 2
+    assert "0 samples of this log of 10 s" in done.output
+
+
+def test_a_mapping_converts_commands_as_positions(tmp_path):
+    table = np.column_stack([T, np.degrees(np.sin(T)), np.degrees(np.sin(T + 0.1)), np.cos(T), 3 * np.ones(len(T))])
+    np.savetxt(tmp_path / "l.csv", table, delimiter=",", header="t,present,goal,speed,ff", comments="")
+    keys = {"q": "present", "qcmd": "goal", "tauff": "ff", "sign": -1, "offset": 0.5, "gear_ratio": 2.0}
+    log = fr.read_log(tmp_path / "l.csv", mapping={"file": {"angle_unit": "deg"}, "joint": {"elbow": keys}})
+    np.testing.assert_allclose(log.qcmd[:, 0], -np.sin(T + 0.1) / 2 + 0.5)
+    np.testing.assert_allclose(log.tauff[:, 0], -6.0)
+
+
+def test_a_damaged_controller_in_a_model_file(robot, measured):
+    model = fr.identify(robot, [measured[0]], recursion="none").model.to_dict()
+    for wrong in ({"kp": -1.0}, {"kp": {"elbow": 3.0}}):
+        with pytest.raises(fr.InputError, match=r"damaged.*controller"):
+            fr.Model.from_dict(model | {"controller": wrong})
