@@ -70,5 +70,13 @@ def commanded_source(controller: PDController, log: Log | Recording, joints: Seq
 
     positions = commands("qcmd")
     assert positions is not None  # `follows_commands` looked
-    gains = {name: controller.values(name, joints) for name in ("kp", "kd", "limit", "dead_band")}
-    return PositionController(t, positions, v_cmd=commands("vcmd"), feedforward=commands("tauff"), **gains)
+    return PositionController(
+        t,
+        positions,
+        controller.values("kp", joints),
+        controller.values("kd", joints),
+        commands("vcmd"),
+        commands("tauff"),
+        controller.values("limit", joints),
+        controller.values("dead_band", joints),
+    )
