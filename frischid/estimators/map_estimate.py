@@ -147,7 +147,8 @@ def map_estimate(
             "no joint has a torque row: all are at standstill, or the log is too short to filter"
         )
     problem = MapProblem(whole, mapping, prior)
-    rows = effective_rows(problem.G[:, : len(prior.names), : len(prior.names)])
+    count = len(prior.names)  # columns in units of the torque at the prior's spread: no unit decides which one acts
+    rows = effective_rows(problem.G[:, :count, :count] * np.outer(prior.spread, prior.spread))
     floor = EXACT_FIT * problem.torque / problem.counts + 1e-300
     variance, limit = _first_noise(problem, blocks, floor, rule)
     scales = {g: 1.0 for g in prior.group if g}

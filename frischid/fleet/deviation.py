@@ -1,16 +1,22 @@
 """Whether one robot differs from the others, from moments alone.
 
-The parameters θ₀ and the joints' weights W are fitted to all *other* robots. One robot's own moments are H = YᵀWY. Its
-score s = YᵀW(τ − Yθ₀) gives the change of parameters that fits this robot best, δ = H⁺s. The statistic is the squared
-error that this change explains,
+The parameters θ₀ and the joints' weights W are fitted to all *other* robots, with moments H₀ = Y₀ᵀWY₀. One robot's own
+moments are H = YᵀWY. Its score s = YᵀW(τ − Yθ₀) gives the change of parameters that fits this robot best, δ = H⁺s. Its
+variance is that of the robot and that of the others, H⁺ + H₀⁻¹. So the statistic is
 
-    Λ = sᵀ H⁺ s   ~   κ χ²(ν)      if the robot is like the others.
+    Λ = δᵀ (H⁺ + H₀⁻¹)⁺ δ = sᵀ (H + H₀)⁻¹ H₀ δ   ~   κ χ²(ν)      if the robot is like the others.
 
 The statistic needs no separate estimate of the robot: H⁺ leaves out the directions that its motion never excited. In
 theory ν is the rank of H and κ = 1. But residuals are correlated in time (κ from the block jackknife), and robots are
-never quite alike: some parameters vary more than others. So in a fleet of a dozen robots or more, κ and ν are chosen to
-match the fleet's own median and upper quartile of Λ. This is the empirical null (Devlin and Roeder 1999, Biometrics
-55(4); Efron 2004, JASA 99(465)). A robot is significant when it differs more than robots of this fleet usually do.
+never quite alike: some parameters vary more than others. A robot is significant when it differs more than robots of
+this fleet usually do.
+
+- In a fleet of a dozen robots or more, κ and ν are chosen to match the fleet's own median and upper quartile of Λ. This
+  is the empirical null (Devlin and Roeder 1999, Biometrics 55(4); Efron 2004, JASA 99(465)).
+- In a smaller fleet, κ for one robot is the mean of Λ/ν of the R − 1 others among themselves, where that is larger.
+  Then Λ/νκ has Fisher's distribution with J and J (R − 2) degrees of freedom: friction varies from robot to robot,
+  joint by joint, and most of Λ comes from J directions. (With 2 J, one simulated fleet of 12 in fact alike raised an
+  alarm.) Two robots leave no others to compare with: Λ says only whether the two differ by more than noise.
 """
 
 from __future__ import annotations
@@ -52,6 +58,8 @@ class Deviation:
         Rms residual with the parameters of the others, and with its own, over the torque's standard deviation.
     pull : ndarray, shape (p,)
         Change of the fleet's parameters when this robot is left out: its part in their jackknife.
+    usual : float
+        In a small fleet, the mean of Λ over its rank of the other robots among themselves; otherwise NaN.
     """
 
     own: Estimate | None
@@ -63,6 +71,7 @@ class Deviation:
     error_fleet: Array
     error_own: Array
     pull: Array
+    usual: float = np.nan
 
 
 def deviation(blocks: Sequence[Gram], fleet: Gram, theta: Array, weights: Array, included: bool) -> Deviation:
@@ -86,7 +95,7 @@ def deviation(blocks: Sequence[Gram], fleet: Gram, theta: Array, weights: Array,
     theta0 = NormalEquations(others.weighted(weights), whole.names).theta if included else theta
     own, reason = _own(blocks)
     spread = np.sqrt(np.maximum(whole.torque_ss() / np.maximum(whole.counts, 1), 1e-300))
-    shift, statistic, rank = _shift(whole, theta0, weights)
+    shift, statistic, rank = _shift(whole, others, theta0, weights)
     inflation = np.nan
     if own is not None:
         plain = NormalEquations(whole.weighted(1.0 / own.sigma**2), whole.names).inverse
@@ -111,9 +120,32 @@ def _own(blocks: Sequence[Gram]) -> tuple[Estimate | None, str]:
         return None, str(error)
 
 
-def _shift(whole: Gram, theta0: Array, weights: Array) -> tuple[Array, float, int]:
-    """δ = H⁺s, sᵀH⁺s and the rank of H, on columns scaled to unit norm."""
-    moments = whole.weighted(weights)
+def usual_deviation(robots: Sequence[Gram], weights: Array) -> float:
+    """How much robots differ among themselves: the mean of Λ over its rank, each robot against the others.
+
+    Parameters
+    ----------
+    robots : sequence of Gram
+        At least two; otherwise the result is NaN.
+    weights : ndarray, shape (J,)
+    """
+    if len(robots) < 2:
+        return np.nan
+    found, whole = [], total(robots)
+    for one in robots:
+        others = whole - one
+        try:
+            theta0 = NormalEquations(others.weighted(weights), others.names).theta
+        except IdentifiabilityError:  # the others' logs leave a parameter open
+            continue
+        _, statistic, rank = _shift(one, others, theta0, weights)
+        found.append(statistic / max(rank, 1))
+    return float(np.mean(found)) if found else np.nan
+
+
+def _shift(whole: Gram, others: Gram, theta0: Array, weights: Array) -> tuple[Array, float, int]:
+    """δ = H⁺s, Λ and the rank of H, on columns scaled to unit norm."""
+    moments, known = whole.weighted(weights), others.weighted(weights)[:-1, :-1]
     scale = np.sqrt(np.diag(moments)[:-1])
     scale = 1.0 / np.where(scale > 0, scale, np.inf)
     H = moments[:-1, :-1] * np.outer(scale, scale)
@@ -121,8 +153,10 @@ def _shift(whole: Gram, theta0: Array, weights: Array) -> tuple[Array, float, in
     values, vectors = linalg.eigh(H)
     keep = values > EXCITED * values[-1]
     along = vectors[:, keep].T @ s
-    delta = vectors[:, keep] @ (along / values[keep]) * scale
-    return delta, float((along**2 / values[keep]).sum()), int(keep.sum())
+    delta = vectors[:, keep] @ (along / values[keep])
+    H0 = known * np.outer(scale, scale)
+    weighed = linalg.lstsq(H + H0, H0 @ delta)[0]  # (H + H₀)⁻¹ H₀ δ
+    return delta * scale, max(float(s @ weighed), 0.0), int(keep.sum())
 
 
 def _rms(whole: Gram, theta: Array) -> Array:
@@ -162,12 +196,18 @@ class Null:
 
     def p_value(self, found: Deviation, robots: int) -> float:
         """P value of a Λ at least this large, corrected (Bonferroni) for all robots."""
-        freedom = self.freedom or found.rank
-        return min(1.0, robots * float(stats.chi2.sf(freedom * self.excess(found), freedom)))
+        if np.isfinite(found.usual):
+            joints = len(found.error_fleet)
+            chance = stats.f.sf(self.excess(found), joints, joints * (robots - 2))
+        else:
+            freedom = self.freedom or found.rank
+            chance = stats.chi2.sf(freedom * self.excess(found), freedom)
+        return min(1.0, robots * float(chance))
 
     def excess(self, found: Deviation) -> float:
         """Λ as a multiple of the usual Λ in this fleet."""
-        return found.statistic / max(found.rank, 1) / self.scale
+        usual = max(self.scale, found.usual) if np.isfinite(found.usual) else self.scale
+        return found.statistic / max(found.rank, 1) / usual
 
 
 @dataclass(frozen=True)

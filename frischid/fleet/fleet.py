@@ -23,10 +23,11 @@ from typing import Any, Literal
 import numpy as np
 
 from frischid.core.parallel import Here, Workers
+from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError
 from frischid.estimators.least_squares import Estimate, wls
-from frischid.fleet.deviation import Deviation, Null
+from frischid.fleet.deviation import LEAST_ROBOTS, Deviation, Null, usual_deviation
 from frischid.fleet.jobs import (
     Explaining,
     Job,
@@ -239,6 +240,10 @@ def _compared(pool: Workers, robots: Mapping[int, Any]) -> tuple[Gram, Estimate,
         questions = pool.pairs(paired, list(robots.values()), among)
         answers = pool.gather(pool.map(against, questions, handle, estimate.theta, estimate.weights))
         found = dict(zip(robots, answers, strict=True))
+        if len(robots) < LEAST_ROBOTS:
+            found = _with_usual(
+                found, dict(zip(robots, pool.gather(list(sums.values())), strict=True)), estimate.weights
+            )
         null = Null.of([found[k] for k in inside])
         differ = {k for k, d in found.items() if null.p_value(d, len(robots)) < SIGNIFICANCE}
         # Most robots of a fleet are alike, so never half of them are taken out.
@@ -246,6 +251,14 @@ def _compared(pool: Workers, robots: Mapping[int, Any]) -> tuple[Gram, Estimate,
             break
         outside |= differ
     return fleet, estimate, found, null, outside
+
+
+def _with_usual(found: Mapping[int, Deviation], sums: Mapping[int, Gram], weights: Array) -> dict[int, Deviation]:
+    """The same with the differences of all other robots among themselves, of a small fleet."""
+    return {
+        k: replace(d, usual=usual_deviation([one for n, one in sums.items() if n != k], weights))
+        for k, d in found.items()
+    }
 
 
 def _with_spread(estimate: Estimate, fleet: Gram, inside: Sequence[Deviation], null: Null) -> Estimate:

@@ -196,3 +196,16 @@ def test_a_contradiction_is_the_distance_of_the_free_fit_in_its_standard_errors(
     C = np.linalg.inv(H[np.ix_(kept, kept)])
     at = kept.index(2)
     assert dict(found.contradicted)["fv1"] == pytest.approx(-(C @ b[kept])[at] / np.sqrt(C[at, at]), rel=1e-6)
+
+
+@pytest.mark.parametrize("unit", [1e-8, 1e6])
+def test_no_unit_of_a_column_decides(unit):
+    """Columns a million times larger, or smaller, have coefficients as much smaller, and nothing else changes."""
+    theta, size = np.array([1.2, 0.4, 0.8, 0.1]), np.array([1.0, 1.0, unit, 1.0])
+    plain = map_estimate(blocks(theta, 0.1), np.eye(4), prior())
+    other = map_estimate(
+        blocks(theta / size, 0.1, scale=size), np.eye(4), prior(spread=np.array([0.5, 0.3, 1.0, 1.0]) / size)
+    )
+    assert other.rows == pytest.approx(plain.rows, rel=1e-9)
+    np.testing.assert_allclose(other.theta * size, plain.theta, rtol=1e-8)
+    np.testing.assert_allclose(other.variance, plain.variance, rtol=1e-8)

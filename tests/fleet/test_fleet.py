@@ -4,6 +4,7 @@ import json
 import logging
 import os
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,9 +16,10 @@ from frischid.core.parallel import Dask, Here, workers
 from frischid.core.types import Column
 from frischid.errors import InputError
 from frischid.estimators.least_squares import wls
-from frischid.fleet.deviation import Deviation, Null, changes, deviation
+from frischid.fleet.deviation import Deviation, Null, changes, deviation, usual_deviation
 from frischid.fleet.fleet import FleetOptions, _with_spread, identify_fleet
 from frischid.fleet.log_paths import LogPath, find_logs, local, robot_of
+from frischid.fleet.results import SIGNIFICANCE
 from frischid.regression.moments import Gram, total
 
 ROBOTS, SECONDS, RATE = 22, 20.0, 50.0
@@ -226,6 +228,40 @@ def test_a_fleet_of_equal_robots_hardly_ever_raises_an_alarm(robots):
         found = Deviation(None, "", float(largest), rank, np.nan, zero, zero, zero, zero)
         alarms += alike.p_value(found, robots) < 0.05
     assert 8 <= alarms <= 32  # 5 % of 400 fleets
+
+
+def of_small_fleet(robots, seed, change=0.0):
+    """P values of robots whose first two parameters vary by 5 %; the third parameter of the first robot is changed."""
+    rng, theta, weights = np.random.default_rng(seed), np.array([1.0, 2.0, 3.0, 4.0, 5.0]), np.array([1e2])
+    varied = np.tile(theta, (robots, 1))
+    varied[:, :2] *= 1 + 0.05 * rng.normal(size=(robots, 2))
+    varied[0, 2] += change
+    each = [moments_of(one, 1000 * seed + k, 500) for k, one in enumerate(varied)]
+    whole = total(each)
+    fitted = wls([whole])
+    found = [
+        replace(
+            deviation([x], whole, fitted.theta, weights, included=True),
+            usual=usual_deviation([other for other in each if other is not x], weights),
+        )
+        for x in each
+    ]
+    null = Null.of(found)
+    return [null.p_value(x, robots) for x in found]
+
+
+@pytest.mark.parametrize(("robots", "change"), [(3, 500.0), (6, 2.0)])
+def test_robots_of_a_small_fleet_differ_as_much_as_they_usually_do(robots, change):
+    """Before, with the noise alone as measure, almost all of these robots were called different."""
+    least = [min(of_small_fleet(robots, seed)) for seed in range(100)]
+    assert sum(p < SIGNIFICANCE for p in least) <= 1  # 1 % of the fleets
+    changed = [of_small_fleet(robots, seed, change) for seed in range(20)]
+    assert np.mean([p[0] < SIGNIFICANCE for p in changed]) >= 0.9
+    assert all(min(p[1:]) > SIGNIFICANCE for p in changed)  # one robot that differs does not make the others differ
+
+
+def test_two_robots_leave_no_others_to_compare_with():
+    assert np.isnan(usual_deviation([moments_of(np.ones(3), 0)], np.array([1e2])))
 
 
 def same_motion(theta, samples=1000):
