@@ -139,7 +139,7 @@ def test_where_states_are_kept_changes_nothing(monkeypatch):
 def test_the_length_of_stretches_changes_nothing(monkeypatch):
     _, long = estimate(0.02, given=False)
     monkeypatch.setattr("frischid.estimators.state_samples.STRETCH_SAMPLES", 1)
-    monkeypatch.setattr("frischid.regression.regressor.Regressor.blocks.__defaults__", (50,))
+    monkeypatch.setattr("frischid.regression.regressor.Regressor.blocks.__defaults__", (50, True))
     _, short = estimate(0.02, given=False)
     np.testing.assert_allclose(short.theta, long.theta, rtol=1e-10)
     np.testing.assert_allclose(short.covariance, long.covariance, rtol=1e-7, atol=1e-12 * long.covariance.max())
