@@ -76,6 +76,7 @@ def collected(case: Case) -> dict[str, Any]:
         "ranking": [[f.effect, list(f.joints)] for f in found.findings[:5]],
         "error": found.error,
         "floor": found.noise_floor,
+        "joints of the search": found.joints,
         "seconds": time.perf_counter() - start,
     }
 
@@ -87,11 +88,14 @@ def decided_before(found: Diagnosis) -> str:
     return next((verdict for mark, verdict in marks.items() if told[mark]), "effect")
 
 
-def collect(generator: str, seed: int, count: int | None, path: Path, rate: float, arms: Sequence[str]) -> None:
+def collect(
+    generator: str, seed: int, count: int | None, path: Path, rate: float, arms: Sequence[str], kinds: Sequence[str]
+) -> None:
     """Simulate and diagnose; every case is written as soon as it is done. No log has a higher sampling rate."""
     made = GENERATORS[generator]
     done = {row["number"] for row in read([path])} if path.exists() else set()
     specs = [s for s in made.cases(seed, count) if s.number not in done and (not arms or s.arm in arms)]
+    specs = [s for s in specs if not kinds or s.kind in kinds]
     order = np.random.default_rng(seed).permutation(len(specs))  # so that a run that is cut short is a fair sample
     with path.open("a") as file:
         for k in order:
@@ -205,11 +209,12 @@ def main() -> None:
     options.add_argument("--count", type=int)
     options.add_argument("--rate", type=float, default=200.0, help="highest sampling rate, Hz: lower costs less time")
     options.add_argument("--arms", nargs="*", default=[], help="only these arms: small ones cost less time")
+    options.add_argument("--kinds", nargs="*", default=[], help="only these kinds of cases, such as healthy")
     options.add_argument("--fit", type=Path, nargs="+", metavar="FILE")
     options.add_argument("--report", type=Path, nargs="+", metavar="FILE")
     chosen = options.parse_args()
     if chosen.collect:
-        collect(chosen.generator, chosen.seed, chosen.count, chosen.collect, chosen.rate, chosen.arms)
+        collect(chosen.generator, chosen.seed, chosen.count, chosen.collect, chosen.rate, chosen.arms, chosen.kinds)
     if chosen.fit:
         fit(chosen.fit)
     if chosen.report:

@@ -132,7 +132,7 @@ class CrossValidator:
         precision = np.zeros((p + k, p + k))
         precision[:p, :p] = prior.precision
         wider = Prior(np.append(prior.mean, np.zeros(k)), precision)
-        return replace(self, fit=WeightedFit.of(self.columns.extended(candidate), wider, self.spread))
+        return replace(self, fit=self.fit.extended(self.columns.extended(candidate), wider, self.spread))
 
     # ------------------------------------------------------------------ the fit
 
@@ -245,11 +245,7 @@ class CrossValidator:
 
     def base_sse(self) -> Array:
         """Held-out sum of squared residuals without any candidate, (folds, J)."""
-        out = np.empty((self.data.folds, len(self.joints)))
-        for f in range(self.data.folds):
-            d = np.append(self.fit.systems[f][1], -1.0)
-            out[f] = np.einsum("a,jab,b->j", d, self.columns.gram[f], d)
-        return out
+        return self.fit.held_out_sse
 
     def base_nrmse(self) -> Array:
         """Held-out NRMSE of each joint without any candidate, (J,)."""

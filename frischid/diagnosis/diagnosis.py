@@ -25,12 +25,11 @@ import numpy as np
 
 from frischid.core.parallel import Workers
 from frischid.core.shown import Shown
-from frischid.core.types import Array
 from frischid.diagnosis.contacts import Contact, find_contacts, made_by_something_steady, stretches
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.findings import Finding, find_effects, refit_finding
-from frischid.diagnosis.floor import refuted, with_leverage
+from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
 from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import Description, describe
@@ -53,7 +52,6 @@ from frischid.logs.log import Log
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
-from frischid.model.noise_floor import NoiseFloor
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +218,7 @@ def diagnose(
     parts = [excerpt(log) for log in logs]
     searched = [part.log for part in parts]
     validator, state = cross_validator(model, searched, situation, criteria=criteria, workers=workers)
-    results = _stages(validator, state, _noise_floor(validator), effects, progress)
+    results = _stages(validator, state, Floor.of(validator), effects, progress)
     verdict = decided(results)
     if state == "changed" and effects is None:
         refit = refit_finding(results.validator, results.floor)
@@ -230,24 +228,15 @@ def diagnose(
     return replace(found, notes=(*found.notes, *(part.said for part in parts if part.said)))
 
 
-def _noise_floor(validator: CrossValidator) -> Array:
-    """Held-out error of the sensor noise alone, for each joint, N·m (N), (J,)."""
-    noise = NoiseFloor(validator.model)
-    for _ in noise.watch(validator.data.cache.prepared):
-        pass
-    error = validator.base_nrmse() * validator.spread
-    return np.minimum(with_leverage(validator, noise.under(error)), np.maximum(noise.under(error), error))
-
-
 def _stages(
     validator: CrossValidator,
     situation: Situation,
-    floor: Array,
+    floor: Floor,
     effects: Sequence[str] | None,
     progress: Callable[[str], None],
 ) -> StageResults:
     """Contacts, findings, and the term outside the catalogue that explains more than the first finding."""
-    contacts = find_contacts(validator, floor)
+    contacts = find_contacts(validator, floor.known)
     findings, ranking = find_effects(validator, floor, situation, effects, progress)
     if contacts:
         rest = validator.without(stretches(contacts))
@@ -256,9 +245,9 @@ def _stages(
         else:
             progress("again without the contacts")
             validator, (findings, ranking) = rest, find_effects(rest, floor, situation, effects, progress)
-    floor = refuted(floor, ranking.full)
-    unmodelled = None if contacts else unmodelled_term(ranking, floor)
-    return StageResults(validator, situation, floor, tuple(contacts), tuple(findings), ranking, unmodelled)
+    noise = floor.under(ranking.full)
+    unmodelled = None if contacts else unmodelled_term(ranking, noise)
+    return StageResults(validator, situation, noise, tuple(contacts), tuple(findings), ranking, unmodelled)
 
 
 def _diagnosis(results: StageResults, verdict: Verdict, error_of_model: Headline) -> Diagnosis:

@@ -28,7 +28,7 @@ from frischid.diagnosis.change_prior import weak_urdf_prior
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking, ScoredEffect, ranking
-from frischid.diagnosis.floor import refuted
+from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.reversal_residuals import only_at_reversals
 from frischid.effects import EFFECTS, Effect
 from frischid.robot.robot import Robot
@@ -171,7 +171,7 @@ class Finding:
 
 def find_effects(
     validator: CrossValidator,
-    floor: Array,
+    floor: Floor,
     situation: str,
     only: Sequence[str] | None = None,
     progress: Callable[[str], None] = lambda _: None,
@@ -181,8 +181,7 @@ def find_effects(
     Parameters
     ----------
     validator : CrossValidator
-    floor : ndarray, shape (J,)
-        Sensor noise of each joint, N·m (N).
+    floor : Floor
     situation : {"always", "changed"}
         Effects that can only come later (a payload) are tried only where the robot changed.
     only : sequence of str, optional
@@ -201,9 +200,9 @@ def find_effects(
         if (only is None or name in only) and not (kind.change and situation == "always")
     ]
     ranked = ranking(validator, kinds, progress)
-    floor = refuted(floor, ranked.full)
-    moving = ~only_at_reversals(validator, floor)
-    return [_finding(validator, floor, moving, effect) for effect in ranked.effects], ranked
+    noise = floor.under(ranked.full)
+    moving = ~only_at_reversals(validator, noise)
+    return [_finding(validator, noise, moving, effect) for effect in ranked.effects], ranked
 
 
 def _finding(validator: CrossValidator, floor: Array, moving: NDArray[np.bool_], effect: ScoredEffect) -> Finding:

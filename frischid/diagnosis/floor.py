@@ -8,6 +8,8 @@ held-out error of joint j is above the sensor noise n_j by the variance of the p
 with H_f the information of the parameters without fold f, G_fj the moments of joint j in fold f, N_j the rows of the
 joint, and σ_j the residual that H_f counts with: the part of the variance that sensor noise alone would cause.
 
+Noise of the drives that is as slow as the motion raises the floor, as far as it shows above the band (`slow_noise`).
+
 A floor is computed from assumptions on the noise. A held-out error below the floor proves that the floor is wrong
 there: then that error is the floor.
 
@@ -16,11 +18,16 @@ Source: Hastie, Tibshirani and Friedman 2009, The Elements of Statistical Learni
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from scipy import linalg
 
 from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.slow_noise import slow_noise
+from frischid.model.noise_floor import NoiseFloor, Octaves
 
 
 def with_leverage(validator: CrossValidator, floor: Array) -> Array:
@@ -39,6 +46,40 @@ def with_leverage(validator: CrossValidator, floor: Array) -> Array:
         variance += [float(np.trace(linalg.cho_solve(factor, G))) for G in moments]
     share = np.minimum(floor / np.maximum(validator.fit.sigma, 1e-300), 1.0) ** 2
     return np.asarray(np.sqrt(floor**2 + share * variance / validator.counts.sum(axis=0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Floor:
+    """The noise floor of held-out errors, before and after the effects are known.
+
+    Attributes
+    ----------
+    known : ndarray, shape (J,)
+        From the noise of the sensors and the uncertainty of the prediction, N·m (N).
+    octaves : sequence of Octaves
+        Noise of the torques above the filter's band.
+    """
+
+    known: Array
+    octaves: Sequence[Octaves] = ()
+
+    @classmethod
+    def of(cls, validator: CrossValidator) -> Floor:
+        """The floor of a model's error on some logs."""
+        noise = NoiseFloor(validator.model)
+        for _ in noise.watch(validator.data.cache.prepared):
+            pass
+        error = validator.base_nrmse() * validator.spread
+        under = noise.under(error)
+        return cls(np.minimum(with_leverage(validator, under), np.maximum(under, error)), tuple(noise.octaves))
+
+    def under(self, full: CrossValidator) -> Array:
+        """The floor where the model with all effects that entered is known, N·m (N), (J,).
+
+        Slow noise of the drives raises the floor; an error below the floor lowers it.
+        """
+        slow = slow_noise(self.octaves, full) if self.octaves else 0.0
+        return refuted(np.maximum(self.known, slow), full)
 
 
 def refuted(floor: Array, full: CrossValidator) -> Array:

@@ -9,6 +9,13 @@ A candidate with columns C is fitted without solving for θ again (variable proj
 Numer. Anal. 10(2)), with D = Σ ω_j C_jᵀ C_j:
 
     A = Σ ω_j Y_jᵀ C_j,   β = (D − Aᵀ H⁻¹ A)⁻¹ (Σ ω_j C_jᵀ τ_j − Aᵀ θ),   θ' = θ − H⁻¹ A β.
+
+**Weights come from residuals, and residuals from weights.** This iteration can have two ends. If the URDF is far from
+the truth, a fit that believes the prior leaves a large and slow residual. Then the data get little weight, so the prior
+is believed again. From weights so large that the data alone decide, the iteration ends elsewhere. Both starts are
+tried, and the fit that predicts the folds left out better is kept,
+
+    minimum of  Σ_j N_j log SSE_j  (held out).
 """
 
 from __future__ import annotations
@@ -28,6 +35,8 @@ from frischid.estimators.least_squares import Prior
 
 IN_SPAN = 1e-5  # a direction of a candidate with less of its squared norm outside the other columns is spanned by them
 _TURNS = 4  # iterations of weights from residuals and residuals from weights
+_FURTHER_TURNS = 2  # where a candidate was added: the weights are nearly known
+_STARTS = (1.0, 0.01)  # first standard deviation of the residual over the torque's: the prior counts, the data alone do
 _RIDGE = 1e-10  # share of each diagonal element of H that is added, against rounding
 
 
@@ -78,23 +87,48 @@ class WeightedFit:
 
     @classmethod
     def of(cls, columns: ModelColumns, prior: Prior, spread: Array) -> WeightedFit:
-        """Fit with weights from the fit's own residuals, by iteration.
+        """Fit with weights from the fit's own residuals, by iteration from two starts.
 
         Parameters
         ----------
         columns : ModelColumns
         prior : Prior
         spread : ndarray, shape (J,)
-            Standard deviation of each joint's torque, N·m (N): its first weight.
+            Standard deviation of each joint's torque, N·m (N).
         """
-        sigma, correlation = spread.copy(), np.ones(len(spread))
-        for _ in range(_TURNS):
+        none = np.ones(len(spread))
+        fits = [cls._settled(columns, prior, spread, (start * spread, none), _TURNS) for start in _STARTS]
+        return min(fits, key=lambda fit: fit.held_out_cost)
+
+    def extended(self, columns: ModelColumns, prior: Prior, spread: Array) -> WeightedFit:
+        """Fit more columns, with weights that begin at this fit's."""
+        return self._settled(columns, prior, spread, (self.sigma, self.correlation), _FURTHER_TURNS)
+
+    @classmethod
+    def _settled(
+        cls, columns: ModelColumns, prior: Prior, spread: Array, start: tuple[Array, Array], turns: int
+    ) -> WeightedFit:
+        """Iterate weights and residuals from a first standard deviation and correlation time of each residual."""
+        sigma, correlation = start
+        for _ in range(turns):
             omega = 1.0 / (np.maximum(sigma, 1e-9 * spread) ** 2 * correlation)
             folds = range(columns.data.folds)
             systems = [_solved(columns.gram, omega, prior, f) for f in (*folds, None)]
             left = [Autocorrelation.of(columns.residuals(row, systems[-1][1])) for row in range(len(spread))]
             sigma, correlation = np.array([x.std for x in left]), np.array([x.time for x in left])
         return cls(columns, prior, omega, systems, sigma, correlation)
+
+    @property
+    def held_out_sse(self) -> Array:
+        """Sum of squared residuals of each fold under the parameters fitted without this fold, (folds, J)."""
+        d = np.column_stack([self.fold_theta, np.full(self.columns.data.folds, -1.0)])
+        return np.asarray(np.einsum("fa,fjab,fb->fj", d, self.columns.gram, d))
+
+    @property
+    def held_out_cost(self) -> float:
+        """Negative log likelihood of the folds left out, up to a constant: ``½ Σ_j N_j log SSE_j``."""
+        rows = self.columns.data.counts.sum(axis=0)
+        return float(0.5 * rows @ np.log(np.maximum(self.held_out_sse.sum(axis=0), 1e-300)))
 
     @property
     def theta(self) -> Array:

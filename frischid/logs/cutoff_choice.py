@@ -36,7 +36,7 @@ from scipy import signal
 from frischid.core.types import Array
 from frischid.logs.filters import LowPass
 from frischid.logs.log import STANDSTILL_SPAN, Log
-from frischid.logs.time_grid import uniform
+from frischid.logs.time_grid import retimed, uniform
 
 HARMONICS = 10.0
 """Cut-off over bandwidth where no noise begins earlier: the fifth harmonic of a square wave, and its filter's slope."""
@@ -159,8 +159,8 @@ def spectra_of(log: Log, joints: Sequence[str]) -> LogSpectra:
     -------
     LogSpectra
     """
-    chosen = log.select(joints)
-    t, q, tau = uniform(log.t, chosen.q, np.full_like(chosen.q, np.nan) if chosen.tau is None else chosen.tau)
+    chosen = retimed(log).select(joints)
+    t, q, tau = uniform(chosen.t, chosen.q, np.full_like(chosen.q, np.nan) if chosen.tau is None else chosen.tau)
     step = (t[-1] - t[0]) / (len(t) - 1)
     f, power, floor = _spectrum(q, step)
     _, torque, torque_floor = _spectrum(np.nan_to_num(tau), step)

@@ -2,8 +2,8 @@
 
 Three linear steps, each symmetric in time so that nothing is delayed:
 
-1. cubic splines through the samples at their *true* time stamps put every channel on a uniform grid of step h
-   (`frischid.logs.time_grid`);
+1. cubic splines through the samples at their *true* times put every channel on a uniform grid of step h; where the
+   stamps jitter and the positions do not, these are the times of a regular clock (`frischid.logs.time_grid`);
 2. missing q̇ and q̈ are local quartic fits of the positions (`frischid.logs.derivatives`);
 3. the parallel filter F is applied to τ and to every regressor column, ``F τ = (F Y) θ + F e``
    (`frischid.logs.filters`, applied by `frischid.regression.regressor`).
@@ -28,7 +28,7 @@ from frischid.logs.derivatives import Derivatives
 from frischid.logs.filters import LowPass, derivative_taps
 from frischid.logs.log import Log
 from frischid.logs.standstill import PAUSE, find_standstill
-from frischid.logs.time_grid import breaks_of, largest_gap, uniform
+from frischid.logs.time_grid import breaks_of, largest_gap, retimed, uniform
 from frischid.logs.wraps import unwrapped, wrap_notes
 
 VELOCITIES = ("auto", "measured", "derived")
@@ -135,6 +135,7 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto", begin: float 
     if velocity not in VELOCITIES:
         raise InputError(f"velocity must be one of {', '.join(VELOCITIES)}, got '{velocity}'")
     wraps, log = wrap_notes(log), unwrapped(log)
+    stamped, log = log, retimed(log)
     median = float(np.median(np.diff(log.t)))
     longest = largest_gap(median, lowpass)
     begins = breaks_of(log, lowpass)
@@ -144,6 +145,12 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto", begin: float 
         widest = float(np.diff(log.t).max())
         notes.append(
             f"{log.source}: split at {gaps} gap{'s' * (gaps > 1)} in the time stamps, the longest {widest:.3g} s"
+        )
+    if log is not stamped:
+        off = 1e3 * float(np.std(stamped.t - log.t))
+        notes.append(
+            f"{log.source}: stamps jitter by {off:.3g} ms, and the positions do not: the samples were taken at a regular "
+            f"{median * 1e3:.4g} ms, and these times are used"
         )
     jitter = np.abs(np.diff(log.t) - median)
     if (jitter[jitter < longest] > 1e-3 * median).any():

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,19 @@ DRAW_SEED = 0  # seed of the draws, so that the same log gives the same floor
 SIXTH_DIFFERENCE = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
 
 
+class Octaves(NamedTuple):
+    """Noise of a motion's torques above the filter's band.
+
+    ``samples`` of the motion, ``step`` between them (s), middles of the octaves ``centres`` (K,) in Hz, and variance of
+    white noise with the torques' power there, ``powers`` (K, J) in (N·m)² (N²).
+    """
+
+    samples: int
+    step: float
+    centres: Array
+    powers: Array
+
+
 class NoiseFloor:
     """The noise floor of motions, summed motion by motion.
 
@@ -53,11 +67,14 @@ class NoiseFloor:
         Number of samples in the sum.
     passed : int
         Number of motions so far.
+    octaves : list of Octaves
+        Of each motion in the sum.
     """
 
     def __init__(self, model: Model) -> None:
         self.model = model
         self.bounds, self.samples, self.passed = np.zeros((2, len(model.joints))), 0, 0
+        self.octaves: list[Octaves] = []
 
     def watch(self, motions: Iterable[Motion]) -> Iterator[Motion]:
         """Add every motion to the floor, and pass the motions on."""
@@ -70,7 +87,9 @@ class NoiseFloor:
 
     def _of(self, motion: Motion) -> Array:
         index, taps = self.model.torque_index, self.model.lowpass.taps(motion.step)
-        level = level_within(motion.tau[:, index], motion.v[:, index], motion.step, self.model.lowpass)
+        octaves = octaves_above(motion.tau[:, index], motion.v[:, index], motion.step, self.model.lowpass)
+        self.octaves.append(octaves)
+        level = _level(motion.tau[:, index], octaves, self.model.lowpass)
         return np.asarray((level * np.linalg.norm(taps)) ** 2 + _through_the_motion(self.model, motion))
 
     def under(self, rmse: Array) -> Array:
@@ -104,14 +123,23 @@ def level_within(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
     -------
     ndarray, shape (J,)
     """
+    return _level(x, octaves_above(x, v, step, lowpass), lowpass)
+
+
+def octaves_above(x: Array, v: Array, step: float, lowpass: LowPass) -> Octaves:
+    """Noise of torques in the octaves above a filter's band; parameters are those of `level_within`."""
     if lowpass.cutoff is None:
-        return noise_level(x)
+        return Octaves(len(x), step, np.empty(0), np.empty((0, x.shape[1])))
     lags = dict.fromkeys(max(1, round(0.25 / (2**k * lowpass.cutoff * step))) for k in range(CRITERIA.octaves))
     found = [(0.5 / (lag * step), power) for lag in lags if (power := _power(x, v, step, lag)) is not None]
-    if not found:
+    powers = np.array([power for _, power in found]).reshape(len(found), x.shape[1])
+    return Octaves(len(x), step, np.array([centre for centre, _ in found]), powers)
+
+
+def _level(x: Array, octaves: Octaves, lowpass: LowPass) -> Array:
+    if lowpass.cutoff is None or not len(octaves.centres):
         return noise_level(x)
-    centres, powers = zip(*found, strict=True)
-    return np.asarray(np.sqrt(_carried_on(np.array(centres), np.array(powers), lowpass.cutoff)))
+    return np.asarray(np.sqrt(_carried_on(octaves.centres, octaves.powers, lowpass.cutoff)))
 
 
 def _power(x: Array, v: Array, step: float, lag: int) -> Array | None:

@@ -1,0 +1,74 @@
+"""Noise of drives as slow as the motion: it goes on above the filter's band, where a missing effect does not.
+
+The residual of a model holds missing effects and the drives' noise. Noise with a memory (first-order autoregressive,
+memory 1 / (2π f₀)) is as slow as the motion, so no filter separates the two. But its spectrum is known,
+
+    S(f) = W + L / (1 + (f/f₀)²),
+
+and above the band of the motion, between reversals, there is nothing but noise. So the octaves there
+(`frischid.model.noise_floor.octaves_above`) give W and L f₀², and the noise in the band 0 ... f_c is
+
+    slow_j² = 2 h ∫ S_j df = 2 h (W_j f_c + L_j f₀ arctan(f_c/f₀)),
+
+with h the step of the samples: the larger, the slower. The residual limits f₀ in two ways. No joint's noise can be
+larger than its residual r_j; drives of an arm are alike, so one f₀ serves all joints, and the joint with the least
+residual decides. And the noise cannot be correlated over a longer time than the most correlated residual is,
+
+    T = S(0) / (2 ∫ S df) = 1 / (2 f₀ arctan(f_c/f₀))  ≤  max_j T_j.
+
+The slowest noise within both limits is taken. Where the torque's noise is white, L is zero, and slow_j is the noise
+floor of white noise.
+
+Source: Box, Jenkins, Reinsel and Ljung 2015, Time Series Analysis, section 3.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import optimize
+
+from frischid.core.types import Array
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.model.noise_floor import Octaves
+
+_LEAST_OCTAVES = 3  # fewer cannot tell noise with a memory from white noise
+_CORNERS = np.geomspace(0.05, 50.0, 60)  # Hz, slow first
+
+
+def slow_noise(octaves: Sequence[Octaves], full: CrossValidator) -> Array:
+    """Noise of each joint's torque within the filter's band, as slow as the residual says, N·m (N), (J,).
+
+    Parameters
+    ----------
+    octaves : sequence of Octaves
+        Of the motions.
+    full : CrossValidator
+        Of the model with all effects that entered: its residual is noise, as far as that is known.
+
+    Returns
+    -------
+    ndarray, shape (J,)
+        Zero where nothing is filtered, or where the samples show too few octaves above the band.
+    """
+    cutoff = full.model.lowpass.cutoff
+    usable = [x for x in octaves if len(x.centres) >= _LEAST_OCTAVES]
+    if cutoff is None or not usable:
+        return np.zeros(len(full.joints))
+    step = float(np.mean([x.step * full.model.lowpass.decimation(x.step) for x in usable]))
+    times = 1 / (2 * _CORNERS * np.arctan(cutoff / _CORNERS))
+    share = np.array([x.samples for x in usable]) / sum(x.samples for x in usable)
+    for corner in _CORNERS[times <= step * full.fit.correlation.max()]:
+        squares = share @ np.array([_in_band(x, float(corner), cutoff) for x in usable])
+        if (squares <= full.fit.sigma**2).all():
+            return np.asarray(np.sqrt(squares))
+    return np.zeros(len(full.joints))
+
+
+def _in_band(octaves: Octaves, corner: float, cutoff: float) -> Array:
+    """Variance of each joint's noise below the cut-off, (J,)."""
+    centres, powers = octaves.centres, np.maximum(octaves.powers, 1e-300)
+    parts = np.stack([np.ones(len(centres)), 1 / (1 + (centres / corner) ** 2)], axis=1)
+    shares = np.array([optimize.nnls(parts / y[:, None], np.ones(len(y)))[0] for y in powers.T])
+    return np.asarray(2 * octaves.step * (shares @ [cutoff, corner * np.arctan(cutoff / corner)]))
