@@ -33,7 +33,7 @@ from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.model.noise_floor import Octaves
 
-_LEAST_OCTAVES = 3  # fewer cannot tell noise with a memory from white noise
+_LEAST_OCTAVES = 2  # one cannot tell noise with a memory from white noise
 _CORNERS = np.geomspace(0.05, 50.0, 60)  # Hz, slow first
 
 

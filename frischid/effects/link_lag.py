@@ -19,9 +19,9 @@ Source: Nordin and Gutman 2002, "Controlling mechanical systems with backlash: a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ TRAVEL_STEP = 0.004
 START_WINDOW = 0.1
 """Time from a motion's first sample, s, over which the load on the link is averaged to find where the link starts."""
 
-TOGETHER_FROM = 9
+TOGETHER_FROM = 30
 """From this number of links on, moving all links at once as arrays is faster than moving each link as plain numbers."""
 
 NUMBERS_AT_ONCE = 1_000_000
@@ -102,26 +102,65 @@ class _Road:
         return cls(state.t[grid], (at[1:] + at[:-1]) / 2)
 
 
-def _travel(
-    road: Iterable[Any], steps: Iterable[float], links: Iterable[Any], least: Any, most: Any
-) -> Iterator[tuple[Any, Any]]:
-    """Deflection at the end of each step, and f − f_c sign(q̇_j) within the step.
+class _Steps(NamedTuple):
+    """What drives links within each step of a road, (G - 1, ...): one column per link where many move together.
 
-    For one link, all values are numbers; for many links, all are arrays. `least` and `most` give the smaller and the
-    larger of two numbers or arrays.
+    ``push`` is the part of the push on the link that does not depend on its deflection.
     """
-    deflection, rate, stiffness, damping, gap, dry = links
-    for (speed, sign, load, inertia, drag, pull), h in zip(road, steps, strict=True):
+
+    h: Array
+    speed: Array
+    push: Array
+    inert: Array
+    spring: Array
+    held: Array
+    back: Array
+
+    @classmethod
+    def of(cls, road: _Road, joints: NDArray[np.intp], links: Array) -> _Steps:
+        """Drive the links of some joints; `links` (6, links) are their properties (`_moved`)."""
+        speed, sign, load, inertia, drag, pull = road.over[:, :, joints].swapaxes(0, 1)
+        _, _, stiffness, damping, _, dry = links
+        h = np.diff(road.t)[:, None]
         inert, spring = 2 / h * inertia, stiffness + pull
-        held = inert + most(drag + damping, 0.0) + h / 2 * spring
-        push = held * speed - load - inert * rate + spring * deflection
-        friction = most(least(push, dry), -dry)
-        wanted = speed - (push - friction) / held
-        found = most(least(wanted, (gap - deflection) / h), (-gap - deflection) / h)
-        loose = found == wanted
-        deflection = deflection + h * found
-        rate = (2 * found - rate) * loose
-        yield deflection, (friction - dry * sign) * loose
+        held = inert + np.maximum(drag + damping, 0.0) + h / 2 * spring
+        return cls(h, speed, held * speed - load, inert, spring, held, dry * sign)
+
+
+def _travel_together(along: _Steps, links: Array) -> Array:
+    """Deflection at the end of each step, and f − f_c sign(q̇_j) within the step, (G - 1, 2, links)."""
+    deflection, rate, _, _, gap, dry = links
+    found = np.empty((len(along.h), 2, links.shape[1]))
+    for n, (h, speed, push, inert, spring, held, back) in enumerate(zip(*along, strict=True)):
+        pushed = push - inert * rate + spring * deflection
+        friction = np.maximum(np.minimum(pushed, dry), -dry)
+        wanted = speed - (pushed - friction) / held
+        moved = np.maximum(np.minimum(wanted, (gap - deflection) / h), (-gap - deflection) / h)
+        loose = moved == wanted
+        deflection = deflection + h * moved
+        rate = (2 * moved - rate) * loose
+        found[n] = deflection, (friction - back) * loose
+    return found
+
+
+def _travel_alone(along: _Steps, number: int, link: Array) -> Array:
+    """The same for one of the links, (G - 1, 2), as plain numbers: ten times as fast for one link."""
+    deflection, rate, _, _, gap, dry = link.tolist()
+    places, frictions = [], []
+    columns = (x[:, min(number, x.shape[1] - 1)].tolist() for x in along)
+    for h, speed, push, inert, spring, held, back in zip(*columns, strict=True):
+        pushed = push - inert * rate + spring * deflection
+        friction = dry if pushed > dry else -dry if pushed < -dry else pushed
+        moved = speed - (pushed - friction) / held
+        after = deflection + h * moved
+        if -gap <= after <= gap:
+            deflection, rate = after, 2 * moved - rate
+            frictions.append(friction - back)
+        else:
+            deflection, rate = (gap if after > gap else -gap), 0.0
+            frictions.append(0.0)
+        places.append(deflection)
+    return np.array([places, frictions]).T
 
 
 class Lag(NamedTuple):
@@ -209,13 +248,12 @@ def _at_samples(between: Array) -> Array:
 
 
 def _moved(road: _Road, joints: NDArray[np.intp], links: Array) -> Array:
-    """Travels of links, (G - 1, 2, links); many links move at once, because a step of arrays takes as long as nine."""
-    steps = np.diff(road.t).tolist()
-    if len(joints) < TOGETHER_FROM:
-        each = [
-            list(_travel(road.over[:, :, joint].tolist(), steps, link.tolist(), min, max))
-            for joint, link in zip(joints, links.T, strict=True)
-        ]
-        return np.array(each).reshape(len(joints), len(steps), 2).transpose(1, 2, 0)
-    along = (at[:, joints] for at in road.over)
-    return np.array(list(_travel(along, steps, links, np.minimum, np.maximum)))
+    """Travels of links, (G - 1, 2, links); many links move at once, because a step of arrays takes as long as thirty.
+
+    The rows of `links` are deflection and its rate at the start, stiffness, damping, half the gap, and dry friction.
+    """
+    along = _Steps.of(road, joints, links)
+    if len(joints) >= TOGETHER_FROM:
+        return _travel_together(along, links)
+    each = [_travel_alone(along, n, link) for n, link in enumerate(links.T)]
+    return np.array(each).reshape(len(joints), len(along.h), 2).transpose(1, 2, 0)

@@ -16,6 +16,7 @@ from frischid.logs.log import Log
 from frischid.logs.preprocessing import prepare
 from frischid.logs.readers import read_log
 from frischid.logs.standstill import find_standstill
+from frischid.logs.time_grid import retimed
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise
 from frischid.motions.trajectory import random_fourier
@@ -440,3 +441,32 @@ def test_cutoff_of_measured_logs(pattern):
     logs = [read_log(path) for path in paths]
     chosen = choose_lowpass(logs, [j for j in logs[0].joints if j.startswith(("panda", "arm", *"sew"))])
     assert 1.0 <= chosen.cutoff <= 12.0
+
+
+def sines(t):
+    return np.stack([np.sin(2.1 * t) + 0.4 * np.sin(5.3 * t), np.cos(1.7 * t)], axis=1)
+
+
+def two_joints(stamps, t):
+    noise = 1e-6 * np.random.default_rng(1).normal(size=(len(t), 2))
+    return Log(stamps, ("a", "b"), sines(t) + noise, tau=sines(t), source="busy")
+
+
+def test_stamps_of_a_busy_computer_are_replaced_by_a_regular_clock():
+    t = np.delete(T, [300, 301, 900])  # lost samples stay lost
+    log = two_joints(t + np.random.default_rng(0).uniform(-0.002, 0.002, len(t)), t)
+    cutoff = choose_lowpass([log], log.joints)
+    assert cutoff.cutoff == choose_lowpass([two_joints(t, t)], log.joints).cutoff
+    found = prepare(log, cutoff)
+    assert any("the samples were taken at a regular 10 ms" in note for note in found.notes)
+    (motion,) = found.motions
+    expected = -(2.1**2) * np.sin(2.1 * motion.t) - 0.4 * 5.3**2 * np.sin(5.3 * motion.t)
+    assert rms(motion.a[:, 0] - expected) < 0.02 * rms(expected)
+
+
+def test_stamps_that_the_positions_follow_are_kept():
+    t = T + np.random.default_rng(0).uniform(-0.002, 0.002, len(T))
+    log = two_joints(t, t)
+    assert retimed(log) is log
+    still = Log(t, ("a",), np.zeros((len(t), 1)), source="still")
+    assert retimed(still) is still
