@@ -40,6 +40,8 @@ class ComparisonCriteria:
         Least samples of such a stretch.
     octave_top : float
         Highest frequency of an octave in which noise is measured, over the octave's middle.
+    step_rounding : float
+        Share of an encoder's step. Where all changes of a position are whole steps to within this, the encoder rounds.
     corners : tuple of float
         Hz. Corner frequencies that are tried for noise with a memory; slower noise may be physics.
     """
@@ -57,6 +59,7 @@ class ComparisonCriteria:
     noise_stretch: float = 0.5
     noise_stretch_samples: int = 32
     octave_top: float = 1.5
+    step_rounding: float = 0.01
     corners: tuple[float, ...] = (80.0, 56.0, 40.0, 28.0, 20.0, 14.0, 10.0)
 
     def to_dict(self) -> dict[str, Any]:

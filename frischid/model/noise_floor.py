@@ -229,12 +229,34 @@ def _with_noise(path: Motion, motion: Motion, lowpass: LowPass) -> Motion:
     own_v, own_a = motion.measured or (nothing, nothing)
     first_seen = round((path.t[0] - motion.t[0]) / path.step) - half
     at = np.clip(np.arange(first_seen, first_seen + long[0]), 0, len(motion.t) - 1)
-    of_q, of_v = (rng.normal(size=long) * _levels(x, path.step)[at] for x in (motion.q, motion.v))
+    of_v = rng.normal(size=long) * _levels(motion.v, path.step)[at]
+    of_q = _encoder_noise(np.pad(path.q, ((half, half), (0, 0)), "reflect", reflect_type="odd"), motion, at, rng)
     v = np.where(own_v, of_v[half : len(of_v) - half], correlate(first, of_q))
     a = np.where(own_v, correlate(first, of_v), correlate(second, of_q))
     of_a = rng.normal(size=long) * _levels(motion.a, path.step)[at]
     a = np.where(own_a, of_a[half : len(of_a) - half], a)
     return replace(path, q=path.q + of_q[half : len(of_q) - half], v=path.v + v, a=path.a + a)
+
+
+def _encoder_noise(path: Array, motion: Motion, at: NDArray[np.intp], rng: np.random.Generator) -> Array:
+    """Noise of the positions along a path, (N, J): rounding to the encoder's step, and random noise beyond rounding.
+
+    Rounding is no white noise where a joint moves slowly: its error is a slow saw tooth, which passes the filter.
+    """
+    steps = np.array([_encoder_step(q) for q in motion.q.T])
+    rounding = np.where(steps > 0, steps * np.round(path / np.where(steps > 0, steps, 1.0)) - path, 0.0)
+    beyond = np.sqrt(np.maximum(_levels(motion.q, motion.step)[at] ** 2 - steps**2 / 12, 0.0))
+    return np.asarray(rounding + beyond * rng.normal(size=path.shape))
+
+
+def _encoder_step(q: Array) -> float:
+    """Step of a coarse encoder, rad (m): all changes are whole multiples of the smallest one; 0 where they are not."""
+    changes = np.abs(np.diff(q))
+    changes = changes[changes > 0]
+    if not len(changes):
+        return 0.0
+    multiples = changes / changes.min()
+    return float(changes.min()) if np.abs(multiples - np.round(multiples)).max() < CRITERIA.step_rounding else 0.0
 
 
 def _levels(x: Array, step: float) -> Array:
