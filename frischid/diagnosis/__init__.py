@@ -7,14 +7,15 @@ Comes in: a model and logs. Goes out: findings with evidence, a verdict, and bet
 2. `situation`: did the robot change after its model was identified? `change_prior`: the prior of either case.
 3. `cross_validation` (`dataset`, `model_columns`, `weighted_fit`): the model's cross-validated error, fold by fold.
 4. `contacts`: stretches of time in which something touched the robot are left out.
-5. `findings` (`shape_screening`, `scored_candidate`, `block_test`, `shape_refinement`, `stepwise_selection`,
-   `effect_ranking`): every effect in every place is scored, alone and together.
+5. `findings` (`shape_screening`, `scored_candidate`, `symmetric_shifts`, `block_test`, `shape_refinement`,
+   `stepwise_selection`, `effect_ranking`): every effect in every place is scored, alone and together.
 6. `unmodelled_terms` (`gear_steps`, `reversal_residuals`): is the first finding the cause, or does a term outside the
    catalogue explain far more?
 7. `verdict`: none, effect, several, contact or unknown; `residual_formula` describes an unknown residual.
 8. `hypotheses` and `probability`: how probable is each answer? `rivals`: which other answers share the probability?
 
-`floor` is the noise floor of held-out errors: the variance of the prediction belongs to it, and the data may refute it.
+`floor` is the noise floor of held-out errors: the variance of the prediction belongs to it, noise of drives that is as
+slow as the motion too (`slow_noise`), and the data may refute it.
 
 `improvement` adds findings to a model step by step (`step_acceptance`: may a step stay?), `effect_curves` draws them.
 Every number that decides is a field of `criteria.DiagnosisCriteria`.

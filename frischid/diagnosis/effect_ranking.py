@@ -24,6 +24,7 @@ from frischid.diagnosis.cross_validation import CrossValidator, Score
 from frischid.diagnosis.scored_candidate import ScoredCandidate, scored, usable_candidates
 from frischid.diagnosis.shape_refinement import refined, with_refined_contenders
 from frischid.diagnosis.stepwise_selection import OwnPart, own_part, selected, with_all
+from frischid.diagnosis.symmetric_shifts import without_smoothing
 from frischid.effects import Effect
 
 
@@ -78,11 +79,14 @@ class Ranking:
         In order.
     full, without_first : CrossValidator
         Of the model with all effects that entered, and with all of these but the first.
+    smoothing : tuple of ScoredCandidate
+        Shifts in time that are no delays (`symmetric_shifts`); they are not among the effects.
     """
 
     effects: list[ScoredEffect]
     full: CrossValidator
     without_first: CrossValidator
+    smoothing: tuple[ScoredCandidate, ...] = ()
 
 
 def ranking(
@@ -93,6 +97,7 @@ def ranking(
     alone = (scored(validator, shapes) for shapes in usable_candidates(validator, places, progress) if shapes)
     pool = [found for found in alone if found is not None]
     tried = len(pool)
+    pool, smoothing = without_smoothing(validator, pool)
     progress("comparing candidates")
     pool = with_refined_contenders(validator, pool)
     chosen, full = selected(validator, pool, tried)
@@ -109,7 +114,7 @@ def ranking(
         effects.append(_joined(validator, best, part, tried, bool(entered)))
     level = validator.criteria.significance
     effects.sort(key=lambda e: (not e.entered, -e.own.new, -e.own.unique, e.p_value > level, -e.explained, -e.gain))
-    return Ranking(_with_rivals(validator, effects), full, with_all(validator, others))
+    return Ranking(_with_rivals(validator, effects), full, with_all(validator, others), tuple(smoothing))
 
 
 def _best_places(places: Sequence[ScoredCandidate], smallest_error: float) -> list[ScoredCandidate]:

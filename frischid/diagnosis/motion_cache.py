@@ -173,6 +173,14 @@ class MotionCache:
                 columns[row].append(np.column_stack(found))
         return Candidate(parts[0].effect, columns, tuple(s for p in parts for s in p.signs))
 
+    def halved(self, a: Candidate, b: Candidate, sign: float) -> Candidate:
+        """Half the sum (sign 1) or half the difference (sign −1) of two candidates' columns on the same joints."""
+        columns = {row: Series(self.store) for row in a.columns}
+        for row, series in columns.items():
+            for number in range(len(self.motions)):
+                series.append((a.columns[row][number] + sign * b.columns[row][number]) / 2)
+        return Candidate(a.effect, columns, a.signs)
+
     def joint(self, row: int, number: int, left_out: Sequence[tuple[str, float, float]] = ()) -> JointData:
         """Rows of a joint over one motion, without some stretches of time."""
         return JointData(self.motions[number], row, left_out)

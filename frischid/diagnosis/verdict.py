@@ -128,6 +128,15 @@ def notes_on(
         notes.append(
             f"the residual error of {where} is at reversals and standstill, where dry friction is undetermined"
         )
+    smoothed = max(results.ranking.smoothing, key=lambda c: c.explained, default=None)
+    cutoff = validator.model.lowpass.cutoff
+    if smoothed is not None and smoothed.explained > validator.criteria.smallest_error**2 and cutoff is not None:
+        where = listed(smoothed.effect.joints or ()) or "all joints"
+        notes.append(
+            f"a shift of the torque in time explains a part of the error of {where}, and the opposite shift explains "
+            f"as much: that is no delay, but noise of the positions; identify with a lower cut-off than {cutoff:g} Hz "
+            "(--cutoff)"
+        )
     shared = sentence_of(results.findings, probabilities)
     if shared and verdict != "contact":
         notes.append(shared)

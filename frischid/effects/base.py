@@ -123,6 +123,11 @@ class Effect(ABC):
             EFFECTS.register(cls)
 
     @property
+    def reverse(self) -> Self | None:
+        """The effect with the opposite shift in time, if it is a shift: what both explain alike is no shift."""
+        return None
+
+    @property
     def searched(self) -> Mapping[str, tuple[float, ...]]:
         """The entries of `shapes` on which the columns of this effect depend."""
         return self.shapes

@@ -12,6 +12,7 @@ Mooring, Roth and Driels 1991, Fundamentals of Manipulator Calibration, Wiley.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
@@ -87,6 +88,11 @@ class TimeDelay(Effect):
     def __post_init__(self) -> None:
         if not (is_number(self.size) and self.size != 0):
             raise InputError(f"{self.id}: size must be a time in s other than zero, got {self.size}")
+
+    @property
+    def reverse(self) -> Self:
+        """The same shift in the other direction."""
+        return dataclasses.replace(self, size=-self.size)
 
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:

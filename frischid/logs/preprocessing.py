@@ -149,8 +149,8 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto", begin: float 
     if log is not stamped:
         off = 1e3 * float(np.std(stamped.t - log.t))
         notes.append(
-            f"{log.source}: stamps jitter by {off:.3g} ms, and the positions do not: the samples were taken at a regular "
-            f"{median * 1e3:.4g} ms, and these times are used"
+            f"{log.source}: stamps jitter by {off:.3g} ms, and the positions do not: the samples were taken at a "
+            f"regular {median * 1e3:.4g} ms, and these times are used"
         )
     jitter = np.abs(np.diff(log.t) - median)
     if (jitter[jitter < longest] > 1e-3 * median).any():

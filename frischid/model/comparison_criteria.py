@@ -28,6 +28,8 @@ class ComparisonCriteria:
     noise_samples : int
         Samples from the middle of a motion on which noise is drawn for the floor: enough for the first two digits of
         the floor at bounded cost.
+    draws : int
+        Draws of the noise for the floor: one alone may be twice the median at a joint that reverses slowly.
     full_motions : int
         Number of first motions that all count for the floor; of later ones only the 32nd, 64th, ... count.
     sharp_width : float
@@ -53,6 +55,7 @@ class ComparisonCriteria:
     beginning: float = 0.2
     white_ratio: float = 1.5
     noise_samples: int = 12_000
+    draws: int = 3
     full_motions: int = 16
     sharp_width: float = 1e-4
     octaves: int = 4

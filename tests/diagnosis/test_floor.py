@@ -73,7 +73,7 @@ def test_a_missing_effect_is_no_noise(memory):
 
 
 def test_a_prior_that_is_wrong_does_not_make_the_logs_count_for_nothing():
-    """Weights from residuals under the prior: a large residual gives the data no weight, and the prior stays believed."""
+    """Weights come from residuals under the prior: a large residual gives the data no weight."""
     v = validator(logs_of(0.0))
     truth, information = v.theta, v.fit.information
     scale = np.sqrt(np.diag(information))

@@ -198,3 +198,27 @@ def test_each_criterion_of_a_finding_decides(change):
     assert diagnose(model, logs, effects=ONE_COLUMN[:1]).findings[0].significant
     strict = replace(DiagnosisCriteria(), **change)
     assert not any(f.significant for f in diagnose(model, logs, effects=ONE_COLUMN[:1], criteria=strict).findings)
+
+
+def test_a_shift_that_explains_as_much_as_the_opposite_one_is_no_delay():
+    late = [log_of(seed, "time_delay", delay=0.02) for seed in (1, 2)]
+    found = diagnose(identify(ARM, late[:1], recursion="none").model, late, effects=["time_delay"])
+    assert found.findings[0].effect == "time_delay"
+    assert found.findings[0].significant
+    assert found.findings[0].parameters["delay"] == pytest.approx(0.02, rel=0.1)
+    noisy = [
+        simulate(
+            ARM,
+            random_fourier(ARM, 20.0, seed=seed),
+            rate=100.0,
+            parameters=DRY,
+            noise=Noise(q=3e-4, tau=0.01),
+            channels=(),
+            seed=seed,
+        )
+        for seed in (1, 2)
+    ]
+    model = identify(ARM, noisy[:1], recursion="none", cutoff=10.0).model  # too high for these positions
+    seen = diagnose(model, noisy, effects=["time_delay"])
+    assert seen.verdict == "none", "a mean over shifts hides noise in the accelerations, and is no delay"
+    assert any("identify with a lower cut-off than 10 Hz" in note for note in seen.notes)
