@@ -95,6 +95,9 @@ def simulate(
 @click.option("-o", "--output", type=OutputPath(), required=True, help="Write the motion (t, q, v, a) here.")
 @click.option("--duration", default=20.0, show_default=True, help="Seconds.")
 @click.option("--rate", default=100.0, show_default=True, help="Samples per second.")
+@click.option(
+    "--repeat", default=1, show_default=True, help="Runs of the motion; the difference between two runs is noise."
+)
 @click.option("--family", default="fourier", show_default=True, help="fourier, bspline, or points (quintics).")
 @click.option("--criterion", default="condition", show_default=True, help="condition, d_optimal, or paper (eq. 19).")
 @click.option("--limits", default=0.9, show_default=True, help="Share of the URDF's limits to use.")
@@ -117,6 +120,7 @@ def excite(
     output: str,
     duration: float,
     rate: float,
+    repeat: int,
     family: str,
     criterion: str,
     limits: float,
@@ -145,6 +149,8 @@ def excite(
     if budget < 1:
         raise InputError(f"--budget must be at least one evaluation, got {budget}")
     check_rate(rate, duration)
+    if repeat < 1:
+        raise InputError(f"--repeat must be at least one run, got {repeat}")
     machine, _ = load(robot, RobotArguments(**options))
     pair = () if separate is None else parse_effects(separate)
     if separate is not None and len(pair) != 2:
@@ -171,7 +177,7 @@ def excite(
             planned = apart.plan
         else:
             planned = plan(machine, effects_of(effects), wanted, **told)
-    planned.save(output, rate)
+    planned.save(output, rate, repeat)
     if picture:
         from frischid import figures
 

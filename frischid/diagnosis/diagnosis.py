@@ -247,7 +247,7 @@ def _stages(
             validator, (findings, ranking) = rest, find_effects(rest, floor, situation, effects, progress)
     noise = floor.under(ranking.full)
     unmodelled = None if contacts else unmodelled_term(ranking, noise)
-    return StageResults(validator, situation, noise, tuple(contacts), tuple(findings), ranking, unmodelled)
+    return StageResults(validator, situation, noise, tuple(contacts), tuple(findings), ranking, unmodelled, floor.said)
 
 
 def _diagnosis(results: StageResults, verdict: Verdict, error_of_model: Headline) -> Diagnosis:

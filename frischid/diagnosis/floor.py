@@ -26,6 +26,7 @@ from scipy import linalg
 
 from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.repeats import measured_noise
 from frischid.diagnosis.slow_noise import slow_noise
 from frischid.model.noise_floor import NoiseFloor, Octaves
 
@@ -57,15 +58,21 @@ class Floor:
     known : ndarray, shape (J,)
         From the noise of the sensors and the uncertainty of the prediction, N·m (N).
     octaves : sequence of Octaves
-        Noise of the torques above the filter's band.
+        Noise of the torques above the filter's band; none where repeated motions measure the noise.
+    said : str
+        A sentence on repeated motions, empty without any.
     """
 
     known: Array
     octaves: Sequence[Octaves] = ()
+    said: str = ""
 
     @classmethod
     def of(cls, validator: CrossValidator) -> Floor:
-        """The floor of a model's error on some logs."""
+        """The floor of a model's error on some logs; measured where a motion comes again (`repeats`)."""
+        measured = measured_noise(validator)
+        if measured is not None:
+            return cls(with_leverage(validator, measured.noise), said=measured.said)
         noise = NoiseFloor(validator.model)
         for _ in noise.watch(validator.data.cache.prepared):
             pass
@@ -78,7 +85,7 @@ class Floor:
 
         Slow noise of the drives raises the floor; an error below the floor lowers it.
         """
-        slow = slow_noise(self.octaves, full) if self.octaves else 0.0
+        slow = slow_noise(self.octaves, full)
         return refuted(np.maximum(self.known, slow), full)
 
 

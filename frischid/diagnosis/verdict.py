@@ -64,6 +64,8 @@ class StageResults:
         Best first.
     ranking : Ranking
     unmodelled : UnmodelledTerm or None
+    said : str
+        A sentence on repeated motions, empty without any.
     """
 
     validator: CrossValidator
@@ -73,6 +75,7 @@ class StageResults:
     findings: tuple[Finding, ...]
     ranking: Ranking
     unmodelled: UnmodelledTerm | None
+    said: str = ""
 
 
 def decided(results: StageResults) -> Verdict:
@@ -115,6 +118,7 @@ def notes_on(
     validator, full, unmodelled = results.validator, results.ranking.full, results.unmodelled
     changed = results.situation == "changed"
     notes = [f"assumed: the robot {'changed' if changed else 'has not changed'} since it was identified"]
+    notes += [results.said] if results.said else []
     errors = zip(validator.joints, validator.base_nrmse(), strict=True)
     lost = [name for name, error in errors if error > 1.0]  # a constant torque has an NRMSE of 1
     if lost:

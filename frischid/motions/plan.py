@@ -28,6 +28,7 @@ from frischid.core.parallel import Workers
 from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
+from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.readers import write_log
 from frischid.motions.collision import Clearance
@@ -39,6 +40,9 @@ from frischid.motions.optimize import ATTEMPTS, Progress, Search
 from frischid.motions.plan_options import PlanOptions
 from frischid.motions.trajectory import ClosedForm, Family
 from frischid.robot.robot import Robot
+
+CLOSED = 1e-6
+"""rad (m). A motion that ends this near to its start can run again without a jump."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,17 +89,42 @@ class Plan(Shown):
     violations: tuple[Violation, ...]
     notes: tuple[str, ...]
 
-    def to_log(self, rate: float) -> Log:
-        """Sample t, q, v and a at `rate` Hz, from the start on."""
-        check_rate(rate, self.trajectory.duration)
-        steps = int(np.floor(rate * self.trajectory.duration * (1 + 1e-12)))
+    def to_log(self, rate: float, repeat: int = 1) -> Log:
+        """Sample t, q, v and a at `rate` Hz, from the start on.
+
+        Parameters
+        ----------
+        rate : float
+        repeat : int
+            Runs of the motion, one after another without a pause: what differs between the runs is noise.
+
+        Raises
+        ------
+        InputError
+            There is no run, or a motion that comes again does not end where it began.
+        """
+        duration = self.trajectory.duration
+        check_rate(rate, duration)
+        if repeat < 1:
+            raise InputError(f"a motion must run at least once, got repeat {repeat}")
+        (start, *_), (end, *_) = (self.trajectory(np.array([when])) for when in (0.0, duration))
+        if repeat > 1 and np.abs(end - start).max() > CLOSED:
+            joint = self.joints[int(np.abs(end - start).max(axis=0).argmax())]
+            raise InputError(
+                f"this motion cannot be repeated: {joint} does not end where it began; plan with the family fourier"
+            )
+        steps = int(np.floor(rate * repeat * duration * (1 + 1e-12)))
         t = np.arange(steps + 1) / rate
-        q, v, a = self.trajectory(t)
+        within = t if repeat == 1 else t - duration * np.minimum(np.floor(t / duration * (1 + 1e-12)), repeat - 1)
+        q, v, a = self.trajectory(np.clip(within, 0.0, duration))
         return Log(t, self.joints, q, v, a, source=f"exciting motion ({self.criterion} {self.cost:.4g})")
 
-    def save(self, path: str | Path, rate: float = 100.0) -> None:
-        """Write columns t, q_<joint>, v_<joint>, a_<joint> as CSV, Parquet or NPZ, by the file's ending."""
-        write_log(self.to_log(rate), path)
+    def save(self, path: str | Path, rate: float = 100.0, repeat: int = 1) -> None:
+        """Write columns t, q_<joint>, v_<joint>, a_<joint> as CSV, Parquet or NPZ, by the file's ending.
+
+        `repeat` is the number of runs of the motion, see `to_log`.
+        """
+        write_log(self.to_log(rate, repeat), path)
 
 
 def plan(

@@ -7,13 +7,16 @@ import pytest
 from scipy.signal import lfilter
 
 from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.floor import Floor
+from frischid.diagnosis.repeats import measured_noise
 from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.slow_noise import slow_noise
 from frischid.diagnosis.weighted_fit import WeightedFit
 from frischid.effects import BASELINE, parse_effects
 from frischid.estimators.least_squares import Prior
 from frischid.logs.log import Log
+from frischid.logs.repeated_motion import repeat_of
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
@@ -24,10 +27,10 @@ RATE = 200.0
 
 
 @cache
-def logs_of(memory: float, effect: str = "") -> tuple[Log, ...]:
-    """Two logs whose torque has noise of 2 % with a memory, s (0: white), and a spring on joint 2 if wanted."""
+def logs_of(memory: float, effect: str = "", motions: tuple[int, ...] = (1, 2), run: int = 0) -> tuple[Log, ...]:
+    """Logs whose torque has noise of 2 % with a memory, s (0: white), and a spring on joint 2 if wanted."""
     found = []
-    for seed in (1, 2):
+    for seed in motions:
         log = simulate(
             ARM,
             random_fourier(ARM, 20, seed=seed),
@@ -39,7 +42,7 @@ def logs_of(memory: float, effect: str = "") -> tuple[Log, ...]:
             seed=seed,
             name=f"log {seed}",
         )
-        x = np.random.default_rng(seed).normal(size=log.tau.shape)
+        x = np.random.default_rng([seed, run]).normal(size=log.tau.shape)
         if memory:
             pole = np.exp(-1 / (RATE * memory))
             x = lfilter([np.sqrt(1 - pole**2)], [1, -pole], x, axis=0)
@@ -82,3 +85,47 @@ def test_a_prior_that_is_wrong_does_not_make_the_logs_count_for_nothing():
     fit = WeightedFit.of(v.columns, wrong, v.spread)
     assert fit.held_out_cost <= believed.held_out_cost
     assert (fit.sigma < 1.1 * v.fit.sigma).all()
+
+
+def runs(memory: float, effect: str = "") -> list[Log]:
+    """Two logs, each of which runs a motion of its own twice; the noise is another one in each run."""
+    found = []
+    for motion in (1, 2):
+        parts = []
+        for run in (0, 1):
+            (log,) = logs_of(memory, effect, (motion,), run)
+            parts.append(log.slice(0, len(log.t) - 1))
+        t = np.arange(2 * len(parts[0].t)) / RATE
+        q, tau = (np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "tau"))
+        found.append(Log(t, ARM.joints, q, tau=tau, source=f"two runs {motion}"))
+    return found
+
+
+@pytest.mark.parametrize("effect", ["", "joint_spring@joint2"])
+def test_repeated_motions_measure_the_noise_whatever_is_missing(effect):
+    v = validator(tuple(runs(0.1, effect)))
+    measured = measured_noise(v)
+    assert measured is not None
+    true = np.sqrt(sum(log.tau.var(axis=0) for log in runs(0.1, effect)) / 2) * 0.02
+    healthy = validator(tuple(runs(0.1)))
+    np.testing.assert_allclose(measured.noise, healthy.fit.sigma, rtol=0.2)
+    assert (measured.noise < true).all(), "the filter takes a part of the noise"
+    assert "two runs 1, two runs 2" in measured.said
+    found = diagnose(v.model, runs(0.1, effect))
+    assert measured.said in found.notes
+    assert found.verdict == ("effect" if effect else "none")
+
+
+def test_other_motions_do_not_repeat():
+    assert measured_noise(validator(logs_of(0.0))) is None
+
+
+def test_a_motion_that_comes_again_in_another_log_is_found_with_its_shift():
+    one, other = runs(0.0)[0], runs(0.0)[0].slice(300, 3000)
+    found = repeat_of(one.t, one.q, other.t - 7.0, other.q)
+    assert found is not None
+    assert found.shift % 20.0 == pytest.approx(7.0, abs=0.005)
+    own = repeat_of(one.t, one.q, one.t, one.q, 5.0)
+    assert own is not None
+    assert own.shift == pytest.approx(20.0, abs=0.005)
+    assert repeat_of(one.t, one.q, other.t, 1.05 * other.q) is None

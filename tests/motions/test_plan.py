@@ -168,6 +168,25 @@ def test_same_seed_same_motion():
     assert not np.allclose(motions[0], motions[2])
 
 
+@pytest.mark.parametrize("rate", [50.0, 33.0])
+def test_a_motion_runs_several_times_without_a_jump(rate):
+    found = plan(Robot.load("planar2"), options=PlanOptions(duration=3.0, samples=20, budget=50))
+    once, thrice = found.to_log(rate), found.to_log(rate, repeat=3)
+    assert thrice.duration == pytest.approx(9.0, abs=1 / rate)
+    np.testing.assert_array_equal(thrice.q[: len(once)], once.q)
+    np.testing.assert_allclose(thrice.q, found.trajectory(thrice.t % 3.0)[0], atol=1e-9)
+    assert (np.abs(np.diff(thrice.q, axis=0)) <= 1.01 * np.abs(thrice.v).max(axis=0) / rate).all()
+    with pytest.raises(InputError, match="at least once"):
+        found.to_log(rate, repeat=0)
+
+
+def test_a_motion_that_ends_elsewhere_is_not_repeated():
+    robot = Robot.load("planar2")
+    found = plan(robot, options=PlanOptions(duration=3.0, samples=20, budget=50, family="bspline"))
+    with pytest.raises(InputError, match="does not end where it began"):
+        found.to_log(50.0, repeat=2)
+
+
 def test_planning_beats_the_best_random_motion():
     seen = []
     robot = Robot.load("planar2")
