@@ -24,10 +24,11 @@ from frischid.core.types import Array
 from frischid.logs.filters import noise_level
 from frischid.logs.log import CHANNELS, Log
 from frischid.logs.mapping import TICKS_PER_SECOND
+from frischid.logs.repeated_motion import LEAST_OVERLAP, repeat_of
 
 
 def check_clock(log: Log, notes: Notebook) -> None:
-    """Rate, jitter, gaps, repeated samples, stamps of arrival, unit of time."""
+    """Rate, jitter, gaps, repeated samples, repeated motions, stamps of arrival, unit of time."""
     step = np.diff(log.t)
     usual = float(np.median(step))
     notes.facts |= {
@@ -55,6 +56,9 @@ def check_clock(log: Log, notes: Notebook) -> None:
             "record each controller cycle once, or delete the repeats; derivatives of such positions are spikes",
         )
     _gaps(step, usual, notes)
+    again = repeat_of(log.t, log.q, log.t, log.q, LEAST_OVERLAP) if np.isfinite(log.q).all() else None
+    if again is not None:
+        notes.facts |= {"comes_again_after": again.shift, "repeated_seconds": again.overlap}
     _arrival(log, step, usual, notes)
 
 
@@ -138,7 +142,7 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
         notes.facts |= {"stamps_follow": slope, "stamps_follow_error": error}
     advice = (
         "record the controller's own cycle count or time (header.stamp, not the time of arrival); if the controller's "
-        "cycle is known, rebuild the stamps from it. Until then the clock's noise spoils the derivatives"
+        "cycle is known, rebuild the stamps from it. Until then a regular clock is used where it fits better"
     )
     words = f"steps between {1e3 * step.min():.3g} and {1e3 * step.max():.3g} ms (usual {1e3 * usual:.3g} ms)"
     arrived = slope + criteria.significant_errors * error < criteria.host_slope

@@ -17,7 +17,7 @@ Source: Stone 1974, "Cross-validatory choice and assessment of statistical predi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -65,6 +65,7 @@ class CrossValidator:
     fit: WeightedFit
     spread: Array
     known_residual: Array
+    _wider: dict[Candidate, CrossValidator] = field(init=False, repr=False, default_factory=dict)
 
     @classmethod
     def of(
@@ -126,7 +127,15 @@ class CrossValidator:
         return self._fitted(columns, self.fit.prior, self.known_residual)
 
     def extended(self, candidate: Candidate) -> CrossValidator:
-        """The same data with a candidate added to the model; its coefficients have no prior."""
+        """The same data with a candidate added to the model; its coefficients have no prior.
+
+        The result is kept: the stages try the same candidates together many times.
+        """
+        if candidate not in self._wider:
+            self._wider[candidate] = self._extended(candidate)
+        return self._wider[candidate]
+
+    def _extended(self, candidate: Candidate) -> CrossValidator:
         prior = self.fit.prior
         p, k = len(prior.mean), len(candidate.signs)
         precision = np.zeros((p + k, p + k))

@@ -20,6 +20,8 @@ SAME_PATH = 0.01
 path within this; two different motions differ by more than one."""
 LEAST_OVERLAP = 5.0
 """s. Shortest repeated stretch: the difference of two shorter ones says little about noise."""
+LONGEST = 7200.0
+"""s. Longest motion that is searched: two hours make a correlation of a second."""
 STEP_OF_SEARCH = 0.02
 """s. Step of the positions in the search; the shift is refined between the steps."""
 
@@ -63,7 +65,8 @@ def repeat_of(t: Array, q: Array, other_t: Array, other_q: Array, least_shift: f
     """
     spread = q.std(axis=0)
     moves = spread > 0
-    if not moves.any() or min(t[-1] - t[0], other_t[-1] - other_t[0]) < LEAST_OVERLAP:
+    lengths = t[-1] - t[0], other_t[-1] - other_t[0]
+    if not moves.any() or min(lengths) < LEAST_OVERLAP or max(lengths) > LONGEST:
         return None
     scaled = ((x, (y[:, moves] - q[:, moves].mean(axis=0)) / spread[moves]) for x, y in ((t, q), (other_t, other_q)))
     a, b = (_gridded(*motion) for motion in scaled)

@@ -206,6 +206,19 @@ def test_gaps_and_true_jitter():
     assert report.facts["stamps_follow"] == pytest.approx(1.0, abs=0.05)
 
 
+def test_a_motion_that_comes_again_is_a_fact():
+    robot, log = machine("ur10"), clean("ur10")
+    assert "comes_again_after" not in check(robot, [log])[0].facts
+    n = len(log.t) - 1
+    t = np.arange(2 * n) * float(np.median(np.diff(log.t)))
+    twice = Log(
+        t, log.joints, np.tile(log.q[:n], (2, 1)), v=np.tile(log.v[:n], (2, 1)), tau=np.tile(log.tau[:n], (2, 1))
+    )
+    (report,) = check(robot, [twice])
+    assert report.facts["comes_again_after"] == pytest.approx(t[n], abs=0.005)
+    assert any("the motion comes again after" in str(part) for part in check_page([report]).parts)
+
+
 @pytest.mark.parametrize("name", ["ur10", "panda", "kinova"])
 @pytest.mark.parametrize("mass", [0.3, 3.0])
 def test_payloads_are_weighed(name, mass):

@@ -85,7 +85,9 @@ def _clock(facts: Mapping[str, Any]) -> list[str]:
         words += f"{facts['stamps_follow']:.2f} ± {facts['stamps_follow_error']:.2g} (1: stamps are true)"
     if facts.get("missing_share"):
         words += f"; {facts['missing_share']:.1%} of the samples missing"
-    return [words]
+    again = facts.get("comes_again_after")
+    said = f"  the motion comes again after {again:.4g} s: a diagnosis measures the noise there" if again else ""
+    return [words, said] if said else [words]
 
 
 def _joints(joints: Mapping[str, Mapping[str, float]]) -> list[Any]:
