@@ -19,6 +19,7 @@ from frischid.motions.trajectory import Trajectory
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
+from frischid.robot.scale import SI
 
 EFFECTS = "viscous, coulomb(width=1e-6), rotor_inertia(coupled=true, ratio=0.1)"
 ROTORS = {"Im1": 12.10, "Im2": 21.18}
@@ -49,7 +50,7 @@ def arm() -> Arm:
     robot = fr.Robot.load("planar2", frames="far_end", known={"my1": 0.0, "my2": 0.0})
     effects = fr.parse_effects(EFFECTS)
     regressor = Regressor(robot, effects)
-    reduction = structure(regressor, robot.joints)
+    reduction = structure(regressor, robot.joints, scale=SI)
     theta = reduction.mapping @ parameters_of(robot, effects, ROTORS)
     columns, expressions = reduction.base_columns(), reduction.expressions()
     order = sorted(range(len(columns)), key=lambda i: columns[i].effect == "rigid")

@@ -20,6 +20,7 @@ from frischid.motions.optimality import UNSMOOTHED, Criterion
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
+from frischid.robot.scale import SI
 
 
 class Cost:
@@ -43,7 +44,9 @@ class Cost:
 
     def __init__(self, robot: Robot, effects: Sequence[Effect], t: Array, criterion: Criterion, seed: int) -> None:
         self.regressor, self.criterion, self.t = Regressor(robot, effects), criterion, t
-        self.base = np.array(structure(self.regressor, robot.joints).base)
+        # A criterion of columns that are not scaled means those of the URDF's own units.
+        scale = None if criterion.scaled else SI
+        self.base = np.array(structure(self.regressor, robot.joints, scale=scale).base)
         rows = len(t) * len(robot.joints)
         if rows <= len(self.base):
             raise InputError(
@@ -57,6 +60,11 @@ class Cost:
     def __call__(self, states: Array, exponent: float = UNSMOOTHED) -> float:
         """Cost of q, q̇, q̈ at the samples, (3, N, J)."""
         return self.criterion(self._full(states)[:, :, self.base], exponent)[0]
+
+    def along(self, t: Array, states: Array) -> float:
+        """Cost of q, q̇, q̈ at other times t, (3, M, J), of a criterion without displacements."""
+        Y = self.regressor(t, *states)
+        return self.criterion(Y[None, :, self.base])[0]
 
     def gradient(self, states: Array, exponent: float) -> tuple[float, Array]:
         """Cost, and its derivative with respect to the states, (3, N, J)."""

@@ -47,6 +47,10 @@ class Criterion(ABC):
     positive: ClassVar[bool] = True
     listed: ClassVar[bool] = True
     """Whether the criterion can be chosen by its name alone."""
+    of_points: ClassVar[bool] = False
+    """Whether the cost belongs to its instants, and is not that of the motion between them."""
+    scaled: ClassVar[bool] = True
+    """Whether other units of the parameters change the cost by a constant at most."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -127,6 +131,8 @@ class Paper(Criterion):
 
     name: ClassVar[str] = "paper"
     title: ClassVar[str] = "cost (19): λ₁ cond + λ₂/σ_min + ψ"
+    of_points: ClassVar[bool] = True
+    scaled: ClassVar[bool] = False
 
     condition: float = 1.0
     smallest: float = 1.0

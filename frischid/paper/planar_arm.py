@@ -35,7 +35,7 @@ from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
-from frischid.robot.scale import RobotScale
+from frischid.robot.scale import SI
 
 _ALONE = ("fv1", "fv2", "fc1", "fc2", "Im2")
 _LINK = 'xyz="0.5 0 0"'  # how the URDF writes the length of its links
@@ -153,7 +153,7 @@ def study_arm(*, as_published: bool) -> PlanarArm:
 
 def reduction(arm: PlanarArm) -> Reduction:
     """Base parameters by frischid's own reduction (eqs. 11 to 15 and 17, and Γ_d = Γ_l1 in the place of 16), in SI."""
-    return structure(arm.regressor, arm.regressor.robot.joints, scale=RobotScale(1.0, 1.0, 1.0))
+    return structure(arm.regressor, arm.regressor.robot.joints, scale=SI)
 
 
 def _urdf_values(arm: PlanarArm) -> Array:

@@ -83,6 +83,10 @@ class RobotScale:
         return float(self.mass**mass * self.length**length * self.time**time)
 
 
+SI = RobotScale(1.0, 1.0, 1.0)
+"""The units of a URDF, for what is defined in them, such as the paper's costs."""
+
+
 def dimensions(unit: str) -> tuple[int, int, int]:
     """Exponents of mass, length and time in a unit.
 
