@@ -8,9 +8,9 @@ a row, the noise is not. Then
     width   median over the parameters of s.e. / standard deviation of the estimates over the runs: 1 is ideal,
     bias    largest mean error of a parameter, in standard deviations of its estimates.
 
-The noises: white torque noise of one percent; torque noise with a memory of 0.1 s; encoders of 4096 steps a turn after a
-gear of 100, velocities derived; time stamps that are off by 0.5 ms; noise on all channels; and a closed loop, in which
-noise of the positions reaches the motors through a controller, and the motion through the motors.
+The noises: white torque noise of one percent; torque noise with a memory of 0.1 s; encoders of 4096 steps a turn after
+a gear of 100, velocities derived; time stamps that are off by 0.5 ms; noise on all channels; and a closed loop, in
+which noise of the positions reaches the motors through a controller, and the motion through the motors.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from frischid.effects import BASELINE
 from frischid.logs.log import Log
 from frischid.motions.simulation import parameters_of, torque
 from frischid.motions.trajectory import Trajectory
+from frischid.regression.accumulation import MAX_BLOCKS
 
 RATE, SECONDS, SHARE = 200.0, 20.0, 0.01
 MEMORY, JITTER, STEP = 0.1, 5e-4, 2 * np.pi / 4096 / 100
@@ -135,17 +136,15 @@ def row(name: str, noise: str, runs: int, seed: int) -> dict[str, Any]:
     robot = fr.Robot.load(name)
     motion = fr.random_fourier(robot, SECONDS, seed=seed)
     estimates, errors = [], []
-    degrees = 0
     for run in range(runs):
         log = NOISES[noise](robot, motion, np.random.default_rng([seed, run]))
         found = fr.identify(robot, [log], effects=BASELINE, prior="none", recursion="none", force=True)
         estimates.append(found.model.estimate.theta)
         errors.append(found.model.estimate.stderr)
-        degrees = found.model.estimate.blocks - 1 if hasattr(found.model.estimate, "blocks") else 60
     truth = found.reduction.mapping @ parameters_of(robot, BASELINE)
     theta, stderr = np.array(estimates), np.array(errors)
     z = (theta - truth) / stderr
-    limit = stats.t.ppf(1 - 0.025 / len(truth), degrees)
+    limit = stats.t.ppf(1 - 0.025 / len(truth), MAX_BLOCKS - 1)
     spread = theta.std(axis=0, ddof=1)
     return {
         "robot": name,
