@@ -19,7 +19,7 @@ import numpy as np
 
 from frischid.effects import BASELINE, Coulomb, Effect, State, Term
 from frischid.errors import IdentifiabilityError
-from frischid.estimators.least_squares import cross_validated, wls
+from frischid.estimators.least_squares import cross_validated, joint_weights
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.regression.accumulation import accumulate
@@ -134,17 +134,19 @@ def _errors(
     """Geometric mean over the joints of the cross-validated NRMSE with each of some dry frictions."""
     several = _Several(members=tuple(members))
     regressor = Regressor(robot, [several if isinstance(e, Coulomb) else e for e in BASELINE])
-    place = {c.name: k for k, c in enumerate(regressor.columns)}
-    blocks = list(accumulate(regressor, motions, lowpass, joints))
+    leading, described = [reduction.columns[k] for k in reduction.base], reduction.base_columns()
+    base = {c.name for c in leading}
+    kept = [k for k, c in enumerate(regressor.columns) if c.effect == Coulomb.id or c.name in base]
+    blocks = list(accumulate(regressor, motions, lowpass, joints, base=kept))
     if len(blocks) < 2 or sum(int(b.counts.sum()) for b in blocks) < 2 * reduction.rank:
         raise IdentifiabilityError("too few samples to choose the width of dry friction's sign")
-    leading, described = [reduction.columns[k] for k in reduction.base], reduction.base_columns()
+    place = {c.name: k for k, c in enumerate(blocks[0].columns)}
     found = {}
     for k, member in enumerate(members):
         names = [f"{c.name}_{k}" if c.effect == Coulomb.id else c.name for c in leading]
         chosen = [replace(b.select([place[n] for n in names]), columns=described) for b in blocks]
-        variance = cross_validated(chosen, wls(chosen))
         whole = total(chosen)
+        variance = cross_validated(chosen, joint_weights(whole))
         # The mean of logarithms, as in the likelihood of joints that each have noise of their own.
         left = np.maximum(variance / np.maximum(whole.torque_ss() / whole.counts, LEAST_VARIANCE), LEAST_VARIANCE)
         found[member] = float(np.exp(0.5 * np.mean(np.log(left))))

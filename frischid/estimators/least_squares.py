@@ -12,7 +12,8 @@ jackknife,
     C = (B−1)/B Σ_b δ_b δ_bᵀ,   δ_b = θ − θ_(−b) = (H − H_b)⁻¹ s_b,   s_b = Σ_j w_j Y_jbᵀ(τ_jb − Y_jb θ),
 
 which needs only the blocks' moments, is valid when blocks are longer than the correlation, and takes leverage into
-account (Wu 1986, Annals of Statistics 14(4); CR3 of Cameron and Miller 2015).
+account (Wu 1986, Annals of Statistics 14(4); CR3 of Cameron and Miller 2015). All parameters together say how far
+correlation widens each variance (`frischid.estimators.moderation`).
 
 A prior N(μ, Λ⁻¹) acts like further rows of data: ``H + Λ`` and ``Σ_j w_j Y_jᵀτ_j + Λμ`` (maximum a posteriori, MAP).
 """
@@ -28,6 +29,7 @@ from scipy import linalg
 from frischid.core.types import Array, Column
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.held_out import Fold, held_out_stretches, held_out_variance
+from frischid.estimators.moderation import moderated, satterthwaite
 from frischid.regression.moments import Gram, total
 
 WORST_CONDITION = 1e6  # condition number of the column-scaled regressor; its square leaves four digits in the moments
@@ -198,7 +200,12 @@ def wls(blocks: Sequence[Gram], iterations: int = 8, prior: Prior | None = None)
 
     With a prior, maximum a posteriori; the covariance is then the posterior's, widened for correlated residuals.
     """
-    whole = total(blocks)
+    weights = joint_weights(total(blocks), iterations, prior)
+    return _finish(blocks, weights, "wls") if prior is None else _posterior(blocks, weights, prior)
+
+
+def joint_weights(whole: Gram, iterations: int = 8, prior: Prior | None = None) -> Array:
+    """Weights of `wls`: the inverse of each joint's residual variance, (J,)."""
     weights = np.ones(len(whole.joints))
     for _ in range(iterations):
         theta = _solve(whole, weights, prior).theta
@@ -208,7 +215,7 @@ def wls(blocks: Sequence[Gram], iterations: int = 8, prior: Prior | None = None)
         weights = updated
         if done:
             break
-    return _finish(blocks, weights, "wls") if prior is None else _posterior(blocks, weights, prior)
+    return weights
 
 
 def _variance(whole: Gram, theta: Array) -> Array:
@@ -237,7 +244,7 @@ def _finish(blocks: Sequence[Gram], weights: Array, estimator: str) -> Estimate:
     whole = total(blocks)
     system = _solve(whole, weights)
     variance = _variance(whole, system.theta)
-    covariance, notes = _jackknife(blocks, weights, system)
+    covariance, notes = _jackknife(blocks, weights, system, weights**2 * variance)
     if covariance is None:
         # With too few blocks, correlation cannot be measured: the textbook formula is used, with a note.
         inside = np.einsum("j,jab->ab", weights**2 * variance, whole.moments[:, :-1, :-1])
@@ -264,7 +271,7 @@ def _posterior(blocks: Sequence[Gram], weights: Array, prior: Prior) -> Estimate
     whole = total(blocks)
     system = _solve(whole, weights, prior)
     H, inverse = whole.weighted(weights)[:-1, :-1], system.inverse
-    spread, notes = _jackknife(blocks, weights, system)
+    spread, notes = _jackknife(blocks, weights, system, weights**2 * _variance(whole, system.theta))
     # variance from the data with correlated residuals, over that with independent residuals
     caused = np.diag(inverse @ H @ inverse)
     felt = caused > 1e-9 * np.diag(inverse)
@@ -285,17 +292,20 @@ def _posterior(blocks: Sequence[Gram], weights: Array, prior: Prior) -> Estimate
     )
 
 
-def _jackknife(blocks: Sequence[Gram], weights: Array, system: NormalEquations) -> tuple[Array | None, tuple[str, ...]]:
+def _jackknife(
+    blocks: Sequence[Gram], weights: Array, system: NormalEquations, inside: Array
+) -> tuple[Array | None, tuple[str, ...]]:
+    """Covariance from leaving out each block; `inside`: w²σ² of each joint, (J,)."""
     if len(blocks) < JACKKNIFE_BLOCKS:
         short = f"only {len(blocks)} blocks of data: standard errors take residuals as uncorrelated and are too small"
         return None, (short,)
-    changes = []
+    changes, expected = [], []
+    unit = np.outer(system.scale, system.scale)
     for block in blocks:
         moments = block.weighted(weights)
         score = (moments[:-1, -1] - moments[:-1, :-1] @ system.theta) * system.scale
-        rest = system.H - moments[:-1, :-1] * np.outer(system.scale, system.scale)
         try:
-            factor, lower = linalg.cho_factor(rest, check_finite=False)
+            factor, lower = linalg.cho_factor(system.H - moments[:-1, :-1] * unit, check_finite=False)
             if np.diag(factor).min() < SINGULAR_PIVOT * np.diag(factor).max():
                 raise linalg.LinAlgError
             changes.append(linalg.cho_solve((factor, lower), score, check_finite=False) * system.scale)
@@ -304,12 +314,20 @@ def _jackknife(blocks: Sequence[Gram], weights: Array, system: NormalEquations) 
                 "one stretch of the log alone determines some parameter: standard errors take residuals as uncorrelated"
             )
             return None, (lost,)
-    D = np.array(changes)
-    return (len(blocks) - 1) / len(blocks) * D.T @ D, ()
+        felt = np.tensordot(inside, block.moments[:, :-1, :-1], axes=1) * unit
+        # The mean of δ_b δ_bᵀ for independent errors: H⁻¹ Var(Y_bᵀe_b) (H − H_b)⁻¹, as the fit makes residuals small.
+        once = linalg.cho_solve((factor, lower), felt, check_finite=False)
+        expected.append(np.diag(linalg.cho_solve(system.factor, once.T, check_finite=False)) * system.scale**2)
+    D, shares = np.array(changes), np.maximum(np.array(expected), 1e-300)
+    found = (len(blocks) - 1) / len(blocks) * D.T @ D
+    own = np.maximum(np.diag(found), 1e-300)
+    ratios = moderated(own / shares.sum(axis=0), satterthwaite(shares))
+    grow = np.sqrt(ratios * shares.sum(axis=0) / own)
+    return found * np.outer(grow, grow), ()
 
 
-def least_squares_folds(blocks: Sequence[Gram], estimate: Estimate, prior: Prior | None = None) -> tuple[Fold, ...]:
-    """Fits without each stretch of time in turn, with the estimate's weights.
+def least_squares_folds(blocks: Sequence[Gram], weights: Array, prior: Prior | None = None) -> tuple[Fold, ...]:
+    """Fits without each stretch of time in turn, with these weights of the joints.
 
     Raises
     ------
@@ -317,9 +335,9 @@ def least_squares_folds(blocks: Sequence[Gram], estimate: Estimate, prior: Prior
         The log is too short to hold any of it out, or the other stretches do not determine the parameters.
     """
     whole = total(blocks)
-    return tuple(Fold(out, _solve(whole - out, estimate.weights, prior).theta) for out in held_out_stretches(blocks))
+    return tuple(Fold(out, _solve(whole - out, weights, prior).theta) for out in held_out_stretches(blocks))
 
 
-def cross_validated(blocks: Sequence[Gram], estimate: Estimate, prior: Prior | None = None) -> Array:
+def cross_validated(blocks: Sequence[Gram], weights: Array, prior: Prior | None = None) -> Array:
     """Residual variance of each joint on stretches left out of the fit in turn, (J,)."""
-    return held_out_variance(least_squares_folds(blocks, estimate, prior))
+    return held_out_variance(least_squares_folds(blocks, weights, prior))

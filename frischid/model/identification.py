@@ -194,7 +194,7 @@ def assess(bounds: Bounds) -> Identification:
     journal, whole = data.journal, problem.whole
     journal.progress("cross-validation")
     if fit.posterior is None:
-        folds = least_squares_folds(problem.blocks, bounds.estimate)
+        folds = least_squares_folds(problem.blocks, bounds.estimate.weights)
     else:
         folds = map_folds(problem.blocks, problem.reduction.mapping, fit.posterior)
     variance = held_out_variance(folds)

@@ -90,7 +90,7 @@ def test_cross_validation_is_a_refit_without_each_fifth():
         A, b = (Y * root[..., None])[~out].reshape(-1, P), (tau * root)[~out].ravel()
         theta = np.linalg.lstsq(A, b, rcond=None)[0]
         held += ((tau - Y @ theta)[out] ** 2).sum(axis=0)
-    np.testing.assert_allclose(cross_validated(parts, estimate), held / len(Y), rtol=1e-8)
+    np.testing.assert_allclose(cross_validated(parts, estimate.weights), held / len(Y), rtol=1e-8)
 
 
 def test_a_prior_is_counted_once_and_not_once_per_block():

@@ -173,7 +173,7 @@ def test_fewer_samples_than_parameters():
         quick(UR10, [log.slice(100, 118)], torque_joints=["shoulder_pan_joint"], prior="none")
     estimate = quick(PLANAR, [planar_log(seconds=5.0)]).model.estimate
     with pytest.raises(IdentifiabilityError, match=r"too short to hold any of it out.*record longer"):
-        cross_validated([Gram.zeros(estimate.columns, estimate.joints)], estimate)
+        cross_validated([Gram.zeros(estimate.columns, estimate.joints)], estimate.weights)
     with pytest.raises(InputError, match="no stretch without a gap is longer"):
         quick(UR10, [log.slice(100, 112)])
 
