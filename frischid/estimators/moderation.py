@@ -27,7 +27,7 @@ from scipy import optimize, special
 
 from frischid.core.types import Array
 
-FEWEST = 4
+FEWEST_PARAMETERS = 4
 """Parameters from which on the scatter of their ratios says something."""
 
 
@@ -76,7 +76,7 @@ def moderated(ratios: Array, degrees: Array) -> Array:
     >>> np.ptp(moderated(np.array([0.8, 1.1, 0.9, 1.2, 1.0]), np.full(5, 20.0))) < 1e-9
     np.True_
     """
-    if len(ratios) < FEWEST:
+    if len(ratios) < FEWEST_PARAMETERS:
         return ratios
     half = degrees / 2.0
     level = np.log(ratios) - special.digamma(half) + np.log(half)
