@@ -222,7 +222,7 @@ class Regressor:
         return out
 
     def blocks(
-        self, motion: Motion, lowpass: LowPass, chunk: int = CHUNK_SAMPLES, *, kept: bool = True
+        self, motion: Motion, lowpass: LowPass, chunk: int = CHUNK_SAMPLES, kept: bool = True
     ) -> Iterator[Block]:
         """Filtered and decimated blocks of a motion, in order.
 
