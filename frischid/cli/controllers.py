@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from frischid.cli.arguments import matching, number
+from frischid.cli.paths import InputPath
 from frischid.errors import InputError
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ def controller_options(command: Callable[..., Any]) -> Callable[..., Any]:
     options = [
         click.option(
             "--controller",
+            type=InputPath(),
             metavar="pd|FILE",
             help="Logs hold commanded positions (qcmd_<joint>) instead of torque: the controller that turns commands "
             "into torque; pd, or a TOML file.",

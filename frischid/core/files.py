@@ -37,17 +37,17 @@ def check_writable(path: str | Path) -> Path:
     """
     target = Path(path)
     try:
-        target = target.resolve() if target.is_symlink() else target
+        target = Path(os.path.realpath(target)) if target.is_symlink() else target
+        if target.is_symlink():
+            raise InputError(f"{path}: cannot be written (links in a circle); give another name")
         if target.is_dir():
             raise InputError(f"{path} is a folder; give the name of a file")
         if not target.parent.is_dir():
             raise InputError(f"{path}: there is no folder {target.parent}; make it first, or write elsewhere")
         if target.exists() and not target.is_file():
             raise InputError(f"{path} is a device or a pipe; give the name of a file")
-    except OSError as error:  # a name that is too long, links in a circle
+    except OSError as error:  # a name that is too long
         raise InputError(f"{path}: cannot be written ({error.strerror}); give another name") from error
-    except RuntimeError:
-        raise InputError(f"{path}: cannot be written (links in a circle); give another name") from None
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise InputError(f"{path}: you may not write in the folder {target.parent}; write elsewhere")
     if target.exists() and not os.access(target, os.W_OK):
@@ -105,10 +105,9 @@ def _is_same(one: str | Path, other: str | Path) -> bool:
 def _is_within(output: str | Path, folder: str | Path) -> bool:
     """Whether an output is a file that is there, somewhere below a folder."""
     try:
-        return Path(folder).is_dir() and Path(output).is_file() and Path(output).resolve().is_relative_to(
-            Path(folder).resolve()
-        )  # fmt: skip
-    except (OSError, ValueError, RuntimeError):
+        inside = Path(os.path.realpath(output)).is_relative_to(os.path.realpath(folder))
+        return inside and Path(folder).is_dir() and Path(output).is_file()
+    except (OSError, ValueError):
         return False
 
 
