@@ -103,7 +103,7 @@ def test_python_report_and_studio_show_it(case, measured):
     fr.report(case.model, logs, page, diagnosis=diagnosis)
     text = page.read_text(encoding="utf-8")
     assert f"(NRMSE {error.nrmse:.4f}, mean over 2 joints)" in text
-    assert f"{100 * error.nrmse:.1f}\u00a0%</strong> of the torque's spread {error.where}" in text
+    assert f"{100 * error.nrmse:.1f}\u00a0%</strong> of the torque's standard deviation {error.where}" in text
     pytest.importorskip("viser", reason="the extra frischid[studio] is not installed")
     from frischid.studio.bench import Bench
 

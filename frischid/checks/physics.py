@@ -90,7 +90,7 @@ def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebo
         f"NRMSE {span(sketch.asis[bad])} with the URDF's inertials and fitted friction, "
         f"{span(sketch.without[bad])} with "
     )
-    figures += f"friction alone, {span(free[bad])} with free parameters"
+    figures += f"friction alone, {span(free[bad])} with free parameters on stretches left out of their fit"
     rigid = before - min(best, before)
     share = (before - nominal) / rigid if rigid > criteria.rigid_share * before else 1.0
     other = squared(free[bad], cap) < criteria.free_ratio * squared(sketch.asis[bad], cap)
@@ -111,5 +111,6 @@ def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebo
             f"the model hardly explains the torque: {figures}",
             names,
             "possible",
-            "check the columns of these joints, their signs and units, and whether something touched the robot",
+            "check the columns of these joints, their signs and units, and whether something touched the robot; if all "
+            "are right, an effect may be missing: identify, then frischid diagnose",
         )

@@ -31,9 +31,10 @@ def payload(
     output: str | None,
     as_json: bool,
 ) -> None:
-    """Identify the body that the robot carries in LOGS: mass, centre of mass and inertia, with bounds.
+    """Identify the body that the robot carries.
 
-    MODEL is the model of the robot without the body.
+    The result is the mass, centre of mass and inertia of the body, with bounds. MODEL is the model of the robot without
+    the body; LOGS are recorded with the body.
     """
     from frischid.cli.pages import carrying as show
     from frischid.core.files import write_text

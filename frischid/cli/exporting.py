@@ -37,7 +37,7 @@ def box_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("-o", "--output", type=OutputPath(), help="Write the physical model here (JSON).")
 @json_option
 def consistent(model: str, box: tuple[str, ...], no_shapes: bool, output: str | None, as_json: bool) -> None:
-    """Find physical links that have a model's base parameters.
+    """Find physically consistent links with a model's base parameters.
 
     Physical means: positive mass, possible inertia, and the centre of mass within the link.
     """

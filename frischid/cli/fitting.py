@@ -63,7 +63,12 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 @controller_options
 @click.option("--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default.")
 @click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
-@click.option("--velocity", type=click.Choice(["auto", "measured", "derived"]), default="auto")
+@click.option(
+    "--velocity",
+    type=click.Choice(["auto", "measured", "derived"]),
+    default="auto",
+    help="Velocities as measured, or derived from the positions; auto: measured ones if they agree with the positions.",
+)
 @click.option("--estimator", default="wls", help="wls, ols, frisch (eq. 24), frisch_squared, sensorwise, eiv, iv.")
 @click.option(
     "--prior",

@@ -36,7 +36,12 @@ DIAGNOSED = 20  # robots that are diagnosed by default, those that differ most f
 @map_option
 @click.option("--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default.")
 @click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
-@click.option("--velocity", type=click.Choice(["auto", "measured", "derived"]), default="auto")
+@click.option(
+    "--velocity",
+    type=click.Choice(["auto", "measured", "derived"]),
+    default="auto",
+    help="Velocities as measured, or derived from the positions; auto: measured ones if they agree with the positions.",
+)
 @scheduler_option
 @workers_option
 @click.option("--strict", is_flag=True, help="Stop at a log that cannot be used instead of skipping it.")

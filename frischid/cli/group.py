@@ -20,7 +20,7 @@ SECTIONS = {
     "Begin": ("demo", "info", "doctor", "fetch", "completion"),
     "Record": ("excite", "simulate", "map", "check", "cut"),
     "Model": ("identify", "compare", "history", "report", "studio"),
-    "What is missing": ("diagnose", "add", "improve", "effects"),
+    "Missing effects": ("diagnose", "add", "improve", "effects"),
     "Use": ("consistent", "export", "payload", "gains", "fleet"),
     "The paper": ("paper",),
 }

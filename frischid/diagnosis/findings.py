@@ -37,8 +37,8 @@ OLD_PARAMETERS = "old_parameters"
 """Identifier of the finding that the identified parameters no longer hold."""
 
 HOW_RANKED = (
-    "The first effect explains most of the error that no other effect explains; this need not be the effect with the "
-    "smallest error. Each effect below is scored alone; many are no longer needed once the first is in the model."
+    "The rank counts only the error that no other effect explains. The figures of a row are for this effect alone, so "
+    "a lower row may have the larger figure. Many of the lower effects are not needed once the first is in the model."
 )
 
 

@@ -88,4 +88,4 @@ def sentence_of(findings: Sequence[Finding], probabilities: Mapping[str, float])
         return ""
     sentence = f"these logs alone cannot tell the cause: {cause}"
     command = separating_command(findings, probabilities)
-    return f"{sentence}. A motion that tells the first two effects apart: {command}" if command else sentence
+    return f"{sentence}. This command plans a motion on which the first two differ: {command}" if command else sentence

@@ -96,8 +96,8 @@ def _alone(missing: Sequence[str]) -> str:
     """Note on logs that select although the model was fitted to none of them."""
     why = f"its own logs were not found ({_reasons(missing)})" if missing else "its file names no logs of its own"
     return (
-        f"the model was not fitted to these logs, and {why}: so these logs alone select; they show what is missing on "
-        "their own motion, and an effect that this motion hardly shows may be ranked too low"
+        f"the model was not fitted to these logs, and {why}. So these logs alone select the effects; an effect that "
+        "their motion hardly shows may be ranked too low"
     )
 
 

@@ -90,7 +90,8 @@ class QuadraticViscous(Effect):
     title: ClassVar[str] = "quadratic viscous friction"
     equation: ClassVar[str] = "fvv·v·|v|"
     sentence: ClassVar[str] = (
-        "the friction of {joint} grows with the square of the speed: churning or shear-thinning lubricant, or air drag"
+        "the friction of {joint} has a part that is quadratic in the speed: with a positive sign churning lubricant or "
+        "air drag, with a negative sign lubricant that gets thinner with speed"
     )
     looks_like: ClassVar[str] = (
         "the residual drawn against speed is an S: at both ends the viscous line becomes steeper (or flatter)"

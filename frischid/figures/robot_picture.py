@@ -25,7 +25,7 @@ from frischid.robot.skeleton import skeleton
 STEPS = ("#009e73", "#56b4e9", "#e69f00", "#d55e00", "#a02c2c")
 """Colours of the fifths of the scale, from good to bad: Okabe and Ito's, and a dark red."""
 GREY = COLOURS[7]
-WORDS = ("near the sensors' noise", "small", "middling", "large", "near a constant torque")
+WORDS = ("near the sensors' noise", "small", "medium", "large", "near a constant torque")
 WIDTH_PX, HEIGHT_PX, MARGIN_PX, TEXT_PX, LABEL_PX = 470, 360, 26, 15, 205
 """Size of the picture, free space at its edge, height of a line of text, and width of the column of labels."""
 RADIUS_PX = 7

@@ -142,7 +142,7 @@ def undetermined(disagreement: Array | None, joints: Sequence[str], criteria: Al
     criteria : AlarmCriteria
     """
     remedy = (
-        "Trust the model only on motions like the fitted ones; plan a motion that excites more (frischid excite) and "
+        "Trust the model only on motions like the fitted ones. Plan a motion that excites more (frischid excite), and "
         "record it."
     )
     if disagreement is None:
@@ -150,7 +150,7 @@ def undetermined(disagreement: Array | None, joints: Sequence[str], criteria: Al
             Alarm(
                 "log-leaves-open",
                 "severe",
-                "The logs do not determine the parameters: without the URDF's values there is no unique fit.",
+                "The logs do not determine the parameters: a fit without the URDF's values is not unique.",
                 remedy,
                 (),
                 float("inf"),
@@ -165,9 +165,9 @@ def undetermined(disagreement: Array | None, joints: Sequence[str], criteria: Al
         Alarm(
             "log-leaves-open",
             "severe",
-            f"The logs leave the model open: on the same motion {criteria.faster:g} times as fast, a fit to the logs "
-            f"alone and the fit with the URDF as prior differ by {middle:.0%} of the torque (median joint). There the "
-            "URDF decides, not the measurement.",
+            f"The logs do not determine the model: on the same motion at {criteria.faster:g} times the speed, a fit "
+            f"without the URDF and the fit with the URDF differ by {middle:.0%} of the torque's standard deviation "
+            "(median joint). There the URDF decides, not the measurement.",
             remedy,
             where,
             middle,
@@ -215,7 +215,7 @@ def too_short(seconds: float, criteria: AlarmCriteria) -> list[Alarm]:
         Alarm(
             "log-too-short",
             "severe",
-            f"The logs last {seconds:.1f} s in all: the cross-validated error says little.",
+            f"The logs last only {seconds:.1f} s in all: the cross-validated error says little.",
             "Record at least ten seconds, better a minute.",
             (),
             seconds,

@@ -56,9 +56,9 @@ def elsewhere(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
             Alarm(
                 "worse-than-urdf",
                 "severe",
-                f"On these logs the URDF with fitted friction does better: NRMSE {seen.urdf:.4f}, the model "
-                f"{seen.nrmse:.4f}.",
-                "Do not use the model for such motions; identify from logs that hold them.",
+                f"On these logs the URDF with fitted friction has a smaller error (NRMSE {seen.urdf:.4f}) "
+                f"than the model ({seen.nrmse:.4f}).",
+                "Do not use the model for such motions. Identify from logs with such motions.",
                 (),
                 seen.nrmse,
                 seen.urdf,
@@ -77,9 +77,9 @@ def _extrapolation(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
                 "extrapolation",
                 # The torque was measured here: an error that did not come makes the warning a doubt.
                 "severe" if seen.nrmse > criteria.extrapolation * seen.cross_validated else "doubt",
-                f"These logs ask for more than the fitted ones showed: the error to expect here is {ratio:.1f} times "
-                "the cross-validated one.",
-                "Identify from logs that hold such motions.",
+                "The motion of these logs goes beyond the motion of the fitted logs: the expected error here is "
+                f"{ratio:.1f} times the cross-validated error.",
+                "Identify from logs with such motions.",
                 tuple(
                     n
                     for n, x in zip(seen.joints, share, strict=True)
@@ -95,8 +95,7 @@ def _extrapolation(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
             Alarm(
                 "faster-than-fitted",
                 "doubt",
-                f"{wide:.0%} of the samples are faster, or accelerate more, than any sample that was fitted (median "
-                "joint).",
+                f"{wide:.0%} of the samples are faster, or accelerate more, than any fitted sample (median joint).",
                 "Identify from logs as fast as these.",
                 tuple(n for n, x in zip(seen.joints, seen.outside, strict=True) if x > criteria.outside_share),
                 wide,
@@ -115,8 +114,8 @@ def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
                 "unlike-the-fitted-logs",
                 "severe",
                 f"The error on {', '.join(where)} is {float(ratio.max()):.1f} times the error that the "
-                "model's uncertainty allows: the robot, its base, its load or its sensors are not as they were.",
-                "Ask what changed: frischid diagnose on these logs names the effect.",
+                "uncertainty of the model explains: the robot, its base, its load or its sensors have changed.",
+                "Run frischid diagnose on these logs to find the change.",
                 where,
                 float(ratio.max()),
                 criteria.surprise,
@@ -127,9 +126,9 @@ def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
             Alarm(
                 "held-out-error",
                 "severe",
-                f"The error on these logs is {seen.nrmse / seen.cross_validated:.1f} times the cross-validated one "
+                f"The error on these logs is {seen.nrmse / seen.cross_validated:.1f} times the cross-validated error "
                 f"({seen.nrmse:.4f} and {seen.cross_validated:.4f}).",
-                "Do not trust the cross-validated error; identify from logs like these, or with the URDF as prior.",
+                "Do not trust the cross-validated error. Identify from logs like these, or with the URDF as prior.",
                 (),
                 seen.nrmse / seen.cross_validated,
                 criteria.held_out_ratio,

@@ -112,8 +112,8 @@ class Study:
         hopeless = [n for n, j in self.verdict.joints.items() if j.nrmse > limit]
         if hopeless:
             found.append(
-                f"The torque of {listed(hopeless)} is hardly predicted at all: are columns swapped, a sign "
-                "flipped, or a channel dead?"
+                f"The model hardly predicts the torque of {listed(hopeless)}: check for swapped columns, a wrong sign, "
+                "a dead channel, or a missing effect."
             )
         worse = [n for n, j in self.verdict.joints.items() if j.nominal < j.nrmse and n not in hopeless]
         if worse:

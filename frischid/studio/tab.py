@@ -192,7 +192,7 @@ class Tab:
         alarms = "".join(f"**{kinds[alarm.severity]}:** {plain(str(alarm))}\n\n" for alarm in error.alarms)
         self.frame.headline.content = (
             f"{alarms}**{error.grade}** {error.grade_in_words}. "
-            f"The model misses **{100 * error.nrmse:.1f} %** of the torque's spread {error.where} "
+            f"The model misses **{100 * error.nrmse:.1f} %** of the torque's standard deviation {error.where} "
             f"(NRMSE {error.nrmse:.4f}). Sensors alone {100 * error.noise_floor:.1f} %, URDF with fitted friction "
             f"{100 * error.urdf_nrmse:.0f} %, constant torque {100 * error.constant_nrmse:.0f} %."
             f"{fall}{self._absent()}{self._origin()}"

@@ -273,7 +273,7 @@ def test_commands(tmp_path):
     run = CliRunner().invoke
     done = run(main, ["consistent", str(raw), "-o", str(tmp_path / "physical.json")])
     assert done.exit_code == 0, done.output
-    assert "physical links found" in done.output
+    assert "physically consistent links found" in done.output
     assert Model.load(tmp_path / "physical.json").standard is not None
     done = run(main, ["export", str(raw), "-o", str(path), "--json"])
     assert done.exit_code == 0, done.output

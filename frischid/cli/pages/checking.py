@@ -99,7 +99,8 @@ def _joints(joints: Mapping[str, Mapping[str, float]]) -> list[Any]:
         table.add_row(name, *(figure(float(f"{values[key]:.2g}")) if key in values else "–" for key in there))
     return [
         table,
-        "  the last columns: NRMSE of friction alone, of the URDF's inertials with fitted friction, of free parameters",
+        "  noise in the channels' units, lag in s; the last columns: NRMSE of friction alone, of the URDF's inertials "
+        "with fitted friction, and of free parameters on the parts of the log that their fit left out",
     ]
 
 

@@ -50,7 +50,7 @@ def error_tables(result: Comparison) -> list[Any]:
     where = ", ".join(Path(source).name for source in result.sources)
     table = table_of(
         "joint", "RMSE", "NRMSE", "noise floor", "fit %", "bias", "URDF + friction", "constant", "worst error", "at",
-        title=f"joint by joint, measured against model on {where}",
+        title=f"joint by joint, measured against model on {where} (RMSE, bias and worst error in N·m or N)",
         droppable=("at", "worst error", "bias", "fit %", "constant", "RMSE"),
     )  # fmt: skip
     for name, j in result.joints.items():
@@ -79,7 +79,7 @@ def _where(result: Comparison) -> list[Any]:
     table = table_of(
         "joint",
         *order,
-        title="where it fails: error under a condition / the joint's average (* p < 0.01)",
+        title="where the model fails: error under a condition over the joint's average error (* p < 0.01)",
         droppable=("end", "beginning", "middle angles", "high angles", "low angles", "backwards", "forwards", "slow"),
     )
     found = {(c.joint, c.condition): c for c in conditions}

@@ -68,12 +68,13 @@ def _verdict(found: Consistency) -> str:
     result = found.result
     if result.reproduces:
         return (
-            f"[bold]physical links found[/bold] that reproduce the base parameters within their bounds (χ² "
-            f"{result.misfit:.1f} for {len(found.change)} parameters), nearest to the URDF's in log-det divergence"
+            f"[bold]physically consistent links found[/bold]: they reproduce the base parameters within their "
+            f"bounds (χ² {result.misfit:.1f} for {len(found.change)} parameters), and are nearest to the URDF's in "
+            "log-det divergence"
         )
     blame = ", ".join(f"{name} ({share:.0f})" for name, share in result.blame[:3])
     return (
-        f"[bold]no physical links have these base parameters within their bounds[/bold]: the nearest are "
+        f"[bold]no physically consistent links have these base parameters within their bounds[/bold]: the nearest are "
         f"{found.unexplained:.1f} standard errors away (χ² {result.misfit:.0f}). The misfit is largest at "
         f"{blame or 'no single link'}"
     )

@@ -40,8 +40,9 @@ def diagnosis(result: Diagnosis) -> Page:
         parts.append(f"{HOW_RANKED} `frischid improve` adds them one at a time.")
     parts.append(
         "error: change of the mean error with this effect alone, cross-validated on the logs that select; explains: "
-        "share of the error above the sensor noise on its joints; gain: log likelihood less its price; probability: "
-        "that this is the cause of most of the error above the sensor noise, as learnt from simulated robots"
+        "share of the error above the sensor noise on its joints; gain: rise of the log likelihood, less a price per "
+        "parameter; probability: that this effect causes most of the error above the sensor noise, as learnt from "
+        "simulated robots"
     )
     return Page(result.to_dict(), parts, result.headline.alarms)
 
@@ -113,7 +114,7 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
     """The steps of an improvement with the error before and after each."""
     tested = any(step.test_after is not None for step in steps)
     how = "on the test logs" if tested else ", ".join(dict.fromkeys(step.measured_on for step in steps))
-    table = table_of("step", "effect", "where", "NRMSE before", "after", "change", title=f"the error falls ({how})")
+    table = table_of("step", "effect", "where", "NRMSE before", "after", "change", title=f"error of each step, {how}")
     rows = []
     for i, step in enumerate(steps, start=1):
         finding = step.finding

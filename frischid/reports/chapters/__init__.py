@@ -43,8 +43,8 @@ CHAPTERS = (
     Chapter("verdict", "The verdict", verdict.content),
     Chapter("torque", "Measured against model", torque.content),
     Chapter("fails", "Where it fails", fails.content),
-    Chapter("missing", "What is missing", missing.content),
-    Chapter("history", "The error falls", history.content),
+    Chapter("missing", "Missing effects", missing.content),
+    Chapter("history", "Steps of the model", history.content),
     Chapter("parameters", "Parameters", parameters.content),
     Chapter("data", "Data quality", data.content),
 )

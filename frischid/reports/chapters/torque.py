@@ -14,8 +14,8 @@ OWN_LOGS = (
     "the top"
 )
 ERRORS_CAPTION = (
-    "Errors joint by joint, over all logs. NRMSE is the rms error over the torque's standard deviation. The three "
-    "columns after it, in the same unit: the error of the sensors' noise alone, and those of two simpler models. "
+    "Errors joint by joint, over all logs of this page. NRMSE is the rms error over the torque's standard "
+    "deviation. The next three columns are NRMSE too: of the sensors' noise alone, and of two simpler models. "
     "fit = 100 (1 − NRMSE)"
 )
 ERROR_HEADINGS = (

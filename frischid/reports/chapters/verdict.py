@@ -114,7 +114,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         best = passing[0]
         where = f" --joints {','.join(best.joints)}" if best.joints else ""
         add = f"frischid add {given} {best.effect}{where} LOG... -o {better}"
-        found.append({"kind": "add", "change": best.change, "command": add})
+        found.append({"kind": "add", "effect": best.effect, "change": best.change, "command": add})
     if study.weak:
         more = " …" * (len(study.weak) > LISTED)
         plan = "frischid excite ROBOT -o motion.csv"
