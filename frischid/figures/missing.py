@@ -49,11 +49,11 @@ def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = 
     how = (
         "The closer the thin blue line follows the thick grey one, the better"
         if found.stretch
-        else "The nearer the diamonds are to the blue line (shaded: 90 % of the effect's torque there), the better"
+        else "Diamonds: residual; blue line: fitted effect (shaded: 90 % of its torque there). The nearer, the better"
     )
     elsewhere = "" if not joints or found.joint in joints else f", more than of {listed(joints)}"
     share = f"{100 * max(found.explained, 0.0):.0f} % of the squared residual of {found.joint}{elsewhere}"
-    reading = f"{how}: {title} explains {share}."
+    reading = f"{how}. {title[:1].upper()}{title[1:]}: explains {share}."
     where = (
         f"a stretch of {Path(found.stretch).name}"
         if found.stretch

@@ -156,8 +156,8 @@ def _worst(
     j = prediction.joints.index(joint)
     where = f" of {_name(prediction.sources[prediction.log[k]])}" if len(prediction.sources) > 1 else ""
     return (
-        f"The model misses {100 * fit.nrmse:.1f} % of this joint's torque (rms {number(fit.rmse, 3)} {unit}; sensors "
-        f"alone {100 * fit.noise_floor:.1f} %). Worst at {prediction.t[k]:.2f} s{where}: measured "
+        f"The rms error is {number(fit.rmse, 3)} {unit}, {100 * fit.nrmse:.1f} % of the torque's standard deviation "
+        f"(sensors alone: {100 * fit.noise_floor:.1f} %). Worst at {prediction.t[k]:.2f} s{where}: measured "
         f"{number(prediction.measured[k, j], 3)} {unit}, model {number(prediction.fitted[k, j], 3)} {unit}."
     )
 

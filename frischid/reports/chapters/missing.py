@@ -20,8 +20,8 @@ FINDING_CARDS = 6  # findings with a card; the others stand in the ranking
 RANK_CAPTION = (
     "error: its change with this effect alone, cross-validated; explains: share of the error above the sensor noise on "
     "its joints; gain: of log likelihood; probability: that this is the cause of most of the error above the sensor "
-    "noise, as learnt from simulated robots. Ranked by the rise of the error when one effect is taken out of a model "
-    "that has all of them: error that several effects explain equally well does not count"
+    "noise, as learnt from simulated robots. The rank is the rise of the error when the effect is taken out of a model "
+    "with all effects: error that several effects explain equally well counts for none of them"
 )
 LEAST_TOLD = 0.005  # probability
 RANK_HEADINGS = ("effect", "where", "error", "explains", "gain", "probability", "confused with")
