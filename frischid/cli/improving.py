@@ -89,7 +89,8 @@ def add(
 ) -> None:
     """Add an effect to a model, refit, and show the errors.
 
-    EFFECT is written as for `identify --effects`: stribeck(v_s=0.1)@joint3.
+    EFFECT is written as for `identify --effects`: stribeck(v_s=0.1)@joint3. The output says what the new model can be
+    exported to.
     """
     from frischid.cli.pages import improving as show
     from frischid.diagnosis.improvement import add as run
@@ -131,7 +132,7 @@ def improve(
 ) -> None:
     """Add missing effects one by one until none is found.
 
-    A step that harms a joint is refused, with the reason.
+    A step that harms a joint is refused, with the reason. The output says what the final model can be exported to.
     """
     from frischid.cli.pages import improving as show
     from frischid.diagnosis.improvement import improve as run

@@ -110,8 +110,9 @@ class Effect(ABC):
     friction: ClassVar[bool] = False
     """Whether the effect is part of `Model.friction`."""
     code: ClassVar[Mapping[str, str]] = {}
-    """Coefficient's symbol -> its column in terms of {q}, {v}, {a} of its joint and of shape parameters, for generated
-    code; empty where a joint's own state does not determine the column."""
+    """Coefficient's symbol -> its column for generated code, in terms of shape parameters and of quantities of its
+    joint: {q}, {v}, {a}, {load}, {torque}, {temperature}, the time {t} and, with a shape parameter `distance`, Dahl's
+    state {z} (see `frischid.export.code_columns`); empty where the class states no column."""
 
     joints: tuple[str, ...] | None = None
 

@@ -27,6 +27,9 @@ RESERVED_FIELDS = ("effect", "package")
 TEXTS = ("title", "equation", "sentence", "looks_like", "confirmed_by", "reference")
 """Texts of an effect that pages print."""
 
+CODE_QUANTITIES = ("q", "v", "a", "load", "torque", "temperature", "t")
+"""Quantities that the expressions of `Effect.code` may use; and `z` where the effect has a `distance`."""
+
 CLASS_VARIABLE = re.compile(r"(\w+\.)?ClassVar\b")
 
 
@@ -151,7 +154,8 @@ def _check_shapes(kind: type[Any]) -> None:
 
 def _check_templates(kind: type[Any]) -> None:
     """Check that every placeholder of the sentence and of the expressions for generated code can be filled in."""
-    values = dict.fromkeys({f for base in kind.__mro__ for f in own_fields(base)} | {"q", "v", "a"}, "")
+    fields = {f for base in kind.__mro__ for f in own_fields(base)}
+    values = dict.fromkeys(fields | {*CODE_QUANTITIES} | ({"z"} if "distance" in fields else set()), "")
     templates = [("sentence", getattr(kind, "sentence", ""), {"joint": "", "joints": ""})]
     templates += [(f"code['{symbol}']", text, values) for symbol, text in kind.code.items()]
     for key, text, known in templates:

@@ -11,6 +11,7 @@ Source of the idea of a library of candidate functions: Brunton, Proctor and Kut
 
 from __future__ import annotations
 
+import ast
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Literal
@@ -62,6 +63,11 @@ class Formula(Effect):
     @cached_property
     def _parsed(self) -> Expression:
         return Expression.parse(self.expression)
+
+    @property
+    def tree(self) -> ast.expr:
+        """The expression's checked syntax tree."""
+        return self._parsed.tree
 
     def channels(self, robot: Robot) -> tuple[str, ...]:
         """``temperature_<joint>`` of every temperature in the expression."""

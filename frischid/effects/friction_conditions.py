@@ -51,6 +51,7 @@ class LoadFriction(Effect):
     reference: ClassVar[str] = "Hamon, Gautier and Garrec 2010, IEEE/RSJ IROS"
 
     friction: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {"fl": "abs({load}) * tanh({v} / {width})"}
 
     dry: ClassVar[bool] = True
     smooths_sign: ClassVar[bool] = True
@@ -101,6 +102,9 @@ class LoadStribeck(Effect):
     reference: ClassVar[str] = "Bittencourt and Gunnarsson 2012, ASME J. Dyn. Systems, Meas. and Control 134(5)"
 
     friction: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {
+        "fsl": "abs({load}) * tanh({v} / {width}) * exp(-abs({v}) / {speed})",
+    }
 
     dry: ClassVar[bool] = True
     smooths_sign: ClassVar[bool] = True
@@ -158,6 +162,12 @@ class ThermalDrift(Effect):
     reference: ClassVar[str] = "Bittencourt, Wernholt, Sander-Tavallaey and Brogårdh 2010, IEEE/RSJ IROS"
 
     friction: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {
+        "fvt": "{v} * -expm1(-{t} / {constant})",
+        "fct": "tanh({v} / {width}) * -expm1(-{t} / {constant})",
+        "fvT": "{v} * ({temperature} - {at})",
+        "fcT": "tanh({v} / {width}) * ({temperature} - {at})",
+    }
 
     dry: ClassVar[bool] = True
     smooths_sign: ClassVar[bool] = True

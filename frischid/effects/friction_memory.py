@@ -86,6 +86,7 @@ class Hysteresis(Effect):
     reference: ClassVar[str] = "Dahl 1968, Aerospace Corporation TOR-0158; Canudas de Wit et al. 1995, IEEE TAC 40(3)"
 
     friction: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {"fh": "{z} - tanh({v} / {width})"}
 
     dry: ClassVar[bool] = True
     smooths_sign: ClassVar[bool] = True
@@ -134,6 +135,7 @@ class CableHose(Effect):
     )
     reference: ClassVar[str] = "Wang, Gondokaryono, Munawar and Fischer 2019, IEEE Robotics and Automation Letters 4(4)"
     generalises: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis")
+    code: ClassVar[Mapping[str, str]] = {"kh": "{q}", "fz": "{z}"}
 
     memory: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"distance": (0.1, 0.3, 1.0)}

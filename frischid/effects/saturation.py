@@ -56,6 +56,7 @@ class GearPlay(Effect):
     reference: ClassVar[str] = "Nordin and Gutman 2002, Automatica 38(10)"
 
     loaded: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {"gl": "tanh({load} / {knee})"}
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
         "knee": (0.03, 0.1, 0.3, 0.8, 2.0, 5.0, 13.0, 35.0, 100.0),
     }

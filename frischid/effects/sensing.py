@@ -44,6 +44,7 @@ class DriveGain(Effect):
     reference: ClassVar[str] = "Gautier and Briot 2014, ASME J. Dynamic Systems, Measurement and Control 136(5)"
 
     loaded: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {"gain": "{torque}"}
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint: its torque."""

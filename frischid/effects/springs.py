@@ -139,6 +139,11 @@ class Counterbalance(Effect):
     )
     reference: ClassVar[str] = "Arakelian 2016, Advanced Robotics 30(2)"
 
+    code: ClassVar[Mapping[str, str]] = {
+        "cp": "sin({q} - {rest}) / sqrt(max(1.0 + {ratio} * {ratio} - 2.0 * {ratio} * cos({q} - {rest}), 1e-9))",
+        "cs": "sin({q} - {rest})",
+    }
+
     candidate: ClassVar[Literal["joint", "robot", "never"]] = "never"  # joint_spring's periodic form finds it
 
     units: ClassVar[Mapping[str, tuple[str, str]]] = {"rest": ANGLE_UNITS}

@@ -7,7 +7,10 @@ chapter 5, with three-vectors), then the effects' torques, joint by joint:
     f_i = m a_i + α_i × h + ω_i × (ω_i × h),   n_i = I α_i + ω_i × I ω_i + h × a_i,
 
 and the forces are summed back to the base, with a_0 = −g. The tables hold inertias about the joints' frames, so the
-code needs no division.
+code needs no division. Reference parameters without mass need no care for the same reason.
+
+A model whose torque follows from (q, q̇, q̈) becomes the functions ``inverse_dynamics`` and ``friction``. A model with
+memory becomes ``init`` and ``step``, with a state that the caller keeps; `frischid.export.code_columns` says how.
 
 Only the functions of `frischid.export.names` write names and numbers.
 """
@@ -15,82 +18,95 @@ Only the functions of `frischid.export.names` write names and numbers.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from importlib import resources
 
 import numpy as np
 
 from frischid.core.types import Array
-from frischid.errors import InputError
+from frischid.effects.state import SIGN_WIDTH
+from frischid.export.code_body import Body as CodeBody
+from frischid.export.code_body import C, Language, NumPy
+from frischid.export.code_columns import CodeModel
 from frischid.export.names import comment, identifier, identifiers, number
 from frischid.model.model import Model
 from frischid.robot.kinematic_tree import Body, bodies_of
 
-# Functions of one joint's state that `Effect.code` may call: the common part of <math.h> and NumPy.
-_FUNCTIONS = "tanh|exp|sin|cos|abs|pow"
+LEAST_STEP = 0.00025
+"""Shortest time between two stored torques of a delay, s: a loop of 4 kHz. A faster loop stores some of them."""
+
+PARTS = ("slope", "spin", "slide", "lag", "delay", "sign")
+"""Functions of the templates that only some effects need, each in a file of its own."""
 
 
 def c_source(model: Model) -> str:
-    """Write C99 source of the functions ``<robot>_inverse_dynamics`` and ``<robot>_friction``.
+    """Write C99 source of ``<robot>_inverse_dynamics`` and ``<robot>_friction``, or of ``_init`` and ``_step``.
 
     Raises
     ------
     InputError
-        The model has no physical links, an infinite number, or an effect that does not follow from its joint's state.
+        The model has no physical links, an infinite number, or an effect whose class states no code.
     """
-    robot, bodies, links = model.robot, bodies_of(model.robot), _joint_frame_links(model)
-    every, friction = (_effects(model, "{}[{}]", _c, only) for only in (False, True))
-    prefix = identifier(robot.name)
-    places = identifiers([name.upper() for name in robot.joints])
-    return _filled(
-        "control.c",
-        head=_head(model, " * "),
-        robot=prefix.lower(),
-        ROBOT=prefix.upper(),
-        J=len(robot.joints),
-        L=len(bodies),
-        joints=",\n".join(f"    {prefix.upper()}_JOINT_{name} = {j}" for j, name in enumerate(places)),
-        gravity=_row(robot.gravity),
-        tables=_c_tables(bodies, links),
-        effects="\n".join(f"    tau[{j}] += {term};" for j, term in every),
-        friction="\n".join(f"    tau[{j}] += {term};" for j, term in friction),
-    )
+    code, prefix = CodeModel.of(model), identifier(model.robot.name)
+    robot = prefix.lower()
+    places = identifiers([name.upper() for name in model.robot.joints])
+    values = {
+        "head": _head(code, " * "),
+        "robot": robot,
+        "ROBOT": prefix.upper(),
+        "J": len(model.robot.joints),
+        "L": len(code.links),
+        "joints": ",\n".join(f"    {prefix.upper()}_JOINT_{name} = {j}" for j, name in enumerate(places)),
+        "up": "{" + ", ".join(number(-x) for x in model.robot.gravity) + "}",
+        "tables": _c_bodies(bodies_of(model.robot)),
+        "links": "\n".join(_c_links(robot, name, links) for name, links in _tables(code)),
+        **_state(code, C(robot)),
+    }
+    return _whole(code, C(robot), "control.c", "c", values)
 
 
 def numpy_source(model: Model) -> str:
-    """Write Python source of ``inverse_dynamics`` and ``friction`` over samples (N, J), importing NumPy only.
+    """Write Python source of ``inverse_dynamics`` and ``friction`` over samples (N, J), or of ``init`` and ``step``.
+
+    The source imports NumPy only.
 
     Raises
     ------
     InputError
         As for `c_source`.
     """
-    bodies, links = bodies_of(model.robot), _joint_frame_links(model)
-    every, friction = (_effects(model, "{}[:, {}]", _numpy, only) for only in (False, True))
-    return _filled(
-        "control_py.txt",
-        head=_head(model, ""),
-        joints=ascii(model.robot.joints),
-        gravity=_list(np.array(model.robot.gravity)),
-        bodies="\n".join(_python_body(b, P) for b, P in zip(bodies, links, strict=True)),
-        effects="\n".join(f"    tau[:, {j}] += {term}" for j, term in every) or "    pass",
-        friction="\n".join(f"    tau[:, {j}] += {term}" for j, term in friction) or "    pass",
-    )
+    code = CodeModel.of(model)
+    values = {
+        "head": _head(code, ""),
+        "joints": ascii(model.robot.joints),
+        "up": _list(-np.array(model.robot.gravity)),
+        "bodies": "\n".join(_python_body(b) for b in bodies_of(model.robot)),
+        "links": "\n".join(_python_links(name, links) for name, links in _tables(code)),
+        **_state(code, NumPy()),
+    }
+    return _whole(code, NumPy(), "control_py.txt", "txt", values)
 
 
-def _filled(template: str, **values: object) -> str:
-    text = resources.files("frischid.export").joinpath("templates", template).read_text(encoding="utf-8")
-    return re.sub(r"@(\w+)@", lambda m: str(values[m[1]]), text)
+def _whole(code: CodeModel, language: Language, frame: str, suffix: str, values: dict[str, object]) -> str:
+    """Fill in the templates: the frame with the functions that the model's effects need."""
+    body = CodeBody(code, language)
+    entry = "step" if code.remembers else "direct"
+    filled = {
+        "effects": "\n".join(body.lines("both" if code.remembers else "torque")),
+        "friction": "\n".join(body.lines("friction")),
+    }
+    needed = set(body.parts) - ({"sign"} if suffix == "txt" else set())
+    parts = [_read(f"{part}.{suffix}") for part in PARTS if part in needed] + [_read(f"{entry}.{suffix}")]
+    text = _read(frame).replace("@functions@", ("\n\n" if suffix == "c" else "\n\n\n").join(parts)) + "\n"
+    return re.sub(r"@(\w+)@", lambda m: str((values | filled)[m[1]]), text)
 
 
-def _joint_frame_links(model: Model) -> Array:
-    """Mass, first moments and inertias (L, 10) about the joints' frames."""
-    links, transforms = model.links, model.robot.transforms
-    return links if transforms is None else (transforms @ links[:, :, None])[:, :, 0]
+def _read(template: str) -> str:
+    return resources.files("frischid.export").joinpath("templates", template).read_text(encoding="utf-8").rstrip("\n")
 
 
-def _head(model: Model, lead: str) -> str:
-    robot = model.robot
+def _head(code: CodeModel, lead: str) -> str:
+    robot, model = code.model.robot, code.model
     lines = [
         f"Inverse dynamics of {robot.name}, identified by frischid. Torque in N·m (N), positions in rad (m).",
         f"Joints in order: {', '.join(robot.joints)}.",
@@ -100,36 +116,39 @@ def _head(model: Model, lead: str) -> str:
     return "\n".join(lead + comment(line) for line in lines)
 
 
-def _effects(model: Model, place: str, spelled: Callable[[str], str], friction_only: bool) -> list[tuple[int, str]]:
-    """Joint and expression of every effect's torque."""
-    found = []
-    for effect in model.effects:
-        if friction_only and not effect.friction:
-            continue
-        for column in effect.columns(model.robot):
-            symbol = column.name.removesuffix(str(model.robot.numbers[column.joint]))
-            if symbol not in effect.code:
-                raise InputError(
-                    f"the effect {effect.id} needs more than its joint's own state at one instant, or its class does "
-                    f"not state the column of {symbol} in `code`, so no function of (q, v, a) can be written for it; "
-                    "identify a model without it for the control loop"
-                )
-            j = model.robot.joints.index(column.joint)
-            values = {k: number(x) for k, x in effect.parameters.items() if not isinstance(x, str)}
-            state = {k: place.format(k, j) for k in "qva"}
-            if friction_only:  # a function of q and v: friction at constant speed
-                state["a"] = "0.0"
-            term = effect.code[symbol].format(**state, **values)
-            found.append((j, f"{number(model.parameter(column.name))} * ({spelled(term)})"))
-    return found
+def _tables(code: CodeModel) -> Iterator[tuple[str, Array]]:
+    """The tables of links that the functions of this model use."""
+    yield "links", code.links
+    if any(column.reads("load") or column.reads("torque") for column in code.columns):
+        yield "load_links", code.load_links
+    if any(m.kind in ("lag", "slope", "tilt") for m in code.made):
+        yield "slope_links", code.slope_links
+    for m in code.made:
+        if m.kind == "extra":
+            table = np.zeros_like(code.links)
+            table[m.joint] = m.values
+            yield f"{m.name}_links", table
 
 
-def _c(term: str) -> str:
-    return re.sub(r"\babs\(", "fabs(", term)
-
-
-def _numpy(term: str) -> str:
-    return re.sub(rf"\b({_FUNCTIONS})\(", r"np.\1(", term).replace("np.pow(", "np.power(")
+def _state(code: CodeModel, language: Language) -> dict[str, object]:
+    """Sizes and constants of what the model remembers."""
+    of = {kind: [m for m in code.made if m.kind == kind] for kind in ("slide", "lag", "delay")}
+    J, warm = len(code.model.robot.joints), code.uses("temperature")
+    longest = max((m.values[0] for m in of["delay"]), default=0.0)
+    kept = {
+        "slides": f"    {language.robot}_slide slide[{len(of['slide'])}];" if of["slide"] else "",
+        "lags": f"    {language.robot}_lag lag[{len(of['lag'])}];" if of["lag"] else "",
+        "delays": f"    {language.robot}_delay delay[{len(of['delay'])}];" if of["delay"] else "",
+        "warmth": f"    double temperature[{J}]; /* degrees Celsius: set it before each step */" if warm else "",
+    }
+    return {
+        "width": number(SIGN_WIDTH),
+        "gears": "\n".join(language.gear(m) for m in of["lag"]),
+        "stored": int(np.ceil(longest / LEAST_STEP)) + 3,
+        "fields": "\n".join(line for line in kept.values() if line),
+        "counts": ", ".join(str(len(of[kind])) for kind in ("slide", "lag", "delay")),
+        "warm": language.warm(warm),
+    }
 
 
 def _row(values: Sequence[float] | Array) -> str:
@@ -146,20 +165,25 @@ def _list(values: Array) -> str:
     return "[" + ", ".join(map(_list, values)) + "]" if np.ndim(values) else number(float(values))
 
 
-def _c_tables(bodies: Sequence[Body], links: Array) -> str:
-    rows = [
+def _c_bodies(bodies: Sequence[Body]) -> str:
+    return "\n".join(
         f"    {{{b.parent}, {b.leader}, {int(b.slides)}, {number(b.factor)}, {number(b.shift)}, {_row(b.rotation)}, "
-        f"{_row(b.translation)}, {_row(b.axis)},\n     {number(x[0])}, {_row(x[1:4])}, {_row(_inertia(x))}}}, "
-        f"/* {comment(b.joint)} */"
-        for b, x in zip(bodies, links, strict=True)
-    ]
-    return "\n".join(rows)
-
-
-def _python_body(b: Body, x: Array) -> str:
-    arrays = (b.rotation, b.translation, b.axis)
-    return (
-        f"    ({b.parent}, {b.leader}, {bool(b.slides)}, {number(b.factor)}, {number(b.shift)}, "
-        f"{', '.join(f'np.array({_list(values)})' for values in arrays)}, {number(x[0])}, "
-        f"np.array({_list(x[1:4])}), np.array({_list(_inertia(x))})),  # {comment(b.joint)}"
+        f"{_row(b.translation)}, {_row(b.axis)}}}, /* {comment(b.joint)} */"
+        for b in bodies
     )
+
+
+def _c_links(robot: str, name: str, links: Array) -> str:
+    rows = ",\n".join(f"    {{{number(x[0])}, {_row(x[1:4])}, {_row(_inertia(x))}}}" for x in links)
+    return f"static const {robot}_link {robot}_{name}[{robot.upper()}_BODIES] = {{\n{rows}\n}};"
+
+
+def _python_body(b: Body) -> str:
+    arrays = ", ".join(f"np.array({_list(values)})" for values in (b.rotation, b.translation, b.axis))
+    numbers = f"{b.parent}, {b.leader}, {bool(b.slides)}, {number(b.factor)}, {number(b.shift)}"
+    return f"    ({numbers}, {arrays}),  # {comment(b.joint)}"
+
+
+def _python_links(name: str, links: Array) -> str:
+    rows = "\n".join(f"    ({number(x[0])}, np.array({_list(x[1:4])}), np.array({_list(_inertia(x))}))," for x in links)
+    return f"{name.upper()} = [  # m, h, I\n{rows}\n]"

@@ -17,10 +17,12 @@ from frischid.core.types import Array
 from frischid.errors import FrischidError, InputError, UnknownNameError
 from frischid.export.actuators import actuators_csv, actuators_json
 from frischid.export.code import c_source, numpy_source
+from frischid.export.code_columns import CodeModel
 from frischid.export.consistency import Box, Consistency, as_identified, make_consistent
 from frischid.export.mjcf import mjcf_source
 from frischid.export.mjcf_edit import edited_mjcf
 from frischid.export.proofread import proofread
+from frischid.export.reach import FORMAT_EFFECTS, left_out
 from frischid.model.model import Model
 from frischid.robot.inertia import is_physical, pseudo_inertia, redistributed
 from frischid.robot.kinematic_tree import links_of
@@ -28,6 +30,10 @@ from frischid.robot.robot import Robot
 from frischid.robot.urdf_edit import UrdfText
 
 FORMATS = {".urdf": "URDF", ".xml": "MJCF", ".c": "C", ".py": "NumPy", ".json": "actuators", ".csv": "actuators"}
+STEP_FUNCTION = (
+    "the torque depends on the past, so the code is a step function: call `init` once, then `step` at every sample of "
+    "the control loop"
+)
 AGREEMENT = 1e-6  # largest relative difference of the written URDF's torque from the model's
 
 
@@ -230,11 +236,9 @@ def _difference(model: Model, text: str) -> float:
 def _notes(model: Model, kind: str) -> list[str]:
     """Notes on effects and values that the format cannot hold."""
     if kind in ("C", "NumPy"):
-        return []
-    held = {"viscous", "coulomb"} | ({"rotor_inertia"} if kind == "MJCF" else set())
-    notes = []
-    left = [str(e) for e in model.effects if e.id not in held or e.parameters.get("coupled")]
-    if left:
+        return [STEP_FUNCTION] if CodeModel.of(model).remembers else []
+    held, notes = FORMAT_EFFECTS[kind], []
+    if left := left_out(model, kind):
         notes.append(f"{kind} has no place for {', '.join(left)}: the file's robot is without")
     symbols = {"viscous": "fv", "coulomb": "fc", "rotor_inertia": "Ia"}
     negative = [

@@ -11,6 +11,7 @@ from frischid.diagnosis.findings import HOW_RANKED
 from frischid.diagnosis.improvement import Step
 from frischid.diagnosis.rivals import IN_WORDS
 from frischid.effects import EFFECTS
+from frischid.export.reach import Reach, in_words, reach_of
 from frischid.model.headline import error_after, headline_of
 from frischid.model.model import Model
 
@@ -71,11 +72,12 @@ def verdict_of(result: Diagnosis) -> str:
 def added(step: Step, output: str) -> Page:
     """Error before and after."""
     names = ", ".join(str(e) for e in step.model.effects)
-    error = step.headline
+    error, reach = step.headline, reach_of(step.model)
     data = {
         "effect": str(step.effect),
         "headline": None if error is None else error.to_dict(),
         "step": step_errors(step),
+        "exports": exports(reach),
         "model": output,
     }
     return Page(
@@ -84,10 +86,16 @@ def added(step: Step, output: str) -> Page:
             f"{step.effect} added: {fall_of(step)}",
             *([] if error is None else [headline_line(error)]),
             f"effects now: {names}",
+            in_words(reach),
             f"model written to {output}",
         ],
         () if error is None else error.alarms,
     )
+
+
+def exports(reach: Sequence[Reach]) -> dict[str, Any]:
+    """What each format holds of a model, as plain JSON values."""
+    return {x.format: x.to_dict() for x in reach}
 
 
 def step_errors(step: Step) -> dict[str, Any]:
@@ -128,6 +136,9 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
     parts: list[Any] = [headline_line(last.headline), *([table] if steps else ["no effect was added"])]
     parts.append(verdict_of(last))
     parts += [f"{note[:1].upper()}{note[1:]}." for note in last.notes if "was not added: " in note]
+    reach = reach_of(last.validator.model)
+    if steps:
+        parts.append(in_words(reach))
     if output:
         parts.append(f"model written to {output}")
     elif steps:
@@ -136,6 +147,7 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
         {
             "headline": last.headline.to_dict(),
             "steps": rows,
+            "exports": exports(reach),
             "criteria": last.criteria.to_dict(),
             "last": last.to_dict(),
         },

@@ -13,14 +13,22 @@ enum {
 
 typedef struct {
     int parent, leader, slides;
-    double factor, shift, R[9], p[3], axis[3], m, h[3], I[9];
+    double factor, shift, R[9], p[3], axis[3];
 } @robot@_body;
 
-static const double @robot@_gravity[3] = @gravity@;
+/* Mass, first moments and inertia about the joint's frame. */
+typedef struct {
+    double m, h[3], I[9];
+} @robot@_link;
+
+/* Acceleration of the base that acts as gravity does. */
+static const double @robot@_up[3] = @up@;
 
 static const @robot@_body @robot@_bodies[@ROBOT@_BODIES] = {
 @tables@
 };
+
+@links@
 
 static void @robot@_cross(const double *a, const double *b, double *out)
 {
@@ -56,17 +64,19 @@ static void @robot@_turn(const double *R0, const double *s, double angle, double
             R[3 * i + j] = R0[3 * i] * E[j] + R0[3 * i + 1] * E[3 + j] + R0[3 * i + 2] * E[6 + j];
 }
 
-static void @robot@_rigid(const double *q, const double *v, const double *a, double *tau)
+/* Adds the torque of the links to tau. */
+static void @robot@_rigid(const @robot@_link *links, const double *up, const double *q, const double *v,
+                  const double *a, double *tau)
 {
     double R[@ROBOT@_BODIES][9], p[@ROBOT@_BODIES][3], w[@ROBOT@_BODIES][3], dw[@ROBOT@_BODIES][3];
     double dv[@ROBOT@_BODIES][3], f[@ROBOT@_BODIES][3], n[@ROBOT@_BODIES][3];
     const double still[3] = {0.0, 0.0, 0.0};
-    const double up[3] = {-@robot@_gravity[0], -@robot@_gravity[1], -@robot@_gravity[2]};
     double x[3], y[3], z[3];
     int i, k;
 
     for (i = 0; i < @ROBOT@_BODIES; i++) {
         const @robot@_body *b = &@robot@_bodies[i];
+        const @robot@_link *m = &links[i];
         const double *wp = b->parent < 0 ? still : w[b->parent], *dwp = b->parent < 0 ? still : dw[b->parent];
         const double *dvp = b->parent < 0 ? up : dv[b->parent];
         const double angle = b->factor * q[b->leader] + b->shift;
@@ -96,15 +106,15 @@ static void @robot@_rigid(const double *q, const double *v, const double *a, dou
             for (k = 0; k < 3; k++)
                 dw[i][k] += b->axis[k] * second + x[k];
         }
-        @robot@_cross(w[i], b->h, x);
+        @robot@_cross(w[i], m->h, x);
         @robot@_cross(w[i], x, y);
-        @robot@_cross(dw[i], b->h, x);
+        @robot@_cross(dw[i], m->h, x);
         for (k = 0; k < 3; k++)
-            f[i][k] = b->m * dv[i][k] + x[k] + y[k];
-        @robot@_apply(b->I, w[i], 0, x);
+            f[i][k] = m->m * dv[i][k] + x[k] + y[k];
+        @robot@_apply(m->I, w[i], 0, x);
         @robot@_cross(w[i], x, y);
-        @robot@_apply(b->I, dw[i], 0, x);
-        @robot@_cross(b->h, dv[i], z);
+        @robot@_apply(m->I, dw[i], 0, x);
+        @robot@_cross(m->h, dv[i], z);
         for (k = 0; k < 3; k++)
             n[i][k] = x[k] + y[k] + z[k];
     }
@@ -123,23 +133,4 @@ static void @robot@_rigid(const double *q, const double *v, const double *a, dou
     }
 }
 
-/* Torque of friction alone, with the sign it has in the equation of motion. */
-void @robot@_friction(const double q[@ROBOT@_JOINTS], const double v[@ROBOT@_JOINTS], double tau[@ROBOT@_JOINTS])
-{
-    int j;
-    (void)q, (void)v;
-    for (j = 0; j < @ROBOT@_JOINTS; j++)
-        tau[j] = 0.0;
-@friction@
-}
-
-/* Torque of a motion: links, rotors, friction and all other effects of the model. */
-void @robot@_inverse_dynamics(const double q[@ROBOT@_JOINTS], const double v[@ROBOT@_JOINTS],
-                      const double a[@ROBOT@_JOINTS], double tau[@ROBOT@_JOINTS])
-{
-    int j;
-    for (j = 0; j < @ROBOT@_JOINTS; j++)
-        tau[j] = 0.0;
-    @robot@_rigid(q, v, a, tau);
-@effects@
-}
+@functions@

@@ -1,0 +1,60 @@
+"""A model says what it can be exported to, and the commands that change a model repeat it."""
+
+import json
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from cases import robot
+
+import frischid as fr
+from frischid.cli.pages import improving
+from frischid.effects import EFFECTS, parse_effects
+from frischid.export.reach import in_words, reach_of
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    machine = robot("planar2")
+    logs = [fr.simulate(machine, fr.random_fourier(machine, 5.0, seed=s), rate=100.0) for s in (1, 2)]
+    return fr.identify(machine, [logs[0]], recursion="none").model, logs[1]
+
+
+def test_every_effect_of_the_catalogue_can_be_code(fitted):
+    machine = fitted[0].robot
+    for name in EFFECTS:
+        model = replace(fitted[0], effects=parse_effects(name), robot=machine)
+        code, mjcf, urdf = reach_of(model)
+        assert code.whole, name
+        assert mjcf.whole == (name in ("viscous", "coulomb", "rotor_inertia"))
+        assert urdf.whole == (name in ("viscous", "coulomb"))
+
+
+def test_add_says_what_the_model_can_be_exported_to(fitted):
+    model, log = fitted
+    step = fr.add(model, parse_effects("hysteresis"), [log])
+    page = improving.added(step, "model.json")
+    assert page.data["exports"]["code"] == {"whole": True, "without": [], "refused": [], "steps": True}
+    assert any("C and NumPy: whole, as a step function" in str(part) for part in page.parts)
+    assert "MJCF: without offset, hysteresis" in in_words(reach_of(step.model))
+    json.dumps(page.data)
+
+
+def test_a_class_without_code_is_named(fitted):
+    try:
+
+        @dataclass(frozen=True)
+        class Detent(fr.Effect):
+            """A detent."""
+
+            id = "detent"
+
+            def terms(self, state):
+                return self.per_joint(state, "cd", "", lambda i: np.sin(8 * state.q[:, i]))
+
+        model = replace(fitted[0], effects=(*parse_effects("viscous"), Detent()))
+        code = reach_of(model)[0]
+        assert code.refused == ("detent",)
+        assert "not with detent, whose class states no code" in in_words(reach_of(model))
+    finally:
+        fr.EFFECTS.remove("detent")
