@@ -92,7 +92,14 @@ def simulate(
 
 @main.command()
 @click.argument("robot", type=InputPath())
-@click.option("-o", "--output", type=OutputPath(), required=True, help="Write the motion (t, q, v, a) here.")
+@click.option(
+    "-o",
+    "--output",
+    type=OutputPath(),
+    required=True,
+    help="Motion: .csv, .parquet or .npz (t, q, v, a), .yaml (ROS JointTrajectory) or .script (URScript).",
+)
+@click.option("--home", help="Pose at rest before and after, rad (m): one number per joint, comma separated; or zero.")
 @click.option("--duration", default=20.0, show_default=True, help="Seconds.")
 @click.option("--rate", default=100.0, show_default=True, help="Samples per second.")
 @click.option(
@@ -118,6 +125,7 @@ def simulate(
 def excite(
     robot: str,
     output: str,
+    home: str | None,
     duration: float,
     rate: float,
     repeat: int,
@@ -137,7 +145,9 @@ def excite(
 ) -> None:
     """Plan a motion that determines all parameters well.
 
-    The motion keeps the robot's limits at all times.
+    The motion keeps the limits of position, speed, acceleration and torque at all times. Bodies with collision shapes
+    touch neither one another nor the floor, which is at the height of the base; other obstacles are not known. With
+    --home, the way to the motion and the way back keep the same limits.
     """
     from frischid.cli.pages import motions as show
     from frischid.effects import parse_effects
@@ -145,6 +155,8 @@ def excite(
     from frischid.motions.motion_request import check_rate
     from frischid.motions.plan import plan
     from frischid.motions.plan_options import PlanOptions
+    from frischid.motions.programme import programme
+    from frischid.motions.programme_files import save
 
     if budget < 1:
         raise InputError(f"--budget must be at least one evaluation, got {budget}")
@@ -177,9 +189,16 @@ def excite(
             planned = apart.plan
         else:
             planned = plan(machine, effects_of(effects), wanted, **told)
-    planned.save(output, rate, repeat)
+        pose = None if home is None else home_of(home, len(machine.joints))
+        motion = programme(machine, planned, pose, limits, repeat)
+    save(motion, output, rate)
     if picture:
         from frischid import figures
 
         figures.save(figures.excitation(planned), picture)
-    show_page(show.excitation(planned, output, picture, apart), as_json)
+    show_page(show.excitation(planned, motion, output, picture, apart), as_json)
+
+
+def home_of(text: str, count: int) -> list[float]:
+    """The pose of ``--home``: comma separated numbers, or ``zero``."""
+    return [0.0] * count if text.strip() == "zero" else [number("--home", x) for x in text.split(",")]

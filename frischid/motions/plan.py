@@ -106,19 +106,28 @@ class Plan(Shown):
         """
         duration = self.trajectory.duration
         check_rate(rate, duration)
-        if repeat < 1:
-            raise InputError(f"a motion must run at least once, got repeat {repeat}")
-        (start, *_), (end, *_) = (self.trajectory(np.array([when])) for when in (0.0, duration))
-        if repeat > 1 and np.abs(end - start).max() > CLOSED:
-            joint = self.joints[int(np.abs(end - start).max(axis=0).argmax())]
-            raise InputError(
-                f"this motion cannot be repeated: {joint} does not end where it began; plan with the family fourier"
-            )
+        self.check_repeat(repeat)
         steps = int(np.floor(rate * repeat * duration * (1 + 1e-12)))
         t = np.arange(steps + 1) / rate
         within = t if repeat == 1 else t - duration * np.minimum(np.floor(t / duration * (1 + 1e-12)), repeat - 1)
         q, v, a = self.trajectory(np.clip(within, 0.0, duration))
         return Log(t, self.joints, q, v, a, source=f"exciting motion ({self.criterion} {self.cost:.4g})")
+
+    def check_repeat(self, repeat: int) -> None:
+        """Refuse a number of runs that is none, and runs of a motion that does not end where it began.
+
+        Raises
+        ------
+        InputError
+        """
+        if repeat < 1:
+            raise InputError(f"a motion must run at least once, got repeat {repeat}")
+        (start, *_), (end, *_) = (self.trajectory(np.array([when])) for when in (0.0, self.trajectory.duration))
+        if repeat > 1 and np.abs(end - start).max() > CLOSED:
+            joint = self.joints[int(np.abs(end - start).max(axis=0).argmax())]
+            raise InputError(
+                f"this motion cannot be repeated: {joint} does not end where it began; plan with the family fourier"
+            )
 
     def save(self, path: str | Path, rate: float = 100.0, repeat: int = 1) -> None:
         """Write columns t, q_<joint>, v_<joint>, a_<joint> as CSV, Parquet or NPZ, by the file's ending.

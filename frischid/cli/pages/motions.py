@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from frischid.cli.pages.page import Page
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from frischid.cli.pages.page import Page, table_of
 from frischid.logs.log import Log
 from frischid.motions.discrimination import Apart
 from frischid.motions.plan import Plan
+from frischid.motions.programme import NEAREST_MEASURED, Nearest, Programme
 
 NOTABLY_SHARPER = 1.05  # ratio of standard errors above which a planned motion is called better
 
 
-def excitation(planned: Plan, output: str, picture: str | None, apart: Apart | None = None) -> Page:
-    """A planned motion, and the limits that it does not keep."""
+def excitation(planned: Plan, motion: Programme, output: str, picture: str | None, apart: Apart | None = None) -> Page:
+    """A planned motion with its ways, its peaks against the limits, and the limits that it does not keep."""
     told = []
     if apart is not None:
         better = f"{apart.sharper:.1f} times smaller than" if apart.sharper > NOTABLY_SHARPER else "no smaller than"
@@ -26,12 +32,15 @@ def excitation(planned: Plan, output: str, picture: str | None, apart: Apart | N
             f"{whose} {apart.correlation:.2f} ({apart.typical:.2f} on a random motion; at 1 no data can distinguish "
             "the two effects)",
         ]
-    lines = [
+    lines: list[Any] = [
         *told,
         f"{planned.criterion} {planned.cost:.4g} after {planned.evaluations:,} evaluations in {planned.seconds:.1f} s",
         *(f"limit not met: {v}" for v in planned.violations),
         *planned.notes,
-        f"motion of {planned.trajectory.duration:g} s written to {output}",
+        _peaks(motion),
+        _distance(motion),
+        _ways(motion),
+        f"motion of {motion.duration:.4g} s written to {output}",
     ]
     if picture:
         lines.append(f"picture written to {picture}")
@@ -41,6 +50,11 @@ def excitation(planned: Plan, output: str, picture: str | None, apart: Apart | N
         "evaluations": planned.evaluations,
         "seconds": planned.seconds,
         "violations": [str(v) for v in planned.violations],
+        "seconds_of_motion": motion.duration,
+        "approach_seconds": motion.approach,
+        "return_seconds": motion.back,
+        "peaks": [{**vars(p), "limit": p.limit if np.isfinite(p.limit) else None} for p in motion.peaks],
+        "nearest": None if motion.nearest is None else _nearest(motion.nearest),
         "notes": list(planned.notes),
         "output": output,
         "picture": picture,
@@ -53,6 +67,40 @@ def excitation(planned: Plan, output: str, picture: str | None, apart: Apart | N
             "correlation_of_random_motions": apart.typical,
         }
     return Page(data, lines)
+
+
+def _peaks(motion: Programme) -> Table:
+    """One row per joint: each peak, of its limit."""
+    kinds = list(dict.fromkeys(p.kind for p in motion.peaks))
+    table = table_of("joint", *kinds, title="largest values, of the limits that the plan may use")
+    for joint in motion.joints:
+        of = {p.kind: p for p in motion.peaks if p.joint == joint}
+        cells = (f"{p.value:.3g} of {p.limit:.3g}" if np.isfinite(p.limit) else f"{p.value:.3g}" for p in of.values())
+        table.add_row(joint, *cells)
+    return table
+
+
+def _distance(motion: Programme) -> str:
+    near = motion.nearest
+    if near is None:
+        return "no collision shapes: neither self-collision nor the floor was checked; watch the first run"
+    if not np.isfinite(near.distance):
+        return f"no two bodies, nor a body and the floor, come nearer than {NEAREST_MEASURED:g} m"
+    return (
+        f"least distance: {near.bodies}, {near.distance:.3g} m at {near.time:.1f} s (margin {near.margin:g} m); the "
+        "floor is at the height of the base"
+    )
+
+
+def _nearest(near: Nearest) -> dict[str, Any]:
+    return {**vars(near), "distance": near.distance if np.isfinite(near.distance) else None}
+
+
+def _ways(motion: Programme) -> str:
+    if motion.approach:
+        return f"from the home pose to the motion: {motion.approach:.3g} s; back: {motion.back:.3g} s; at rest between"
+    first = ", ".join(f"{x:.3g}" for x in motion(np.zeros(1))[0][0])
+    return f"the motion begins and ends at rest; move the robot to ({first}) first, or give --home"
 
 
 def simulated(log: Log, output: str, noisy: bool) -> Page:
