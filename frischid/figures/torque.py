@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -16,6 +16,7 @@ from frischid.figures.style import (
     FAINT,
     INK,
     MEASURED,
+    ORANGE,
     SHADE,
     VERMILION,
     Drawing,
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
     from frischid.diagnosis.contacts import Contact
 
 APART = 0.02  # gap between two logs, as a share of the length of all logs
+TIME_MARGIN = 0.01  # empty share of the time axis at each end
+BEFORE = {"color": ORANGE, "width": 1.4, "dash": "dot"}
+"""Curves of the model before its last step."""
 EXCLUDED = "#f3d9b1"
 
 
@@ -42,6 +46,8 @@ def measured(
     contacts: Sequence[Contact] = (),
     unit: str = "N·m",
     at: float | None = None,
+    within: tuple[float, float] | None = None,
+    ghost: Prediction | None = None,
 ) -> Drawing:
     """Torque, band, residual, standstills, excluded parts and the worst moment of one joint.
 
@@ -57,26 +63,30 @@ def measured(
         Unit of the torque.
     at : float, optional
         A moment to mark, s on the figure's axis.
+    within : (float, float), optional
+        Stretch of the figure's axis to show, s; everything by default.
+    ghost : Prediction, optional
+        The same samples under an earlier model, drawn as a faint curve.
     """
     j = prediction.joints.index(joint)
     positions, apart = side_by_side(prediction)
     x = prediction.t + positions[prediction.log]
     used, residual = prediction.used[:, j], prediction.residual[:, j]
     shown = np.where(used, residual, np.nan)
-    keep = thinned(prediction.measured[:, j], prediction.fitted[:, j], shown)
-    broken = breaks(prediction.log[keep])
+    first, last = (float(x.min()), float(x.max())) if within is None else within
+    seen = np.flatnonzero((x >= first) & (x <= last))
+    keep = seen[thinned(prediction.measured[seen, j], prediction.fitted[seen, j], shown[seen])]
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.57, 0.43], vertical_spacing=0.05)
     _band(figure, x[keep], prediction.lower[keep, j], prediction.upper[keep, j], prediction.log[keep], "band")
-    curves = (
+    curves = [
         ("measured", prediction.measured[:, j], {"color": MEASURED, "width": 2.6}, 1),
         ("model", prediction.fitted[:, j], {"color": BLUE, "width": 1.2}, 1),
         ("residual", shown, {"color": VERMILION, "width": 1.0}, 2),
-    )
-    for name, values, line, row in curves:
-        figure.add_scatter(
-            x=plain(np.insert(x[keep], broken, np.nan)), y=plain(np.insert(values[keep], broken, np.nan)),
-            name=name, line=line, mode="lines", row=row, col=1, hovertemplate="%{x:.2f} s: %{y:.4g} " + unit,
-        )  # fmt: skip
+    ]
+    if ghost is not None and ghost.fitted.shape == prediction.fitted.shape:
+        before = np.where(ghost.used[:, j], ghost.residual[:, j], np.nan)
+        curves = [("before", ghost.fitted[:, j], BEFORE, 1), *curves, ("residual before", before, BEFORE, 2)]
+    _curves(figure, x, prediction.log, keep, curves, unit)
     _shade(figure, x, ~used, prediction.log, SHADE, "standstill")
     excluded = np.zeros(len(x), bool)
     for c in contacts:
@@ -84,7 +94,9 @@ def measured(
         absolute = prediction.t + np.array(prediction.starts)[prediction.log]
         excluded |= inside & (absolute >= c.start) & (absolute <= c.stop) & (joint in c.joints)
     _shade(figure, x, excluded, prediction.log, EXCLUDED, "contact")
-    reading = _worst(figure, comparison, prediction, joint, x, shown, unit)
+    reading = _worst(
+        figure, comparison, prediction, joint, x, np.where(np.isin(np.arange(len(x)), seen), shown, np.nan), unit
+    )
     for start in positions[1:]:
         figure.add_vline(x=float(start - apart / 2), line={"color": FAINT, "width": 1, "dash": "dot"})
     if at is not None:
@@ -93,10 +105,28 @@ def measured(
     figure.update_yaxes(title_text=f"residual, {unit}", row=2, col=1)
     several = len(prediction.sources) > 1
     figure.update_xaxes(title_text=f"time, s{' (logs side by side)' if several else ''}", row=2, col=1)
-    margin = 0.01 * float(np.ptp(x))
+    margin = TIME_MARGIN * (last - first)
     # The same title for every joint, so that figures can be compared.
-    figure.update_xaxes(range=[float(x.min()) - margin, float(x.max()) + margin])
+    figure.update_xaxes(range=[first - margin, last + margin])
     return drawing(f"{joint}: measured and predicted torque", reading, figure, 340)
+
+
+def _curves(
+    figure: go.Figure,
+    x: Array,
+    log: NDArray[np.intp],
+    keep: NDArray[np.intp],
+    curves: Sequence[tuple[str, Array, dict[str, Any], int]],
+    unit: str,
+) -> None:
+    """Draw the kept samples of named curves, broken between logs."""
+    broken = breaks(log[keep])
+    for name, values, line, row in curves:
+        figure.add_scatter(
+            x=plain(np.insert(x[keep], broken, np.nan)), y=plain(np.insert(values[keep], broken, np.nan)),
+            name=name, line=line, mode="lines", row=row, col=1, hovertemplate="%{x:.2f} s: %{y:.4g} " + unit,
+            showlegend=name != "residual before",
+        )  # fmt: skip
 
 
 def side_by_side(prediction: Prediction) -> tuple[Array, float]:

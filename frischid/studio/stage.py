@@ -23,6 +23,7 @@ from frischid.studio.track import Track
 
 Colouring = Literal["over all logs", "at this moment"]
 AROUND = 0.25  # s before and after a moment over which the error is averaged
+LIT = (0, 158, 115)  # a joint that a shown finding acts on
 COOL, HOT = np.array([150.0, 170.0, 190.0]), np.array([213.0, 94.0, 0.0])
 MOMENTS = 30  # moments of the logs at which the camera must show the whole robot
 AHEAD = np.array([-0.8, 0.9, -0.6]) / np.linalg.norm([0.8, 0.9, 0.6])  # direction in which the camera looks
@@ -47,6 +48,8 @@ class Stage:
     ----------
     viewpoint : tuple of ndarray, shape (3,)
         Position of the camera, and the point that it looks at, m.
+    lit : frozenset of str
+        Joints that a finding acts on whose shape is shown; green instead of the colour of their error.
     """
 
     def __init__(
@@ -61,6 +64,7 @@ class Stage:
         self._fixed = {**dict.fromkeys(self._names, 0.0), **robot.locked}
         size = float(self.urdf.scene.scale) if self.urdf.scene.geometry else 1.0
         self.markers: dict[str, Any] = {}
+        self.lit: frozenset[str] = frozenset()
         radius = max(min(0.045 * size, 0.3 * self._apart(size)), 1.6 * thickness_of(robot))
         self._above = np.array([0.0, 0.0, 1.4 * radius])  # the label is above its joint, so that both are seen
         for name in bench.state.model.joints:
@@ -131,7 +135,7 @@ class Stage:
             for (name, marker), pose in zip(self.markers.items(), self._poses(), strict=True):
                 marker.position = tuple(pose[:3, 3])
                 marker.wxyz = tf.SO3.from_matrix(pose[:3, :3] @ self.turns[name]).wxyz
-                marker.color = colour_of(errors[name], self.top)
+                marker.color = LIT if name in self.lit else colour_of(errors[name], self.top)
             self.label.text = f"{joint}: misses {100 * errors[joint]:.1f} %"
             self.label.position = self.markers[joint].position + self._above
             self.label.anchor = self._anchor()

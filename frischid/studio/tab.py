@@ -11,27 +11,28 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from frischid import figures
-from frischid.core.text import listed
-from frischid.effects import EFFECTS
 from frischid.figures import Drawing
 from frischid.figures.history import steps_of
-from frischid.figures.style import typeset
+from frischid.figures.torque import TIME_MARGIN, side_by_side
 from frischid.model.events import test_errors
 from frischid.studio.bench import Bench, State, message_of
+from frischid.studio.cursor import line
+from frischid.studio.findings import Findings
 from frischid.studio.frame import WIDTH, Frame
 from frischid.studio.track import Track
+from frischid.studio.words import plain
 
 if TYPE_CHECKING:
     from frischid.diagnosis.findings import Finding
     from frischid.studio.stage import Stage
 
-FINDINGS_IN_PANEL = 6
 VARIABLE_CHOICES = {"position": "q", "velocity": "v", "acceleration": "a", "load": "load", "time": "t"}
 EVERY = "every joint"
-NUMBERS = "On the buttons: change of the cross-validated error with the effect."
+ALL = "all logs"
 BLINK, STORAGE_TIMEOUT = 0.05, 3.0  # s
 HIGH, HIGH_ON_PHONE = 0.95, 1.2  # height of a figure over its height in the report: in a panel, and in a phone's sheet
 
@@ -82,7 +83,7 @@ class Tab:
             # Parts that are hidden at first must not delay the visible ones.
             self._come()
             self._elsewhere(self._drawn)
-            self._list(self._drawn)
+            self.findings.show(self._drawn)
 
     def _come(self) -> None:
         """Wait until the browser has read the data sent so far, and for a moment in which it may draw them."""
@@ -98,13 +99,22 @@ class Tab:
             self.play = gui.add_button("Play")
             end = round(float(self.track.x[-1]), 2)
             self.time = gui.add_slider("Time, s", 0.0, end, 0.01, 0.0)
+            names = [f"{k}: {Path(x).name}" for k, x in enumerate(self._drawn.prediction.sources, start=1)]
+            self.log = gui.add_dropdown("Log", (ALL, *names), visible=len(names) > 1)
+            ends = {"min": (0.0, 0.0), "max": (end, end), "step": 0.1}
+            self.stretch = gui.add_vector2("Shown, from and to, s", (0.0, end), **ends)
             self.joint = gui.add_dropdown("Joint", tuple(joints), initial_value=worst)
             self.colouring = gui.add_dropdown("Colours show the error", ("over all logs", "at this moment"))
+            self.before = gui.add_checkbox("Before the step too", True, visible=False)
             self.torque = self._figure(gui, motion)
+            self.cursor = gui.add_html("", order=self.torque.reading.order - 1e-4)
             self.stairs = self._figure(gui, motion)
         self.playing = False
         self.play.on_click(self._toggle)
         self.time.on_update(lambda event: self.pose() if event.client is not None else None)
+        self.log.on_update(lambda _: self._log_chosen())
+        self.stretch.on_update(lambda event: self._zoomed() if event.client is not None else None)
+        self.before.on_update(lambda _: self._zoomed())
         self.joint.on_update(lambda _: self._joint_changed())
         self.colouring.on_update(lambda _: self.pose())
 
@@ -115,7 +125,7 @@ class Tab:
         group = gui.add_tab_group()
         with group.add_tab("Missing"):
             self.undo = gui.add_button("Undo the last step", color="gray")
-            self.findings = gui.add_folder("Findings")
+            folder = gui.add_folder("Findings")
             with gui.add_folder("A formula of your own"):
                 self.formula = gui.add_text(
                     "τ =  c ·", "sin(q)", hint="q, v, a, load, t, or of a joint: v2; sin(3*q2)*v1"
@@ -128,14 +138,14 @@ class Tab:
             self.against = self._figure(gui, fails)
         with group.add_tab("Keep"):
             self.save = gui.add_button("Save the model")
-            self.export = gui.add_button("Export the report", color="gray")
+            self.export = gui.add_button("Download the report", color="gray")
             self.kept = gui.add_markdown("")
-        self._listed: list[Any] = []
+        self.findings = Findings(gui, folder, self.bench, self._add, self._attempt, self._light)
         self.undo.on_click(lambda _: self._change(lambda: self.bench.undo(self._revision())))
         self.use.on_click(lambda _: self._change(self._formula))
         self.variable.on_update(lambda _: self._residual())
         self.save.on_click(lambda _: self._attempt(lambda: self._said("Model", self.bench.save())))
-        self.export.on_click(lambda _: self._attempt(lambda: self._said("Report", self.bench.export())))
+        self.export.on_click(lambda _: self._attempt(self._download))
 
     def _figure(self, gui: Any, within: Any) -> _Place:
         """A title and a text that explains the figure; the figure goes between them."""
@@ -151,12 +161,14 @@ class Tab:
                 return
             self._drawn = state
             if before.revision != state.revision:
+                if self.stage is not None:
+                    self.stage.lit = frozenset()
                 self._headline(state)
                 self._torque()
                 self._stairs(state)
                 self._elsewhere(state)
                 self.pose()
-            self._list(state)
+            self.findings.show(state)
 
     def _stairs(self, state: State) -> None:
         self._show(self.stairs, figures.staircase(state.model, state.headline.noise_floor))
@@ -172,17 +184,23 @@ class Tab:
         self.doing.visible = self.bar.visible = bool(text)
         self.doing.content = plain(f"{text[:1].upper()}{text[1:]} …")
         self.bar.value = 100 * share
+        self.findings.progress(text)
 
     def pose(self) -> None:
         """Move the robot, once it is drawn, to its pose at the slider's time."""
         if self.stage is not None:
             self.stage.pose(float(self.time.value), str(self.joint.value), self.colouring.value)
+        first, last = self.stretch.value
+        share = (float(self.time.value) - first) / max(last - first, 1e-9)
+        share = (share + TIME_MARGIN) / (1 + 2 * TIME_MARGIN)  # the axis has empty ends
+        self.cursor.content = "" if self.torque.figure is None else line(share, float(self.torque.figure.aspect))
 
     def step(self, seconds: float) -> None:
         """Advance the time, if the tab plays."""
         if self.playing:
             after = float(self.time.value) + seconds
-            self.time.value = after if after < self.time.max else 0.0
+            first, last = self.stretch.value
+            self.time.value = after if first <= after < last else first
             self.pose()
 
     def _headline(self, state: State) -> None:
@@ -212,7 +230,12 @@ class Tab:
         state, joint = self.bench.state, str(self.joint.value)
         contacts = () if state.diagnosis is None else state.diagnosis.contacts
         unit = "N" if self._sliding(joint) else "N·m"
-        self._show(self.torque, figures.measured(state.prediction, state.comparison, joint, contacts, unit))
+        self.before.visible = state.before is not None
+        ghost = state.before.prediction if state.before is not None and self.before.value else None
+        curves, shown = state.prediction, self.stretch.value
+        drawn = figures.measured(curves, state.comparison, joint, contacts, unit, within=shown, ghost=ghost)
+        drawn.figure.update_layout(dragmode=False)  # the cursor knows only the stretch between the two numbers
+        self._show(self.torque, drawn)
 
     def _residual(self) -> None:
         joint, variable = str(self.joint.value), VARIABLE_CHOICES[str(self.variable.value)]
@@ -232,38 +255,6 @@ class Tab:
         else:
             place.figure.figure, place.figure.aspect = figure, aspect
         place.reading.content = plain(drawing.reading)
-
-    def _list(self, state: State) -> None:
-        """Show the findings, each with a button; the list is rebuilt because the findings change with every step."""
-        from frischid.diagnosis.findings import HOW_RANKED
-        from frischid.reports.study import missing
-
-        for handle in self._listed:
-            handle.remove()
-        self._listed = []
-        with self.findings:
-            if state.diagnosis is None:
-                self._listed.append(
-                    self.client.gui.add_markdown(plain(state.problem or "Looking for missing effects …"))
-                )
-                return
-            passing = [f for f in state.diagnosis.findings if f.significant and f.members]
-            told = [f"{missing(state.diagnosis)}.", NUMBERS if passing else "", HOW_RANKED if len(passing) > 1 else ""]
-            self._listed.append(self.client.gui.add_markdown(plain(" ".join(filter(None, told)))))
-            for finding in passing[:FINDINGS_IN_PANEL]:
-                self._offer(finding, state.revision)
-
-    def _offer(self, finding: Finding, revision: int) -> None:
-        from frischid.reports.study import opened
-
-        button = self.client.gui.add_button(f"Add {finding.effect}: error {finding.change}")
-        button.on_click(lambda _: self._change(lambda: self.bench.add(finding.members, revision, finding)))
-        confused = f" Could also be {listed(finding.confused_with)}." if finding.confused_with else ""
-        text = (
-            f"{opened(finding.sentence, finding.joints)}. Probability that this is the cause: "
-            f"{100 * finding.probability:.0f} %. To be sure, {EFFECTS[finding.effect].confirmed_by}.{confused}"
-        )
-        self._listed += [button, self.client.gui.add_markdown(plain(text))]
 
     # ------------------------------------------------------------------ doing
 
@@ -291,6 +282,42 @@ class Tab:
 
     def _said(self, what: str, path: Any) -> None:
         self.kept.content = plain(f"{what} written to {path}.")
+
+    def _add(self, finding: Finding, revision: int) -> None:
+        self._change(lambda: self.bench.add(finding.members, revision, finding))
+
+    def _download(self) -> None:
+        path = self.bench.export()
+        self.client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
+        self.kept.content = plain(f"Report downloaded, and written to {path}.")
+
+    def _light(self, joints: Sequence[str], joint: str) -> None:
+        """Light up the joints of a finding, and show the curves of one of them."""
+        if self.stage is not None:
+            self.stage.lit = frozenset(joints)
+        self._choose(joint)
+
+    def _log_chosen(self) -> None:
+        """Show one log alone, or all again."""
+        chosen, prediction = str(self.log.value), self.bench.state.prediction
+        if chosen == ALL:
+            first, last = 0.0, float(self.time.max)
+        else:
+            k = int(chosen.partition(":")[0]) - 1
+            first = float(side_by_side(prediction)[0][k])
+            last = first + float(prediction.t[prediction.log == k].max(initial=0.1))
+        self.stretch.value = (round(first, 2), round(min(last, float(self.time.max)), 2))
+        self.time.value = max(round(first, 2), 0.0)
+        self._zoomed()
+
+    def _zoomed(self) -> None:
+        """Draw the curves of the stretch between the two numbers."""
+        first, last = self.stretch.value
+        if last <= first:
+            self.stretch.value = (0.0, float(self.time.max))
+        with self._lock:
+            self._torque()
+        self.pose()
 
     def _toggle(self, _: Any) -> None:
         self.playing = not self.playing
@@ -321,11 +348,3 @@ def _last_step(state: State) -> str:
     before, after = tested if len(tested) == 2 else steps[-1][1:]
     where = "on the logs not fitted" if len(tested) == 2 else event.get("measured_on", "cross-validated")
     return f"\n\nLast step, **{plain(steps[-1][0])}**: {before:.4f} → **{after:.4f}** ({plain(str(where))})."
-
-
-def plain(text: str) -> str:
-    """Text for viser's markdown, which would read braces and angle brackets as code."""
-    text = typeset(text)
-    for sign, code in (("<", "&lt;"), ("{", "&#123;"), ("}", "&#125;"), ("*", "\\*")):
-        text = text.replace(sign, code)
-    return text.replace("_", "\\_")

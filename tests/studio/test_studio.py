@@ -266,6 +266,17 @@ def settled(condition, seconds=300.0):
         time.sleep(0.05)
 
 
+# of the first figure of the page: the time at its cursor, the names of its curves, and the stretch of time it shows
+CURSOR = """() => {
+  const plot = document.querySelector(".js-plotly-plot");
+  const line = document.querySelector(".frischid-cursor > div");
+  const axis = plot._fullLayout.xaxis;
+  return line ? axis.p2d(line.getBoundingClientRect().left - plot.getBoundingClientRect().left - axis._offset) : -99;
+}"""
+CURVES = """() => document.querySelector(".js-plotly-plot").data.map((curve) => curve.name)"""
+SHOWN = """() => document.querySelector(".js-plotly-plot")._fullLayout.xaxis.range"""
+
+
 @needs_browser
 def test_a_session_in_the_browser(case, tmp_path):
     running = studio(*case, tmp_path / "model.json", port=8200)
@@ -274,16 +285,33 @@ def test_a_session_in_the_browser(case, tmp_path):
             page = seen.page
             page.set_default_timeout(180_000)
             page.wait_for_selector(".js-plotly-plot .scatterlayer path")
+            page.wait_for_selector("text=is tried on 2 joints and cross-validated on 1 log")
             before = error_shown(page)
             assert before == pytest.approx(running.bench.state.headline.nrmse, abs=1e-4)
             page.get_by_role("button", name="Play").click()
             slider = page.get_by_role("slider").first
             settled(lambda: float(slider.get_attribute("aria-valuenow")) > 0.2)
             page.get_by_role("button", name="Pause").click()
+            settled(lambda: abs(page.evaluate(CURSOR) - float(slider.get_attribute("aria-valuenow"))) < 0.5)
 
+            page.get_by_role("button", name="Show joint_spring on the residual").click()
+            page.wait_for_selector("text=torque of joint_spring")
+            ((_, tab),) = running.tabs.items()
+            assert tab.stage.lit == {"joint2"}
             page.get_by_role("button", name="Add joint_spring").click()
             settled(lambda: error_shown(page) < 0.1 * before)
             page.wait_for_selector("text=Last step, joint_spring")
+            assert not tab.stage.lit
+            settled(lambda: "before" in page.evaluate(CURVES))
+            page.get_by_label("Before the step too").click()
+            settled(lambda: "before" not in page.evaluate(CURVES))
+
+            # one log alone: its curves fill the figure, and the robot starts at its beginning
+            tab.log.value = "2: log 1"
+            settled(lambda: page.evaluate(SHOWN)[0] > 30.0)
+            assert float(tab.time.value) == pytest.approx(tab.stretch.value[0])
+            tab.log.value = "all logs"
+            settled(lambda: page.evaluate(SHOWN)[0] < 1.0)
             page.get_by_role("button", name="Undo the last step").click()
             settled(lambda: error_shown(page) == before)
 
@@ -298,8 +326,10 @@ def test_a_session_in_the_browser(case, tmp_path):
             page.get_by_role("button", name="Save the model").click()
             page.wait_for_selector("text=Model written to")
             assert len(Model.load(tmp_path / "model.json").history) == 1
-            page.get_by_role("button", name="Export the report").click()
-            page.wait_for_selector("text=Report written to")
+            with page.expect_download() as download:
+                page.get_by_role("button", name="Download the report").click()
+            assert download.value.path().read_text(encoding="utf-8").startswith("<!doctype html>")
+            page.wait_for_selector("text=Report downloaded")
             assert (tmp_path / "model.html").exists()
             page.get_by_role("tab", name="Where it fails").click()
             page.wait_for_selector(".heatmaplayer image")
