@@ -26,6 +26,7 @@ from frischid.robot.robot import Robot
 
 Box = tuple[Sequence[float], Sequence[float]]
 
+_IN_ROW_SPACE = 1e-9  # squared distance of a unit vector from the row space up to which it lies in it
 _CONTRADICTED = 2.0  # standard errors: a coefficient that has the wrong sign by more than this stays as identified
 
 
@@ -155,6 +156,26 @@ def as_identified(model: Model) -> Model:
     change = np.linalg.pinv(mapping * scale) @ (model.estimate.theta - mapping @ start)
     names = (*robot.all_names, *extras.names)
     return replace(model, standard=dict(zip(names, map(float, start + scale * change), strict=True)))
+
+
+def free_masses(model: Model) -> tuple[str, ...]:
+    """Bodies whose mass is a free choice: the torque depends on it only in sums with other parameters.
+
+    The mass m of a body is determined if e_m lies in the row space of K in ``θ_base = K θ``. Of the free masses, a
+    physical model has those nearest to the URDF's links.
+
+    Returns
+    -------
+    tuple of str
+        Names of the joints before these bodies, in the order of ``robot.bodies``; without known masses.
+    """
+    robot = model.robot
+    mapping = _structure(model, Regressor(robot, model.effects, model.reference))
+    rows = np.linalg.svd(mapping, full_matrices=False)[2]
+    places = (10 * k for k in range(len(robot.bodies)))
+    determined = [float((rows[:, k] ** 2).sum()) > 1.0 - _IN_ROW_SPACE for k in places]
+    names = zip(robot.bodies, robot.all_names[::10], determined, strict=True)
+    return tuple(body for body, mass, known in names if not known and mass not in robot.known)
 
 
 def _structure(model: Model, regressor: Regressor) -> Array:

@@ -14,10 +14,11 @@ from click.testing import CliRunner
 from frischid.cli import main
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError, UnknownNameError
-from frischid.export.consistency import as_identified, make_consistent
+from frischid.export.consistency import as_identified, free_masses, make_consistent
 from frischid.export.urdf import NotPhysicalError, export, urdf_source
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise
+from frischid.regression.regressor import Regressor
 from frischid.robot.inertia import dynamic_parameters
 from frischid.robot.robot import Robot
 from frischid.robot.urdf_edit import UrdfText
@@ -41,6 +42,38 @@ def nominal(machine):
 @cache
 def physical(name):
     return make_consistent(identified(robot(name))).model
+
+
+# ---- masses that nobody measured
+
+
+@pytest.mark.parametrize("name", ["planar2", "planar2 far_end known", "mixed mimic", "one slide"])
+def test_a_free_mass_is_one_that_the_regressor_cannot_see_alone(name):
+    slide = urdf(link("base"), link("a", 3.0), joint("s", "base", "a", "prismatic", axis="0 0 1"))
+    machine, effects = (made(slide), parse_effects("viscous")) if name == "one slide" else (robot(name), BASELINE)
+    regressor = Regressor(machine, effects)
+    q, v, a = states(machine, 80)
+    Y = regressor(np.arange(80.0), q, v, a).transpose(0, 2, 1).reshape(-1, len(regressor.columns))
+    names = [c.name for c in regressor.columns]
+    free = set()
+    for body, mass in zip(machine.bodies, machine.all_names[::10], strict=True):
+        if mass in names:
+            others = np.delete(Y, names.index(mass), axis=1)
+            if np.linalg.matrix_rank(others, tol=1e-6) == np.linalg.matrix_rank(Y, tol=1e-6):
+                free.add(body)
+    assert set(free_masses(identified(machine, effects))) == free
+    assert bool(free) == (name != "one slide")
+
+
+def test_the_command_says_which_masses_are_a_free_choice(tmp_path):
+    identified(robot("planar2")).save(tmp_path / "model.json")
+    run = ["export", str(tmp_path / "model.json"), "-o", str(tmp_path / "robot.urdf"), "--width", "200"]
+    done = CliRunner().invoke(main, run, catch_exceptions=False)
+    said = " ".join(done.output.split())
+    assert "mass is" in said
+    assert "free: the logs determine this mass only in sums with other parameters" in said
+    data = json.loads(CliRunner().invoke(main, [*run[:4], "--json"]).stdout)
+    assert data["consistency"]["free_masses"] == ["joint1", "joint2"]
 
 
 # ---- URDF

@@ -10,14 +10,20 @@ from rich.table import Table
 
 from frischid.cli.pages.joint_drives import drives
 from frischid.cli.pages.page import Page, figure, table_of
-from frischid.export.consistency import Consistency
+from frischid.export.consistency import Consistency, free_masses
 from frischid.export.urdf import Export
 from frischid.model.model import Model
 
 
 def consistency(found: Consistency, output: str | None) -> Page:
     """Links, the limits that they reach, and the change of the base parameters."""
-    parts: list[Any] = [_verdict(found), links(found.model, found), *_changes(found), *_held(found)]
+    parts: list[Any] = [
+        _verdict(found),
+        links(found.model, found),
+        *_free(found.model),
+        *_changes(found),
+        *_held(found),
+    ]
     if output:
         parts.append(f"model written to {output}")
     return Page(consistency_data(found) | {"model": output}, parts)
@@ -38,6 +44,7 @@ def consistency_data(found: Consistency) -> dict[str, Any]:
         "active": [a._asdict() for a in result.active],
         "blame": [{"where": name, "misfit": share} for name, share in result.blame],
         "boxes": {joint: [low.tolist(), high.tolist()] for joint, (low, high) in found.boxes.items()},
+        "free_masses": list(free_masses(found.model)),
         "standard": dict(found.model.standard or {}),
         "notes": list(found.notes),
     }
@@ -45,15 +52,33 @@ def consistency_data(found: Consistency) -> dict[str, Any]:
 
 def links(model: Model, found: Consistency | None = None) -> Table:
     """Mass, centre of mass and principal inertias of each body, beside the URDF's mass."""
-    more = [] if found is None else ["least eigenvalue", "divergence"]
-    table = table_of("joint", "mass kg", "URDF's", "centre of mass m", "principal inertias kg·m²", *more)
+    more, free = [] if found is None else ["least eigenvalue", "divergence"], free_masses(model)
+    table = table_of("joint", "mass kg", "URDF's", "mass is", "centre of mass m", "principal inertias kg·m²", *more)
     for i, name in enumerate(model.robot.bodies):
         m, h, nominal = model.links[i, 0], model.links[i, 1:4], model.robot.nominal.reshape(-1, 10)[i, 0]
-        row = [name, figure(m), figure(nominal), " ".join(f"{x:.3f}" for x in h / m), _principal(model.links[i])]
+        source = "free" if name in free else "known" if model.robot.all_names[10 * i] in model.robot.known else "fitted"
+        row = [
+            name,
+            figure(m),
+            figure(nominal),
+            source,
+            " ".join(f"{x:.3f}" for x in h / m),
+            _principal(model.links[i]),
+        ]
         if found is not None:
             row += [figure(found.result.eigenvalues[i]), figure(found.result.divergence[i])]
         table.add_row(*row)
     return table
+
+
+def _free(model: Model) -> list[str]:
+    """What a free mass means, if there is one."""
+    if not free_masses(model):
+        return []
+    return [
+        "free: the logs determine this mass only in sums with other parameters. The split nearest to the URDF's links "
+        "was chosen; the torque is the same for any other. Do not read such a mass as measured"
+    ]
 
 
 def _principal(theta: Any) -> str:
@@ -102,8 +127,8 @@ def export(done: Export) -> Page:
         parts += [_verdict(done.consistency), *_changes(done.consistency), *_held(done.consistency)]
         data["consistency"] = consistency_data(done.consistency)
     data["difference"] = done.difference
-    table = drives(done.model) if done.format == "actuators" else links(done.model)
-    parts += [table, *(f"  {escape(n)}" for n in done.notes)]
+    tables = [drives(done.model)] if done.format == "actuators" else [links(done.model), *_free(done.model)]
+    parts += [*tables, *(f"  {escape(n)}" for n in done.notes)]
     if done.difference is not None:
         parts.append(f"loaded again: torque on 50 random states differs from the model's by {done.difference:.1e}")
     return Page(data, [*parts, f"{done.format} written to {done.path}"])
