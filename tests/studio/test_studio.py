@@ -5,7 +5,9 @@ import socket
 import threading
 import time
 import warnings
+from contextlib import nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -33,6 +35,7 @@ from frischid.studio import stage as stage_module
 from frischid.studio import tab as tab_module
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import urdf_of
+from frischid.studio.findings import Findings
 from frischid.studio.frame import PHONE, SHEETLESS, WIDTH
 from frischid.studio.stage import colour_of
 from frischid.studio.tab import plain
@@ -246,6 +249,24 @@ def test_progress_never_goes_back(bench):
     assert shares[0] == 0.0 < shares[-1] <= 1.0
 
 
+def test_while_findings_are_computed_the_list_says_what_is_tried(bench):
+    texts = []
+
+    class Gui:
+        def add_markdown(self, text):
+            texts.append(SimpleNamespace(content=text, remove=lambda: None))
+            return texts[-1]
+
+    found = Findings(Gui(), nullcontext(), bench, None, None, None)
+    found.show(bench.state)
+    assert "effects is tried on 2 joints and cross-validated on 1 log" in texts[0].content
+    found.progress("looking for missing effects: stribeck")
+    assert texts[0].content.endswith("Now: stribeck.")
+    found.show(replace(bench.state, problem="no log"))
+    found.progress("looking for missing effects: viscous")
+    assert texts[-1].content == "no log"
+
+
 def test_text_is_no_markup():
     assert plain("a_b <i>{x}") == "a\\_b &lt;i>&#123;x&#125;"
 
@@ -285,7 +306,6 @@ def test_a_session_in_the_browser(case, tmp_path):
             page = seen.page
             page.set_default_timeout(180_000)
             page.wait_for_selector(".js-plotly-plot .scatterlayer path")
-            page.wait_for_selector("text=is tried on 2 joints and cross-validated on 1 log")
             before = error_shown(page)
             assert before == pytest.approx(running.bench.state.headline.nrmse, abs=1e-4)
             page.get_by_role("button", name="Play").click()
