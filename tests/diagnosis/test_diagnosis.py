@@ -506,7 +506,7 @@ def test_a_log_cannot_be_held_out_and_fitted():
 
 def test_logs_too_short_to_judge_by_are_told():
     log = log_of(2)
-    short = replace(log.slice(300, 500), tau=5 * log.tau[300:500])  # of a robot that is not as its URDF says
+    short = replace(log.slice(300, 400), tau=5 * log.tau[300:400])  # of a robot that is not as its URDF says
     found = diagnose(healthy(), [short], situation="always")
     assert any("too short" in note for note in found.notes)
     assert not any("too short" in note for note in diagnose(healthy(), [log], effects=["stribeck"]).notes)
