@@ -69,7 +69,12 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
     default="auto",
     help="Velocities as measured, or derived from the positions; auto: measured ones if they agree with the positions.",
 )
-@click.option("--estimator", default="wls", help="wls, ols, frisch (eq. 24), frisch_squared, sensorwise, eiv, iv.")
+@click.option(
+    "--estimator",
+    default="wls",
+    help="wls, ols, frisch (eq. 24), frisch_squared, sensorwise, eiv, iv, output_error (simulated motion).",
+)
+@click.option("--horizon", type=click.FloatRange(min=0, min_open=True), help="With output_error: simulated seconds.")
 @click.option(
     "--prior",
     type=click.Choice(["urdf", "none"]),
@@ -96,6 +101,7 @@ def identify(
     cutoff: str,
     velocity: str,
     estimator: str,
+    horizon: float | None,
     prior: str | None,
     bbrf: str,
     window: int | None,
@@ -122,8 +128,13 @@ def identify(
         run_fleet(robot, RobotArguments(**options), logs, fleet, as_json)
         return
     from frischid.cli.pages import fitting as show
+    from frischid.forward.output_error import output_error
+    from frischid.forward.shooting import OutputErrorOptions
     from frischid.model.identification import identify as run
 
+    simulated = estimator == "output_error"
+    if horizon is not None and not simulated:
+        raise InputError("--horizon is the length of a simulated motion; give it with --estimator output_error")
     with working(as_json) as progress:
         progress("reading logs")
         machine, data = load(robot, RobotArguments(**options), logs, mapping, whole=False)
@@ -135,7 +146,7 @@ def identify(
             torque_joints=matching(torque_joints, machine.joints),
             cutoff=cutoff_of(cutoff),
             velocity=velocity,
-            estimator=estimator,
+            estimator="wls" if simulated else estimator,
             prior=prior,
             recursion=bbrf,
             window=window,
@@ -143,6 +154,15 @@ def identify(
             controller=controller.read(names_of(machine)),
             progress=progress,
         )
+        if simulated:
+            chosen = OutputErrorOptions() if horizon is None else OutputErrorOptions(horizon=horizon)
+            tests = opened(valid, machine, mapping)
+            moved = output_error(found.model, data, valid=tests, options=chosen, progress=progress)
+            if output:
+                moved.model.save(output)
+    if simulated:
+        show_page(show.moved(moved, (*tests, *data), output), as_json)
+        return
     if output:
         found.model.save(output)
     show_page(show.identification(found, output, whole=parameters), as_json)

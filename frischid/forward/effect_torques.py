@@ -54,13 +54,12 @@ class _Compiled:
 
     joints: NDArray[np.intp]
     values: Array  # (P, joints)
-    formula: Formula
-    at_standstill: Formula | None  # the same with the sharp sign; None: not dry friction
+    formula: Formula  # of dry friction with the sharp sign
 
-    def add(self, out: Array, which: Worlds, q: Array, v: Array, a: Array, formula: Formula) -> None:
+    def add(self, out: Array, which: Worlds, q: Array, v: Array, a: Array) -> None:
         """Add the coefficient's torque to `out`, (K, J)."""
         j = self.joints
-        out[:, j] += self.values[which] * formula(q[:, j], v[:, j], a[:, j])
+        out[:, j] += self.values[which] * self.formula(q[:, j], v[:, j], a[:, j])
 
 
 class EffectTorques:
@@ -85,6 +84,8 @@ class EffectTorques:
         self, robot: Robot, effects: Sequence[Effect], theta: Array, reference: Mapping[str, float] | None = None
     ) -> None:
         self.robot, self.J = robot, len(robot.joints)
+        self.constant = np.zeros((len(theta), self.J))
+        self.levels = np.zeros((2, len(theta), self.J))
         self.smooth: list[_Compiled] = []
         self.dry: list[_Compiled] = []
         self.inertia = np.zeros((len(theta), self.J))
@@ -111,6 +112,7 @@ class EffectTorques:
                 (sharp if _own_dry(robot, effect) else general)[:, columns] = values
         self._general = general if general.any() else None
         self._sharp = sharp if sharp.any() else None
+        self._rubs = bool(self.dry or self.remembered or self.levels.any()) or self._sharp is not None
         if self._general is not None or self._sharp is not None:
             known = [e for e in effects if not e.memory]
             remembers = [e.memory for e, values in parts for _ in range(values.shape[1])]
@@ -141,12 +143,24 @@ class EffectTorques:
                 self.damping[:, joints] += values[:, mine]
             else:
                 shapes = dict(effect.parameters)
-                sharp = {**shapes, "width": 1e-3 * CRAWL, "lead": 0.0} if effect.dry and effect.smooths_sign else None
-                part = _Compiled(
-                    joints, values[:, mine], _compiled(text, shapes), None if sharp is None else _compiled(text, sharp)
-                )
-                (self.smooth if sharp is None else self.dry).append(part)
+                dry = effect.dry and effect.smooths_sign
+                given = {**shapes, "width": 1e-3 * CRAWL, "lead": 0.0} if dry else shapes
+                self._sort(_Compiled(joints, values[:, mine], _compiled(text, given)), dry)
         return True
+
+    def _sort(self, part: _Compiled, dry: bool) -> None:
+        """File a compiled part; torque that no state changes, save the direction, is computed once."""
+        rng = np.random.default_rng(0)
+        q, v, a = rng.normal(size=(3, 9, 1))
+        sides = [np.broadcast_to(part.formula(q, side * np.abs(v) + side * CRAWL, a), q.shape) for side in (1.0, -1.0)]
+        same = [bool((x == x[0]).all()) for x in sides]
+        if dry and all(same):
+            for level, x in zip(self.levels, sides, strict=True):
+                level[:, part.joints] += part.values * x[0]
+        elif not dry and all(same) and sides[0][0] == sides[1][0]:
+            self.constant[:, part.joints] += part.values * sides[0][0]
+        else:
+            (self.dry if dry else self.smooth).append(part)
 
     def at(self, which: Worlds, t: Array, q: Array, v: Array, a: Array, extra: Mapping[str, Array]) -> EffectsAt:
         """Torques at K states.
@@ -162,9 +176,11 @@ class EffectTorques:
         extra : mapping of str to ndarray, shape (K,)
             Further channels that effects read.
         """
-        smooth, none = self.damping[which] * v, np.zeros_like(q)
-        for part in self.smooth:
-            part.add(smooth, which, q, v, none, part.formula)
+        smooth = self.constant[which] + self.damping[which] * v
+        if self.smooth:
+            none = np.zeros_like(q)
+            for part in self.smooth:
+                part.add(smooth, which, q, v, none)
         inertia: Array | None = None
         if self._general is not None:
             torque, inertia = self._evaluate_general(which, t, q, v, a, extra)
@@ -175,15 +191,14 @@ class EffectTorques:
     def _dry(
         self, which: Worlds, t: Array, q: Array, v: Array, a: Array, extra: Mapping[str, Array]
     ) -> DryFriction | None:
-        if not self.dry and self._sharp is None and not self.remembered:
+        if not self._rubs:
             return None
-        none, sides = np.zeros_like(q), []
-        for speed in (np.maximum(v, CRAWL), np.minimum(v, -CRAWL)):
-            out = np.zeros_like(q)
-            for part in self.dry:
-                assert part.at_standstill is not None
-                part.add(out, which, q, speed, none, part.at_standstill)
-            sides.append(out)
+        sides = [level[which] for level in self.levels]
+        if self.dry:
+            none = np.zeros_like(q)
+            for out, speed in zip(sides, (np.maximum(v, CRAWL), np.minimum(v, -CRAWL)), strict=True):
+                for part in self.dry:
+                    part.add(out, which, q, speed, none)
         if self._sharp is not None:
             self._add_loaded(which, Samples(t, q, v, a, 0.0, extra), sides)
         for memory in self.remembered:

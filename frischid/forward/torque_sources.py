@@ -1,6 +1,6 @@
 """Where the torque of a simulation comes from: a recording, or a controller that follows commands.
 
-    open loop:    τ(t) = the recorded torque, a straight line between its samples
+    open loop:    τ(t) = the recorded torque, a cubic through two samples with the slopes of their neighbours
     closed loop:  τ = sat( τ_ff + kp dz(q_cmd − q) + kd (v_cmd − q̇) ),   dz(x) = x less at most the dead band
 
 A source is anything with a method ``torque(t, q, v)`` for K robots at once. It may have a `delay`: the torque that acts
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -27,9 +28,18 @@ class TorqueSource(Protocol):
         ...
 
 
+def between(t: Array, values: Array, at: Array) -> Array:
+    """Values (N, J) at the times t (N,), joined by straight lines, at other times (K,): (K, J)."""
+    k = np.minimum(np.maximum(np.searchsorted(t, at, side="right") - 1, 0), len(t) - 2)
+    before = t[k]
+    share = np.minimum(np.maximum((at - before) / (t[k + 1] - before), 0.0), 1.0)[:, None]
+    low = values[k]
+    return np.asarray(low + share * (values[k + 1] - low))
+
+
 @dataclass(frozen=True, eq=False)
 class RecordedTorque:
-    """A torque over time, for open-loop simulation.
+    """A torque over time, for open-loop simulation: a cubic Hermite spline, which straight lines would flatten.
 
     Attributes
     ----------
@@ -65,9 +75,16 @@ class RecordedTorque:
 
     def torque(self, t: Array, q: Array, v: Array) -> Array:
         """Interpolate; `q` and `v` do not matter."""
-        k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
-        share = np.clip((t - self.t[k]) / (self.t[k + 1] - self.t[k]), 0.0, 1.0)[:, None]
-        return np.asarray((1.0 - share) * self.tau[k] + share * self.tau[k + 1])
+        k = np.minimum(np.maximum(np.searchsorted(self.t, t, side="right") - 1, 0), len(self.t) - 2)
+        before, low = self.t[k], self.tau[k]
+        step = self.t[k + 1] - before
+        x = np.minimum(np.maximum((t - before) / step, 0.0), 1.0)[:, None]
+        rise, first, last = self.tau[k + 1] - low, step[:, None] * self._slopes[k], step[:, None] * self._slopes[k + 1]
+        return np.asarray(low + x * (first + x * (3.0 * rise - 2.0 * first - last + x * (first + last - 2.0 * rise))))
+
+    @cached_property
+    def _slopes(self) -> Array:
+        return np.asarray(np.gradient(self.tau, self.t, axis=0))
 
 
 Gain = float | Array
@@ -131,16 +148,11 @@ class PositionController:
 
     def torque(self, t: Array, q: Array, v: Array) -> Array:
         """Torque of the controller for K robots, (K, J)."""
-        error = self._at(self.q_cmd, t) - q
-        rate = (0.0 if self.v_cmd is None else self._at(self.v_cmd, t)) - v
+        error = between(self.t, self.q_cmd, t) - q
+        rate = (0.0 if self.v_cmd is None else between(self.t, self.v_cmd, t)) - v
         error = np.sign(error) * np.maximum(np.abs(error) - self.dead_band, 0.0)
-        ahead = 0.0 if self.feedforward is None else self._at(self.feedforward, t)
+        ahead = 0.0 if self.feedforward is None else between(self.t, self.feedforward, t)
         return np.asarray(np.clip(ahead + self.kp * error + self.kd * rate, -np.asarray(self.limit), self.limit))
-
-    def _at(self, commands: Array, t: Array) -> Array:
-        k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
-        share = np.clip((t - self.t[k]) / (self.t[k + 1] - self.t[k]), 0.0, 1.0)[:, None]
-        return np.asarray((1.0 - share) * commands[k] + share * commands[k + 1])
 
 
 @dataclass(frozen=True, eq=False)

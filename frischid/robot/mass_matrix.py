@@ -62,6 +62,7 @@ class MassMatrices:
             leader = name if rule is None else rule.leader
             followers[row, robot.joints.index(leader)] = 1.0 if rule is None else rule.factor
         self._followers = followers if robot.mimics else None
+        self._plain = self._followers is None and robot.model.nq == robot.model.nv
 
     def __call__(self, which: NDArray[np.intp], q: Array, v: Array) -> tuple[Array, Array]:
         """Mass matrix and bias torque of K states.
@@ -80,7 +81,7 @@ class MassMatrices:
         bias : ndarray, shape (K, J)
             Torque at zero acceleration, N·m (N).
         """
-        x = self.robot.configuration(q)
+        x = np.ascontiguousarray(q) if self._plain else self.robot.configuration(q)
         rates = v if self._followers is None else self.robot.full_rates(v)
         L = len(self.robot.bodies)
         mass, bias = np.empty((len(q), L, L)), np.empty((len(q), L))

@@ -11,10 +11,14 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from frischid.cli.pages.comparing import error_tables
+from frischid.cli.pages.comparing import error_tables, motion_table
 from frischid.cli.pages.joint_drives import MEANING, drives
 from frischid.cli.pages.page import Page, figure, headline_line, table_of, warning_lines
+from frischid.forward.output_error import OutputError
+from frischid.logs.log import Log
+from frischid.logs.recording import Recording
 from frischid.model.drive_parameters import drive_parameters
+from frischid.model.headline import headline
 from frischid.model.identification import Identification
 from frischid.model.identification_bounds import NO_INFORMATION, without_information
 from frischid.model.model import Model
@@ -42,6 +46,28 @@ def identification(found: Identification, output: str | None, *, whole: bool = F
     if output:
         parts += [f"model written to {output}", _next(found, output)]
     return Page(identified(found), parts, found.alarms)
+
+
+def moved(result: OutputError, logs: Sequence[Log | Recording], output: str | None) -> Page:
+    """A model fitted to the simulated motion: its error, what the motion determines, and the parameters."""
+    model, kept = result.model, result.kept
+    error = headline(model, logs)
+    parts: list[Any] = [
+        headline_line(error),
+        f"simulated positions: {100 * (1 - result.ratio):.0f} % less error on the fitted logs than the linear answer",
+        f"singular values of the motion, in standard errors of the linear answer: {result.singular_values[0]:.3g} to "
+        f"{result.singular_values[-1]:.2g}; below 1 the linear answer is kept",
+    ]
+    if kept:
+        parts.append(f"parameters mostly of the linear answer: {escape(', '.join(kept))}")
+    if result.tested is not None:
+        for name, found in zip(("linear answer", "output error"), result.tested, strict=True):
+            parts += [f"on the test logs, {name}:", motion_table(found)]
+    parts.append(parameters(model))
+    if output:
+        parts.append(f"model written to {output}")
+    data = {"headline": error.to_dict(), **result.to_dict(), "parameters": model.to_dict()["parameters"]}
+    return Page(data, parts, error.alarms)
 
 
 def _brief(found: Identification, messages: Sequence[str]) -> list[str]:

@@ -1,0 +1,256 @@
+"""Output error: parameters whose simulated motion is nearest to the measured motion.
+
+    min over θ:   Σ_k Σ_t Σ_j ((q_sim,j(t; θ, s_k) − q_j(t)) / σ_j)²
+
+The logs are cut into stretches. In each, the model moves under the recorded torque from the measured start s_k. No
+acceleration and no filter is needed. Gauss-Newton starts at the linear answer. Derivatives are differences of
+simulations that move at once.
+
+The singular values of the Jacobian say what the motion determines: J = U diag(s) Vᵀ in units of the linear answer's
+standard errors and of the rms residual. Of a direction with s < 1 the motion knows less
+than the linear answer, even if the errors were white. Such a direction stays at the linear answer, and is named. Errors
+of simulated positions are correlated in time, because errors of torque add up. So the covariance of the directions that
+move comes from scores summed over pieces of the motion,
+
+    C = V diag(κ_i / s_i²) Vᵀ,   κ_i = Σ_k (u_iᵀ r_k)² / (1 − h_i),
+
+with u_iᵀ r_k the score of piece k in direction i, and h_i the leverage of the pieces; no κ_i counts as smaller than the
+mean over the directions.
+
+Sources: Gautier, Janot and Vandanjon 2013, "A new closed-loop output error method for parameter identification of robot
+dynamics", IEEE Trans. Control Systems Technology 21(2); Bock 1983, multiple shooting; Liang and Zeger 1986, Biometrika
+73(1), on scores summed over clusters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from frischid.core.shown import Shown
+from frischid.core.types import Array
+from frischid.errors import InputError
+from frischid.forward.motion_error import MotionComparison, compare_simulated
+from frischid.forward.shooting import SMALLEST_PATH, Jacobian, OutputErrorOptions, Shooting
+from frischid.logs.log import Log
+from frischid.logs.recording import Recording
+from frischid.model.model import Model
+
+UNSTABLE_ERROR = 1e6
+"""Scaled residual of a motion that ran away: the trust region turns back."""
+TOLERANCE = 1e-6
+"""Relative change of the parameters, and of the sum of squares, at which a fit ends."""
+KEPT_SHARE = 0.5
+"""Share of a parameter's variance in directions that keep the linear answer, above which the parameter is named."""
+
+
+@dataclass(frozen=True, eq=False)
+class OutputError(Shown):
+    """A model fitted to motion.
+
+    Attributes
+    ----------
+    model : Model
+    ratio : float
+        Rms error of the simulated positions on the fitted logs, over that of the linear answer; each
+        joint by its own rms error.
+    singular_values : ndarray
+        Of the scaled Jacobian, descending: standard errors of the linear answer over those of the motion alone, if its
+        errors were white.
+    kept : tuple of str
+        Parameters more than half of whose uncertainty is in directions that keep the linear answer.
+    inflation : float
+        Factor by which correlation of the errors in time inflates variances.
+    tested : (MotionComparison, MotionComparison) or None
+        Simulated error on logs that were not fitted, of the linear answer and of this model.
+    """
+
+    model: Model
+    ratio: float
+    singular_values: Array
+    kept: tuple[str, ...]
+    inflation: float
+    tested: tuple[MotionComparison, MotionComparison] | None = None
+
+    def __repr__(self) -> str:
+        return f"OutputError(position error {self.ratio:.2f} of the linear answer's)"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        tested = None
+        if self.tested is not None:
+            tested = {"linear": self.tested[0].to_dict(), "output_error": self.tested[1].to_dict()}
+        return {
+            "position_error_over_linear": self.ratio,
+            "singular_values": self.singular_values.tolist(),
+            "kept_parameters": list(self.kept),
+            "variance_inflation": self.inflation,
+            "held_out": tested,
+        }
+
+
+def output_error(
+    model: Model,
+    logs: Sequence[Log | Recording],
+    *,
+    valid: Sequence[Log | Recording] = (),
+    options: OutputErrorOptions | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> OutputError:
+    """Fit a model's parameters to the measured motion, from the linear answer on.
+
+    Parameters
+    ----------
+    model : Model
+        The linear answer, for example of `identify`.
+    logs : sequence of Log or Recording
+        Logs to fit, with position and torque of all joints.
+    valid : sequence of Log or Recording
+        Logs to measure the simulated error on; they decide nothing.
+    options : OutputErrorOptions, optional
+    progress : callable
+        Called with a few words at each fit.
+
+    Returns
+    -------
+    OutputError
+
+    Raises
+    ------
+    InputError
+        A log lacks a joint or its torque, or the model cannot be simulated or is unstable.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 2.0, seed=1), rate=100.0, noise=fr.Noise(q=1e-5, tau=0.01))
+    >>> linear = fr.identify(robot, [log], effects=fr.parse_effects("viscous"), recursion="none").model
+    >>> found = fr.output_error(linear, [log], options=fr.OutputErrorOptions(horizon=0.5, rounds=1, iterations=3))
+    >>> found.ratio <= 1.0
+    True
+    """
+    options = options or OutputErrorOptions()
+    if not logs:
+        raise InputError("there is no log to fit the motion of")
+    if model.controller is not None:
+        raise InputError(
+            "output_error fits the motion that a recorded torque makes, and the torque of this model comes from "
+            "commands; keep the linear answer (--estimator wls), or give a log with torque and no --controller"
+        )
+    model.check(logs)
+    shooting = Shooting(model, list(model.motions(logs)), options)
+    z = np.zeros(len(model.estimate.theta))
+    first = last = _weighted(shooting, z)
+    V = np.zeros((len(z), 0))
+    for number in range(options.rounds):
+        progress(f"simulated motion, fit {number + 1} of {options.rounds}")
+        V = _determined(shooting.jacobian(z))[1]
+        z = _fit(shooting, z, V)
+        last = _weighted(shooting, z)
+    progress("simulated motion, covariance")
+    fit = _Fit(z, V, shooting.jacobian(z), float(np.sqrt(((last / first) ** 2).mean())))
+    entries = [{"source": x.source, "sha256": x.identity, "samples": None} for x in logs]
+    found = _found(model, fit, shooting, entries)
+    if not valid:
+        return found
+    progress("simulating the test logs")
+    return replace(found, tested=(compare_simulated(model, valid), compare_simulated(found.model, valid)))
+
+
+class _Fit(NamedTuple):
+    """A solution: scaled parameters (p,), directions that moved (p, k), derivatives there, rms error over the first."""
+
+    z: Array
+    directions: Array
+    jacobian: Jacobian
+    ratio: float
+
+
+def _weighted(shooting: Shooting, z: Array) -> Array:
+    """Weight each joint by its rms error (J,), and return these errors."""
+    rms = np.sqrt((shooting.residuals(z[None]) ** 2).mean(axis=(0, 1, 2)))
+    if not np.isfinite(rms).all():
+        shooting.jacobian(z)  # says why
+    shooting.weights = shooting.weights * np.maximum(rms, SMALLEST_PATH)
+    return shooting.weights
+
+
+def _covariance(j: Jacobian, V: Array) -> tuple[Array, float]:
+    """Covariance (p, p) of the directions V (p, k), and the mean factor by which correlation inflates variances."""
+    k = V.shape[1]
+    variance = float((j.residuals**2).sum() / max(1, len(j.residuals) - k))
+    if not k:
+        return np.zeros((len(V), len(V))), 1.0
+    U, sizes, rows = np.linalg.svd(j.parameters @ V, full_matrices=False)
+    groups = [j.piece == s for s in np.unique(j.piece)]
+    scores = np.array([U[g].T @ j.residuals[g] for g in groups])  # of unit variance where errors are white
+    leverage = sum(((U[g].T @ U[g]) ** 2).sum(axis=0) for g in groups)
+    freedom = np.maximum(1.0 - leverage, 1.0 / len(groups))
+    each = (scores**2).sum(axis=0) / freedom
+    mean = max(variance, float((each * freedom).sum() / freedom.sum()))
+    half = V @ (rows.T / sizes)
+    return (half * np.maximum(each, mean)) @ half.T, mean / variance
+
+
+def _determined(j: Jacobian) -> tuple[Array, Array]:
+    """Singular values in units of the rms residual, and the directions (p, k) of those above one."""
+    _, sizes, rows = np.linalg.svd(j.parameters, full_matrices=False)
+    sizes = sizes / max(float(np.sqrt((j.residuals**2).mean())), SMALLEST_PATH)
+    return sizes, rows[sizes > 1.0].T
+
+
+def _fit(shooting: Shooting, z: Array, V: Array) -> Array:
+    """Gauss-Newton with a trust region over the directions V of the parameters."""
+    if not V.shape[1]:
+        return z
+
+    def errors(x: Array) -> Array:
+        r = shooting.residuals((z + V @ x)[None]).ravel()
+        return np.where(np.isfinite(r), r, UNSTABLE_ERROR)
+
+    def slopes(x: Array) -> Array:
+        return np.asarray(shooting.jacobian(z + V @ x).parameters @ V)
+
+    most = shooting.options.iterations
+    solution = least_squares(errors, np.zeros(V.shape[1]), jac=slopes, max_nfev=most, xtol=TOLERANCE, ftol=TOLERANCE)
+    return np.asarray(z + V @ solution.x)
+
+
+def _found(model: Model, fit: _Fit, shooting: Shooting, entries: list[dict[str, Any]]) -> OutputError:
+    """The model at a solution, with its covariance."""
+    z, V, j, ratio = fit
+    L, p = shooting.root, len(z)
+    moved, inflation = _covariance(j, V)
+    own = np.eye(p) - V @ V.T
+    covariance = L @ (moved + own) @ L.T
+    share = np.einsum("ij,jk,ik->i", L, own, L) / np.diag(L @ L.T)
+    kept = tuple(c.name for c, x in zip(model.estimate.columns, share, strict=True) if x > KEPT_SHARE)
+    estimate = replace(
+        model.estimate,
+        theta=model.estimate.theta + L @ z,
+        covariance=covariance,
+        estimator="output_error",
+        information=np.linalg.inv(covariance),
+    )
+    event = {
+        "action": "output_error",
+        "effects": [],
+        "logs": entries,
+        "kept": list(kept),
+        "options": vars(shooting.options),
+    }
+    fitted = replace(
+        model,
+        estimate=estimate,
+        standard=None,
+        bounds={},
+        recursion=None,
+        previous=model,
+        history=(*model.history, event),
+    )
+    return OutputError(fitted, ratio, _determined(j)[0], kept, inflation)

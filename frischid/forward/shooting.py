@@ -1,0 +1,151 @@
+"""Multiple shooting: stretches of logs, simulated from their measured starts with any parameters, and the derivatives.
+
+    θ = θ_linear + L z,   L Lᵀ = C_linear,      r_k(t) = (q_sim(t; θ, s_k) − q(t)) / σ
+
+The scaled parameters z are in standard errors of the linear answer. Stretch k starts at the measured position and
+velocity s_k. With a free start, a long motion would hide its error: the place where a rolling cart stops depends on the
+start. The noise of a start is an error of its own stretch, and the stretches' scores hold this error.
+
+Source: Bock 1983, "Recent advances in parameter identification techniques for ODE", Birkhäuser.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.core.types import Array
+from frischid.errors import InputError
+from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics, Starts
+from frischid.forward.torque_sources import RecordedTorque
+from frischid.logs.preprocessing import Motion
+from frischid.model.model import Model
+
+FEWEST_PIECES = 20
+"""Pieces of the motion whose scores are summed: fewer do not show how far errors are correlated."""
+SMALLEST_PATH = 1e-12
+"""rad (m): a smaller step or rms error is rounding."""
+
+
+@dataclass(frozen=True)
+class OutputErrorOptions:
+    """How the simulated motion is fitted.
+
+    Attributes
+    ----------
+    horizon : float
+        Length of a stretch, s; at most that of a log. Longer stretches show slower errors, and an arm that falls is
+        less predictable over a longer one.
+    samples : int
+        Positions compared per stretch: the motion of a stretch is smooth.
+    stretches : int
+        Most stretches per log, spread evenly.
+    step : float
+        Longest step of the integration, s.
+    difference : float
+        Step of the derivatives, in standard errors of the linear answer.
+    rounds : int
+        Fits; after each, the positions of each joint are weighted by the joint's own rms error.
+    iterations : int
+        Most Gauss-Newton steps of one fit.
+    """
+
+    horizon: float = 1.0
+    samples: int = 40
+    stretches: int = 40
+    step: float = LARGEST_STEP
+    difference: float = 0.1
+    rounds: int = 2
+    iterations: int = 15
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not value > 0:
+                raise InputError(f"{name} of an output error fit must be positive, got {value}")
+
+
+class Jacobian(NamedTuple):
+    """Derivatives of the scaled residuals by the parameters (R, p), the residuals (R,), the piece of each row (R,)."""
+
+    parameters: Array
+    residuals: Array
+    piece: Array
+
+
+class Cut(NamedTuple):
+    """Stretches of one motion: their first samples, and the samples within a stretch that are compared."""
+
+    motion: Motion
+    first: NDArray[np.intp]
+    samples: NDArray[np.intp]
+
+
+class Shooting:
+    """Stretches of logs, simulated with parameters ``θ = θ_linear + L z`` and starts of their own."""
+
+    def __init__(self, model: Model, motions: Sequence[Motion], options: OutputErrorOptions) -> None:
+        self.model, self.options = model, options
+        self.root = np.linalg.cholesky(model.estimate.covariance)
+        self.weights = np.ones(len(model.robot.joints))
+        self.cuts = [self._cut(motion) for motion in motions]
+
+    def _cut(self, motion: Motion) -> Cut:
+        o = self.options
+        length = min(max(2, round(o.horizon / motion.step)), len(motion.t) - 1)
+        most = min(max(1, (len(motion.t) - 1) // length), o.stretches)
+        first = np.linspace(0, len(motion.t) - 1 - length, most).round().astype(np.intp)
+        count = max(1, min(length, round(o.samples * length * motion.step / o.horizon)))
+        return Cut(motion, first, np.unique(np.linspace(0, length, count + 1).round().astype(np.intp)))
+
+    def theta(self, z: Array) -> Array:
+        """Values of all columns (..., C) at scaled parameters (..., p)."""
+        full = np.zeros((*z.shape[:-1], len(self.model.full_theta)))
+        full[..., list(self.model.base)] = self.model.estimate.theta + z @ self.root.T
+        return full
+
+    def residuals(self, zs: Array) -> Array:
+        """Scaled errors of positions (P, stretches, samples, J) for parameters (P, p); zero after a shorter stretch."""
+        done, J, P = 0, len(self.weights), len(zs)
+        widest = max(len(cut.samples) for cut in self.cuts)
+        out = np.zeros((P, sum(len(cut.first) for cut in self.cuts), widest, J))
+        for motion, first, samples in self.cuts:
+            S = len(first)
+            extra = {name: (motion.t, values) for name, values in motion.extra.items()}
+            forward = ForwardDynamics(self.model, self.theta(zs), extra=extra, begin=motion.start)
+            speed = np.where(motion.standstill, 0.0, motion.v)  # the measured speed of standstill is noise
+            q, v = (np.tile(x[first], (P, 1)) for x in (motion.q, speed))
+            remembered = [np.tile(z, (P, 1)) for z in forward.remembered(motion.t, motion.v, first)]
+            begin = Starts(q, v, np.tile(motion.t[first], P), np.repeat(np.arange(P), S), remembered)
+            source, times = RecordedTorque(motion.t, motion.tau), np.asarray(samples * motion.step, dtype=np.float64)
+            moved = forward.simulate(source, begin, times, step=self.options.step).q
+            error = moved.reshape(P, S, len(samples), J) - motion.q[first[:, None] + samples]
+            out[:, done : done + S, : len(samples)] = error / self.weights
+            done += S
+        return out
+
+    def jacobian(self, z: Array) -> Jacobian:
+        """Residuals and their derivatives.
+
+        Raises
+        ------
+        InputError
+            A simulated motion is unstable.
+        """
+        d, p = self.options.difference, len(z)
+        r = self.residuals(np.concatenate([z[None], z + d * np.eye(p)]))
+        if not np.isfinite(r).all():
+            raise InputError(
+                "the simulated motion is unstable while it is fitted: the torque recorded in the logs moves the model "
+                "away within one stretch; give a shorter horizon, or identify with the URDF as a prior first"
+            )
+        S = r.shape[1]
+        r = r.reshape(p + 1, S, -1)
+        m = r.shape[2]
+        pieces = min(m, -(-FEWEST_PIECES // S))  # of a stretch, where stretches are few
+        piece = (np.arange(S)[:, None] * pieces + np.arange(m) * pieces // m).ravel()
+        slopes = (r[1:] - r[0]).reshape(p, -1).T / d
+        return Jacobian(slopes, r[0].ravel(), piece)

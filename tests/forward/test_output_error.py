@@ -1,0 +1,104 @@
+"""Output error: planted parameters come back, bounds hold them, and what the motion does not say stays."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cases import robot
+
+import frischid as fr
+from frischid.errors import InputError
+from frischid.forward.output_error import output_error
+from frischid.forward.shooting import OutputErrorOptions
+from frischid.model.model import Model
+from frischid.motions.simulation import parameters_of
+from frischid.regression.regressor import Regressor
+from frischid.regression.structure import structure
+
+EFFECTS = fr.parse_effects("viscous, offset")
+TRUTH = {"fv1": 0.4, "fv2": 0.3, "off1": 0.4, "off2": -0.2}
+SHORT = OutputErrorOptions(horizon=0.5, rounds=1)
+
+
+def recorded(seed, noise, seconds=10.0, rate=200.0):
+    machine = robot("planar2")
+    motion = fr.random_fourier(machine, seconds, seed=seed)
+    return fr.simulate(
+        machine, motion, rate=rate, effects=EFFECTS, parameters=TRUTH, noise=noise, channels=(), seed=seed
+    )
+
+
+def linear(log):
+    return fr.identify(robot("planar2"), [log], effects=EFFECTS, recursion="none", prior="none").model
+
+
+def truth():
+    machine = robot("planar2")
+    mapping = structure(Regressor(machine, EFFECTS), machine.joints).mapping
+    return mapping @ parameters_of(machine, EFFECTS, TRUTH)
+
+
+def test_a_wrong_start_is_led_back_to_the_planted_parameters():
+    log = recorded(1, fr.Noise(q=1e-7, tau=1e-5), rate=500.0)
+    right = linear(log)
+    e = right.estimate
+    spread = 0.05 * (np.abs(truth()) + 0.05)
+    wrong = replace(right, estimate=replace(e, theta=truth() + spread, covariance=np.diag(spread**2)), standard=None)
+    found = output_error(wrong, [log], options=replace(SHORT, rounds=4))
+    assert found.ratio < 0.1
+    assert np.sqrt((((found.model.estimate.theta - truth()) / spread) ** 2).mean()) < 0.15
+
+
+def test_bounds_hold_the_planted_parameters():
+    held, count = 0, 0
+    for seed in range(20, 32):
+        log = recorded(seed, fr.Noise(q=2e-5, tau=0.02))
+        e = output_error(linear(log), [log], options=SHORT).model.estimate
+        held += int((np.abs(e.theta - truth()) < 1.96 * e.stderr).sum())
+        count += len(e.theta)
+    assert held >= 0.88 * count  # 95 % of 120, less two and a half standard errors of the share
+
+
+def test_test_logs_show_the_error_before_and_after_and_decide_nothing():
+    log, test = recorded(1, fr.Noise(q=2e-5, tau=0.02)), recorded(2, fr.Noise(q=2e-5, tau=0.02))
+    model = linear(log)
+    alone, tested = output_error(model, [log], options=SHORT), output_error(model, [log], valid=[test], options=SHORT)
+    np.testing.assert_array_equal(alone.model.estimate.theta, tested.model.estimate.theta)
+    assert alone.tested is None
+    assert set(tested.to_dict()["held_out"]) == {"linear", "output_error"}
+
+
+def test_a_still_joint_keeps_the_linear_answer_and_is_named():
+    log = recorded(1, fr.Noise(q=1e-4, tau=1e-4))
+    model = linear(log)
+    sure = replace(model, estimate=replace(model.estimate, covariance=1e-8 * model.estimate.covariance), standard=None)
+    found = output_error(sure, [log], options=SHORT)
+    assert set(found.kept) == {c.name for c in model.estimate.columns}
+    np.testing.assert_array_equal(found.model.estimate.theta, model.estimate.theta)
+
+
+def test_the_model_is_saved_and_loaded(tmp_path):
+    log = recorded(1, fr.Noise(q=2e-5, tau=0.02), seconds=4.0)
+    found = output_error(linear(log), [log], options=SHORT).model
+    found.save(tmp_path / "model.json")
+    again = Model.load(tmp_path / "model.json")
+    np.testing.assert_array_equal(again.estimate.theta, found.estimate.theta)
+    assert again.history[-1]["action"] == "output_error"
+    assert again.estimate.estimator == "output_error"
+
+
+@pytest.mark.parametrize("name", ["horizon", "samples", "difference"])
+def test_options_that_are_not_positive_are_refused(name):
+    with pytest.raises(InputError, match=name):
+        OutputErrorOptions(**{name: 0})
+
+
+def test_a_motion_that_runs_away_is_a_sentence():
+    log = recorded(1, fr.Noise(q=2e-5, tau=0.02), seconds=4.0)
+    model = linear(log)
+    theta = model.estimate.theta.copy()
+    names = [c.name for c in model.estimate.columns]
+    theta[[names.index("fv1"), names.index("fv2")]] = -1e4
+    wild = replace(model, estimate=replace(model.estimate, theta=theta), standard=None)
+    with pytest.raises(InputError, match="unstable"):
+        output_error(wild, [log], options=SHORT)
