@@ -19,7 +19,7 @@ ESTIMATOR_TITLES = {
     "wls": "weighted least squares", "ols": "least squares", "map": "least squares with the URDF as a prior",
     "frisch": "point of the Frisch box by eq. (24)", "frisch_squared": "least squares in the Frisch box",
     "sensorwise": "sensor-wise Frisch scheme", "eiv": "errors in variables",
-    "iv": "instrumental variables",
+    "iv": "instrumental variables", "output_error": "output error of the simulated motion",
 }  # fmt: skip
 RECURSION_TITLES = {
     "strict": "the paper's Algorithm 1", "undo": "windows that would empty the box are left out",
