@@ -76,12 +76,25 @@ def load_reference(model: Model, criteria: DiagnosisCriteria = DIAGNOSIS_CRITERI
 def _standard(model: Model, criteria: DiagnosisCriteria) -> tuple[Array, Array, Array]:
     """Regrouping (p, C) of the model's base parameters, and the URDF's value and spread of every column (C,)."""
     regressor = Regressor(model.robot, model.effects, model.reference)
-    found = structure(regressor, model.joints)
-    mapping = found.mapping
-    if found.base != model.base:  # the model has columns of a change, which no regrouping would choose
-        mapping = np.linalg.pinv(mapping[:, model.base]) @ mapping
+    mapping = _regrouping(model, regressor)
     nominal = np.asarray(nominal_parameters(model.robot, model.effects))
     return mapping, nominal, _spread(model, regressor, criteria)
+
+
+def _regrouping(model: Model, regressor: Regressor) -> Array:
+    """Regrouping (p, C) of all parameters into the model's base parameters.
+
+    A model without the rows of a joint that never moves keeps the base parameters of all rows; so the robot's rows are
+    tried after the model's. A model with columns of a change has base parameters that no regrouping would choose.
+    """
+    mappings = []
+    for joints in dict.fromkeys((model.joints, model.robot.joints)):
+        found = structure(regressor, joints)
+        if found.base == model.base:
+            return found.mapping
+        mappings.append(found.mapping)
+    mapping = max(mappings, key=lambda m: int(np.linalg.matrix_rank(m[:, model.base])))
+    return np.asarray(np.linalg.pinv(mapping[:, model.base]) @ mapping)
 
 
 def _spread(model: Model, regressor: Regressor, criteria: DiagnosisCriteria) -> Array:

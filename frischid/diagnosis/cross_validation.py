@@ -40,6 +40,7 @@ from frischid.estimators.least_squares import Prior
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
+from frischid.model.still_joints import STILL_LOG, rows_of
 
 
 class Score(NamedTuple):
@@ -93,21 +94,25 @@ class CrossValidator:
         Raises
         ------
         InputError
-            A log lacks a joint of the model or its torque, or a joint never moves.
+            A log lacks a joint of the model or its torque, or no joint moves.
         """
         model.check(logs)
         data = RegressionData(MotionCache(model, logs, criteria, workers))
+        moving = _spread(data) > 0
+        if moving.any() and not moving.all():  # the motions are read again, without the rows that say nothing
+            model = rows_of(model, moving)
+            data = RegressionData(MotionCache(model, logs, criteria, workers))
         return cls._fitted(ModelColumns.of(data), prior, np.zeros(len(model.joints)))
 
     @classmethod
     def _fitted(cls, columns: ModelColumns, prior: Prior, known_residual: Array) -> CrossValidator:
         data, joints = columns.data, columns.data.model.joints
-        spread = np.array([Autocorrelation.of(x.tau for x in data.motions_of(row)).std for row in range(len(joints))])
+        spread = _spread(data)
         flat = [name for name, s in zip(joints, spread, strict=True) if not s > 0]
         if flat:
             raise InputError(
                 f"{', '.join(dict.fromkeys(data.sources))}: {each_of(flat)} never moves, or its torque never changes: "
-                "the model's error there cannot be judged; record a log in which every joint moves"
+                f"the model's error there cannot be judged. {STILL_LOG}"
             )
         return cls(WeightedFit.of(columns, prior, spread), spread, known_residual)
 
@@ -289,3 +294,8 @@ class CrossValidator:
             left = (x.tau - self.columns.predicted(x, theta, candidate, fit.beta) for x in self.data.motions_of(row))
             effective[row] = max(effective[row], n[row] / Autocorrelation.of(left).time)
         return effective
+
+
+def _spread(data: RegressionData) -> Array:
+    """Standard deviation of each fitted joint's torque while the joint moves, (J,); zero where it never moves."""
+    return np.array([Autocorrelation.of(x.tau for x in data.motions_of(j)).std for j in range(len(data.model.joints))])

@@ -52,6 +52,7 @@ from frischid.logs.log import Log
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
+from frischid.model.still_joints import still_note
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,8 +186,8 @@ def diagnose(
     Raises
     ------
     InputError
-        There is no log, a log is given both to fit and to test, a log lacks a joint of the model or its torque, or a
-        joint never moves.
+        There is no log, a log is given both to fit and to test, a log lacks a joint of the model or its torque, or
+        no joint moves.
     UnknownNameError
         An effect is not in the catalogue.
 
@@ -225,7 +226,9 @@ def diagnose(
         verdict, findings = with_refit(verdict, results.findings, refit)
         results = replace(results, findings=tuple(findings))
     found = _diagnosis(results, verdict, headline(model, [as_recording(log) for log in valid or logs]))
-    return replace(found, notes=(*found.notes, *(part.said for part in parts if part.said)))
+    judged = set(validator.joints) & found.headline.joints.keys()
+    still = still_note([name for name in model.joints if name not in judged])
+    return replace(found, notes=(*found.notes, *filter(None, (still, *(part.said for part in parts)))))
 
 
 def _stages(

@@ -123,6 +123,8 @@ def _changed(
     for candidate in validator.candidates(new):
         validator = validator.extended(candidate)
     estimate, information = model.estimate, validator.fit.information
+    sigma = estimate.sigma.copy()
+    sigma[np.isin(estimate.joints, validator.joints)] = validator.fit.sigma  # of a joint that never moves it stays
     changed = replace(
         model,
         effects=effects,
@@ -133,8 +135,8 @@ def _changed(
             validator.theta,
             np.asarray(np.linalg.pinv(information, hermitian=True), dtype=float),
             estimate.joints,
-            validator.fit.sigma,
-            1.0 / validator.fit.sigma**2,
+            sigma,
+            1.0 / sigma**2,
             float(np.sqrt(np.linalg.cond(information))),
             "map",
             information,
@@ -148,6 +150,6 @@ def _changed(
         history=(),
     )
     known = cross_validated(model.history[-1]) if model.history else None
-    rms = (validator.base_nrmse() * validator.spread).tolist()
+    rms = dict(zip(validator.joints, validator.base_nrmse() * validator.spread, strict=True))
     own = from_fit(compare(changed, logs), rms, () if known is None else known.alarms)
     return replace(changed, history=({"cross_validated": own.to_dict()},))

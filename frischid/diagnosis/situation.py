@@ -59,7 +59,7 @@ def cross_validator(
     Raises
     ------
     InputError
-        A log lacks a joint of the model or its torque, or a joint never moves.
+        A log lacks a joint of the model or its torque, or no joint moves.
     """
     validator = CrossValidator.of(model, logs, weak_urdf_prior(model, criteria), criteria=criteria, workers=workers)
     own = any(model.made_from(log) for log in logs)
@@ -70,7 +70,7 @@ def cross_validator(
     if situation == "changed":
         validator = validator.with_prior(identification_prior(model))
     if not own:
-        known = criteria.known_residual_factor * model.estimate.sigma / validator.spread
+        known = criteria.known_residual_factor * validator.model.estimate.sigma / validator.spread
         validator = validator.with_known_residual(known)
     return validator, situation
 

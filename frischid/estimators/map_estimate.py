@@ -149,7 +149,8 @@ def map_estimate(
     problem = MapProblem(whole, mapping, prior)
     count = len(prior.names)  # columns in units of the torque at the prior's spread: no unit decides which one acts
     rows = effective_rows(problem.G[:, :count, :count] * np.outer(prior.spread, prior.spread))
-    floor = EXACT_FIT * problem.torque / problem.counts + 1e-300
+    # A joint without a row (always at standstill) has no noise to measure; its weight of 1 multiplies nothing.
+    floor = np.where(whole.counts > 0, EXACT_FIT * problem.torque / problem.counts + 1e-300, 1.0)
     variance, limit = _first_noise(problem, blocks, floor, rule)
     scales = {g: 1.0 for g in prior.group if g}
     for _ in range(ROUNDS):

@@ -95,7 +95,7 @@ class Alarm:
     joints : tuple of str
         Where; empty for the whole robot.
     value, limit : float
-        The figure that was compared, and the bound that it exceeded.
+        The figure that was compared, and the bound that it exceeded; ``value`` is None where there is no finite figure.
 
     Examples
     --------
@@ -109,7 +109,7 @@ class Alarm:
     sentence: str
     remedy: str
     joints: tuple[str, ...] = ()
-    value: float = 0.0
+    value: float | None = 0.0
     limit: float = 0.0
 
     def __str__(self) -> str:
@@ -153,7 +153,7 @@ def undetermined(disagreement: Array | None, joints: Sequence[str], criteria: Al
                 "The logs do not determine the parameters: a fit without the URDF's values is not unique.",
                 remedy,
                 (),
-                float("inf"),
+                None,
                 criteria.disagreement,
             )
         ]

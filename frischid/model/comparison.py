@@ -16,7 +16,6 @@ import numpy as np
 
 from frischid.core.named_sequence import NamedSequence
 from frischid.core.shown import Shown
-from frischid.core.text import each_of
 from frischid.core.types import Array
 from frischid.effects import columns_of
 from frischid.errors import InputError
@@ -32,6 +31,7 @@ from frischid.model.kept_blocks import SAMPLES_KEPT, KeptBlocks
 from frischid.model.model import Model
 from frischid.model.noise_floor import NoiseFloor
 from frischid.model.residual_conditions import Residuals
+from frischid.model.still_joints import STILL_LOG, rows_of
 from frischid.regression.block import Block
 from frischid.regression.regressor import nominal_parameters
 
@@ -75,6 +75,8 @@ class Comparison(Shown):
         The logs.
     alarms : tuple of Alarm
         Reasons not to trust the model or these figures; none on the model's own logs.
+    not_compared : tuple of str
+        Joints that never move in these logs, or whose torque never changes: no error of theirs can be measured.
     residuals : Residuals
         Residuals and motion behind the figures: where the model fails, and the structure of the residual error. Of very
         long logs, `SAMPLES_KEPT` samples in stretches spread evenly.
@@ -99,6 +101,7 @@ class Comparison(Shown):
     sources: tuple[str, ...]
     alarms: tuple[Alarm, ...]
     residuals: Residuals = field(repr=False)
+    not_compared: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"Comparison(NRMSE {self.nrmse:.4f} over {len(self.joints)} joints, noise floor {self.noise_floor:.4f})"
@@ -135,6 +138,7 @@ class Comparison(Shown):
             "standstill_share": self.standstill,
             "nrmse_with_standstill": self.nrmse_with_standstill,
             "logs": list(self.sources),
+            "not_compared": list(self.not_compared),
             "alarms": [alarm.to_dict() for alarm in self.alarms],
             "conditions": self.residuals.to_dict(),
             "criteria": COMPARISON_CRITERIA.to_dict(),
@@ -173,7 +177,8 @@ def compare(
     ----------
     model : Model
     logs : sequence of Log or Recording
-        At least one; each must hold position and torque of the model's joints.
+        At least one; each must hold position and torque of the model's joints. A joint that never moves is not compared
+        (``Comparison.not_compared``).
     evaluated : sequence of (Block, ndarray), optional
         ``model.blocks(logs)``, where the caller has it already.
     criteria : AlarmCriteria, optional
@@ -187,7 +192,7 @@ def compare(
     Raises
     ------
     InputError
-        A log lacks a joint or its torque.
+        A log lacks a joint or its torque, or no joint moves.
 
     Examples
     --------
@@ -249,10 +254,20 @@ class ModelErrors:
         Raises
         ------
         InputError
-            A joint never moves, or its torque never changes.
+            No joint moves, or no torque changes.
         """
-        residuals, both = Residuals(self._model, self._kept.blocks), (self._moving, self._everything)
-        return _summary(self._model, both, sources, self.noise, self.expected, residuals)
+        sums = self._moving
+        changing = (sums.count >= 2) & (sums.std > 1e-7 * np.sqrt(sums.tau2 / np.maximum(sums.count, 1)))
+        if not changing.any():
+            raise InputError(
+                f"{', '.join(sources)}: no joint moves with a torque that changes: there is nothing to compare. "
+                f"{STILL_LOG}"
+            )
+        model = rows_of(self._model, changing)
+        residuals, both = Residuals(model, self._kept.blocks), (sums.of(changing), self._everything.of(changing))
+        floor = self.noise.under(np.sqrt(sums.error2 / np.maximum(sums.count, 1)))[changing]
+        found = _summary(model, both, sources, floor, self.expected.rms[changing], residuals)
+        return replace(found, not_compared=tuple(np.compress(~changing, self._model.joints)))
 
 
 def urdf_parameters(model: Model) -> Array:
@@ -268,13 +283,14 @@ def urdf_parameters(model: Model) -> Array:
 def _alarms(model: Model, summary: Comparison, expected: ExpectedError, criteria: AlarmCriteria) -> tuple[Alarm, ...]:
     """Alarms of a model on logs that it was not fitted to."""
     rmse = np.array([j.rmse for j in summary.joints])
+    compared = np.isin(model.joints, summary.joints.names)
     known = cross_validated_nrmse(model.history)
     seen = Elsewhere(
-        joints=model.joints,
+        joints=summary.joints.names,
         spread=np.array([j.std for j in summary.joints]),
-        expected=expected.rms if model.prior is not None else np.full(len(rmse), np.nan),
+        expected=expected.rms[compared] if model.prior is not None else np.full(len(rmse), np.nan),
         measured=rmse,
-        outside=expected.outside_share,
+        outside=expected.outside_share[compared],
         nrmse=summary.nrmse,
         noise_floor=summary.noise_floor,
         cross_validated=np.nan if known is None else known,
@@ -287,23 +303,16 @@ def _summary(
     model: Model,
     both: tuple[ErrorSums, ErrorSums],
     sources: tuple[str, ...],
-    noise: NoiseFloor,
-    expected: ExpectedError,
+    floor: Array,
+    expected: Array,
     residuals: Residuals,
 ) -> Comparison:
-    """Figures from the sums over moving samples, and over all."""
+    """Figures from the sums over moving samples, and over all; every joint of the model moves."""
     sums, everything = both
-    steady = sums.std <= 1e-7 * np.sqrt(sums.tau2 / np.maximum(sums.count, 1))
-    flat = [name for name, n, same in zip(model.joints, sums.count, steady, strict=True) if n < 2 or same]
-    if flat:
-        raise InputError(
-            f"{', '.join(sources)}: {each_of(flat)} never moves, or its torque never changes: there is nothing to "
-            "compare; take a log in which every joint moves"
-        )
     n, std = sums.count, sums.std
     rmse, nominal = np.sqrt(sums.error2 / n), np.sqrt(sums.nominal2 / n)
     constant = np.sqrt(std**2 + (sums.tau / n - model.mean_torque) ** 2)
-    joints, floor = {}, noise.under(rmse)
+    joints = {}
     for j, name in enumerate(model.joints):
         worst = sums.worst[j]
         assert worst is not None  # there is at least one sample, or prepare() raised
@@ -317,7 +326,7 @@ def _summary(
             nominal=float(nominal[j] / std[j]),
             constant=float(constant[j] / std[j]),
             noise_floor=float(floor[j] / std[j]),
-            expected=float(expected.rms[j] / std[j]),
+            expected=float(expected[j] / std[j]),
             worst=worst,
         )
     standstill = 1.0 - float(n.sum() / everything.count.sum())

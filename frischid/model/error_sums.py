@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frischid.core.types import Array
 
@@ -51,6 +52,14 @@ class ErrorSums:
             before = self.worst[j]
             if before is None or abs(residual[i, j]) > abs(before.measured - before.predicted):
                 self.worst[j] = Worst(source, float(t[i]), float(measured[i, j]), float(predicted[i, j]))
+
+    def of(self, kept: NDArray[np.bool_]) -> ErrorSums:
+        """The sums of some joints, (J,)."""
+        found = ErrorSums(int(kept.sum()), self.samples)
+        for name in ("count", "tau", "tau2", "error", "error2", "nominal2"):
+            setattr(found, name, getattr(self, name)[kept])
+        found.worst = [worst for worst, stays in zip(self.worst, kept, strict=True) if stays]
+        return found
 
     @property
     def std(self) -> Array:

@@ -276,19 +276,19 @@ def _read(event: Mapping[str, Any], key: str) -> Headline | None:
     return found
 
 
-def from_fit(comparison: Comparison, rms: Sequence[float], alarms: Sequence[Alarm] = ()) -> Headline:
+def from_fit(comparison: Comparison, rms: Mapping[str, float], alarms: Sequence[Alarm] = ()) -> Headline:
     """The cross-validated headline of a fit.
 
     Parameters
     ----------
     comparison : Comparison
         Of the model with the logs it was fitted to.
-    rms : sequence of float
-        Cross-validated rms error of each joint, N·m (N).
+    rms : mapping of str to float
+        Cross-validated rms error of each joint, N·m (N); those of joints that are not compared are not used.
     alarms : sequence of Alarm
         Of the fit.
     """
-    errors = {name: float(x) / joint.std for (name, joint), x in zip(comparison.joints.items(), rms, strict=True)}
+    errors = {name: float(rms[name]) / joint.std for name, joint in comparison.joints.items()}
     nrmse = float(np.mean(list(errors.values())))
     plain = Headline.of(comparison, "fitted")
     return replace(plain, nrmse=nrmse, measured="cross-validated", joints=errors, alarms=by_severity(alarms))

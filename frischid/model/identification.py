@@ -202,7 +202,7 @@ def assess(bounds: Bounds) -> Identification:
     journal.progress("comparison")
     before = fit_alarms(fit)
     model, there = _measured(bounds, ResidualScores(problem, folds, bounds.estimate))
-    own = None if there is None else from_fit(there, np.sqrt(variance).tolist(), before)
+    own = None if there is None else from_fit(there, dict(zip(data.joints, np.sqrt(variance), strict=True)), before)
     event = _event(data, problem.effects, cross_validation, own)
     comparison = compare(replace(model, history=(event,)), data.valid) if data.valid else None
     headline = own if comparison is None else Headline.of(comparison, "test", before)
@@ -265,7 +265,7 @@ def _unexplained(errors: Mapping[str, float], limit: float) -> list[str]:
 
 
 def _measured(bounds: Bounds, scores: ResidualScores) -> tuple[Model, Comparison | None]:
-    """The model with its record, and its comparison with its own logs; None where a joint's torque never changes."""
+    """The model with its record, and its comparison with its own logs; None where no torque changes."""
     fit, data, record = bounds.fit, bounds.fit.problem.data, fit_record(bounds.fit)
     model = _model(bounds, record)
     errors = ModelErrors(model, residuals_kept=1)
@@ -284,9 +284,10 @@ def _measured(bounds: Bounds, scores: ResidualScores) -> tuple[Model, Comparison
 
 def _model_share(problem: Problem, own: Comparison, rows: float) -> Array:
     """Share of the parameters' covariance that is the model's error; see `FitRecord`."""
-    floor = np.array([j.noise_floor for j in own.joints])
-    noise = np.minimum(1.0, floor / np.maximum([j.nrmse for j in own.joints], 1e-300)) ** 2
-    independent = problem.data.independent_rows / len(own.joints)
+    joints = problem.data.joints  # of one that never moves nothing is known: all of its residual may be the model's
+    ratios = {j.name: j.noise_floor / max(j.nrmse, 1e-300) for j in own.joints}
+    noise = np.minimum(1.0, [ratios.get(name, 0.0) for name in joints]) ** 2
+    independent = problem.data.independent_rows / len(joints)
     return np.asarray(1.0 - noise * (1.0 - min(1.0, rows / max(independent, 1e-300))))
 
 

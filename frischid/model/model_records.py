@@ -138,7 +138,7 @@ class AlarmRecord(Struct, forbid_unknown_fields=True, frozen=True):
     sentence: str
     remedy: str
     joints: list[str] = []
-    value: float = 0.0
+    value: float | None = 0.0
     limit: float = 0.0
 
 

@@ -135,7 +135,8 @@ class Stage:
             for (name, marker), pose in zip(self.markers.items(), self._poses(), strict=True):
                 marker.position = tuple(pose[:3, 3])
                 marker.wxyz = tf.SO3.from_matrix(pose[:3, :3] @ self.turns[name]).wxyz
-                marker.color = LIT if name in self.lit else colour_of(errors[name], self.top)
+                error = errors.get(name, 0.0)  # a joint that never moves: as without error
+                marker.color = LIT if name in self.lit else colour_of(error, self.top)
             self.label.text = f"{joint}: misses {100 * errors[joint]:.1f} %"
             self.label.position = self.markers[joint].position + self._above
             self.label.anchor = self._anchor()
@@ -160,10 +161,12 @@ class Stage:
         if colouring == "over all logs":
             return {name: j.nrmse for name, j in joints.items()}
         near = moment(self.bench.state.prediction, x)
-        residual = (
-            np.abs(self.bench.state.prediction.residual[near]).mean(axis=0) if near.any() else np.zeros(len(joints))
-        )
-        return {name: float(r / j.std) for (name, j), r in zip(joints.items(), residual, strict=True)}
+        prediction = self.bench.state.prediction
+        every = prediction.joints  # those that never move are not compared
+        residual = np.abs(prediction.residual[near]).mean(axis=0) if near.any() else np.zeros(len(every))
+        return {
+            name: float(r / joints[name].std) for name, r in zip(every, residual, strict=True) if name in joints.names
+        }
 
 
 def _clicked(chosen: Callable[[str], None], name: str, _: object) -> None:

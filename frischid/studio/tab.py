@@ -63,7 +63,7 @@ class Tab:
         self._lock = threading.RLock()
         self._drawn = bench.state
         self.stage: Stage | None = None  # drawn last
-        joints = list(bench.state.model.joints)
+        joints = list(bench.state.comparison.joints.names)
         worst = max(bench.state.comparison.joints, key=lambda joint: joint.nrmse).name
         gui = self.client.gui
         gui.set_panel_label(f"frischid: {bench.state.model.robot.name}")

@@ -138,10 +138,19 @@ def test_logs_that_cannot_be_compared():
         compare(model(), [replace(log, tau=None)])
     with pytest.raises(InputError, match="zero throughout"):
         compare(model(), [replace(log, tau=0 * log.tau)])
+    with pytest.raises(InputError, match=r"no joint moves with a torque that changes: there is nothing to compare"):
+        compare(model(), [replace(log, tau=0 * log.tau + 3.0)])
+
+
+def test_a_torque_that_never_changes_is_not_compared_and_the_others_are():
+    log, whole = log_of(2), compare(model(), [log_of(2)])
     tau = log.tau.copy()
     tau[:, 2] = 3.0
-    with pytest.raises(InputError, match=r"elbow_joint never moves, or its torque never changes"):
-        compare(model(), [replace(log, tau=tau)])
+    result = compare(model(), [replace(log, tau=tau)])
+    assert result.not_compared == ("elbow_joint",)
+    assert list(result.joints) == [j for j in whole.joints if j.name != "elbow_joint"]
+    assert {c.joint for c in result.residuals.conditions()} == set(result.joints.names)
+    assert json.loads(json.dumps(result.to_dict(), allow_nan=False))["not_compared"] == ["elbow_joint"]
 
 
 def test_to_dict_holds_everything():

@@ -6,6 +6,7 @@ from typing import Any
 
 from frischid import figures
 from frischid.figures.style import number
+from frischid.model.still_joints import still_note
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study
 
@@ -43,10 +44,11 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         rows.append([name, study.unit_of(name), *errors, f"{j.nominal:.3f}", f"{j.constant:.3f}", f"{j.fit:.1f}"])
     drawings = [
         figures.measured(study.prediction, study.comparison, name, contacts, study.unit_of(name))
-        for name in sorted(study.model.joints, key=lambda name: -study.comparison.joints[name].nrmse)
+        for name in sorted(study.comparison.joints.names, key=lambda name: -study.comparison.joints[name].nrmse)
     ]
     return {
         "errors": Table(ERROR_HEADINGS, rows, words=2, caption=f"{ERRORS_CAPTION}{OWN_LOGS * own}"),
+        "still": still_note(study.comparison.not_compared),
         "standstill": study.comparison.standstill,
         "nrmse_with_standstill": study.comparison.nrmse_with_standstill,
         "contacts": bool(contacts),
