@@ -308,7 +308,12 @@ def check_torque(log: Log, joints: Sequence[str] | None = None) -> None:
     wanted = log.joints if joints is None else tuple(joints)
     present = [j for j in log.index(wanted) if log.has("tau")[j]]
     if log.tau is None or not present:
-        hint = "" if log.current is None else "; currents become torques by [current_gain] in a mapping file (--map)"
+        hint = (
+            ""
+            if log.current is None
+            else "; currents become torques by [current_gain] in a mapping file (--map); `frischid gains` finds the "
+            "gains from logs with and without a known payload"
+        )
         if log.qcmd is not None:
             hint += (
                 "; commanded positions become torques by --controller pd --kp ... (controller=frischid.PDController)"

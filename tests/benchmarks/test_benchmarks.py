@@ -81,3 +81,10 @@ def test_a_kill_leaves_no_half_file(tmp_path: Path) -> None:
     content = document("kills.py", tmp_path / "kills.json", *options)
     assert sum(row["kills"] for row in content["rows"]) == 6
     assert all(row["half"] == row["left"] == 0 for row in content["rows"])
+
+
+def test_a_written_mjcf_simulates_the_motion_of_the_measured_arm(tmp_path: Path) -> None:
+    (row,) = document("mjcf_round_trip.py", tmp_path / "figures.json", "--arms", "1", "--first", "11")["rows"]
+    assert row["open loop, original"] > 0.2
+    assert row["open loop, written"] < 0.01
+    assert row["nothing else changed"]
