@@ -1,0 +1,132 @@
+"""Drives from commanded positions alone, on arms and a leg that MuJoCo moves: error and coverage of the ranges.
+
+MuJoCo integrates the true robot (links 5 to 20 % off the URDF) with position actuators: friction loss that really
+sticks, damping, armature, and commands that are held over a step of the log and act two steps late. The log has
+commanded positions and quantised encoders, nothing else. `frischid.identify` gets the URDF, the gains and the delay:
+two steps, and half a step because commands are held.
+
+Per robot, over all drives and seeds: the share of values that are called identified, their median and 90 % relative
+error, the share within 5 %, and the share of true values inside the 95 % ranges, of the identified values and of all.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from common import parser, publish
+from hidden_mujoco import mjcf
+from hidden_physics import STEP, Drive, perturbed
+
+import frischid as fr
+from frischid.core.types import Array
+
+ROBOTS: dict[str, dict[str, Any]] = {
+    "so101": {"rate": 100.0, "counts": 4096, "lock": {"gripper": 0.0}},
+    "panda": {"rate": 200.0, "counts": 2**19, "lock": {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}},
+    "go2": {"rate": 200.0, "counts": 2**15, "joints": ["FL_hip_joint", "FL_thigh_joint", "FL_calf_joint"]},
+}
+"""Robot -> samples per second, encoder counts per turn, and joints that are locked or move."""
+BANDWIDTH = 2 * np.pi * 4.0
+"""Of the position loops, rad/s: soft, so that position errors are many counts."""
+SECONDS = 20.0
+FINE_STEP = 2.5e-5
+"""s. Step of MuJoCo. It holds the feedback's torque over a step, which a drive of some kHz hardly does: with 1 ms, the
+hold and the symplectic step are a negative damping of kp · 1 ms, as large as the friction to be found."""
+TRUE = {"armature": "rotor", "viscous": "viscous", "coulomb": "coulomb"}
+
+
+def load(name: str) -> fr.Robot:
+    """The robot as its user knows it."""
+    rule = ROBOTS[name]
+    if "joints" in rule:
+        return fr.Robot.load(name, joints=rule["joints"])
+    return fr.Robot.load(name, lock={j: x for j, x in rule["lock"].items() if j in fr.Robot.load(name).joints})
+
+
+def recorded(name: str, seed: int) -> tuple[fr.Robot, fr.Log, Drive, fr.PDController]:
+    """A log of commands and quantised positions, the true drives, and the controller."""
+    import mujoco
+    from mujoco import rollout
+
+    rng, rule, robot = np.random.default_rng(seed), ROBOTS[name], load(name)
+    J, hold = len(robot.joints), round(1.0 / rule["rate"] / FINE_STEP)
+    motion = fr.random_fourier(robot, SECONDS, seed=seed, harmonics=25, scale=0.8)
+    q, v, a = motion(np.arange(0.0, SECONDS, hold * FINE_STEP))
+    load_torque = robot.inverse_dynamics(q, v, a)
+    size = np.sqrt(load_torque.std(axis=0) ** 2 + (0.1 * load_torque.std(axis=0).max()) ** 2)
+    speed, jerk = (np.sqrt((x**2).mean(axis=0)) for x in (v, a))
+    drive = Drive(
+        rng.uniform(0.1, 0.4, J) * size / speed,
+        rng.uniform(0.1, 0.4, J) * size,
+        np.zeros(J),
+        rng.uniform(0.1, 0.5, J) * size / jerk,
+    )
+    inertia = size / jerk + drive.rotor
+    kp, kd = inertia * BANDWIDTH**2, 1.4 * inertia * BANDWIDTH
+    text = mjcf(perturbed(robot.model, rng), drive, kp, kd, stiff=True)
+    true = mujoco.MjModel.from_xml_string(text.replace(f'timestep="{STEP}"', f'timestep="{FINE_STEP}"'))
+    late = np.concatenate([q[:1], q[:1], q[:-2]])
+    control = np.repeat(late, hold, axis=0)
+    start = np.zeros(mujoco.mj_stateSize(true, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    start[1 : 1 + J] = q[0]
+    states, _ = rollout.rollout(true, mujoco.MjData(true), start[None], control[None])
+    moved = np.concatenate([start[None], np.asarray(states)[0]])[:-1:hold, 1 : 1 + J]
+    count = 2 * np.pi / rule["counts"]
+    log = fr.Log(
+        np.arange(len(q)) * hold * FINE_STEP,
+        robot.joints,
+        q=np.round(moved / count) * count,
+        qcmd=q,
+        source=f"{name} {seed}",
+    )
+    named = {joint: float(x) for joint, x in zip(robot.joints, kp, strict=True)}
+    damping = {joint: float(x) for joint, x in zip(robot.joints, kd, strict=True)}
+    return robot, fr.stretch(log, start=1.0), drive, fr.PDController(named, damping, delay=2.5 * hold * FINE_STEP)
+
+
+def one(name: str, seed: int) -> list[dict[str, Any]]:
+    """Every value of every drive of one run, beside the truth."""
+    robot, log, drive, controller = recorded(name, seed)
+    model = fr.identify(robot, [log], controller=controller, recursion="none").model
+    rows = []
+    for x in fr.drive_parameters(model):
+        if x.quantity in TRUE:
+            truth = float(getattr(drive, TRUE[x.quantity])[robot.joints.index(x.joint)])
+            rows.append({**x.to_dict(), "truth": truth, "inside": x.lower <= truth <= x.upper, "seed": seed})
+    return rows
+
+
+def summary(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """One line of the table."""
+    known = [x for x in rows if x["known"] == "identified"]
+    error: Array = np.array([abs(x["value"] / x["truth"] - 1.0) for x in known])
+    return {
+        "robot": name,
+        "runs": len({x["seed"] for x in rows}),
+        "values": len(rows),
+        "identified": len(known) / len(rows),
+        "median error": float(np.median(error)),
+        "90 % error": float(np.quantile(error, 0.9)),
+        "within 5 %": float((error < 0.05).mean()),
+        "inside, identified": float(np.mean([x["inside"] for x in known])),
+        "inside, all": float(np.mean([x["inside"] for x in rows])),
+    }
+
+
+def main() -> None:
+    """Print the table."""
+    options = parser(__doc__)
+    options.add_argument("--runs", type=int, default=10, help="seeds per robot")
+    options.add_argument("--first", type=int, default=0, help="first seed")
+    options.add_argument("--robots", nargs="+", choices=list(ROBOTS), default=list(ROBOTS))
+    given = options.parse_args()
+    rows = [
+        summary(name, [row for seed in range(given.first, given.first + given.runs) for row in one(name, seed)])
+        for name in given.robots
+    ]
+    publish("Drives from commanded positions, moved by MuJoCo", rows, given.json)
+
+
+if __name__ == "__main__":
+    main()
