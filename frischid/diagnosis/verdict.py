@@ -194,8 +194,13 @@ def concluded(
 
 
 def with_probability(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> tuple[Finding, ...]:
-    """The findings, each with its probability."""
-    return tuple(replace(f, probability=probabilities.get(f.effect, 0.0)) for f in findings)
+    """The findings, each with its probability; those that can be added to the model in the order of probability."""
+    found = [replace(f, probability=probabilities.get(f.effect, 0.0)) for f in findings]
+    places = [k for k, f in enumerate(found) if f.significant and f.members]
+    ordered = sorted((found[k] for k in places), key=lambda f: -f.probability)
+    for k, finding in zip(places, ordered, strict=True):
+        found[k] = finding
+    return tuple(found)
 
 
 def with_verdict(
