@@ -10,16 +10,16 @@ The singular values of the Jacobian say what the motion determines: J = U diag(s
 standard errors and of the rms residual. Of a direction with s < 1 the motion knows less
 than the linear answer, even if the errors were white. Such a direction stays at the linear answer, and is named. Errors
 of simulated positions are correlated in time, because errors of torque add up. So the covariance of the directions that
-move comes from scores summed over pieces of the motion,
+move comes from leaving out one of K pieces of the motion at a time (the block jackknife),
 
-    C = V diag(κ_i / s_i²) Vᵀ,   κ_i = Σ_k (u_iᵀ r_k)² / (1 − h_i),
+    C = V diag(κ_i / s_i²) Vᵀ,   κ_i = (1 − 1/K) Σ_k δ_ki²,   δ_k = (I − U_kᵀU_k)⁻¹ U_kᵀ r_k,
 
-with u_iᵀ r_k the score of piece k in direction i, and h_i the leverage of the pieces; no κ_i counts as smaller than the
-mean over the directions.
+with U_k the rows of U in piece k, r_k their residuals, and δ_k the change of the solution without the piece, in the
+directions' own units. No κ_i counts as smaller than the mean over the directions.
 
 Sources: Gautier, Janot and Vandanjon 2013, "A new closed-loop output error method for parameter identification of robot
-dynamics", IEEE Trans. Control Systems Technology 21(2); Bock 1983, multiple shooting; Liang and Zeger 1986, Biometrika
-73(1), on scores summed over clusters.
+dynamics", IEEE Trans. Control Systems Technology 21(2); Bock 1983, multiple shooting; MacKinnon, Nielsen
+and Webb 2023, J. Applied Econometrics 38(5), on leaving out clusters of correlated errors.
 """
 
 from __future__ import annotations
@@ -188,11 +188,11 @@ def _covariance(j: Jacobian, V: Array) -> tuple[Array, float]:
         return np.zeros((len(V), len(V))), 1.0
     U, sizes, rows = np.linalg.svd(j.parameters @ V, full_matrices=False)
     groups = [j.piece == s for s in np.unique(j.piece)]
-    scores = np.array([U[g].T @ j.residuals[g] for g in groups])  # of unit variance where errors are white
-    leverage = sum(((U[g].T @ U[g]) ** 2).sum(axis=0) for g in groups)
-    freedom = np.maximum(1.0 - leverage, 1.0 / len(groups))
-    each = (scores**2).sum(axis=0) / freedom
-    mean = max(variance, float((each * freedom).sum() / freedom.sum()))
+    shares = [U[g].T @ U[g] for g in groups]
+    # Solutions without each piece in turn, less the solution, in units of the directions' standard errors.
+    without = [np.linalg.lstsq(np.eye(k) - M, U[g].T @ j.residuals[g])[0] for g, M in zip(groups, shares, strict=True)]
+    each = (1.0 - 1.0 / len(groups)) * np.sum(np.square(without), axis=0)
+    mean = max(variance, float(each.mean()))
     half = V @ (rows.T / sizes)
     return (half * np.maximum(each, mean)) @ half.T, mean / variance
 
