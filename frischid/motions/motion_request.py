@@ -25,6 +25,17 @@ def check_length(duration: float, seed: int) -> None:
         raise InputError(f"the seed must be a whole number from 0 to {LARGEST_SEED}, got {seed}")
 
 
+def check_seed(seed: int) -> None:
+    """Refuse a seed that is none.
+
+    Raises
+    ------
+    InputError
+    """
+    if seed < 0:
+        raise InputError(f"the seed must be a whole number from 0, got {seed}")
+
+
 def check_rate(rate: float, duration: float, seed: int = 0) -> None:
     """Refuse a sampling rate [Hz] that is none or gives more than `LONGEST_SAMPLING`, and a seed that is none.
 
@@ -39,8 +50,7 @@ def check_rate(rate: float, duration: float, seed: int = 0) -> None:
     Traceback (most recent call last):
     frischid.errors.InputError: the rate must be a positive number up to 5e+05 Hz for 20 s, got -1
     """
-    if seed < 0:
-        raise InputError(f"the seed must be a whole number from 0, got {seed}")
+    check_seed(seed)
     if not (rate > 0 and rate * duration <= LONGEST_SAMPLING):
         most = LONGEST_SAMPLING / duration
         raise InputError(f"the rate must be a positive number up to {most:.3g} Hz for {duration:g} s, got {rate:g}")

@@ -21,6 +21,7 @@ from frischid.effects import parse_effects
 from frischid.errors import InputError
 from frischid.figures.style import Drawing
 from frischid.motions.limits import MotionLimits
+from frischid.motions.motion_request import check_seed
 from frischid.motions.plan import Plan, plan
 from frischid.motions.plan_options import PlanOptions
 from frischid.motions.trajectory import Quintic, random_fourier
@@ -158,6 +159,7 @@ def reproduce_paper(
     >>> found.table("Equations").rows[0]
     ('τ = Γ θ', 'torque is linear in the parameters', 'apart by ... of the torque', 'yes')
     """
+    check_seed(seed)
     if runs < _FEWEST_RUNS:
         raise InputError(f"the number of runs must be at least {_FEWEST_RUNS}, because a spread is wanted; got {runs}")
     if which not in ("both", "published", "corrected"):

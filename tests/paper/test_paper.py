@@ -224,3 +224,5 @@ def test_the_command(tmp_path):
     assert (refused.exit_code, "exclude each other" in refused.output) == (2, True)
     few = CliRunner().invoke(main, ["paper", "--own-motion", "--runs", "1"])
     assert (few.exit_code, "at least 2" in few.output) == (2, True)
+    before = CliRunner().invoke(main, ["paper", "--own-motion", "--seed", "-1"])
+    assert (before.exit_code, "the seed must be" in before.output) == (2, True)
