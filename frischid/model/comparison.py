@@ -290,6 +290,7 @@ def _alarms(model: Model, summary: Comparison, expected: ExpectedError, criteria
         spread=np.array([j.std for j in summary.joints]),
         expected=expected.rms[compared] if model.prior is not None else np.full(len(rmse), np.nan),
         measured=rmse,
+        floors=np.array([j.noise_floor * j.std for j in summary.joints]),
         outside=expected.outside_share[compared],
         nrmse=summary.nrmse,
         noise_floor=summary.noise_floor,

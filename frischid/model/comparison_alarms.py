@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.model.alarms import Alarm, AlarmCriteria
 
@@ -27,6 +28,8 @@ class Elsewhere:
     expected, measured : ndarray, shape (J,)
         Root mean square error on these logs: to be expected from the model's uncertainty (NaN for a model without a
         prior, whose uncertainty is of noise alone), and measured, N·m (N).
+    floors : ndarray, shape (J,)
+        Error that the sensors' noise alone causes, N·m (N).
     outside : ndarray, shape (J,)
         Share of samples whose speed or acceleration the fitted logs do not reach.
     nrmse, noise_floor : float
@@ -41,6 +44,7 @@ class Elsewhere:
     spread: Array
     expected: Array
     measured: Array
+    floors: Array
     outside: Array
     nrmse: float
     noise_floor: float
@@ -50,7 +54,7 @@ class Elsewhere:
 
 def elsewhere(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
     """Alarms of a model on logs that it was not fitted to."""
-    found = [*_extrapolation(seen, criteria), *_surprise(seen, criteria)]
+    found = [*_extrapolation(seen, criteria), *_surprise(seen, criteria), *_useless(seen, criteria)]
     if seen.nrmse > max(criteria.worse_than_urdf * seen.urdf, criteria.above_noise * seen.noise_floor):
         found.append(
             Alarm(
@@ -103,6 +107,27 @@ def _extrapolation(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
             )
         )
     return found
+
+
+def _useless(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
+    """Joints whose torque the model predicts worse than a constant torque does, by more than the sensors' noise."""
+    share = seen.measured / np.maximum(seen.spread, 1e-300)
+    bad = (share > 1.0) & (seen.measured > criteria.above_noise * seen.floors)
+    where = tuple(n for n, x in zip(seen.joints, bad, strict=True) if x)
+    if not where:
+        return []
+    return [
+        Alarm(
+            "worse-than-constant",
+            "severe",
+            f"On these logs a constant torque has a smaller error than the model on {listed(where)} (NRMSE up to "
+            f"{float(share[bad].max()):.2f}; a constant torque has 1).",
+            "Do not use the model for these joints. Run frischid diagnose: an effect of these joints may be missing.",
+            where,
+            float(share[bad].max()),
+            1.0,
+        )
+    ]
 
 
 def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:

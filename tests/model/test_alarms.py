@@ -30,6 +30,7 @@ def seen(**changes):
         "spread": np.full(3, 20.0),
         "expected": np.full(3, 1.2),
         "measured": np.full(3, 1.1),
+        "floors": np.full(3, 0.4),
         "outside": np.zeros(3),
         "nrmse": 0.05,
         "cross_validated": 0.05,
@@ -50,6 +51,7 @@ def test_an_ordinary_log_raises_nothing():
         ({"outside": np.array([0.1, 0.4, 0.5])}, "faster-than-fitted"),
         ({"measured": np.array([1.0, 1.0, 9.0])}, "unlike-the-fitted-logs"),
         ({"nrmse": 0.3}, "worse-than-urdf"),
+        ({"measured": np.array([1.0, 1.0, 21.0])}, "worse-than-constant"),
         ({"nrmse": 0.19, "cross_validated": 0.04}, "held-out-error"),
     ],
 )
@@ -64,6 +66,11 @@ def test_unknown_figures_raise_nothing():
 
 def test_a_reference_that_is_better_by_less_than_the_noise_is_no_alarm():
     assert "worse-than-urdf" not in ids(elsewhere(seen(nrmse=0.3, noise_floor=0.25), CRITERIA))
+
+
+def test_a_joint_that_holds_nothing_but_noise_is_no_alarm():
+    quiet = {"measured": np.array([1.0, 1.0, 21.0]), "floors": np.array([0.4, 0.4, 19.0])}
+    assert "worse-than-constant" not in ids(elsewhere(seen(**quiet), CRITERIA))
 
 
 def test_alarms_of_a_fit():
