@@ -46,7 +46,7 @@ def diagnose(
 ) -> None:
     """Find the physical effect that a model is missing.
 
-    Effects are ranked by cross-validated evidence.
+    The most probable cause stands first; the evidence is cross-validated.
     """
     from frischid.cli.pages import improving as show
     from frischid.diagnosis.roles import diagnose_in_roles as run

@@ -37,8 +37,8 @@ OLD_PARAMETERS = "old_parameters"
 """Identifier of the finding that the identified parameters no longer hold."""
 
 HOW_RANKED = (
-    "The rank counts only the error that no other effect explains. The figures of a row are for this effect alone, so "
-    "a lower row may have the larger figure. Many of the lower effects are not needed once the first is in the model."
+    "The most probable cause stands first. The other figures of a row are for this effect alone, so a lower row may "
+    "have the larger figure. Many of the lower effects are not needed once the first is in the model."
 )
 
 

@@ -7,8 +7,8 @@ width, because the measured speed at standstill is noise; a simulated speed has 
 Coulomb: f⁺ forwards, f⁻ backwards, and anything in between at standstill, where the joint rests. Where the
 parameters make f⁺ smaller than f⁻, no joint could rest: that friction stays smooth, as in the model.
 
-Effects whose class states their columns in `Effect.code` are compiled to array expressions. All others are evaluated by
-the regressor, whose columns are linearised in the acceleration about that of the step before.
+Effects whose class states their columns in `Effect.code` by a joint's own motion are compiled to array expressions. All
+others are evaluated by the regressor, whose columns are linearised in the acceleration about that of the step before.
 
 Source: Moreau 1988, "Unilateral contact and dry friction in finite freedom dynamics", for set-valued friction.
 """
@@ -37,7 +37,13 @@ Formula = Callable[[Array, Array, Array], Array]
 
 CRAWL = 1e-9
 """Speed that stands for "just above standstill", rad/s (m/s); its sign is smoothed over a thousandth of this speed."""
-FUNCTIONS = {"tanh": np.tanh, "exp": np.exp, "sin": np.sin, "cos": np.cos, "abs": np.abs, "pow": np.power}
+FUNCTIONS = {
+    **{name: getattr(np, name) for name in ("tanh", "exp", "expm1", "sin", "cos", "abs", "sqrt")},
+    "pow": np.power,
+    "max": np.maximum,
+}
+BEYOND = {"load", "torque", "temperature", "t", "z"}
+"""Quantities of `Effect.code` that a joint's own position, speed and acceleration do not give."""
 DELAYS = "time_delay"
 
 
@@ -132,6 +138,10 @@ class EffectTorques:
         columns = effect.columns(self.robot)
         symbols = [c.name.removesuffix(str(self.robot.numbers[c.joint])) for c in columns]
         if not columns or not set(symbols) <= set(effect.code):
+            return False
+        if any(BEYOND & set(re.findall(r"\{(\w+)\}", effect.code[symbol])) for symbol in symbols):
+            return False
+        if any(len(term.rows) > 1 for term in effect.terms(State.empty(self.robot))):
             return False
         for symbol in dict.fromkeys(symbols):
             mine = [k for k, s in enumerate(symbols) if s == symbol]

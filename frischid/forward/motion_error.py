@@ -89,6 +89,15 @@ class MotionComparison(Shown):
         The logs.
     closed : bool
         Whether a controller gave the torque; otherwise the recorded torque did.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 4.0, seed=1), rate=100.0, noise=fr.Noise(tau=0.001))
+    >>> found = fr.compare_simulated(fr.identify(robot, [log], recursion="none").model, [log], horizons=[0.1, 0.2])
+    >>> [h.horizon for h in found.horizons], found.whole.horizon, found.closed
+    ([0.1, 0.2], None, False)
     """
 
     horizons: tuple[HorizonError, ...]

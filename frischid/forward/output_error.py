@@ -67,6 +67,16 @@ class OutputError(Shown):
         Factor by which correlation of the errors in time inflates variances.
     tested : (MotionComparison, MotionComparison) or None
         Simulated error on logs that were not fitted, of the linear answer and of this model.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 2.0, seed=1), rate=100.0, noise=fr.Noise(q=1e-5, tau=0.01))
+    >>> linear = fr.identify(robot, [log], effects=fr.parse_effects("viscous"), recursion="none").model
+    >>> found = fr.output_error(linear, [log], options=fr.OutputErrorOptions(horizon=0.5, rounds=1, iterations=3))
+    >>> len(found.singular_values) == len(linear.estimate.theta), found.tested
+    (True, None)
     """
 
     model: Model

@@ -52,6 +52,12 @@ class OutputErrorOptions:
         Fits; after each, the positions of each joint are weighted by the joint's own rms error.
     iterations : int
         Most Gauss-Newton steps of one fit.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> fr.OutputErrorOptions(horizon=0.5).samples
+    40
     """
 
     horizon: float = 1.0

@@ -85,8 +85,8 @@ class Findings:
         logs, joints = len(self.bench.fit), len(self.bench.state.model.joints)
         return (
             f"Looking for missing effects: each of {len(EFFECTS)} effects is tried on {joints} "
-            f"joint{'s' * (joints > 1)} and cross-validated on {logs} log{'s' * (logs > 1)}. The effect that explains "
-            "most will stand first, with a button that adds it."
+            f"joint{'s' * (joints > 1)} and cross-validated on {logs} log{'s' * (logs > 1)}. The most probable "
+            "effect will stand first, with a button that adds it."
         )
 
     def _offer(self, finding: Finding, state: State) -> None:

@@ -375,7 +375,8 @@ def test_noise_at_the_beginning_starts_no_swing():
 
 def test_many_links_move_as_each_alone():
     state = replace(motion(robot("ur10"), seconds=1.0), dry=np.full(6, 2.0))
-    gears = [Gear(i, 0.4, period=0.1) for i in range(6)] + [Gear(i, 0.5, gap=1e-3 * (i + 1)) for i in range(6)]
+    gears = [Gear(i, 0.4, period=0.05 * (k + 2)) for i in range(6) for k in range(3)]
+    gears += [Gear(i, 0.5, gap=1e-3 * (i + k + 1)) for i in range(6) for k in range(3)]
     assert len(gears) >= TOGETHER_FROM
     for together, gear in zip(lags(state, gears), gears, strict=True):
         (alone,) = lags(state, [gear])

@@ -42,15 +42,15 @@ from unittest.mock import MagicMock
 
 import frischid as fr
 from frischid.studio.bench import Bench
-from frischid.studio.tab import Tab
+from frischid.studio.findings import Findings
 
 model = fr.Model.load("lacks.json")
 bench = Bench(model, [fr.read_log(f"log{k}.parquet", model.robot.joints) for k in (1, 2)], Path("studio.json"))
 bench.diagnose()
-finding, tab = bench.state.diagnosis.findings[0], MagicMock()
-Tab._offer(tab, finding, 0)
-print(tab.client.gui.add_button.call_args.args[0])
-print(tab.client.gui.add_markdown.call_args.args[0])
+finding, gui = bench.state.diagnosis.findings[0], MagicMock()
+Findings(gui, MagicMock(), bench, MagicMock(), MagicMock(), MagicMock()).show(bench.state)
+print(gui.add_button.call_args_list[0].args[0])
+print(gui.add_markdown.call_args_list[1].args[0])
 bench.add(finding.members, 0, finding)
 print(fr.Model.load(bench.save()).effects[-1])
 """

@@ -219,14 +219,14 @@ def test_every_page_shows_it(hidden, tmp_path):
 def test_the_studio_offers_it(hidden, tmp_path):
     pytest.importorskip("viser", reason="the extra frischid[studio] is not installed")
     from frischid.studio.bench import Bench
-    from frischid.studio.tab import Tab
+    from frischid.studio.findings import Findings
 
     bench = Bench(hidden.model, hidden.logs, tmp_path / "studio.json")
     bench.diagnose()
     finding = bench.state.diagnosis.findings[0]
-    tab = MagicMock()
-    Tab._offer(tab, finding, bench.state.revision)
-    ((label,), _), ((text,), _) = tab.client.gui.add_button.call_args, tab.client.gui.add_markdown.call_args
+    gui = MagicMock()
+    Findings(gui, MagicMock(), bench, MagicMock(), MagicMock(), MagicMock()).show(bench.state)
+    label, text = gui.add_button.call_args_list[0].args[0], gui.add_markdown.call_args_list[1].args[0]
     assert label.startswith("Add detent")
     assert "the effect detent describes" in text
     before = bench.state.headline.nrmse

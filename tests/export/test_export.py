@@ -251,14 +251,6 @@ def test_mjcf_has_rotors_and_friction(name, tmp_path):
         np.testing.assert_allclose(rest, expected[k], atol=1e-6 * np.abs(expected).max())
 
 
-def test_effects_with_memory_have_no_code(tmp_path):
-    machine = robot("planar2")
-    model = make_consistent(identified(machine, (*BASELINE, *parse_effects("hysteresis@joint1")))).model
-    with pytest.raises(InputError, match="hysteresis needs more than"):
-        export(model, tmp_path / "control.c")
-    assert not list(tmp_path.iterdir())
-
-
 # ---- refusals
 
 

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from scaling import scaled, torque_factor
+from scaled_robots import scaled, torque_factor
 
 from frischid.cli import main
 from frischid.effects import BASELINE
