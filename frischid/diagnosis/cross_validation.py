@@ -40,7 +40,7 @@ from frischid.estimators.least_squares import Prior
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
-from frischid.model.still_joints import STILL_LOG, rows_of
+from frischid.model.standstill_joints import STANDSTILL_LOG, rows_of
 
 
 class Score(NamedTuple):
@@ -112,7 +112,7 @@ class CrossValidator:
         if flat:
             raise InputError(
                 f"{', '.join(dict.fromkeys(data.sources))}: {each_of(flat)} never moves, or its torque never changes: "
-                f"the model's error there cannot be judged. {STILL_LOG}"
+                f"the model's error there cannot be judged. {STANDSTILL_LOG}"
             )
         return cls(WeightedFit.of(columns, prior, spread), spread, known_residual)
 

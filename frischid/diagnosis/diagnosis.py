@@ -52,7 +52,7 @@ from frischid.logs.log import Log
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
-from frischid.model.still_joints import still_note
+from frischid.model.standstill_joints import standstill_note
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +227,7 @@ def diagnose(
         results = replace(results, findings=tuple(findings))
     found = _diagnosis(results, verdict, headline(model, [as_recording(log) for log in valid or logs]))
     judged = set(validator.joints) & found.headline.joints.keys()
-    still = still_note([name for name in model.joints if name not in judged])
+    still = standstill_note([name for name in model.joints if name not in judged])
     return replace(found, notes=(*found.notes, *filter(None, (still, *(part.said for part in parts)))))
 
 

@@ -325,8 +325,8 @@ def written(node: ast.expr, robot: Robot, own: int) -> str:
     Every operation stands in parentheses, so the precedence of a language has no influence.
     """
     match node:
-        case ast.Constant(value=value):
-            return number(float(value))  # type: ignore[arg-type]
+        case ast.Constant(value=int() | float() as value):
+            return number(float(value))
         case ast.Name(id="pi"):
             return number(math.pi)
         case ast.Name(id="t"):

@@ -230,6 +230,7 @@ def _job(
 def _compared(pool: Workers, robots: Mapping[int, Any]) -> tuple[Gram, Estimate, dict[int, Deviation], Null, set[int]]:
     """The fleet without the robots that differ, and the comparison of every robot with the rest of the fleet."""
     sums = dict(zip(robots, pool.map(moments, list(robots.values())), strict=True))
+    small = dict(zip(robots, pool.gather(list(sums.values())), strict=True)) if len(robots) < LEAST_ROBOTS else {}
     outside: set[int] = set()
     for _ in range(_EXCLUSION_ROUNDS):
         inside = [k for k in robots if k not in outside]
@@ -240,10 +241,8 @@ def _compared(pool: Workers, robots: Mapping[int, Any]) -> tuple[Gram, Estimate,
         questions = pool.pairs(paired, list(robots.values()), among)
         answers = pool.gather(pool.map(against, questions, handle, estimate.theta, estimate.weights))
         found = dict(zip(robots, answers, strict=True))
-        if len(robots) < LEAST_ROBOTS:
-            found = _with_usual(
-                found, dict(zip(robots, pool.gather(list(sums.values())), strict=True)), estimate.weights
-            )
+        if small:
+            found = _with_usual(found, small, estimate.weights)
         null = Null.of([found[k] for k in inside])
         differ = {k for k, d in found.items() if null.p_value(d, len(robots)) < SIGNIFICANCE}
         # Most robots of a fleet are alike, so never half of them are taken out.

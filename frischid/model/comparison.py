@@ -31,7 +31,7 @@ from frischid.model.kept_blocks import SAMPLES_KEPT, KeptBlocks
 from frischid.model.model import Model
 from frischid.model.noise_floor import NoiseFloor
 from frischid.model.residual_conditions import Residuals
-from frischid.model.still_joints import STILL_LOG, rows_of
+from frischid.model.standstill_joints import STANDSTILL_LOG, rows_of
 from frischid.regression.block import Block
 from frischid.regression.regressor import nominal_parameters
 
@@ -261,7 +261,7 @@ class ModelErrors:
         if not changing.any():
             raise InputError(
                 f"{', '.join(sources)}: no joint moves with a torque that changes: there is nothing to compare. "
-                f"{STILL_LOG}"
+                f"{STANDSTILL_LOG}"
             )
         model = rows_of(self._model, changing)
         residuals, both = Residuals(model, self._kept.blocks), (sums.of(changing), self._everything.of(changing))

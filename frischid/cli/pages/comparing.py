@@ -12,7 +12,7 @@ from frischid.forward.motion_error import MotionComparison
 from frischid.model.comparison import Comparison
 from frischid.model.headline import Headline
 from frischid.model.residual_conditions import CONDITION_ORDER
-from frischid.model.still_joints import still_note
+from frischid.model.standstill_joints import standstill_note
 
 
 def comparison(result: Comparison, error: Headline, motion: MotionComparison | None = None) -> Page:
@@ -61,7 +61,7 @@ def error_tables(result: Comparison) -> list[Any]:
             f"{j.nominal:.3f}",
             f"{j.constant:.3f}", figure(error), f"{j.worst.t:.2f}\N{NO-BREAK SPACE}s",
         )  # fmt: skip
-    parts: list[Any] = [table, *filter(None, [still_note(result.not_compared)])]
+    parts: list[Any] = [table, *filter(None, [standstill_note(result.not_compared)])]
     if result.standstill > 0:
         parts.append(
             f"{result.standstill:.1%} of the torque samples are left out: the joint is at standstill, where dry "

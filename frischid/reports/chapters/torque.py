@@ -6,7 +6,7 @@ from typing import Any
 
 from frischid import figures
 from frischid.figures.style import number
-from frischid.model.still_joints import still_note
+from frischid.model.standstill_joints import standstill_note
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study
 
@@ -48,7 +48,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     ]
     return {
         "errors": Table(ERROR_HEADINGS, rows, words=2, caption=f"{ERRORS_CAPTION}{OWN_LOGS * own}"),
-        "still": still_note(study.comparison.not_compared),
+        "still": standstill_note(study.comparison.not_compared),
         "standstill": study.comparison.standstill,
         "nrmse_with_standstill": study.comparison.nrmse_with_standstill,
         "contacts": bool(contacts),

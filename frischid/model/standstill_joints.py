@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from frischid.core.text import listed
 from frischid.model.model import Model
 
-STILL_LOG = (
+STANDSTILL_LOG = (
     "A log at standstill shows gravity at most, and only up to the dry friction: record a motion of all joints "
     "(frischid excite plans one)"
 )
@@ -40,7 +40,7 @@ def rows_of(model: Model, kept: NDArray[np.bool_]) -> Model:
     --------
     >>> import numpy as np
     >>> import frischid as fr
-    >>> from frischid.model.still_joints import rows_of
+    >>> from frischid.model.standstill_joints import rows_of
     >>> robot = fr.Robot.load("planar2")
     >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
     >>> rows_of(fr.identify(robot, [log], recursion="none").model, np.array([False, True])).joints
@@ -66,7 +66,7 @@ def rows_of(model: Model, kept: NDArray[np.bool_]) -> Model:
     )
 
 
-def still_note(names: Sequence[str]) -> str:
+def standstill_note(names: Sequence[str]) -> str:
     """What a log without motion of some joints cannot show; empty where all move."""
     if not names:
         return ""
