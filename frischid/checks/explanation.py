@@ -66,7 +66,8 @@ class Explanation:
             against = "no fault"
         else:
             against = " and ".join(f"{f.kind} of {', '.join(f.where) or 'the robot'}" for f in self.runner_up.faults)
-        return f"probability {min(self.probability, 0.99):.2f} against {against}"
+        odds = f"probability {min(self.probability, 0.99):.2f} against {against}"
+        return f"with the other faults named here: {odds} alone" if len(self.best.faults) > 1 else odds
 
 
 def explain(sketch: Sketch) -> Explanation | None:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
+from rich.markup import escape
 
 from frischid.cli.arguments import json_option
 from frischid.cli.group import main
 from frischid.cli.output import show_page, working
-from frischid.cli.paths import OutputPath
-from frischid.errors import UnknownNameError
+from frischid.cli.paths import OutputFolder, OutputPath
+from frischid.errors import InputError, UnknownNameError
 
 
 @main.command()
@@ -30,12 +33,20 @@ def effects(name: str | None, as_json: bool) -> None:
 @click.option(
     "--report", "page", type=OutputPath(), default="frischid-demo.html", show_default=True, help="Report to write."
 )
+@click.option(
+    "--practice",
+    type=OutputFolder(),
+    help="Only write this new folder: the robot, the logs and the model that the guides name.",
+)
 @json_option
-def demo(seed: int, output: str | None, page: str, as_json: bool) -> None:
+def demo(seed: int, output: str | None, page: str, practice: str | None, as_json: bool) -> None:
     """Run the whole procedure on a simulated planar arm.
 
     Simulate, identify, compare with the truth, find a hidden effect, and write a report.
     """
+    if practice is not None:
+        _practise(Path(practice), as_json)
+        return
     from frischid.cli.demo import run
     from frischid.cli.pages import learning as show
     from frischid.reports.page import report
@@ -46,3 +57,17 @@ def demo(seed: int, output: str | None, page: str, as_json: bool) -> None:
     if output:
         result.found.model.save(output)
     show_page(show.demo(result, output, page), as_json)
+
+
+def _practise(folder: Path, as_json: bool) -> None:
+    """Write the folder in which the guides' commands run; nothing that is there is overwritten."""
+    from frischid.cli.pages.page import Page
+    from frischid.cli.practice import fill
+
+    if folder.exists() and any(folder.iterdir()):
+        raise InputError(f"--practice: the folder {folder} is not empty; name a new folder")
+    with working(as_json) as progress:
+        fill(folder, progress)
+    files = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+    words = f"{escape(str(folder))}: {', '.join(files)}. Change to this folder; the commands of the guides run there."
+    show_page(Page({"folder": str(folder), "files": files}, [words]), as_json)

@@ -210,7 +210,7 @@ def improve(
         diagnosis = diagnose(model, logs, situation=situation, criteria=criteria, progress=progress)
         step = _next_step(model, diagnosis, logs, refused) if len(steps) < max_steps else None
         if step is None:
-            notes = [f"{effect} was not added: {reason}" for effect, reason in refused.items()]
+            notes = [*refused.values()]
             if valid:
                 diagnosis = replace(diagnosis, headline=headline(model, valid))
             return steps, replace(diagnosis, notes=(*diagnosis.notes, *notes))
@@ -230,7 +230,8 @@ def _next_step(
             step = _harmless_shape(model, diagnosis, finding, logs)
         if step is not None:
             return step
-        refused[finding.effect] = reason
+        where = listed(finding.joints) if finding.joints else "the robot"
+        refused[finding.effect] = f"{finding.effect} on {where} was not added: {reason}"
     return None
 
 

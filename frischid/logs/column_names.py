@@ -79,6 +79,17 @@ def split(name: str) -> tuple[str | None, str]:
     return None, name
 
 
+def set_point(name: str) -> tuple[str | None, str]:
+    """Channel and rest of a column's name that says a set point; (None, name) for other columns.
+
+    >>> set_point("target_moment_3"), set_point("actual_current_3")
+    (('tau', '3'), (None, 'actual_current_3'))
+    """
+    words = [w for w in re.split(r"[^0-9A-Za-z]+", name.lower()) if w]
+    plain = [w for w in words if w not in SETPOINT_WORDS]
+    return split("_".join(plain)) if len(plain) < len(words) else (None, name)
+
+
 def _counted(word: str) -> list[str] | None:
     """Split a quantity and a number without separator: ``q3`` -> ``q``, ``3``."""
     match = re.fullmatch(r"([a-z]+)(\d+)", word)

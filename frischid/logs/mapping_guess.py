@@ -25,6 +25,7 @@ from frischid.errors import InputError
 from frischid.logs.column_motion import Grid, columns_by_motion, order_is_confirmed, unexplained
 from frischid.logs.column_names import Assignment, assign, families, split
 from frischid.logs.column_units import check_velocities, propose_degrees
+from frischid.logs.gain_guess import guess_gains
 from frischid.logs.log import CHANNELS, FEWEST_SAMPLES
 from frischid.logs.mapping_table import USUAL_RATE, rate_of, stamps_of, table_of, time_column
 from frischid.logs.proposal import Proposal
@@ -68,6 +69,7 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     found.missing = tuple(j for j in robot.joints if j not in found.joints)
     if found.missing:
         found.reasons.append(f"no position column found for {', '.join(found.missing)}: they would be locked")
+    guess_gains(table, t, found)
     check_velocities(table, t, found)
     propose_degrees(table, robot, found)
     unused = [n for n in named if not any(n in c.values() for c in found.joints.values())]

@@ -22,6 +22,8 @@ class Proposal:
         What neither names nor motion decide.
     missing : tuple of str
         Joints of the URDF without a position column.
+    gains : dict of str to float
+        URDF joint -> joint-side torque per ampere, where the log itself gives it.
     """
 
     file: dict[str, object] = field(default_factory=dict)
@@ -29,6 +31,7 @@ class Proposal:
     reasons: list[str] = field(default_factory=list)
     guesses: list[str] = field(default_factory=list)
     missing: tuple[str, ...] = ()
+    gains: dict[str, float] = field(default_factory=dict)
 
     def toml(self, source: str) -> str:
         """Text of the mapping file."""
@@ -44,7 +47,10 @@ class Proposal:
         for joint, columns in self.joints.items():
             lines += ["", f"[joint.{json.dumps(joint, ensure_ascii=False)}]"]
             lines += [f"{channel} = {json.dumps(name, ensure_ascii=False)}" for channel, name in columns.items()]
-        if any("current" in c and "tau" not in c for c in self.joints.values()):
+        if self.gains:
+            lines += ["", "[current_gain]  # joint-side torque per ampere: tau = gain * current"]
+            lines += [f"{json.dumps(joint, ensure_ascii=False)} = {gain}" for joint, gain in self.gains.items()]
+        elif any("current" in c and "tau" not in c for c in self.joints.values()):
             lines += ["", "# [current_gain]  # joint-side torque per ampere, from the data sheet: tau = gain * current"]
             lines += [f"# {json.dumps(joint)} = 10.0" for joint, c in self.joints.items() if "current" in c]
         return "\n".join(lines) + "\n"

@@ -139,8 +139,9 @@ def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
                 "unlike-the-fitted-logs",
                 "severe",
                 f"The error on {', '.join(where)} is {float(ratio.max()):.1f} times the error that the "
-                "uncertainty of the model explains: the robot, its base, its load or its sensors have changed.",
-                "Run frischid diagnose on these logs to find the change.",
+                "uncertainty of the model explains. Either the robot, its base, its load or its sensors have "
+                "changed, or these logs show an effect that the fitted logs hardly show.",
+                "Run frischid diagnose on these logs to find the change or the effect.",
                 where,
                 float(ratio.max()),
                 criteria.surprise,

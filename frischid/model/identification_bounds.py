@@ -175,12 +175,12 @@ def _doubts(triangle: Simplex, recursion: Recursion | None) -> list[str]:
     if not triangle.same_orthant:
         names = triangle.disagreeing
         doubts.append(
-            f"the classical Frisch box need not hold the truth: its Theorem 1 asks for {len(triangle.names) + 1} "
-            f"least-squares solutions of equal signs, and {len(names)} parameters change theirs "
+            f"the classical Frisch box is no bound here: its theorem needs equal signs in {len(triangle.names) + 1} "
+            f"least-squares solutions, and {len(names)} of {len(triangle.names)} parameters change their sign "
             f"({', '.join(names[:6])}{' ...' * (len(names) > 6)})"
         )
     if recursion is not None and recursion.emptied is not None:
-        doubts.append(str(EmptyBoxError(*recursion.emptied)))
+        doubts.append(f"the recursive Frisch bounds (BBRF): {EmptyBoxError(*recursion.emptied)}")
     if recursion is not None and recursion.box is not None:
         silent = int((~recursion.box.informs(triangle.box())).sum())
         if silent:

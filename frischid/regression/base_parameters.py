@@ -119,11 +119,11 @@ class Reduction:
 
     def _expression(self, row: Array, lead: int) -> str:
         # Terms without a factor come first: Izz1 + Ia1 + 0.25 m2.
-        others = sorted((abs(abs(row[i]) - 1.0) > _EXACT, i) for i in np.flatnonzero(row) if i != lead)
+        # Rounded twice, so that the last bit of 0.012345 does not decide between 0.01234 and 0.01235.
+        digits = {i: f"{float(f'{abs(row[i]):.9g}'):.4g}" for i in np.flatnonzero(row) if i != lead}
         text = self.columns[lead].name
-        for scaled, i in others:
-            # Rounded twice, so that the last bit of 0.012345 does not decide between 0.01234 and 0.01235.
-            factor = f"{float(f'{abs(row[i]):.9g}'):.4g} " if scaled else ""
+        for scaled, i in sorted((x != "1", i) for i, x in digits.items()):
+            factor = f"{digits[i]} " if scaled else ""
             text += f" {'-' if row[i] < 0 else '+'} {factor}{self.columns[i].name}"
         return text
 

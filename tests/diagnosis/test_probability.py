@@ -85,7 +85,7 @@ def test_no_sentence_contradicts_the_table_beside_it(name):
     for words in IN_WORDS.values():
         assert words in text
     if named and result.verdict == "unknown":
-        assert "beside effects that explain a part" in text
+        assert "known effects explain a part" in text
     told = missing(result)
     if result.verdict in {"effect", "unknown"} and named:
         assert named[0].effect in told

@@ -1,4 +1,4 @@
-"""Every block of code and every shell line of the site runs, in the folder that examples/practice_folder.py fills.
+"""Every block of code and every shell line of the site runs, in the folder that `frischid demo --practice` writes.
 
 ``console`` blocks run line by line, and the lines below a command are what it prints; ``python`` blocks run in one
 namespace per page. ``sh`` and ``bash`` blocks need a network, a robot or another installation; of these, the commands
@@ -47,8 +47,9 @@ def pages(*kinds):
 def filled(tmp_path_factory):
     """The folder that the guides speak of."""
     folder = tmp_path_factory.mktemp("practice")
-    runpy.run_path(str(ROOT / "examples" / "practice_folder.py"))["fill"](folder)
-    return folder
+    result = CliRunner().invoke(main, ["demo", "--practice", str(folder / "practice")])
+    assert result.exit_code == 0, result.output
+    return folder / "practice"
 
 
 @pytest.mark.parametrize("page", pages(*RUN))

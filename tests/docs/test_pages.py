@@ -1,11 +1,13 @@
 """The README, the site and the stored results agree; every page leads on, and no link leads nowhere."""
 
+import importlib
 import importlib.util
 import json
 import re
 import subprocess
 import sys
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -107,6 +109,20 @@ def toml_blocks():
 def test_mapping_examples_are_valid(block):
     content = tomllib.loads(block)
     (PDController if "kp" in content else LogMap).from_dict(content)  # raises where a key is not known
+
+
+def test_the_package_of_an_own_effect_is_built_from_the_pages_two_files(tmp_path, monkeypatch):
+    text = text_of(DOCS / "guides" / "own-effect.md")
+    module, project = (re.search(rf"```{kind}\n(.*?)```", text, flags=re.DOTALL)[1] for kind in ("python", "text"))
+    (tmp_path / "my_effect.py").write_text(module, encoding="utf-8")
+    (tmp_path / "pyproject.toml").write_text(project, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    wheel = zipfile.ZipFile(importlib.import_module("hatchling.build").build_wheel(str(tmp_path)))
+    (announced,) = tomllib.loads(project)["project"]["entry-points"]["frischid.effects"].values()
+    entries = next(name for name in wheel.namelist() if name.endswith("entry_points.txt"))
+    assert announced in wheel.read(entries).decode()
+    file, _, name = announced.partition(":")
+    assert f"class {name}(" in wheel.read(f"{file}.py").decode()
 
 
 @pytest.mark.parametrize("command", sorted(main.commands))

@@ -68,6 +68,43 @@ def test_a_bag_of_other_joint_names(tmp_path):
     np.testing.assert_array_equal(read_log(path, UR.joints, output).tau, LOG.tau)
 
 
+GAINS = (12.0, 12.0, 9.8, 10.7, 10.6, 10.6)
+
+
+def set_points(noise=0.0):
+    """The set points of a UR's RTDE: the model's torque, and a current that overcomes friction too."""
+    friction = 0.2 * LOG.tau.std(axis=0) * (LOG.v + np.sign(LOG.v))
+    current = (LOG.tau + friction) / GAINS
+    current += noise * current.std(axis=0) * np.random.default_rng(0).normal(size=current.shape)
+    named = {f"target_moment_{j}": LOG.tau[:, j] for j in range(6)}
+    return named | {f"target_current_{j}": current[:, j] for j in range(6)}
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_gains_follow_from_the_controllers_set_points(tmp_path, noise):
+    names = ("actual_q_{j}", "actual_qd_{j}", "actual_current_{j}")
+    path = written(tmp_path / "log.csv", *names, time="timestamp", more=set_points(noise))
+    found = propose(path, UR)
+    np.testing.assert_allclose([found.gains[j] for j in UR.joints], GAINS, rtol=1e-3 if noise == 0 else 0.1)
+    assert any("frischid gains checks them" in guess for guess in found.guesses)
+    (tmp_path / "map.toml").write_text(found.toml("log.csv"), encoding="utf-8")
+    read = read_log(path, UR.joints, tmp_path / "map.toml")  # the proposal is used as it is
+    np.testing.assert_allclose(read.tau, LOG.tau * [found.gains[j] for j in UR.joints], rtol=1e-6)
+
+
+@pytest.mark.parametrize("fault", ["one joint lacks a set point", "another channel under the name"])
+def test_no_gains_are_guessed_where_set_points_do_not_belong_together(tmp_path, fault):
+    more = set_points()
+    if fault == "one joint lacks a set point":
+        del more["target_moment_3"]
+    else:
+        more["target_current_0"] = np.random.default_rng(1).normal(size=len(LOG))
+    names = ("actual_q_{j}", "actual_qd_{j}", "actual_current_{j}")
+    found = propose(written(tmp_path / "log.csv", *names, time="timestamp", more=more), UR)
+    assert not found.gains
+    assert "# [current_gain]" in found.toml("log.csv")
+
+
 def test_what_does_not_fit_is_said(tmp_path):
     table = {"t": LOG.t} | {f"q_{j}": LOG.q[:, j] for j in range(4)} | {f"v_{j}": LOG.v[:, j] for j in range(4)}
     write_table(table | {"v_1": -LOG.v[:, 1], "v_2": LOG.v[::-1, 3]}, tmp_path / "log.csv")

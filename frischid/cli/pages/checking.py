@@ -97,11 +97,13 @@ def _joints(joints: Mapping[str, Mapping[str, float]]) -> list[Any]:
     table = table_of("joint", *(COLUMNS[key] for key in there))
     for name, values in joints.items():
         table.add_row(name, *(figure(float(f"{values[key]:.2g}")) if key in values else "–" for key in there))
-    return [
-        table,
-        "  noise in the channels' units, lag in s; the last columns: NRMSE of friction alone, of the URDF's inertials "
-        "with fitted friction, and of free parameters on the parts of the log that their fit left out",
-    ]
+    words = "  noise in the channels' units, lag in s"
+    if "nominal_nrmse" in there:
+        words += (
+            "; the last three columns are NRMSE: of friction alone, of the URDF's links with fitted friction, and of "
+            "free parameters (cross-validated: large where the log is short)"
+        )
+    return [table, words]
 
 
 def _parameters(facts: Mapping[str, Any]) -> list[str]:
@@ -151,5 +153,5 @@ def proposal(found: Proposal, text: str, output: str | None) -> Page:
     data["guesses"] = found.guesses
     joints = f"{len(found.joints)} joints found, {len(found.missing)} without a position column"
     if found.guesses:
-        joints += f"; {len(found.guesses)} guesses to look at"
+        joints += f"; {len(found.guesses)} guess{'es' * (len(found.guesses) > 1)} to look at"
     return Page(data, [escape(text), joints, *([f"written to {output}"] if output else [])])

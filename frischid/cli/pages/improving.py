@@ -65,7 +65,7 @@ def verdict_of(result: Diagnosis) -> str:
         "several": "several small effects; nothing dominates",
         "contact": "something touched the robot",
         "unknown": "something is missing that no effect of the catalogue explains"
-        + (", beside effects that explain a part" if part else ""),
+        + ("; known effects explain a part" if part else ""),
     }[result.verdict]
 
 

@@ -34,7 +34,7 @@ def effect(kind: type[Effect]) -> Page:
         f"  confused with {', '.join(kind.confused_with) or 'not stated'}",
         f"  confirmed by  {kind.confirmed_by}",
         f"  source        {kind.reference}",
-        f"  parameters    {', '.join(_default(kind(), name) for name in data['parameters']) or 'none'}",
+        f"  shape         {', '.join(_default(kind(), name) for name in data['parameters']) or 'no shape parameters'}",
     ]
     if data["package"] is not None:
         lines.append(f"  comes from    {_origin(kind)}")
