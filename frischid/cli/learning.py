@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from rich.markup import escape
 
 from frischid.cli.arguments import json_option
 from frischid.cli.group import main
@@ -61,6 +60,8 @@ def demo(seed: int, output: str | None, page: str, practice: str | None, as_json
 
 def _practise(folder: Path, as_json: bool) -> None:
     """Write the folder in which the guides' commands run; nothing that is there is overwritten."""
+    from rich.markup import escape
+
     from frischid.cli.pages.page import Page
     from frischid.cli.practice import fill
 

@@ -24,18 +24,35 @@ from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
 
-TRUTH = {"fv1": 0.4, "fc1": 0.6, "Ia1": 0.12, "off1": 0.4, "fv2": 0.3, "fc2": 0.5, "Ia2": 0.2, "off2": -0.2, "ks2": 1.5}
-EFFECTS = (*BASELINE, *parse_effects("joint_spring@joint2"))
-NOISE = Noise(q=2e-5, tau=0.01)
+PRACTICE_TRUTH = {
+    "fv1": 0.4,
+    "fc1": 0.6,
+    "Ia1": 0.12,
+    "off1": 0.4,
+    "fv2": 0.3,
+    "fc2": 0.5,
+    "Ia2": 0.2,
+    "off2": -0.2,
+    "ks2": 1.5,
+}
+PRACTICE_EFFECTS = (*BASELINE, *parse_effects("joint_spring@joint2"))
+PRACTICE_NOISE = Noise(q=2e-5, tau=0.01)
 
 
 def record(robot: Robot, seed: int, values: dict[str, float] | None = None, payload: bool = False) -> Log:
     """A log of the practice arm; `payload` hangs 2 kg on its last link."""
     hung = parse_effects("payload@joint2") if payload else ()
-    given = TRUTH | ({"dm2": 2.0, "dmx2": 1.6} if payload else {}) | (values or {})
+    given = PRACTICE_TRUTH | ({"dm2": 2.0, "dmx2": 1.6} if payload else {}) | (values or {})
     motion = random_fourier(robot, 20.0, seed=seed, harmonics=16, scale=0.9)
     return simulate(
-        robot, motion, rate=100.0, effects=(*EFFECTS, *hung), parameters=given, noise=NOISE, channels=("v",), seed=seed
+        robot,
+        motion,
+        rate=100.0,
+        effects=(*PRACTICE_EFFECTS, *hung),
+        parameters=given,
+        noise=PRACTICE_NOISE,
+        channels=("v",),
+        seed=seed,
     )
 
 
