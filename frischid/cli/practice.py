@@ -24,7 +24,7 @@ from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
 
-PRACTICE_TRUTH = {
+HIDDEN_VALUES = {
     "fv1": 0.4,
     "fc1": 0.6,
     "Ia1": 0.12,
@@ -35,22 +35,22 @@ PRACTICE_TRUTH = {
     "off2": -0.2,
     "ks2": 1.5,
 }
-PRACTICE_EFFECTS = (*BASELINE, *parse_effects("joint_spring@joint2"))
-PRACTICE_NOISE = Noise(q=2e-5, tau=0.01)
+ARM = (*BASELINE, *parse_effects("joint_spring@joint2"))
+SENSORS = Noise(q=2e-5, tau=0.01)
 
 
 def record(robot: Robot, seed: int, values: dict[str, float] | None = None, payload: bool = False) -> Log:
     """A log of the practice arm; `payload` hangs 2 kg on its last link."""
     hung = parse_effects("payload@joint2") if payload else ()
-    given = PRACTICE_TRUTH | ({"dm2": 2.0, "dmx2": 1.6} if payload else {}) | (values or {})
+    given = HIDDEN_VALUES | ({"dm2": 2.0, "dmx2": 1.6} if payload else {}) | (values or {})
     motion = random_fourier(robot, 20.0, seed=seed, harmonics=16, scale=0.9)
     return simulate(
         robot,
         motion,
         rate=100.0,
-        effects=(*PRACTICE_EFFECTS, *hung),
+        effects=(*ARM, *hung),
         parameters=given,
-        noise=PRACTICE_NOISE,
+        noise=SENSORS,
         channels=("v",),
         seed=seed,
     )
