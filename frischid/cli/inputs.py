@@ -97,6 +97,23 @@ def model_of(path: str) -> Model:
     return model
 
 
+def models_of(paths: Sequence[str]) -> dict[str, Model]:
+    """The models of several files, by the shortest name that tells them apart.
+
+    Raises
+    ------
+    InputError
+        A file is given twice, or cannot be read.
+    """
+    from frischid.errors import InputError
+
+    if len({Path(path).resolve() for path in paths}) < len(paths):
+        raise InputError(f"a model file is given twice: {', '.join(paths)}; give two different models to compare")
+    stems = [Path(path).stem for path in paths]
+    names = stems if len(set(stems)) == len(stems) else paths
+    return {name: model_of(path) for name, path in zip(names, paths, strict=True)}
+
+
 def files_of(robot: Robot) -> list[Path]:
     """The URDF of a robot, and its meshes."""
     from frischid.robot.urdf_reading import robot_names

@@ -8,14 +8,16 @@ import click
 
 from frischid.cli.arguments import MapFiles, json_option, map_option, situation_option
 from frischid.cli.group import main
-from frischid.cli.inputs import model_of, opened, read
+from frischid.cli.inputs import model_of, models_of, opened, read
 from frischid.cli.output import show_page, working
 from frischid.cli.paths import InputPath, OutputPath, also_written
+
+MODEL_SUFFIX = ".json"  # no log has this suffix
 
 
 @main.command()
 @click.argument("model", type=InputPath())
-@click.argument("logs", type=InputPath(), nargs=-1, required=True)
+@click.argument("logs", type=InputPath(), nargs=-1, required=True, metavar="[MODEL]... LOGS...")
 @map_option
 @situation_option
 @click.option("-o", "--output", type=OutputPath(), default="report.html", show_default=True, help="The HTML file.")
@@ -23,16 +25,24 @@ from frischid.cli.paths import InputPath, OutputPath, also_written
 def report(model: str, logs: tuple[str, ...], mapping: MapFiles, situation: Any, output: str, as_json: bool) -> None:
     """Write one HTML page about a model, which opens offline.
 
-    It shows the model's errors, where the model fails, missing effects, and the next step.
+    It shows the model's errors, where the model fails, missing effects, and the next step. Further models (.json) are
+    compared with the first, joint by joint, on the same logs.
     """
+    from itertools import takewhile
+
     from frischid.cli.pages import seeing as show
+    from frischid.errors import InputError
     from frischid.reports.page import report as run
 
-    loaded = model_of(model)
+    further = tuple(takewhile(lambda path: path.endswith(MODEL_SUFFIX), logs))
+    if len(further) == len(logs):
+        raise InputError("there is no log among the files, only models: frischid report MODEL... LOG...")
+    models = models_of((model, *further))
+    loaded = next(iter(models.values()))
     with working(as_json) as progress:
         progress("reading logs")
-        data = opened(logs, loaded.robot, mapping)
-        study = run(loaded, data, output, situation=situation, model_path=model, progress=progress)
+        data = opened(logs[len(further) :], loaded.robot, mapping)
+        study = run(models, data, output, situation=situation, model_path=model, progress=progress)
     show_page(show.report(study, output), as_json)
 
 

@@ -71,6 +71,8 @@ class Effect(ABC):
     """A few words; by default the first line of the class's docstring."""
     equation: ClassVar[str]
     """Torque as a formula, with the coefficients' symbols."""
+    symbols: ClassVar[Mapping[str, str]] = {}
+    """The equation's own letters in words."""
     sentence: ClassVar[str]
     """Finding of a diagnosis, with ``{joint}`` as the subject of a verb in the singular, or ``{joints}`` as a list."""
     looks_like: ClassVar[str]

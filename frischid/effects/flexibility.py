@@ -105,6 +105,12 @@ class Elasticity(_Geared):
         "ce·((∂τ_rigid/∂δ)[−s] + k·(f − f_c·sign(v))),  "
         "s the spring's torque: s + (∂τ/∂q·s + ∂τ/∂v·s′ + M·s″)/k = load + f"
     )
+    symbols: ClassVar[Mapping[str, str]] = {
+        "ce": "identified coefficient: compliance, the deflection per torque",
+        "δ": "deflection of the link behind the motor",
+        "s": "torque of the spring",
+        "k": "stiffness of the spring",
+    }
     sentence: ClassVar[str] = (
         "the transmission of {joint} is elastic: it bends under load, and the link lags behind the motor's encoder"
     )
@@ -158,6 +164,10 @@ class Backlash(_Geared):
     equation: ClassVar[str] = (
         "gap·((∂τ_rigid/∂δ)[−δ] + f − f_c·sign(v))/size,  M·δ″ = load + f while |δ| < size, else δ = ±size"
     )
+    symbols: ClassVar[Mapping[str, str]] = {
+        "gap": "identified coefficient: half the play",
+        "δ": "place of the link within the play",
+    }
     sentence: ClassVar[str] = (
         "the gear of {joint} has play: when the load changes sign, the torque first drops, then jumps as the teeth "
         "meet again"

@@ -12,6 +12,7 @@ Source of the idea of a library of candidate functions: Brunton, Proctor and Kut
 from __future__ import annotations
 
 import ast
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Literal
@@ -45,6 +46,10 @@ class Formula(Effect):
     id: ClassVar[str] = "formula"
     title: ClassVar[str] = "the user's own formula"
     equation: ClassVar[str] = "c·expression(q, v, a, load, tau_model, temperature, t)"
+    symbols: ClassVar[Mapping[str, str]] = {
+        "c": "identified coefficient",
+        "expression": "the formula that you write",
+    }
     sentence: ClassVar[str] = "{joint} needs torque that follows a formula of your own"
     looks_like: ClassVar[str] = "a residual that follows the formula"
     confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "cogging", "quadratic_viscous")

@@ -30,7 +30,7 @@ class Stribeck(Effect):
     Attributes
     ----------
     speed : float
-        Stribeck speed, at which the extra friction has fallen to 1/e, rad/s (m/s).
+        Speed at which the extra friction has fallen to 1/e (the Stribeck speed), rad/s (m/s).
     exponent : float
         1: slow decay (Tustin); 2: bell-shaped decay (Gauss).
     width : float

@@ -14,6 +14,7 @@ manipulators", IEEE ICRA; Hollerbach, Khalil and Gautier 2016, Springer Handbook
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, Literal, Self
@@ -80,6 +81,11 @@ class Payload(Effect):
     id: ClassVar[str] = "payload"
     title: ClassVar[str] = "payload: an unknown body on a link"
     equation: ClassVar[str] = "Γ_link·(dm, dmx, dmy, dmz)  (full: also the six inertias)"
+    symbols: ClassVar[Mapping[str, str]] = {
+        "Γ_link": "regressor of the link that holds the load",
+        "dm": "identified coefficient: mass",
+        "dmx": "identified coefficient: mass times x of its centre; dmy and dmz likewise",
+    }
     sentence: ClassVar[str] = (
         "the link behind {joint} carries a body that the model does not contain: a payload or tool"
     )
@@ -129,6 +135,12 @@ class GravityTilt(Effect):
     id: ClassVar[str] = "gravity_tilt"
     title: ClassVar[str] = "tilted base"
     equation: ClassVar[str] = "tilt_x·∂τ/∂g·(g × x) + tilt_y·∂τ/∂g·(g × y)"
+    symbols: ClassVar[Mapping[str, str]] = {
+        "tilt_x": "identified coefficient: angle about the first axis",
+        "tilt_y": "identified coefficient: angle about the second axis",
+        "x": "first axis across gravity",
+        "y": "second axis across gravity",
+    }
     sentence: ClassVar[str] = (
         "gravity acts on {joint} in another direction than in the model: the base is slightly tilted"
     )

@@ -65,6 +65,9 @@ class TimeDelay(Effect):
     id: ClassVar[str] = "time_delay"
     title: ClassVar[str] = "delay between torque and position"
     equation: ClassVar[str] = "delay·(τ_model(t − size) − τ_model(t))/size"
+    symbols: ClassVar[Mapping[str, str]] = {
+        "delay": "identified coefficient: time by which the torque is late",
+    }
     sentence: ClassVar[str] = (
         "the torque of {joint} is recorded later (or earlier) than the position: the channels are shifted"
     )
@@ -116,6 +119,9 @@ class EncoderZero(Effect):
     id: ClassVar[str] = "encoder_zero"
     title: ClassVar[str] = "shifted encoder zero"
     equation: ClassVar[str] = "−zero·∂τ_rigid/∂q"
+    symbols: ClassVar[Mapping[str, str]] = {
+        "zero": "identified coefficient: offset of the encoder's zero",
+    }
     sentence: ClassVar[str] = (
         "the angle of {joint} has a constant error: the encoder was zeroed at a wrong angle, or slipped"
     )

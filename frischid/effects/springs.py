@@ -49,6 +49,9 @@ class JointSpring(Effect):
         "ks·q (no torque at q = −off/ks); cubic: bq·q + bqq·q² + bqqq·q³; "
         "periodic: bs·sin q + bc·cos q + bss·sin 2q + bcc·cos 2q"
     )
+    symbols: ClassVar[Mapping[str, str]] = {
+        "off": "offset of the joint, an effect of its own",
+    }
     sentence: ClassVar[str] = (
         "a torque acts on {joint} that depends on the angle of the joint alone: a spring or a counterbalance"
     )
@@ -127,6 +130,9 @@ class Counterbalance(Effect):
     id: ClassVar[str] = "counterbalance"
     title: ClassVar[str] = "counterbalance of known geometry: a gas or hydraulic cylinder"
     equation: ClassVar[str] = "cp·sin(q − rest)/ℓ + cs·sin(q − rest),  ℓ = √(1 + ratio² − 2·ratio·cos(q − rest))"
+    symbols: ClassVar[Mapping[str, str]] = {
+        "ℓ": "length of the cylinder over the distance of its end from the axis",
+    }
     sentence: ClassVar[str] = (
         "a cylinder on a lever carries part of the weight at {joint}, with a constant force and the force of a spring"
     )

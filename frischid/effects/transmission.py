@@ -49,6 +49,11 @@ class RotorInertia(Effect):
     id: ClassVar[str] = "rotor_inertia"
     title: ClassVar[str] = "reflected rotor inertia"
     equation: ClassVar[str] = "Ia·a  (coupled: Im·(ratio²·a + ratio·z·ω̇) and its reaction on the rows before)"
+    symbols: ClassVar[Mapping[str, str]] = {
+        "Im": "identified coefficient: the rotor's inertia on the motor's side",
+        "ω̇": "angular acceleration of the link that carries the motor",
+        "z": "axis of the motor",
+    }
     sentence: ClassVar[str] = (
         "{joint} needs torque in proportion to its acceleration, in addition to the torque for its links: rotor inertia"
     )
@@ -98,6 +103,9 @@ class Cogging(Effect):
     id: ClassVar[str] = "cogging"
     title: ClassVar[str] = "cogging and gear ripple"
     equation: ClassVar[str] = "A·sin(N·q) + B·cos(N·q)"
+    symbols: ClassVar[Mapping[str, str]] = {
+        "N": "ripples per turn, the shape parameter order",
+    }
     sentence: ClassVar[str] = (
         "the torque of {joint} ripples with the angle, because of the motor's magnets (cogging) or the gear's teeth"
     )
@@ -147,6 +155,14 @@ class JointCoupling(Effect):
     equation: ClassVar[str] = (
         "f = fvm·ṡ + fcm·tanh(ṡ/width) + Iam·s̈ on joint i, ratio·f on joint j,  s = q_i + ratio·q_j"
     )
+    symbols: ClassVar[Mapping[str, str]] = {
+        "f": "torque of the shared motor",
+        "fvm": "identified coefficient: viscous friction",
+        "fcm": "identified coefficient: dry friction",
+        "Iam": "identified coefficient: rotor inertia",
+        "s": "motion of the motor",
+        "width": "speed over which the sign is smoothed, rad/s (m/s)",
+    }
     sentence: ClassVar[str] = (
         "the torques of {joints} depend on the motion of both joints: one motor turns with both, as in many wrists, "
         "and its friction and inertia load both"

@@ -13,9 +13,10 @@ from frischid.figures.motion import excitation
 from frischid.figures.parameters import closing, intervals
 from frischid.figures.quality import noise, reach
 from frischid.figures.style import Drawing, save, short
-from frischid.figures.torque import measured
+from frischid.figures.torque import Overlay, measured
+from frischid.figures.two_logs import two_logs
 
 __all__ = [
-    "Drawing", "against", "closing", "excitation", "intervals", "matrix", "measured", "noise", "plane",
-    "reach", "save", "shape", "short", "staircase",
+    "Drawing", "Overlay", "against", "closing", "excitation", "intervals", "matrix", "measured", "noise", "plane",
+    "reach", "save", "shape", "short", "staircase", "two_logs",
 ]  # fmt: skip

@@ -24,14 +24,14 @@ def steps_of(model: Model) -> list[tuple[str, float | None, float]]:
         if after is None:
             continue
         effects = event.get("effects", [])
-        name = event["action"] if event["action"] == "identify" else " + ".join(_kinds(effects)) or event["action"]
+        name = event["action"] if event["action"] == "identify" else " + ".join(kinds(effects)) or event["action"]
         found.append((name, before, float(after)))
     if len(found) > 1 and (same_data := found[1][1]) is not None:
         found[0] = (*found[0][:2], same_data)
     return found
 
 
-def _kinds(effects: list[str]) -> list[str]:
+def kinds(effects: list[str]) -> list[str]:
     """Identifiers of effects, without shapes and joints."""
     return list(dict.fromkeys(e.split("(")[0].split("@")[0] for e in effects))
 

@@ -127,6 +127,23 @@ TEMPLATE = go.layout.Template(
 """The common look; on a dark page the report replaces the colours INK, GRID, ..."""
 
 
+def stack(figure: go.Figure, titles: Sequence[str]) -> None:
+    """Panels one above the other on one time axis, the first one the highest, with one cursor through all."""
+    shares = np.array([1.4, 1.0, 0.7, 0.7][: len(titles)])
+    gap = 0.05
+    heights = shares / shares.sum() * (1 - gap * (len(titles) - 1))
+    top = 1.0
+    for k, (title, height) in enumerate(zip(titles, heights, strict=True)):
+        axis = {"title": {"text": title}, "domain": [max(top - float(height), 0.0), top], "anchor": "x"}
+        figure.update_layout({f"yaxis{k + 1 if k else ''}": axis})
+        top -= float(height) + gap
+    figure.update_layout(hovermode="x unified", hoversubplots="axis")
+    figure.update_xaxes(
+        anchor=f"y{len(titles)}" if len(titles) > 1 else "y", unifiedhovertitle_text="%{x:.2f} s",
+        showspikes=True, spikemode="across", spikesnap="cursor", spikedash="solid", spikethickness=1, spikecolor=FAINT,
+    )  # fmt: skip
+
+
 def on_scale(share: float) -> str:
     """Colour of a number on `SCALE`; on a dark page it is replaced together with the colour below."""
     return INK if not share > STRONG else BLACK if share < FULL else WHITE

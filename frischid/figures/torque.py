@@ -1,14 +1,19 @@
-"""Measured and predicted torque of one joint above, the residual below, on the same time axis."""
+"""Torque, residual and motion of one joint: panels one above the other on one time axis.
+
+The panels share the axis itself, so a zoom in one is a zoom in all, and one cursor reads all curves at its moment.
+Curves of other models, such as an earlier step of this one, are dotted. Each belongs to the number of its model; the
+page shows one model at a time.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
-from plotly.subplots import make_subplots
 
 from frischid.core.types import Array
 from frischid.figures.style import (
@@ -16,7 +21,7 @@ from frischid.figures.style import (
     FAINT,
     INK,
     MEASURED,
-    ORANGE,
+    PURPLE,
     SHADE,
     VERMILION,
     Drawing,
@@ -24,7 +29,9 @@ from frischid.figures.style import (
     drawing,
     number,
     plain,
+    stack,
     thinned,
+    units_of,
 )
 from frischid.model.comparison import Comparison
 from frischid.model.prediction import Prediction
@@ -34,9 +41,27 @@ if TYPE_CHECKING:
 
 APART = 0.02  # gap between two logs, as a share of the length of all logs
 TIME_MARGIN = 0.01  # empty share of the time axis at each end
-BEFORE = {"color": ORANGE, "width": 1.4, "dash": "dot"}
+BEFORE = {"color": PURPLE, "width": 1.4, "dash": "dot"}
 """Curves of the model before its last step."""
 EXCLUDED = "#f3d9b1"
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """Another model along the same samples.
+
+    Attributes
+    ----------
+    name : str
+        For legends.
+    prediction : Prediction
+    visible : bool
+        Whether the curves are shown at first.
+    """
+
+    name: str
+    prediction: Prediction
+    visible: bool = True
 
 
 def measured(
@@ -44,10 +69,10 @@ def measured(
     comparison: Comparison,
     joint: str,
     contacts: Sequence[Contact] = (),
-    unit: str = "N·m",
-    at: float | None = None,
+    sliding: bool = False,
     within: tuple[float, float] | None = None,
-    ghost: Prediction | None = None,
+    overlays: Sequence[Overlay] = (),
+    motion: bool = False,
 ) -> Drawing:
     """Torque, band, residual, standstills, excluded parts and the worst moment of one joint.
 
@@ -59,34 +84,37 @@ def measured(
     joint : str
     contacts : sequence of Contact
         Stretches of time that are left out of the diagnosis.
-    unit : str
-        Unit of the torque.
-    at : float, optional
-        A moment to mark, s on the figure's axis.
+    sliding : bool
+        Whether the joint is prismatic.
     within : (float, float), optional
         Stretch of the figure's axis to show, s; everything by default.
-    ghost : Prediction, optional
-        The same samples under an earlier model, drawn as a faint curve.
+    overlays : sequence of Overlay
+        Other models, drawn as dotted curves; one that has other samples is left out.
+    motion : bool
+        Whether to draw position and velocity too, below the residual.
     """
-    j = prediction.joints.index(joint)
+    j, units = prediction.joints.index(joint), units_of(sliding)
     positions, apart = side_by_side(prediction)
     x = prediction.t + positions[prediction.log]
-    used, residual = prediction.used[:, j], prediction.residual[:, j]
-    shown = np.where(used, residual, np.nan)
+    used = prediction.used[:, j]
+    shown = np.where(used, prediction.residual[:, j], np.nan)
     first, last = (float(x.min()), float(x.max())) if within is None else within
     seen = np.flatnonzero((x >= first) & (x <= last))
     keep = seen[thinned(prediction.measured[seen, j], prediction.fitted[seen, j], shown[seen])]
-    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, row_heights=[0.57, 0.43], vertical_spacing=0.05)
+    figure = go.Figure()
     _band(figure, x[keep], prediction.lower[keep, j], prediction.upper[keep, j], prediction.log[keep], "band")
     curves = [
-        ("measured", prediction.measured[:, j], {"color": MEASURED, "width": 2.6}, 1),
-        ("model", prediction.fitted[:, j], {"color": BLUE, "width": 1.2}, 1),
-        ("residual", shown, {"color": VERMILION, "width": 1.0}, 2),
+        Curve("measured", prediction.measured[:, j], {"color": MEASURED, "width": 2.6}),
+        Curve("model", prediction.fitted[:, j], {"color": BLUE, "width": 1.2}),
+        Curve("residual", shown, {"color": VERMILION, "width": 1.0}, 1),
+        *_of_the_overlays(prediction, overlays, j),
     ]
-    if ghost is not None and ghost.fitted.shape == prediction.fitted.shape:
-        before = np.where(ghost.used[:, j], ghost.residual[:, j], np.nan)
-        curves = [("before", ghost.fitted[:, j], BEFORE, 1), *curves, ("residual before", before, BEFORE, 2)]
-    _curves(figure, x, prediction.log, keep, curves, unit)
+    if motion:
+        curves += [
+            Curve("q", prediction.q[:, j], {"color": INK, "width": 1.2}, 2, legend=False),
+            Curve("q̇", prediction.v[:, j], {"color": INK, "width": 1.2}, 3, legend=False),
+        ]
+    _curves(figure, x, prediction, keep, curves)
     _shade(figure, x, ~used, prediction.log, SHADE, "standstill")
     excluded = np.zeros(len(x), bool)
     for c in contacts:
@@ -94,38 +122,71 @@ def measured(
         absolute = prediction.t + np.array(prediction.starts)[prediction.log]
         excluded |= inside & (absolute >= c.start) & (absolute <= c.stop) & (joint in c.joints)
     _shade(figure, x, excluded, prediction.log, EXCLUDED, "contact")
-    reading = _worst(
-        figure, comparison, prediction, joint, x, np.where(np.isin(np.arange(len(x)), seen), shown, np.nan), unit
-    )
+    in_view = np.where(np.isin(np.arange(len(x)), seen), shown, np.nan)
+    reading = _worst(figure, comparison, prediction, joint, x, in_view, units["load"])
     for start in positions[1:]:
-        figure.add_vline(x=float(start - apart / 2), line={"color": FAINT, "width": 1, "dash": "dot"})
-    if at is not None:
-        figure.add_vline(x=at, line={"color": INK, "width": 1.5})
-    figure.update_yaxes(title_text=f"torque, {unit}", row=1, col=1)
-    figure.update_yaxes(title_text=f"residual, {unit}", row=2, col=1)
+        figure.add_shape(
+            type="line", x0=float(start - apart / 2), x1=float(start - apart / 2), y0=0, y1=1, xref="x", yref="paper",
+            line={"color": FAINT, "width": 1, "dash": "dot"},
+        )  # fmt: skip
+    titles = [f"torque, {units['load']}", f"residual, {units['load']}"]
+    stack(figure, [*titles, *([f"q, {units['q']}", f"q̇, {units['v']}"] if motion else [])])
     several = len(prediction.sources) > 1
-    figure.update_xaxes(title_text=f"time, s{' (logs side by side)' if several else ''}", row=2, col=1)
     margin = TIME_MARGIN * (last - first)
     # The same title for every joint, so that figures can be compared.
-    figure.update_xaxes(range=[first - margin, last + margin])
-    return drawing(f"{joint}: measured and predicted torque", reading, figure, 340)
+    figure.update_xaxes(
+        title_text=f"time, s{' (logs side by side)' if several else ''}", range=[first - margin, last + margin]
+    )
+    title = f"{joint}: measured and predicted torque{', and the motion' if motion else ''}"
+    return drawing(title, reading, figure, 500 if motion else 340)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One curve: its name, values (N,), line, panel from above, number of its overlay, and place in the legend."""
+
+    name: str
+    values: Array
+    line: dict[str, Any]
+    panel: int = 0
+    overlay: int | None = None
+    legend: bool = True
+    visible: bool = True
+
+
+def _of_the_overlays(prediction: Prediction, overlays: Sequence[Overlay], j: int) -> Iterator[Curve]:
+    """Torque and residual of the other models that have the same samples."""
+    for k, overlay in enumerate(overlays):
+        other = overlay.prediction
+        if other.fitted.shape != prediction.fitted.shape:
+            continue
+        residual = np.where(other.used[:, j], other.residual[:, j], np.nan)
+        yield Curve(overlay.name, other.fitted[:, j], BEFORE, overlay=k, visible=overlay.visible)
+        yield Curve(f"residual {overlay.name}", residual, BEFORE, 1, k, False, overlay.visible)
 
 
 def _curves(
-    figure: go.Figure,
-    x: Array,
-    log: NDArray[np.intp],
-    keep: NDArray[np.intp],
-    curves: Sequence[tuple[str, Array, dict[str, Any], int]],
-    unit: str,
+    figure: go.Figure, x: Array, prediction: Prediction, keep: NDArray[np.intp], curves: Sequence[Curve]
 ) -> None:
-    """Draw the kept samples of named curves, broken between logs."""
+    """Draw the kept samples of curves, broken between logs; the first one says the moment within its log."""
+    log = prediction.log
     broken = breaks(log[keep])
-    for name, values, line, row in curves:
+    several = len(prediction.sources) > 1
+    shared = plain(np.insert(x[keep], broken, np.nan))
+    for k, curve in enumerate(curves):
+        own: dict[str, Any] = {"hovertemplate": "%{y:.4g}"}
+        if several and k == 0:
+            within = np.insert(prediction.t[keep], broken, np.nan)
+            number = np.insert(log[keep] + 1.0, broken, np.nan)
+            own = {
+                "customdata": plain(np.column_stack([within, number])),
+                "hovertemplate": "%{y:.4g} (log %{customdata[1]}, %{customdata[0]:.2f} s)",
+            }
+        if curve.overlay is not None:
+            own |= {"meta": {"overlay": curve.overlay}, "visible": curve.visible}
         figure.add_scatter(
-            x=plain(np.insert(x[keep], broken, np.nan)), y=plain(np.insert(values[keep], broken, np.nan)),
-            name=name, line=line, mode="lines", row=row, col=1, hovertemplate="%{x:.2f} s: %{y:.4g} " + unit,
-            showlegend=name != "residual before",
+            x=shared, y=plain(np.insert(curve.values[keep], broken, np.nan)), name=curve.name, line=curve.line,
+            mode="lines", yaxis=f"y{curve.panel + 1}" if curve.panel else "y", showlegend=curve.legend, **own,
         )  # fmt: skip
 
 
@@ -146,7 +207,7 @@ def _band(figure: go.Figure, x: Array, low: Array, high: Array, log: NDArray[np.
         ys += [high[part], low[part][::-1], np.array([np.nan])]
     figure.add_scatter(
         x=plain(np.concatenate(xs)), y=plain(np.concatenate(ys)), fill="toself", fillcolor="rgba(86,180,233,0.45)",
-        line={"width": 0}, mode="lines", name=name, hoverinfo="skip", row=1, col=1,
+        line={"width": 0}, mode="lines", name=name, hoverinfo="skip",
     )  # fmt: skip
 
 
@@ -168,7 +229,7 @@ def _shade(
     figure.add_shape(type="path", path=path, xref="x", yref="paper", fillcolor=colour, line={"width": 0}, layer="below")
     figure.add_scatter(
         x=[None], y=[None], mode="markers", marker={"symbol": "square", "size": 12, "color": colour}, name=name,
-        row=1, col=1,
+        hoverinfo="skip",
     )  # fmt: skip
 
 
@@ -180,8 +241,8 @@ def _worst(
     error = np.where(np.isnan(shown), -1.0, np.abs(shown))
     k = int(error.argmax())
     figure.add_scatter(
-        x=[float(x[k])], y=[float(shown[k])], mode="markers", name="worst", row=2, col=1, cliponaxis=False,
-        marker={"symbol": "x", "size": 9, "color": INK},
+        x=[float(x[k])], y=[float(shown[k])], mode="markers", name="worst", yaxis="y2", cliponaxis=False,
+        marker={"symbol": "x", "size": 9, "color": INK}, hoverinfo="skip",
     )  # fmt: skip
     j = prediction.joints.index(joint)
     where = f" of {_name(prediction.sources[prediction.log[k]])}" if len(prediction.sources) > 1 else ""

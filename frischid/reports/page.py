@@ -7,7 +7,7 @@ security policy in the page forbids every address outside the file.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -29,7 +29,7 @@ from frischid.reports.templates import render
 
 
 def report(
-    model: Model,
+    model: Model | Mapping[str, Model],
     logs: Sequence[Log | Recording],
     path: str | Path,
     *,
@@ -43,7 +43,8 @@ def report(
 
     Parameters
     ----------
-    model : Model
+    model : Model or mapping of str to Model
+        Models by name: the report is on the first, with the errors and curves of the others beside.
     logs : sequence of Log or Recording
         At least one. The model's history says which of them it was fitted to. Of a long one, figures show evenly
         spread stretches; errors are those of all samples.

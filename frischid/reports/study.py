@@ -29,6 +29,7 @@ from frischid.model.prediction import Prediction, predict
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
+from frischid.reports.others import OtherModel, SideBySide, earlier_steps, further_models, side_by_side
 
 HARDLY_KNOWN = 0.5  # share from the logs below, or standard error over value above, which it is hardly known
 
@@ -61,6 +62,12 @@ class Study:
         Base parameters of the URDF, and of a simulated robot.
     physical : Consistency or str
         Links that could exist and have the base parameters, or the reason why there are none.
+    others : tuple of OtherModel
+        Models whose curves stand beside those of this one: its earlier steps, then the further models.
+    by_log : tuple of Comparison
+        The model on each log alone, in their order.
+    beside : SideBySide or None
+        The errors of this model and of further ones on the same logs; None without a further model.
     """
 
     model: Model
@@ -76,6 +83,9 @@ class Study:
     nominal: Array | None
     truth: Array | None
     physical: Consistency | str
+    others: tuple[OtherModel, ...] = ()
+    by_log: tuple[Comparison, ...] = ()
+    beside: SideBySide | None = None
 
     def sliding(self, joint: str) -> bool:
         """Whether a joint is prismatic."""
@@ -161,7 +171,7 @@ def opened(sentence: str, joints: Collection[str]) -> str:
 
 
 def study(
-    model: Model,
+    models: Model | Mapping[str, Model],
     logs: Sequence[Log | Recording],
     *,
     diagnosis: Diagnosis | None = None,
@@ -174,7 +184,8 @@ def study(
 
     Parameters
     ----------
-    model : Model
+    models : Model or mapping of str to Model
+        Models by name: the report is on the first, and compares the others with it.
     logs : sequence of Log or Recording
         The model's history says which of them it was fitted to.
     diagnosis : Diagnosis, optional
@@ -190,9 +201,12 @@ def study(
     """
     if not logs:
         raise InputError("there is no log to report on")
-    if not isinstance(model, Model):
-        raise InputError(f"model must be a Model, got {type(model).__name__}: fr.Model.load(path)")
-    model.check(logs)
+    named = models if isinstance(models, Mapping) else {"model": models}
+    for model in named.values():
+        if not isinstance(model, Model):
+            raise InputError(f"model must be a Model, got {type(model).__name__}: fr.Model.load(path)")
+        model.check(logs)
+    model = next(iter(named.values()))
     progress("comparing")
     logs = driven(logs, model.controller)
     excerpts = [excerpt(log) for log in logs]
@@ -205,6 +219,8 @@ def study(
     prediction = predict(model, shown, evaluated)
     if diagnosis is None and diagnosed:
         diagnosis = diagnose_in_roles(model, shown, situation=situation, progress=progress)
+    further = [(name, other) for name, other in named.items() if other is not model]
+    others = [*earlier_steps(model, shown, prediction), *further_models(further, shown, prediction)]
     progress("parameters")
     reduction = _reduction(model)
     verdict = compare(model, held) if held and len(held) < len(whole) else comparison
@@ -222,6 +238,9 @@ def study(
         None if reduction is None else np.asarray(reduction.mapping @ nominal_parameters(model.robot, model.effects)),
         truth,
         _physical(model),
+        tuple(others),
+        tuple(compare(model, [log], part) for log, part in zip(shown, evaluated, strict=True)) if short else (),
+        side_by_side(named, whole) if further else None,
     )
 
 

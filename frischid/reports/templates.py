@@ -7,6 +7,7 @@ JSON are inserted unescaped, both as `Markup` made here or in `page`.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
@@ -38,5 +39,15 @@ def render(template: str, values: Mapping[str, Any]) -> Markup:
 
 
 def spec(drawing: Drawing) -> Markup:
-    """A figure as JSON for a script element; "<" is escaped, because it could end the element early."""
-    return Markup(str(drawing.figure.to_json()).replace("<", "\\u003c"))
+    """A figure as JSON for a script element; "<" is escaped, because it could end the element early.
+
+    Curves often share their x. Where the x of a trace is that of an earlier one, the number of that trace stands in its
+    place, and the page's script puts the values back.
+    """
+    figure = json.loads(str(drawing.figure.to_json()))
+    first: dict[str, int] = {}
+    for k, trace in enumerate(figure["data"]):
+        if isinstance(trace.get("x"), dict):
+            earlier = first.setdefault(trace["x"]["bdata"], k)
+            trace["x"] = trace["x"] if earlier == k else earlier
+    return Markup(json.dumps(figure, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c"))

@@ -229,11 +229,12 @@ class Tab:
     def _torque(self) -> None:
         state, joint = self.bench.state, str(self.joint.value)
         contacts = () if state.diagnosis is None else state.diagnosis.contacts
-        unit = "N" if self._sliding(joint) else "N·m"
         self.before.visible = state.before is not None
-        ghost = state.before.prediction if state.before is not None and self.before.value else None
-        curves, shown = state.prediction, self.stretch.value
-        drawn = figures.measured(curves, state.comparison, joint, contacts, unit, within=shown, ghost=ghost)
+        before = state.before if self.before.value else None
+        ghosts = [] if before is None else [figures.Overlay("before", before.prediction)]
+        drawn = figures.measured(
+            state.prediction, state.comparison, joint, contacts, self._sliding(joint), self.stretch.value, ghosts
+        )
         drawn.figure.update_layout(dragmode=False)  # the cursor knows only the stretch between the two numbers
         self._show(self.torque, drawn)
 

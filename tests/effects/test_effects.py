@@ -1,6 +1,7 @@
 """The catalogue: complete pages, columns that are what physics says, and text that reads back as it was written."""
 
 import json
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -37,6 +38,7 @@ from frischid.effects.dynamics import RigidDynamics
 from frischid.effects.friction_memory import presliding
 from frischid.effects.link_lag import SWING_DAMPING, TOGETHER_FROM, Gear, lags
 from frischid.effects.state import SIGN_WIDTH
+from frischid.effects.symbols import symbols_of
 from frischid.effects.units import TORQUE_UNITS
 from frischid.errors import InputError, UnknownNameError
 from frischid.motions.trajectory import random_fourier
@@ -645,3 +647,20 @@ def test_random_values_reach_every_column():
     machine = made(robot("planar2").urdf)
     for kind in EFFECTS.values():
         assert all(np.isfinite(x) for x in random_values(machine, (kind(),)).values())
+
+
+WORDS = (
+    "sin cos tanh exp sgn sign coupled and its reaction on the rows before joint i j q_i q_j or no torque at cubic "
+    "periodic spring while else full also six inertias"
+)
+"""Words and functions in equations; i and j count joints."""
+LIKEWISE = {"dmy": "dmx", "dmz": "dmx", "ṡ": "s", "s̈": "s", "dz": "z", "dq": "q"}
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_every_symbol_of_an_equation_is_explained(name):
+    kind = EFFECTS[name]
+    explained = symbols_of(kind)
+    letters = {LIKEWISE.get(x, x) for x in re.findall(r"[^\W\d²³][^\W²³]*[\u0300-\u036f]*", kind.equation)}
+    assert letters - {*WORDS.split()} <= set(explained)
+    assert all(explained.values())

@@ -12,6 +12,13 @@ from frischid.cli.pages.fitting import identified, parameters, summary
 from frischid.cli.pages.improving import diagnosis, fall_of
 from frischid.cli.pages.page import Page, quantities, table_of, warning_lines
 from frischid.effects import EFFECTS, Effect
+from frischid.effects.symbols import symbols_of
+
+SYMBOLS_OF_ALL = (
+    "q, v, a: position, velocity and acceleration of the joint; τ_rigid: torque of the links; τ_model: torque of the "
+    "whole model; t: time. The other symbols are identified coefficients and shape parameters: frischid effects NAME "
+    "explains each."
+)
 
 
 def catalogue() -> Page:
@@ -20,7 +27,7 @@ def catalogue() -> Page:
     table = table_of("effect", "what", "equation", *(["from"] if foreign else []))
     for name, kind in EFFECTS.items():
         table.add_row(name, kind.title, kind.equation, *([_origin(kind)] if foreign else []))
-    return Page([_effect_data(kind) for kind in EFFECTS.values()], [table])
+    return Page([_effect_data(kind) for kind in EFFECTS.values()], [table, SYMBOLS_OF_ALL])
 
 
 def effect(kind: type[Effect]) -> Page:
@@ -29,6 +36,10 @@ def effect(kind: type[Effect]) -> Page:
     lines = [
         f"[bold]{kind.id}[/bold]: {kind.title}",
         f"  equation      {kind.equation}",
+        *(
+            f"  {'  with' if k == 0 else '':13} {symbol}: {text}"
+            for k, (symbol, text) in enumerate(data["symbols"].items())
+        ),
         f"  in words      {kind.sentence.format(joint='the joint', joints='two joints')}",
         f"  looks like    {kind.looks_like}",
         f"  confused with {', '.join(kind.confused_with) or 'not stated'}",
@@ -57,6 +68,7 @@ def _effect_data(kind: type[Effect]) -> dict[str, Any]:
         "effect": kind.id,
         "title": kind.title,
         "equation": kind.equation,
+        "symbols": symbols_of(kind),
         "sentence": kind.sentence,
         "looks_like": kind.looks_like,
         "confused_with": list(kind.confused_with),

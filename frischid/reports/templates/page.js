@@ -13,11 +13,30 @@
   const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d"] };
   let printing = false;
 
+  // Another model whose curves are dotted: an earlier step of this one, or a second model. One for all joints.
+  const shown = document.getElementById("overlay-shown"), which = document.getElementById("overlay");
+  const overlaid = () => (shown && shown.checked ? Number(which ? which.value : 0) : -1);
+  function overlay() {
+    const names = JSON.parse(document.getElementById("overlay-names").textContent);
+    const name = names[which ? Number(which.value) : 0];
+    document.getElementById("overlay-name").textContent = name;
+    if (which) { which.setAttribute("aria-valuetext", name); which.disabled = !shown.checked; }
+    plots.filter((p) => p.dataset.drawn).forEach((p) => {
+      const traces = p.data.flatMap((t, k) => (t.meta && "overlay" in t.meta ? [k] : []));
+      if (traces.length) Plotly.restyle(p, { visible: traces.map((k) => p.data[k].meta.overlay === overlaid()) }, traces);
+    });
+  }
+  if (shown) [shown, which].forEach((control) => control && control.addEventListener("input", overlay));
+
   function draw(plot) {
     const dark = wanted.matches && !printing;
     const text = dark ? data.get(plot).replace(/#[0-9a-f]{6}/g, (c) => DARK[c] || c) : data.get(plot);
     const spec = JSON.parse(text);
     delete spec.layout.width;
+    spec.data.forEach((trace) => {
+      if (typeof trace.x === "number") trace.x = { ...spec.data[trace.x].x };
+      if (trace.meta && "overlay" in trace.meta) trace.visible = trace.meta.overlay === overlaid();
+    });
     const names = spec.data[0] && spec.data[0].type === "heatmap" && spec.layout.xaxis.tickangle !== -90 && spec.data[0].x;
     if (Array.isArray(names)) {
       // Joints' names stand upright only where they have to.
