@@ -4,6 +4,7 @@ import os
 import shutil
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import pytest
 
@@ -64,3 +65,32 @@ def opened(address, width=1280, height=900, scheme="light", flags=FLAT):
             yield seen
         finally:
             browser.close()
+
+
+def violations(page):
+    """Faults that axe-core finds for people who cannot see or use a mouse: rule, number, and the first element."""
+    import axe_core_python
+
+    page.evaluate((Path(axe_core_python.__file__).parent / "axe.min.js").read_text(encoding="utf-8"))
+    found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+    return [f"{x['id']}: {len(x['nodes'])}, {x['nodes'][0]['html'][:120]}" for x in found["violations"]]
+
+
+CONTROLS = """() => [...document.querySelectorAll('a[href], button, input, summary, [tabindex="0"]')]
+  .filter((e) => e.checkVisibility() && !e.disabled)"""
+FOCUSED = """() => {
+  const e = document.activeElement, first = e !== document.body && !e.dataset.reached;
+  e.dataset.reached = "1";
+  return first;
+}"""
+
+
+def reached(page):
+    """Number of controls that the tabulator reaches one after the other, and the controls that it misses."""
+    found = 0
+    page.keyboard.press("Tab")
+    while page.evaluate(FOCUSED):
+        found += 1
+        page.keyboard.press("Tab")
+    missed = f"({CONTROLS})().filter((e) => !e.dataset.reached).map((e) => e.outerHTML.slice(0, 120))"
+    return found, page.evaluate(missed)

@@ -53,7 +53,10 @@ def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = 
     )
     elsewhere = "" if not joints or found.joint in joints else f", more than of {listed(joints)}"
     share = f"{100 * max(found.explained, 0.0):.0f} % of the squared residual of {found.joint}{elsewhere}"
-    reading = f"{how}. {title[:1].upper()}{title[1:]}: explains {share}."
+    reading = (
+        f"{how}. {title[:1].upper()}{title[1:]}: on the logs that select, the model refitted with it removes {share}. "
+        "The residual holds the sensors' noise and all other causes too."
+    )
     where = (
         f"a stretch of {Path(found.stretch).name}"
         if found.stretch

@@ -318,7 +318,7 @@ def test_a_template_names_nothing_unknown():
 
 def test_every_number_of_the_table_of_errors_is_the_comparisons(spring):
     shown = spring[1]
-    rows = re.findall(r"<tr>(.*?)</tr>", chapter("torque", shown))[1:]
+    rows = re.findall(r"<tr>(.*?)</tr>", chapter("torque", shown).split("</table>")[0])[1:]
     cells = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in rows]
     assert [row[0] for row in cells] == list(shown.comparison.joints.names)
     for row, j in zip(cells, shown.comparison.joints, strict=True):
@@ -451,3 +451,26 @@ def test_numbers_of_json_specs_do_not_end_the_script(spring):
     specs = re.findall(r'<script type="application/json">(.*?)</script>', text, flags=re.DOTALL)
     assert len(specs) > 20
     assert not any("<" in s for s in specs)
+
+
+def graded(shown, grade):
+    """The same report with an error of another grade."""
+    error = shown.headline
+    nrmse = {"C": (error.noise_floor * error.urdf_nrmse) ** 0.5, "F": 1.5 * error.urdf_nrmse}[grade]
+    return replace(shown, headline=replace(error, nrmse=nrmse, alarms=()))
+
+
+def test_a_model_that_is_no_better_than_the_urdf_is_not_proposed_for_use(spring):
+    shown = spring[1]
+    for diagnosis in (shown.diagnosis, None):
+        good, bad = (chapter("verdict", replace(graded(shown, g), diagnosis=diagnosis)) for g in "CF")
+        assert "Use the model:" in good
+        assert "Do not use the model yet" in bad
+        assert "Use the model:" not in bad
+        assert ("frischid</span> <span>check" in bad) == (diagnosis is None)
+
+
+def test_a_forecast_is_called_one(spring):
+    assert "forecast: with joint_spring" in chapter("verdict", spring[1])
+    assert "Forecast: this error times" in chapter("verdict", spring[1])
+    assert "orecast" not in chapter("verdict", replace(spring[1], diagnosis=None))

@@ -130,9 +130,14 @@ def _regrouping(study: Study) -> Table | None:
         return None
     names = [c.name for c in reduction.columns]
     groups = (
-        ("identifiable alone", reduction.absolute),
+        ("alone", reduction.absolute),
         ("only in combination", reduction.linear),
         ("not at all", reduction.none),
     )
     rows = [[kind, str(len(group)), ", ".join(names[i] for i in group)] for kind, group in groups]
-    return Table(["", "count", "parameters"], rows, words=3, caption=f"{len(names)} parameters, rank {reduction.rank}")
+    return Table(
+        ["identifiable", "count", "parameters"],
+        rows,
+        words=3,
+        caption=f"{len(names)} parameters, rank {reduction.rank}",
+    )

@@ -20,6 +20,7 @@ from frischid.reports.study import Study, missing
 
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
 STEPS_PROPOSED = 3
+NOT_FOR_USE = ("E", "F")  # grades of models that are hardly better than the URDF
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
@@ -27,6 +28,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     return {
         "error": study.headline,
         "ladder": _ladder(study),
+        "forecast": bool(_passing(study)),
         "worst_condition": figures.failure.worst(study.verdict),
         "missing": "" if study.diagnosis is None else missing(study.diagnosis),
         "next": _next(study, model_path),
@@ -55,7 +57,7 @@ def _ladder(study: Study) -> list[dict[str, Any]]:
     if passing:
         best = passing[0]
         after = error.nrmse * best.error_after / best.error_before
-        more.append((f"expected after adding {best.effect}", after, "later"))
+        more.append((f"forecast: with {best.effect}", after, "later"))
     return rungs(error, more)
 
 
@@ -122,5 +124,10 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "excite", "count": len(study.weak), "names": names, "command": plan})
     if not study.held_out:
         found.append({"kind": "test", "command": f"frischid compare {given} NEW_LOG"})
-    found.append({"kind": "use", "command": f"frischid export {given} -o controller.c"})
+    if study.headline.grade in NOT_FOR_USE:
+        # The warning is one of the steps that are shown, whatever else there is to do.
+        again = f"frischid report {better} LOG..." if passing else "frischid check ROBOT LOG..."
+        found = [*found[: STEPS_PROPOSED - 1], {"kind": "wait", "added": bool(passing), "command": again}]
+    else:
+        found.append({"kind": "use", "command": f"frischid export {given} -o controller.c"})
     return found[:STEPS_PROPOSED]

@@ -70,6 +70,8 @@
     plot.querySelectorAll("script").forEach((s) => s.remove());
     Plotly.purge(plot); // one that is drawn again would keep its width, on paper too
     Plotly.newPlot(plot, spec.data, spec.layout, config);
+    // The figure's title and reading are text beside it; its own letters would be read one by one.
+    plot.querySelectorAll("svg.main-svg").forEach((svg) => svg.setAttribute("aria-hidden", "true"));
     plot.dataset.drawn = dark ? "dark" : "light";
   }
 

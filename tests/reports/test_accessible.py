@@ -1,0 +1,45 @@
+"""The report for everybody: axe-core finds nothing, the keyboard reaches all, on a large and a small screen."""
+
+import pytest
+from browser import needs_browser, opened, reached, violations
+
+from frischid.cli import demo
+from frischid.reports.page import report
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    """Reports on the demonstration's arm before and after the missing effect is added."""
+    shown, folder = demo.run(0), tmp_path_factory.mktemp("accessible")
+    before = report(shown.model, shown.logs, folder / "before.html", diagnosis=shown.diagnosis)
+    after = report(shown.step.model, shown.logs, folder / "after.html")
+    assert after.headline.nrmse < 0.1 * before.headline.nrmse
+    return {name: (folder / f"{name}.html").as_uri() for name in ("before", "after")}
+
+
+def drawn(page):
+    """Open every fold and draw every figure."""
+    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    for plot in page.query_selector_all(".plot"):
+        plot.evaluate("p => p.scrollIntoView({behavior: 'instant', block: 'center'})")
+        page.wait_for_function("p => p.dataset.drawn", arg=plot)
+
+
+@needs_browser
+@pytest.mark.parametrize("name", ["before", "after"])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 390])
+def test_axe_finds_nothing(pages, name, width, scheme):
+    with opened(pages[name], width=width, scheme=scheme) as seen:
+        assert violations(seen.page) == []  # as it opens
+        drawn(seen.page)
+        assert violations(seen.page) == []
+        assert seen.complaints == []
+
+
+@needs_browser
+def test_the_keyboard_reaches_every_control(pages):
+    with opened(pages["after"]) as seen:
+        found, missed = reached(seen.page)
+        assert missed == []
+        assert found > 20
