@@ -16,8 +16,10 @@ from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError, UnknownNameError
 from frischid.export.consistency import as_identified, free_masses, make_consistent
 from frischid.export.urdf import NotPhysicalError, export, urdf_source
+from frischid.model.identification import identify
 from frischid.model.model import Model
-from frischid.motions.simulation import Noise
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor
 from frischid.robot.inertia import dynamic_parameters
 from frischid.robot.robot import Robot
@@ -74,6 +76,40 @@ def test_the_command_says_which_masses_are_a_free_choice(tmp_path):
     assert "free: the logs determine this mass only in sums with other parameters" in said
     data = json.loads(CliRunner().invoke(main, [*run[:4], "--json"]).stdout)
     assert data["consistency"]["free_masses"] == ["joint1", "joint2"]
+
+
+QUIET = Noise(tau=1e-3)  # N·m, a hundred thousandth of the largest torque
+
+
+@pytest.mark.parametrize("prior", ["urdf", "none"])
+@pytest.mark.parametrize("name", ["planar2", "ur10"])
+def test_where_the_logs_leave_a_value_open_the_urdfs_own_value_stays(name, prior, tmp_path):
+    """Of a right URDF and logs almost without noise, the exported URDF is the same, in the free directions too."""
+    machine = Robot.load(name)
+    effects = parse_effects("viscous,coulomb,offset")
+    log = simulate(machine, random_fourier(machine, 20.0, seed=3), rate=100.0, effects=effects, noise=QUIET)
+    model = identify(machine, [log], effects=effects, prior=prior, recursion="none").model
+    done = export(model, tmp_path / "robot.urdf")
+    before, after = (machine.nominal.reshape(-1, 10), Robot.load(done.path).nominal.reshape(-1, 10))
+    free = [machine.bodies.index(body) for body in free_masses(done.model)]
+    assert len(free) >= 2
+    assert after[free, 0] == pytest.approx(before[free, 0], rel=2e-3)
+    sizes = before[:, :1] * np.array([1.0, *[0.1] * 3, *[0.01] * 6])
+    assert np.abs((after - before) / sizes).max() < 0.05
+
+
+def test_free_masses_stay_the_urdfs_where_its_centres_of_mass_are_wrong():
+    machine = Robot.load("ur10")
+    links = machine.nominal.reshape(-1, 10).copy()
+    links[:, 1:4] *= np.array([1.0, 0.75, 1.3, 0.8, 1.3, 1.0])[:, None]
+    theta = dict(zip(machine.all_names, links.ravel(), strict=True))
+    effects = parse_effects("viscous,coulomb,offset")
+    log = simulate(
+        machine, random_fourier(machine, 20.0, seed=3), rate=100.0, effects=effects, parameters=theta, noise=QUIET
+    )
+    found = make_consistent(identify(machine, [log], effects=effects, recursion="none").model)
+    assert found.result.reproduces
+    assert found.model.links[:, 0] == pytest.approx(links[:, 0], rel=0.25)  # without the error of masses: 0.48
 
 
 # ---- URDF

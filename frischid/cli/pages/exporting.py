@@ -77,7 +77,8 @@ def _free(model: Model) -> list[str]:
         return []
     return [
         "free: the logs determine this mass only in sums with other parameters. The split nearest to the URDF's links "
-        "was chosen; the torque is the same for any other. Do not read such a mass as measured"
+        "was chosen, with masses near the URDF's own; the torque is the same for any other. Do not read such a mass as "
+        "measured"
     ]
 
 
@@ -94,8 +95,8 @@ def _verdict(found: Consistency) -> str:
     if result.reproduces:
         return (
             f"[bold]physically consistent links found[/bold]: they reproduce the base parameters within their "
-            f"bounds (χ² {result.misfit:.1f} for {len(found.change)} parameters), and are nearest to the URDF's in "
-            "log-det divergence"
+            f"bounds (χ² {result.misfit:.1f} for {len(found.change)} parameters), and are nearest to the URDF's "
+            "links"
         )
     blame = ", ".join(f"{name} ({share:.0f})" for name, share in result.blame[:3])
     return (
