@@ -71,7 +71,8 @@ def _say(found: Explanation, sketch: Sketch, notes: Notebook) -> Sketch:
                 continue
         # Behind a fault without fitted numbers, one with fitted numbers may only take up what the URDF misses anyway.
         behind = not fault.discrete and any(f.discrete for f in found.best.faults)
-        what = f"{fault.what} ({'seen only with the others corrected: check again then' if behind else found.odds})"
+        certainty = "visible only after the other faults are corrected: then check again" if behind else found.odds
+        what = f"{fault.what} ({certainty})"
         notes.add(fault.kind, what, fault.where, "possible" if behind else sure, fault.advice, blocks=fault.blocks)
         notes.fix += fault.fix
     return found.best.sketch

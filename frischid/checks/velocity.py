@@ -166,7 +166,7 @@ def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
             _DEGREES_PER_RADIAN,
             "degrees",
             "velocities are in degrees",
-            "convert it, or leave the column out: it is not used as it is",
+            "convert it, or leave the column out; frischid does not use it now",
             False,
         ),
         (
@@ -180,7 +180,7 @@ def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
             -1.0,
             "velocity sign",
             "it has the wrong sign",
-            "correct it, or leave the column out: it is not used as it is",
+            "correct it, or leave the column out; frischid does not use it now",
             False,
         ),
     ]
@@ -188,7 +188,15 @@ def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
         hit = odd & (np.abs(factor / known - 1) < near)
         _say(notes, hit, factor, kind, words, advice, blocks)
         odd &= ~hit
-    _say(notes, odd, factor, "velocity scale", "a gear ratio or a unit", "correct it; it is not used as it is", False)
+    _say(
+        notes,
+        odd,
+        factor,
+        "velocity scale",
+        "a gear ratio or a unit",
+        "correct it; frischid does not use it now",
+        False,
+    )
 
 
 def _say(
@@ -208,4 +216,4 @@ def _unrelated(correlation: Array, bad: NDArray[np.bool_], seen: NDArray[np.bool
         else:
             what = f"the measured velocity is not the slope of the position (correlation {correlation[i, i]:.2f})"
             kind = "unrelated velocity"
-        notes.add(kind, what, (notes.names[i],), "certain", "check the column names; it is not used as it is")
+        notes.add(kind, what, (notes.names[i],), "certain", "check the column names; frischid does not use it now")

@@ -1,0 +1,68 @@
+"""Blocks that no shell runs hold too: the JSON keys, the C loop, and what is printed about a measured UR10e."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import frischid as fr
+from frischid.cli import main
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def block(page, kind):
+    return re.search(rf"```{kind}\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), flags=re.DOTALL)[1]
+
+
+def small_model(effects="viscous, coulomb"):
+    robot = fr.Robot.load("planar2")
+    log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=100.0, noise=fr.Noise(tau=0.01))
+    return fr.identify(robot, [log], effects=fr.parse_effects(effects), recursion="none").model, log
+
+
+def test_the_page_on_json_shows_the_keys_of_a_headline():
+    shown = json.loads(block("reference/json.md", "json"))
+    model, log = small_model()
+    assert set(shown) == set(fr.headline(model, [log]).to_dict())
+    assert set(shown["alarms"][0]) == {"id", "severity", "sentence", "remedy", "joints", "value", "limit"}
+
+
+@pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")
+def test_the_loop_of_the_page_on_export_compiles(tmp_path):
+    model, _ = small_model("viscous, hysteresis")
+    fr.export(model, tmp_path / "control.c")
+    loop = block("guides/export.md", "text").replace("robot_", "planar2_")
+    caller = f"void loop(const double *q, const double *v, const double *a, double dt, double *tau) {{\n{loop}}}\n"
+    (tmp_path / "loop.c").write_text(f'#include "control.c"\n{caller}', encoding="utf-8")
+    subprocess.run(["cc", "-std=c99", "-Wall", "-Werror", "-c", "loop.c"], cwd=tmp_path, check=True)
+
+
+@pytest.mark.skipif(not os.environ.get("FRISCHID_DATA"), reason="no measured logs")
+def test_what_the_guides_print_about_a_ur10e(tmp_path, monkeypatch):
+    folder = Path(os.environ["FRISCHID_DATA"]) / "ur10e"
+    monkeypatch.chdir(tmp_path)
+    Path("ur10e.toml").write_text(block("robots/ur10e.md", "toml"), encoding="utf-8")
+    names = ("ident_20s_5harm", "ident_20s_10harm", "ident_30s_12harm", "ident_40s_12harm", "ident_50s_12harm")
+    logs = [str(folder / "logs" / f"{name}.parquet") for name in names]
+    tests = {name: str(folder / "logs" / f"{name}_50s_14harm.parquet") for name in ("unloaded", "loaded_2805g")}
+
+    def run(*words):
+        result = CliRunner().invoke(main, [*words, "--map", "ur10e.toml", "--width", "400"])
+        assert result.exit_code in (0, 1), result.output
+        return " ".join(result.output.split())
+
+    run("identify", str(folder / "ur10e.urdf"), *logs, "-o", "model.json")
+    printed = {
+        "guides/payload.md": run("payload", "model.json", tests["loaded_2805g"]),
+        "understand/probability.md": run("diagnose", "model.json", *logs, "--valid", tests["unloaded"]),
+    }
+    for page, output in printed.items():
+        for part in re.split(r"\.\.\.|\[\.\.\.\]|\n(?=\S+ +\S+ +\S+ )", block(page, "text")):
+            words = " ".join(part.strip(" []),\n").split())
+            assert words in output, f"{page}: {words}"
