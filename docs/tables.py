@@ -1,14 +1,15 @@
 """Tables of the README and the site, from the stored results of the benchmark scripts; no figure is typed by hand.
 
-A page holds a pair of marks, ``<!-- table: NAME -->`` and ``<!-- end -->``. What stands between them comes from
-``docs/data/six_robots.json``, which ``python benchmarks/six_robots.py --json docs/data/six_robots.json`` writes.
+A page holds a pair of marks, ``<!-- table: NAME -->`` and ``<!-- end -->``. What stands between them comes from a file
+in ``docs/data``, which a script writes: ``python benchmarks/NAME.py --json docs/data/NAME.json``.
 
-Run ``python docs/tables.py`` after that script; a test fails where a page and the data differ.
+Run ``python docs/tables.py`` after such a script; a test fails where a page and the data differ.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -21,9 +22,9 @@ MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 Row = dict[str, Any]
 
 
-def data() -> dict[str, Any]:
-    """The stored result of the script."""
-    return dict(json.loads((DOCS / "data" / "six_robots.json").read_text(encoding="utf-8")))
+def data(script: str = "six_robots") -> dict[str, Any]:
+    """The stored result of a script."""
+    return dict(json.loads((DOCS / "data" / f"{script}.json").read_text(encoding="utf-8")))
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -124,14 +125,74 @@ def robot_page(row: Row) -> str:
     return "\n".join(parts)
 
 
-def machine() -> str:
-    """Version and machine of the stored result."""
-    stored = data()
+def real_robots() -> str:
+    """Errors of three robots on a test log, with default settings."""
+    head = ("robot", "cut-off", "base parameters", "NRMSE", "with standstill", "URDF + friction", "constant")
+    keys = ("NRMSE", "with standstill", "nominal", "constant")
+    return table(
+        head,
+        [
+            (row["robot"], f"{row['cut-off Hz']:.3g} Hz", str(row["rank"]), *(f"{row[key]:.3f}" for key in keys))
+            for row in data("real_robots")["rows"]
+        ],
+    )
+
+
+def trust() -> str:
+    """Models fitted to one log and tested on another, with the URDF as prior and without."""
+    head = (
+        "robot",
+        "fitted",
+        "tested on",
+        "least squares",
+        "URDF + friction",
+        "URDF as prior",
+        "cross-validated before",
+        "90 % band holds",
+    )
+    rows = [
+        (
+            row["robot"],
+            row["fitted"],
+            row["held against"] + (f", {row['cut-off Hz']:.2g} Hz" if row["fitted"] == "5 logs" else ""),
+            f"{row['least squares']:.3g}" if math.isfinite(row["least squares"] or math.inf) else "no unique fit",
+            *(f"{row[key]:.3f}" for key in ("URDF + friction", "prior", "cross-validated")),
+            f"{100 * row['90 % holds']:.0f} %",
+        )
+        for row in data("trust")["rows"]
+    ]
+    return f"{table(head, rows)}\n{band_in_words()}"
+
+
+def band_in_words(good: float = 0.88) -> str:
+    """How often the band of a prediction holds the share that it promises."""
+    shares = sorted(row["90 % holds"] for row in data("trust")["rows"])
+    few = [f"{100 * x:.0f} %" for x in shares if x < good]
+    most = f"{len(shares) - len(few)} of {len(shares)} pairs"
+    others = f"{', '.join(few[:-1])} and {few[-1]} on the others"
+    return f"The 90 % band holds at least {100 * good:.0f} % of the measurements on {most}, and {others}.\n"
+
+
+def bbrf() -> str:
+    """Speed of the bounding-box recursion."""
+    head = ("arm", "parameters", "direct port, µs per window", "frischid, µs per window", "ratio")
+    keys = ("direct port, µs per window", "frischid, µs per window", "ratio")
+    rows = [(row["robot"], str(row["p"]), *(f"{row[key]:.3g}" for key in keys)) for row in data("bbrf")["rows"]]
+    return table(head, rows)
+
+
+def machine(script: str = "six_robots") -> str:
+    """Version and machine of a stored result."""
+    stored = data(script)
     computer = stored["machine"]
     return (
-        f"*Made by `benchmarks/six_robots.py` with frischid {stored['frischid']}, Python {computer['python']}, "
+        f"*Made by `benchmarks/{script}.py` with frischid {stored['frischid']}, Python {computer['python']}, "
         f"{computer['cores']} cores ({computer['processor']}).*\n"
     )
+
+
+SCRIPTS = {"real_robots": real_robots, "trust": trust, "bbrf": bbrf}
+"""Script -> its table, under which the machine stands."""
 
 
 def pages() -> Iterator[Path]:
@@ -139,6 +200,7 @@ def pages() -> Iterator[Path]:
     yield ROOT / "README.md"
     yield ROOT / "paper" / "paper.md"
     yield from sorted((DOCS / "robots").glob("*.md"))
+    yield from sorted((DOCS / "benchmarks").glob("*.md"))
 
 
 def filled(page: Path) -> str:
@@ -154,6 +216,8 @@ def filled(page: Path) -> str:
             text = six_robots_paper()
         elif name == "machine":
             text = machine()
+        elif name in SCRIPTS:
+            text = f"{SCRIPTS[name]()}\n{machine(name)}"
         else:
             text = robot_page(rows[name])
         return f"{match[1]}\n{text}\n{match[3]}"

@@ -51,9 +51,16 @@ def test_tables_show_the_stored_results():
     tables = script("tables")
     pages = [page for page in tables.pages() if "<!-- table:" in text_of(page)]
     assert README in pages
-    assert len(pages) == 9, "README, the paper, the robots' page, six robots"
+    assert len(pages) == 10, "README, the paper, the robots' page, six robots, accuracy"
     for page in pages:
         assert text_of(page) == tables.filled(page), f"{name_of(page)}: run python docs/tables.py"
+
+
+def test_the_pages_on_bands_say_what_the_table_of_trust_holds():
+    share, pairs = re.search(r"at least (\d+ %).* on (\d+ of \d+) pairs", script("tables").band_in_words()).groups()
+    for name in ("guides/identify.md", "understand/noise-floor.md"):
+        words = " ".join(text_of(DOCS / name).split())
+        assert f"the band holds at least {share} on {pairs} pairs of logs" in words
 
 
 def test_the_table_holds_every_robot_of_the_script(monkeypatch):
