@@ -51,7 +51,7 @@ class Reach:
 
 
 def left_out(model: Model, kind: str) -> tuple[str, ...]:
-    """Effects of a model that MJCF or URDF has no place for."""
+    """Effects of a model that a written MJCF or URDF file leaves out."""
     return tuple(str(e) for e in model.effects if e.id not in FORMAT_EFFECTS[kind] or e.parameters.get("coupled"))
 
 

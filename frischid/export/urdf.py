@@ -71,7 +71,7 @@ class Export:
     >>> done.format, done.difference < 1e-6
     ('URDF', True)
     >>> done.notes
-    ("URDF has no place for offset, rotor_inertia...: the file's robot is without",)
+    ("left out of the URDF file: offset, rotor_inertia...",)
     """
 
     path: Path
@@ -239,7 +239,7 @@ def _notes(model: Model, kind: str) -> list[str]:
         return [STEP_FUNCTION] if CodeModel.of(model).remembers else []
     held, notes = FORMAT_EFFECTS[kind], []
     if left := left_out(model, kind):
-        notes.append(f"{kind} has no place for {', '.join(left)}: the file's robot is without")
+        notes.append(f"left out of the {kind} file: {', '.join(left)}")
     symbols = {"viscous": "fv", "coulomb": "fc", "rotor_inertia": "Ia"}
     negative = [
         f"{symbols[e]} of {joint} ({x:.3g})"

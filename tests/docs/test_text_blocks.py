@@ -65,4 +65,5 @@ def test_what_the_guides_print_about_a_ur10e(tmp_path, monkeypatch):
     for page, output in printed.items():
         for part in re.split(r"\.\.\.|\[\.\.\.\]|\n(?=\S+ +\S+ +\S+ )", block(page, "text")):
             words = " ".join(part.strip(" []),\n").split())
-            assert words in output, f"{page}: {words}"
+            pattern = re.sub(r"\d(?=\\ %)", r"\\d", re.escape(words))  # a last digit depends on the machine
+            assert re.search(pattern, output), f"{page}: {words}"
