@@ -71,7 +71,7 @@ class Export:
     >>> done.format, done.difference < 1e-6
     ('URDF', True)
     >>> done.notes
-    ("left out of the URDF file: offset, rotor_inertia...",)
+    ('left out of the URDF file: offset, rotor_inertia...',)
     """
 
     path: Path
