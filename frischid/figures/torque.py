@@ -183,7 +183,7 @@ def _curves(
                 "hovertemplate": "%{y:.4g} (log %{customdata[1]}, %{customdata[0]:.2f} s)",
             }
         if curve.overlay is not None:
-            own |= {"meta": {"overlay": curve.overlay}, "visible": curve.visible}
+            own |= {"meta": {"overlay": curve.overlay, "residual": curve.panel == 1}, "visible": curve.visible}
         figure.add_scatter(
             x=shared, y=plain(np.insert(curve.values[keep], broken, np.nan)), name=curve.name, line=curve.line,
             mode="lines", yaxis=f"y{curve.panel + 1}" if curve.panel else "y", showlegend=curve.legend, **own,

@@ -8,6 +8,7 @@ security policy in the page forbids every address outside the file.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -104,13 +105,15 @@ def page(found: Study, model_path: str = "model.json") -> str:
         HTML that refers to nothing outside itself.
     """
     warnings = len(found.warnings())
+    alone = replace(found.model, previous=None)  # every earlier step would be as large as the model
     values = {
         "robot": found.model.robot.name,
         "warnings": f"{warnings} warning{'s' * (warnings != 1)}" if warnings else "no warnings",
         "made": _made(found),
         "chapters": [{"anchor": c.anchor, "heading": c.heading, "html": c.html(found, model_path)} for c in CHAPTERS],
         "plotly": Markup(get_plotlyjs()),
-        "model": Markup(text_of(found.model.to_dict(), Path(model_path).parent).replace("<", "\\u003c")),
+        "model": Markup(text_of(alone.to_dict(), Path(model_path).parent).replace("<", "\\u003c")),
+        "steps_left_out": found.model.previous is not None,
         "model_name": Path(model_path).name,
     }
     return render("page.html", values)

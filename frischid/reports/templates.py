@@ -41,8 +41,8 @@ def render(template: str, values: Mapping[str, Any]) -> Markup:
 def spec(drawing: Drawing) -> Markup:
     """A figure as JSON for a script element; "<" is escaped, because it could end the element early.
 
-    Curves often share their x. Where the x of a trace is that of an earlier one, the number of that trace stands in its
-    place, and the page's script puts the values back.
+    Values that the page's script can put back are left out: of a trace with the x of an earlier one, the number of that
+    trace stands for its x; the residual of another model is the measured torque less that model's.
     """
     figure = json.loads(str(drawing.figure.to_json()))
     first: dict[str, int] = {}
@@ -50,4 +50,6 @@ def spec(drawing: Drawing) -> Markup:
         if isinstance(trace.get("x"), dict):
             earlier = first.setdefault(trace["x"]["bdata"], k)
             trace["x"] = trace["x"] if earlier == k else earlier
+        if trace.get("meta", {}).get("residual"):
+            del trace["y"]
     return Markup(json.dumps(figure, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c"))

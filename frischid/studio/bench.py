@@ -51,6 +51,8 @@ class State:
         The model's error: on the logs it was not fitted to, or cross-validated without any.
     diagnosis : Diagnosis or None
         Diagnosis of this model; None until it is finished.
+    first_look : bool
+        Whether the diagnosis is a first look, on one log; the diagnosis on all of them follows.
     problem : str
         Why the diagnosis failed; empty otherwise.
     before : State or None
@@ -63,6 +65,7 @@ class State:
     comparison: Comparison
     headline: Headline
     diagnosis: Diagnosis | None = None
+    first_look: bool = False
     problem: str = ""
     before: State | None = None
 
@@ -203,7 +206,8 @@ class Bench:
         state = self.state
         path = self.output.with_suffix(".html")
         report(
-            state.model, [*self.fit, *self.valid], path, diagnosis=state.diagnosis, model_path=self.output.name,
+            state.model, [*self.fit, *self.valid], path, diagnosis=None if state.first_look else state.diagnosis,
+            model_path=self.output.name,
             progress=lambda text: self._progress(f"report: {text}", 0.5),
         )  # fmt: skip
         self._progress("", 1.0)
@@ -212,7 +216,7 @@ class Bench:
     def look(self) -> None:
         """Diagnose in the background, once per state; the result is a new state."""
         state = self.state
-        if state.diagnosis is not None or self._looked == state.revision or self._closed:
+        if (state.diagnosis is not None and not state.first_look) or self._looked == state.revision or self._closed:
             return
         self._looked = state.revision
 
@@ -233,7 +237,10 @@ class Bench:
         timer.start()
 
     def diagnose(self) -> None:
-        """Find the effects that the present model misses; the diagnosis is abandoned if the model changes meanwhile."""
+        """Find the effects that the present model misses, first along the shortest log, then along all.
+
+        The diagnosis is abandoned if the model changes meanwhile.
+        """
         from frischid.diagnosis.diagnosis import diagnose
 
         state = self.state
@@ -247,6 +254,11 @@ class Bench:
             self._progress(f"looking for missing effects: {name}", len(tried & EFFECTS.keys()) / len(EFFECTS))
 
         try:
+            if len(self.fit) > 1 and state.diagnosis is None:
+                shortest = min(self.fit, key=lambda log: float(log.t[-1] - log.t[0]))
+                self._put(replace(state, diagnosis=diagnose(state.model, [shortest], progress=progress),
+                                  first_look=True), state.revision)  # fmt: skip
+                tried.clear()
             found = diagnose(state.model, self.fit, valid=self.valid, progress=progress)
         except SupersededError:
             return
@@ -254,7 +266,7 @@ class Bench:
             self._progress("", 1.0)
         if self.note:
             found = replace(found, notes=(*found.notes, self.note))
-        self._put(replace(state, diagnosis=found), state.revision)
+        self._put(replace(state, diagnosis=found, first_look=False), state.revision)
 
     def _state(self, model: Model, revision: int) -> State:
         logs = [*self.fit, *self.valid]

@@ -71,7 +71,18 @@ class Findings:
                 self._waiting = None if state.problem else self._listed[0]
                 return
             passing = [f for f in state.diagnosis.findings if f.significant and f.members]
-            told = [f"{missing(state.diagnosis)}.", NUMBERS if passing else "", HOW_RANKED if len(passing) > 1 else ""]
+            rest = len(self.bench.fit) - 1
+            first = (
+                f"A first look, along the shortest log; {rest} more log{'s' * (rest > 1)} will decide in a few seconds."
+                if state.first_look
+                else ""
+            )
+            told = [
+                first,
+                f"{missing(state.diagnosis)}.",
+                NUMBERS if passing else "",
+                HOW_RANKED if len(passing) > 1 else "",
+            ]
             self._listed.append(self.gui.add_markdown(plain(" ".join(filter(None, told)))))
             for finding in passing[:FINDINGS_IN_PANEL]:
                 self._offer(finding, state)

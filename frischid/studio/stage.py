@@ -19,12 +19,12 @@ from frischid.model.prediction import Prediction
 from frischid.robot.robot import Robot
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import thickness_of, urdf_of
+from frischid.studio.colours import LIT, colour_of
 from frischid.studio.track import Track
 
 Colouring = Literal["over all logs", "at this moment"]
 AROUND = 0.25  # s before and after a moment over which the error is averaged
-LIT = (0, 158, 115)  # a joint that a shown finding acts on
-COOL, HOT = np.array([150.0, 170.0, 190.0]), np.array([213.0, 94.0, 0.0])
+THINNER, LONGER = 0.8, 1.35  # radius and height of a joint's cylinder over those of another joint at the same place
 MOMENTS = 30  # moments of the logs at which the camera must show the whole robot
 AHEAD = np.array([-0.8, 0.9, -0.6]) / np.linalg.norm([0.8, 0.9, 0.6])  # direction in which the camera looks
 LETTER = 7.5  # pixels per character of the label's text
@@ -67,8 +67,11 @@ class Stage:
         self.lit: frozenset[str] = frozenset()
         radius = max(min(0.045 * size, 0.3 * self._apart(size)), 1.6 * thickness_of(robot))
         self._above = np.array([0.0, 0.0, 1.4 * radius])  # the label is above its joint, so that both are seen
-        for name in bench.state.model.joints:
-            marker = client.scene.add_cylinder(f"/joints/{name}", radius=radius, height=1.5 * radius)
+        for name, rank in zip(bench.state.model.joints, self._ranks(radius), strict=True):
+            # Joints at one place are drawn as thinner and longer cylinders one within the other: surfaces that lie in
+            # one another would flicker.
+            thin, long = THINNER**rank * radius, 1.5 * LONGER**rank * radius
+            marker = client.scene.add_cylinder(f"/joints/{name}", radius=thin, height=long)
             marker.on_click(partial(_clicked, chosen, name))
             self.markers[name] = marker
         self.turns = {name: _turn(self.urdf.joint_map[name].axis) for name in self.markers}
@@ -121,6 +124,12 @@ class Stage:
         """Present poses of the joints' links, (J, 4, 4)."""
         links = (self.urdf.joint_map[name].child for name in self.bench.state.model.joints)
         return np.array([self.urdf.get_transform(link) for link in links])
+
+    def _ranks(self, radius: float) -> list[int]:
+        """For each joint, the number of joints before it at the same place."""
+        places = self._poses()[:, :3, 3]
+        near = np.linalg.norm(places[:, None] - places[None], axis=2) < radius
+        return [int(near[k, :k].sum()) for k in range(len(places))]
 
     def _apart(self, usual: float) -> float:
         """Distance of neighbouring joints, m; `usual` where there is only one joint."""
@@ -177,13 +186,6 @@ def moment(prediction: Prediction, x: float) -> NDArray[np.bool_]:
     """Samples around a moment of the common axis, (M,)."""
     starts, _ = side_by_side(prediction)
     return np.asarray(np.abs(prediction.t + starts[prediction.log] - x) < AROUND)
-
-
-def colour_of(error: float, top: float) -> tuple[int, int, int]:
-    """Blue-grey without error, vermilion at the largest error `top`."""
-    share = float(np.clip(error / top, 0.0, 1.0))
-    r, g, b = (int(x) for x in COOL + share * (HOT - COOL))
-    return r, g, b
 
 
 def _turn(axis: Array | None) -> Array:

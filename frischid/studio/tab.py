@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 from frischid import figures
 from frischid.figures import Drawing
-from frischid.figures.history import steps_of
 from frischid.figures.torque import TIME_MARGIN, side_by_side
-from frischid.model.events import test_errors
 from frischid.studio.bench import Bench, State, message_of
 from frischid.studio.cursor import line
 from frischid.studio.findings import Findings
 from frischid.studio.frame import WIDTH, Frame
+from frischid.studio.headline_text import error_text, origin_text
+from frischid.studio.legend import legend
 from frischid.studio.track import Track
 from frischid.studio.words import plain
 
@@ -105,6 +105,7 @@ class Tab:
             self.stretch = gui.add_vector2("Shown, from and to, s", (0.0, end), **ends)
             self.joint = gui.add_dropdown("Joint", tuple(joints), initial_value=worst)
             self.colouring = gui.add_dropdown("Colours show the error", ("over all logs", "at this moment"))
+            self.legend = gui.add_html("")
             self.before = gui.add_checkbox("Before the step too", True, visible=False)
             self.torque = self._figure(gui, motion)
             self.cursor = gui.add_html("", order=self.torque.reading.order - 1e-4)
@@ -190,6 +191,7 @@ class Tab:
         """Move the robot, once it is drawn, to its pose at the slider's time."""
         if self.stage is not None:
             self.stage.pose(float(self.time.value), str(self.joint.value), self.colouring.value)
+            self.legend.content = legend(self.stage.top, bool(self.stage.lit))
         first, last = self.stretch.value
         share = (float(self.time.value) - first) / max(last - first, 1e-9)
         share = (share + TIME_MARGIN) / (1 + 2 * TIME_MARGIN)  # the axis has empty ends
@@ -204,27 +206,7 @@ class Tab:
             self.pose()
 
     def _headline(self, state: State) -> None:
-        error = state.headline
-        fall = _last_step(state)
-        kinds = {"severe": "Alarm", "doubt": "Doubt"}
-        alarms = "".join(f"**{kinds[alarm.severity]}:** {plain(str(alarm))}\n\n" for alarm in error.alarms)
-        self.frame.headline.content = (
-            f"{alarms}**{error.grade}** {error.grade_in_words}. "
-            f"The model misses **{100 * error.nrmse:.1f} %** of the torque's standard deviation {error.where} "
-            f"(NRMSE {error.nrmse:.4f}). Sensors alone {100 * error.noise_floor:.1f} %, URDF with fitted friction "
-            f"{100 * error.urdf_nrmse:.0f} %, constant torque {100 * error.constant_nrmse:.0f} %."
-            f"{fall}{self._absent()}{self._origin()}"
-        )
-
-    def _absent(self) -> str:
-        """A note where logs the model was fitted to are missing; otherwise empty."""
-        count = self.bench.absent
-        few = f"{count} log{'s' * (count > 1)} the model was fitted to {'is' if count == 1 else 'are'} not here"
-        return f"\n\n{few}: new effects are fitted without {'it' if count == 1 else 'them'}." if count else ""
-
-    def _origin(self) -> str:
-        """Where the logs that select come from, if not from those given."""
-        return f"\n\n{plain(self.bench.note[:1].upper() + self.bench.note[1:])}." if self.bench.note else ""
+        self.frame.headline.content = f"{error_text(state)}{origin_text(self.bench)}"
 
     def _torque(self) -> None:
         state, joint = self.bench.state, str(self.joint.value)
@@ -337,15 +319,3 @@ class Tab:
     def _sliding(self, joint: str) -> bool:
         robot = self.bench.state.model.robot
         return bool(robot.prismatic[robot.joints.index(joint)])
-
-
-def _last_step(state: State) -> str:
-    """The fall of the error with the last step, on its test logs where there were any; empty without a step."""
-    steps = steps_of(state.model)
-    if len(steps) < 2 or steps[-1][1] is None:
-        return ""
-    event = state.model.history[-1]
-    tested = test_errors(event)
-    before, after = tested if len(tested) == 2 else steps[-1][1:]
-    where = "on the logs not fitted" if len(tested) == 2 else event.get("measured_on", "cross-validated")
-    return f"\n\nLast step, **{plain(steps[-1][0])}**: {before:.4f} → **{after:.4f}** ({plain(str(where))})."

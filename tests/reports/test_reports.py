@@ -472,5 +472,20 @@ def test_a_model_that_is_no_better_than_the_urdf_is_not_proposed_for_use(spring)
 
 def test_a_forecast_is_called_one(spring):
     assert "forecast: with joint_spring" in chapter("verdict", spring[1])
-    assert "Forecast: this error times" in chapter("verdict", spring[1])
+    assert "Forecast: from cross-validation" in chapter("verdict", spring[1])
     assert "orecast" not in chapter("verdict", replace(spring[1], diagnosis=None))
+
+
+def test_the_ladder_shows_the_error_before_the_steps(spring):
+    """Also where the model's file names its logs by the paths of another machine."""
+    shown = spring[1]
+    error = shown.headline
+    elsewhere = replace(error, logs=tuple(f"../elsewhere/{source}" for source in error.logs)).to_dict()
+    first = {"action": "identify", "effects": [], "test": elsewhere | {"nrmse": 0.5}}
+    last = {"action": "add", "effects": ["joint_spring@joint2"], "test_before": 0.5, "test": elsewhere}
+    for history, said in (((first, last), "before joint_spring"), ((first, last, last), "before all added effects")):
+        text = chapter("verdict", replace(shown, model=replace(shown.model, history=history)))
+        assert said in text
+        assert "50.0\u00a0%" in text
+    other = last | {"test": elsewhere | {"nrmse": 2 * error.nrmse}}  # another log of the same name
+    assert "before" not in chapter("verdict", replace(shown, model=replace(shown.model, history=(first, other))))

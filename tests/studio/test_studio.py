@@ -35,9 +35,9 @@ from frischid.studio import stage as stage_module
 from frischid.studio import tab as tab_module
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import urdf_of
+from frischid.studio.colours import colour_of
 from frischid.studio.findings import Findings
 from frischid.studio.frame import PHONE, SHEETLESS, WIDTH
-from frischid.studio.stage import colour_of
 from frischid.studio.tab import plain
 from frischid.studio.track import Track
 
@@ -192,6 +192,31 @@ def test_two_at_once_do_not_corrupt(bench, monkeypatch):
     assert [e["action"] for e in bench.state.model.history] == ["identify", "add"]
 
 
+def test_the_first_findings_come_from_the_shortest_log(case, tmp_path, monkeypatch):
+    robot, logs = Robot.load("planar2"), case[1]
+    short = logs[1].slice(None, 1500)
+    bench = Bench(identify(robot, [logs[0], short], recursion="none").model, [logs[0], short], tmp_path / "model.json")
+    given, real = [], diagnosis.diagnose
+    monkeypatch.setattr(diagnosis, "diagnose", lambda m, fit, **k: given.append(len(fit)) or real(m, fit, **k))
+    seen = []
+    stop = bench.listen(lambda: seen.append(bench.state))
+    bench.diagnose()
+    stop()
+    assert given == [1, 2]
+    assert [state.first_look for state in seen] == [True, False]
+    assert [state.diagnosis.findings[0].effect for state in seen] == ["joint_spring"] * 2
+    assert len({state.revision for state in seen}) == 1  # a click on a first finding counts
+
+
+def test_joints_at_one_place_do_not_share_a_surface():
+    stage = object.__new__(stage_module.Stage)
+    places = np.array([[0, 0, 0], [0, 0, 1], [0, 0, 1], [0, 0, 1.001], [0, 0, 2]], dtype=float)
+    poses = np.tile(np.eye(4), (5, 1, 1))
+    poses[:, :3, 3] = places
+    stage._poses = lambda: poses
+    assert stage._ranks(0.05) == [0, 0, 1, 2, 0]
+
+
 def test_a_diagnosis_of_an_older_model_is_dropped(bench, monkeypatch):
     real = diagnosis.diagnose
 
@@ -318,10 +343,14 @@ def test_a_session_in_the_browser(case, tmp_path):
             page.wait_for_selector("text=torque of joint_spring")
             ((_, tab),) = running.tabs.items()
             assert tab.stage.lit == {"joint2"}
+            legend = page.locator(".frischid-legend")
+            settled(lambda: "acts in the finding shown" in legend.inner_text())
+            assert "joints: error 0 %" in legend.inner_text()
             page.get_by_role("button", name="Add joint_spring").click()
             settled(lambda: error_shown(page) < 0.1 * before)
             page.wait_for_selector("text=Last step, joint_spring")
             assert not tab.stage.lit
+            settled(lambda: "acts in the finding shown" not in legend.inner_text())
             settled(lambda: "before" in page.evaluate(CURVES))
             page.get_by_label("Before the step too").click()
             settled(lambda: "before" not in page.evaluate(CURVES))

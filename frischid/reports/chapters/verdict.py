@@ -20,6 +20,7 @@ from frischid.reports.study import Study, missing
 
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
 STEPS_PROPOSED = 3
+SAME_ERROR = 1e-3  # relative difference of two errors of one model on the same logs: another version may round
 NOT_FOR_USE = ("E", "F")  # grades of models that are hardly better than the URDF
 
 
@@ -52,7 +53,7 @@ def _picture(study: Study) -> str:
 def _ladder(study: Study) -> list[dict[str, Any]]:
     """Errors from a constant torque down to the sensors' noise, with this model among them."""
     error = study.headline
-    more = [(f"before {step}", x, "other") for step, x in _before(study, error)]
+    more = [(name, x, "other") for name, x in _before(study, error)]
     passing = _passing(study)
     if passing:
         best = passing[0]
@@ -86,14 +87,31 @@ def rungs(error: Headline, more: Sequence[tuple[str, float, str]] = ()) -> list[
 
 
 def _before(study: Study, error: Headline) -> list[tuple[str, float]]:
-    """The error before the model's last step, where it was measured on the same logs as the headline."""
-    event = study.model.history[-1] if study.model.history else {}
-    now = headline_of(event) if event else None
-    if now is None or (now.measured, now.logs) != (error.measured, error.logs):
+    """The error before the model's steps, where it was measured on the same logs as the headline.
+
+    Logs are compared by name, because a model's file holds paths of the machine that wrote it; that the model's own
+    error is the same says that the logs are.
+    """
+    steps = [(event, found) for event in study.model.history if (found := headline_of(event)) is not None]
+    if len(steps) < 2 or not _same(steps[-1][1], error):
         return []
+    event, first = steps[-1][0], steps[0][1]
+    if len(steps) > 2 and _names(first) == _names(error) and first.measured == error.measured:
+        return [("before all added effects", first.nrmse)]
     before = event.get("test_before") if error.measured == "test" else selection_errors(event)[0]
     kinds = dict.fromkeys(text.split("(")[0].split("@")[0] for text in event.get("effects", ()))
-    return [] if before is None else [(" + ".join(kinds), float(before))]
+    return [] if before is None else [("before " + " + ".join(kinds), float(before))]
+
+
+def _same(one: Headline, other: Headline) -> bool:
+    """Whether two errors are one model's on the same logs."""
+    alike = abs(one.nrmse - other.nrmse) < SAME_ERROR * other.nrmse
+    return alike and one.measured == other.measured and _names(one) == _names(other)
+
+
+def _names(error: Headline) -> list[str]:
+    """The logs of an error, without their folders."""
+    return [Path(source).name for source in error.logs]
 
 
 def _passing(study: Study) -> list[Finding]:

@@ -28,6 +28,14 @@
   }
   if (shown) [shown, which].forEach((control) => control && control.addEventListener("input", overlay));
 
+  const numbers = (array) => new Float32Array(Uint8Array.from(atob(array.bdata), (c) => c.charCodeAt(0)).buffer);
+  // Measured less the torque of another model, where this model's residual is known.
+  function residual(traces, k) {
+    const of = (name) => numbers(traces.find((t) => t.name === name).y);
+    const model = numbers(traces.find((t) => t.meta && t.meta.overlay === k && t.y).y), own = of("residual");
+    return Array.from(of("measured"), (x, i) => (Number.isNaN(own[i]) ? null : x - model[i]));
+  }
+
   function draw(plot) {
     const dark = wanted.matches && !printing;
     const text = dark ? data.get(plot).replace(/#[0-9a-f]{6}/g, (c) => DARK[c] || c) : data.get(plot);
@@ -36,6 +44,7 @@
     spec.data.forEach((trace) => {
       if (typeof trace.x === "number") trace.x = { ...spec.data[trace.x].x };
       if (trace.meta && "overlay" in trace.meta) trace.visible = trace.meta.overlay === overlaid();
+      if (!("y" in trace)) trace.y = residual(spec.data, trace.meta.overlay);
     });
     const names = spec.data[0] && spec.data[0].type === "heatmap" && spec.layout.xaxis.tickangle !== -90 && spec.data[0].x;
     if (Array.isArray(names)) {

@@ -1,0 +1,42 @@
+"""The text at the top of the page: the model's error, its last step, and notes on the logs."""
+
+from __future__ import annotations
+
+from frischid.figures.history import steps_of
+from frischid.model.events import test_errors
+from frischid.studio.bench import Bench, State
+from frischid.studio.words import plain
+
+
+def error_text(state: State) -> str:
+    """The one error of the model with its references, its alarms, and the fall of the error with the last step."""
+    error = state.headline
+    kinds = {"severe": "Alarm", "doubt": "Doubt"}
+    alarms = "".join(f"**{kinds[alarm.severity]}:** {plain(str(alarm))}\n\n" for alarm in error.alarms)
+    return (
+        f"{alarms}**{error.grade}** {error.grade_in_words}. "
+        f"The model misses **{100 * error.nrmse:.1f} %** of the torque's standard deviation {error.where} "
+        f"(NRMSE {error.nrmse:.4f}). Sensors alone {100 * error.noise_floor:.1f} %, URDF with fitted friction "
+        f"{100 * error.urdf_nrmse:.0f} %, constant torque {100 * error.constant_nrmse:.0f} %."
+        f"{_last_step(state)}"
+    )
+
+
+def origin_text(bench: Bench) -> str:
+    """Notes where logs of the fit are missing, and where the logs that select come from others than those given."""
+    count = bench.absent
+    few = f"{count} log{'s' * (count > 1)} the model was fitted to {'is' if count == 1 else 'are'} not here"
+    absent = f"\n\n{few}: new effects are fitted without {'it' if count == 1 else 'them'}." if count else ""
+    return absent + (f"\n\n{plain(bench.note[:1].upper() + bench.note[1:])}." if bench.note else "")
+
+
+def _last_step(state: State) -> str:
+    """The fall of the error with the last step, on its test logs where there were any; empty without a step."""
+    steps = steps_of(state.model)
+    if len(steps) < 2 or steps[-1][1] is None:
+        return ""
+    event = state.model.history[-1]
+    tested = test_errors(event)
+    before, after = tested if len(tested) == 2 else steps[-1][1:]
+    where = "on the logs not fitted" if len(tested) == 2 else event.get("measured_on", "cross-validated")
+    return f"\n\nLast step, **{plain(steps[-1][0])}**: {before:.4f} → **{after:.4f}** ({plain(str(where))})."
