@@ -20,7 +20,8 @@ from frischid.reports.study import Study, missing
 
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
 STEPS_PROPOSED = 3
-SAME_ERROR = 1e-3  # relative difference of two errors of one model on the same logs: another version may round
+URDF_RUNG = "URDF with fitted friction"
+SAME_NRMSE = 1e-3  # relative difference of two errors of one model on the same logs: another version may round
 NOT_FOR_USE = ("E", "F")  # grades of models that are hardly better than the URDF
 
 
@@ -36,6 +37,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "alarms": study.headline.alarms,
         "warnings": study.warnings(),
         "picture": Markup(_picture(study)),  # the picture escapes its own texts
+        "unfitted": len(study.model.joints) < len(study.model.robot.joints),
         "colours": [{"colour": colour, "text": word} for colour, word in zip(STEPS, WORDS, strict=True)],
     }
 
@@ -59,10 +61,15 @@ def _ladder(study: Study) -> list[dict[str, Any]]:
         best = passing[0]
         after = error.nrmse * best.error_after / best.error_before
         more.append((f"forecast: with {best.effect}", after, "later"))
-    return rungs(error, more)
+    return rungs(error, more, "URDF with this model's friction" if _steps(study) else URDF_RUNG)
 
 
-def rungs(error: Headline, more: Sequence[tuple[str, float, str]] = ()) -> list[dict[str, Any]]:
+def _steps(study: Study) -> bool:
+    """Whether effects were added: the URDF is then compared with these of them that are friction."""
+    return any(event["action"] == "add" for event in study.model.history)
+
+
+def rungs(error: Headline, more: Sequence[tuple[str, float, str]] = (), urdf: str = URDF_RUNG) -> list[dict[str, Any]]:
     """Errors from the largest to the smallest, each with the width of its bar.
 
     Parameters
@@ -70,10 +77,12 @@ def rungs(error: Headline, more: Sequence[tuple[str, float, str]] = ()) -> list[
     error : Headline
     more : sequence of (str, float, str)
         Further errors: name, NRMSE, and ``"other"`` or ``"later"``.
+    urdf : str
+        Name of the URDF's error.
     """
     found = [
         ("constant torque", error.constant_nrmse, "other"),
-        ("URDF with fitted friction", error.urdf_nrmse, "other"),
+        (urdf, error.urdf_nrmse, "other"),
         ("this model", error.nrmse, "model"),
         ("sensors' noise alone", error.noise_floor, "floor"),
         *more,
@@ -105,7 +114,7 @@ def _before(study: Study, error: Headline) -> list[tuple[str, float]]:
 
 def _same(one: Headline, other: Headline) -> bool:
     """Whether two errors are one model's on the same logs."""
-    alike = abs(one.nrmse - other.nrmse) < SAME_ERROR * other.nrmse
+    alike = abs(one.nrmse - other.nrmse) < SAME_NRMSE * other.nrmse
     return alike and one.measured == other.measured and _names(one) == _names(other)
 
 
