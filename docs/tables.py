@@ -181,17 +181,47 @@ def bbrf() -> str:
     return table(head, rows)
 
 
+def excitation_arms() -> str:
+    """Condition numbers of planned motions of whole arms."""
+    head = ("robot", "condition number", "over the best random motion", "processor time, s")
+    keys = ("condition", "ratio", "CPU s")
+    rows = data("excitation_arms")["rows"]
+    return table(head, [(row["robot"], *(f"{row[key]:.2g}" for key in keys)) for row in rows])
+
+
+def excitation() -> str:
+    """The paper's cost (19) of motions of the paper's arm."""
+    head = ("motion", "cost (19)", "the same with fresh noise", "evaluations")
+    rows = [
+        (
+            row["motion"],
+            f"{row['cost']:.2f}",
+            f"{row['fresh noise']:.1f}" if row["fresh noise"] else "–",
+            f"{row['evaluations']:,}",
+        )
+        for row in data("excitation")["rows"]
+    ]
+    return table(head, rows)
+
+
 def machine(script: str = "six_robots") -> str:
     """Version and machine of a stored result."""
     stored = data(script)
     computer = stored["machine"]
+    by = f"`benchmarks/{script.removesuffix('_arms')}.py`"
     return (
-        f"*Made by `benchmarks/{script}.py` with frischid {stored['frischid']}, Python {computer['python']}, "
+        f"*Made by {by} with frischid {stored['frischid']}, Python {computer['python']}, "
         f"{computer['cores']} cores ({computer['processor']}).*\n"
     )
 
 
-SCRIPTS = {"real_robots": real_robots, "trust": trust, "bbrf": bbrf}
+SCRIPTS = {
+    "real_robots": real_robots,
+    "trust": trust,
+    "bbrf": bbrf,
+    "excitation_arms": excitation_arms,
+    "excitation": excitation,
+}
 """Script -> its table, under which the machine stands."""
 
 
