@@ -204,6 +204,25 @@ def excitation() -> str:
     return table(head, rows)
 
 
+def physical_export() -> str:
+    """What physically consistent links cost."""
+    head = ("robot", "links, base parameters", "all consistent", "χ²", "ratio", "truth in bounds")
+    return table(
+        head,
+        [
+            (
+                row["robot"],
+                f"{row['links']}, {row['p']}",
+                "yes" if row["all physical"] else "no",
+                f"{row['χ²']:.1f}",
+                f"{row['ratio']:.3f}",
+                row["truth in bounds"],
+            )
+            for row in data("physical_export")["rows"]
+        ],
+    )
+
+
 def machine(script: str = "six_robots") -> str:
     """Version and machine of a stored result."""
     stored = data(script)
@@ -221,6 +240,7 @@ SCRIPTS = {
     "bbrf": bbrf,
     "excitation_arms": excitation_arms,
     "excitation": excitation,
+    "physical_export": physical_export,
 }
 """Script -> its table, under which the machine stands."""
 
