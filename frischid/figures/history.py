@@ -8,7 +8,7 @@ from frischid.figures.style import BLUE, GREEN, Drawing, drawing
 from frischid.model.events import selection_errors
 from frischid.model.model import Model
 
-CROWD = 6
+CROWD = 4
 """Number of steps above which names and numbers would overlap on a small screen and are shortened or left out."""
 
 

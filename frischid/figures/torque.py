@@ -104,10 +104,10 @@ def measured(
     figure = go.Figure()
     _band(figure, x[keep], prediction.lower[keep, j], prediction.upper[keep, j], prediction.log[keep], "band")
     curves = [
+        *_of_the_overlays(prediction, overlays, j),  # behind the curves of this model
         Curve("measured", prediction.measured[:, j], {"color": MEASURED, "width": 2.6}),
         Curve("model", prediction.fitted[:, j], {"color": BLUE, "width": 1.2}),
         Curve("residual", shown, {"color": VERMILION, "width": 1.0}, 1),
-        *_of_the_overlays(prediction, overlays, j),
     ]
     if motion:
         curves += [
@@ -168,14 +168,14 @@ def _of_the_overlays(prediction: Prediction, overlays: Sequence[Overlay], j: int
 def _curves(
     figure: go.Figure, x: Array, prediction: Prediction, keep: NDArray[np.intp], curves: Sequence[Curve]
 ) -> None:
-    """Draw the kept samples of curves, broken between logs; the first one says the moment within its log."""
+    """Draw the kept samples of curves, broken between logs; the measured one says the moment within its log."""
     log = prediction.log
     broken = breaks(log[keep])
     several = len(prediction.sources) > 1
     shared = plain(np.insert(x[keep], broken, np.nan))
-    for k, curve in enumerate(curves):
+    for curve in curves:
         own: dict[str, Any] = {"hovertemplate": "%{y:.4g}"}
-        if several and k == 0:
+        if several and curve.name == "measured":
             within = np.insert(prediction.t[keep], broken, np.nan)
             number = np.insert(log[keep] + 1.0, broken, np.nan)
             own = {

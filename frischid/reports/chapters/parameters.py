@@ -66,7 +66,7 @@ def _changed(study: Study) -> Table:
     for i in sorted(range(len(matter)), key=lambda i: -matter[i])[:MOST_CHANGED]:
         column, unit = e.columns[i], "–" if e.columns[i].unit == "1" else e.columns[i].unit
         given = "–" if study.nominal is None else number(float(nominal[i]))
-        share = "–" if e.from_data is None else f"{e.from_data[i]:.0%}"
+        share = "–" if e.from_data is None else f"{100 * e.from_data[i]:.0f} %"
         row = [column.name, unit, number(e.theta[i]), number(e.stderr[i], 2), given, number(float(matter[i]), 2), share]
         rows.append([*row, _sum(model.expressions[i])])
     headings = ["parameter", "unit", "value", "± s.e.", "URDF", "off by, s.e.", "from logs", "stands for"]

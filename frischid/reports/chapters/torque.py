@@ -79,13 +79,12 @@ def _by_log(study: Study) -> Table | None:
     """The model's error on each log alone."""
     if len(study.by_log) < TWO:
         return None
-    roles = ["test" if log.source in study.held_out else "fitted" for log in study.logs]
-    headings = [f"{Path(log.source).name} ({role})" for log, role in zip(study.logs, roles, strict=True)]
-    joints = study.comparison.joints.names
-    errors = [{name: joint.nrmse for name, joint in found.joints.items()} for found in study.by_log]
-    rows = [[name, *("–" if name not in found else f"{found[name]:.4f}" for found in errors)] for name in joints]
-    rows.append(["mean", *(f"{found.nrmse:.4f}" for found in study.by_log)])
-    return Table(["joint", *headings], rows, caption=BY_LOG_CAPTION)
+    joints, rows = study.comparison.joints.names, []
+    for log, found in zip(study.logs, study.by_log, strict=True):
+        role = "test" if log.source in study.held_out else "fitted"
+        errors = {name: f"{joint.nrmse:.4f}" for name, joint in found.joints.items()}
+        rows.append([Path(log.source).name, role, *(errors.get(name, "–") for name in joints), f"{found.nrmse:.4f}"])
+    return Table(["log", "role", *figures.short(joints), "mean"], rows, words=2, caption=BY_LOG_CAPTION)
 
 
 def _beside(study: Study) -> Table | None:

@@ -69,8 +69,8 @@
       config.displayModeBar = false;
     }
     if (printing) {
-      // A joint's six figures fit on one sheet, and so does a figure somewhat higher than one.
-      const high = spec.layout.height * (plot.closest("details") ? 0.85 : 1);
+      // Two joints' curves or six residuals fit on one sheet, and so does a figure somewhat higher than one.
+      const high = spec.layout.height * (plot.closest("details, #torque") ? 0.85 : names ? 0.65 : 1);
       const fits = high > SHEET && high < 1.6 * SHEET ? SHEET / high : 1;
       spec.layout.height = high * fits;
       spec.data.forEach((trace) => { if (trace.line) trace.line.width *= fits; });
