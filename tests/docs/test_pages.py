@@ -139,6 +139,18 @@ def test_help_of_every_command(command):
     assert "Usage" in result.output
 
 
+def test_the_page_on_examples_lists_every_notebook():
+    listed = re.findall(r"^\| `(\w+\.ipynb)`", text_of(DOCS / "start" / "examples.md"), flags=re.MULTILINE)
+    assert sorted(listed) == sorted(path.name for path in (ROOT / "examples" / "notebooks").glob("*.ipynb"))
+
+
+def test_the_paper_is_as_short_as_the_journal_asks():
+    body = re.sub(r"^\|.*$|<!--.*?-->", "", text_of(ROOT / "paper" / "paper.md").split("---", 2)[2], flags=re.MULTILINE)
+    assert 250 <= len(body.split()) <= 1000
+    for picture in re.findall(r"\]\((\S+\.(?:png|svg|webp))\)", body):
+        assert any(Path(picture).name in text_of(script) for script in DOCS.glob("*.py")), f"no script draws {picture}"
+
+
 def test_versions_agree():
     version = tomllib.loads(text_of(ROOT / "pyproject.toml"))["project"]["version"]
     assert f"\nversion: {version}\n" in text_of(ROOT / "CITATION.cff")
