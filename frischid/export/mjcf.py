@@ -1,8 +1,8 @@
 """A model in MuJoCo's own format, MJCF, which unlike a URDF can hold rotor inertias, as ``armature``.
 
 The file has the kinematic tree with the identified inertias, and for every joint ``armature``, ``damping`` and
-``frictionloss``, but no shapes. MuJoCo loads the file as it is; its joint and inertial lines can be copied into a
-scene.
+``frictionloss``, and ``stiffness`` and ``springref`` of a linear spring, but no shapes. MuJoCo loads the file as it
+is; its joint and inertial lines can be copied into a scene.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from frischid.core.types import Array
 from frischid.export.names import attribute, number
+from frischid.export.reach import mjcf_springs
 from frischid.model.drive_parameters import drive_parameters
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
@@ -83,6 +84,9 @@ def _joint(model: Model, body: Body) -> str:
         x = model.of_effect(effect, symbol).get(body.joint, 0.0)
         if x > 0:  # MuJoCo refuses negative values; the export's notes name those left out
             parts.append(f'{key}="{number(x)}"')
+    if body.joint in (springs := mjcf_springs(model)):
+        stiffness, place = springs[body.joint]
+        parts.append(f'stiffness="{number(stiffness)}" springref="{number(place)}"')
     return f"<joint {' '.join(parts)}/>"
 
 

@@ -1,9 +1,9 @@
 """Identified numbers in the user's own MJCF: only numbers change; names, actuators, shapes and comments stay.
 
-The text is edited in place: the ``<inertial>`` of the body of every joint, and ``armature``, ``damping`` and
-``frictionloss`` of the joint; of a model with a controller, ``kp`` and ``kv`` of the joint's ``<position>`` actuator
-too (a joint without one gets one). The inertia of bodies that are welded to a body stays theirs; the body gets the
-rest.
+The text is edited in place: the ``<inertial>`` of the body of every joint, and ``armature``, ``damping``,
+``frictionloss`` and a linear spring's ``stiffness`` and ``springref`` of the joint; of a model with a controller,
+``kp`` and ``kv`` of the joint's ``<position>`` actuator too (a joint without one gets one). The inertia of bodies that
+are welded to a body stays theirs; the body gets the rest.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.export.mjcf import actuators, position_attributes
 from frischid.export.names import number
+from frischid.export.reach import mjcf_springs
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
 from frischid.robot.urdf_edit import end_of_tag
@@ -85,7 +86,8 @@ def edited_mjcf(model: Model, path: Path) -> str:
         changes.append(_inertial(data, body, new))
         assert body.joint is not None
         if joint in robot.joints:
-            changes.append(_joint(data, body.joint, _values(model, joint)))
+            values = _values(model, joint) | _spring(model, joint, data)
+            changes.append(_joint(data, body.joint, values))
     if model.controller is not None:
         changes += _positions(model, data)
     for start, end, text in sorted(changes, reverse=True):
@@ -119,6 +121,18 @@ def _positions(model: Model, data: bytes) -> list[tuple[int, int, str]]:
 def _values(model: Model, joint: str) -> dict[str, float]:
     found = {key: model.of_effect(*effect).get(joint) for key, effect in JOINT_EFFECTS.items()}
     return {key: max(x, 0.0) for key, x in found.items() if x is not None}  # MuJoCo refuses negative values
+
+
+def _spring(model: Model, joint: str, data: bytes) -> dict[str, float]:
+    """A linear spring of the joint, its angle in the file's unit: degrees, unless the compiler says radian."""
+    found = mjcf_springs(model).get(joint)
+    if found is None:
+        return {}
+    stiffness, place = found
+    robot = model.robot
+    turns = not robot.prismatic[robot.joints.index(joint)]
+    radian = re.search(rb"<compiler[^>]*\bangle\s*=\s*[\"']radian", data) is not None
+    return {"stiffness": stiffness, "springref": float(np.rad2deg(place)) if turns and not radian else place}
 
 
 def _body_inertia(own: pin.Model, joint: str, body: str, total: Array) -> Array:

@@ -1,6 +1,7 @@
 """What a model can be exported to, and which of its effects each format leaves out.
 
-    C, NumPy: every effect whose class states its columns (all of the catalogue);   MJCF, URDF: friction and armature
+    C, NumPy: every effect whose class states its columns (all of the catalogue);   MJCF, URDF: friction and armature;
+    MJCF: linear springs too, with the joint's torque offset as the angle without torque
 
 Code of a model with memory is a step function: it must be called at every sample, see `frischid.export.code_columns`.
 """
@@ -52,7 +53,34 @@ class Reach:
 
 def left_out(model: Model, kind: str) -> tuple[str, ...]:
     """Effects of a model that a written MJCF or URDF file leaves out."""
-    return tuple(str(e) for e in model.effects if e.id not in FORMAT_EFFECTS[kind] or e.parameters.get("coupled"))
+    held = mjcf_springs(model) if kind == "MJCF" else {}
+    found = []
+    for effect in model.effects:
+        if effect.id in FORMAT_EFFECTS[kind] and not effect.parameters.get("coupled"):
+            continue
+        joints = [name for _, name, _ in effect.acts_on(model.robot)] if effect.id in ("joint_spring", "offset") else []
+        rest = [name for name in joints if name not in held]
+        if not joints or len(rest) == len(joints):
+            found.append(str(effect))
+        elif rest:
+            found.append(str(replace(effect, joints=tuple(rest))))
+    return tuple(found)
+
+
+def mjcf_springs(model: Model) -> dict[str, tuple[float, float]]:
+    """Joint -> stiffness and angle without torque of its linear spring: ``τ = ks q + off = ks (q − springref)``.
+
+    MuJoCo refuses a negative stiffness, so a spring that pushes away from its place is not among them.
+    """
+    offsets, springs = (_values(model, *of) for of in (("offset", "off"), ("joint_spring", "ks")))
+    return {joint: (ks, -offsets.get(joint, 0.0) / ks) for joint, ks in springs.items() if ks > 0}
+
+
+def _values(model: Model, effect: str, symbol: str) -> dict[str, float]:
+    """Values of an effect's parameter by joint, of base parameters alone too."""
+    if model.standard is not None:
+        return model.of_effect(effect, symbol)
+    return {x.joint: x.value for x in model.parameters if x.effect == effect and x.name.startswith(symbol)}
 
 
 def reach_of(model: Model) -> tuple[Reach, ...]:

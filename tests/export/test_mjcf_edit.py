@@ -2,12 +2,14 @@
 
 import re
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 from click.testing import CliRunner
 
 from frischid.cli import main
+from frischid.effects import parse_effects
 from frischid.errors import InputError
 from frischid.export.urdf import export
 from frischid.model.identification import identify
@@ -96,6 +98,39 @@ def test_only_numbers_change_and_they_are_the_identified_ones(path, tmp_path):
         np.testing.assert_allclose(
             again.inverse_dynamics(row[None], 0 * row[None], 0 * row[None])[0], torque, atol=1e-6
         )
+
+
+@pytest.mark.parametrize("unit", ["radian", "degree", ""])
+@pytest.mark.parametrize("into", [True, False])
+def test_mujoco_has_the_torque_of_a_linear_spring(tmp_path, unit, into):
+    text = ARM.replace('range="-2 2"', "").replace(' euler="0 0 0.4"', "")
+    text = text.replace('angle="radian"', f'angle="{unit}"' if unit else "")
+    (tmp_path / "arm.xml").write_text(text)
+    robot = Robot.load(tmp_path / "arm.xml")
+    effects = parse_effects("viscous, coulomb, offset, rotor_inertia, joint_spring@elbow")
+    truth = {"ks2": 3.0, "off2": -0.6, "off1": 0.4}
+    log = simulate(robot, random_fourier(robot, 20, seed=1), rate=100, effects=effects, parameters=truth)
+    model = identify(robot, [log], effects=effects, recursion="none").model
+    done = export(model, tmp_path / "new.xml", into=tmp_path / "arm.xml" if into else None)
+    assert any(note == "left out of the MJCF file: offset@shoulder" for note in done.notes)
+    compiled = mujoco.MjModel.from_xml_path(str(tmp_path / "new.xml"))
+    data = mujoco.MjData(compiled)
+    for q in (-0.5, 0.0, 0.7):
+        data.qpos[:] = (0.3, q)
+        mujoco.mj_forward(compiled, data)
+        expected = done.model.parameter("ks2") * q + done.model.parameter("off2")
+        assert -data.qfrc_passive[1] == pytest.approx(expected, abs=1e-6)
+        assert expected == pytest.approx(3.0 * q - 0.6, abs=0.05)
+        assert data.qfrc_passive[0] == 0
+
+
+def test_a_spring_that_pushes_away_is_left_out(tmp_path, path):
+    robot = Robot.load(path)
+    effects = parse_effects("viscous, coulomb, rotor_inertia, joint_spring@elbow")
+    log = simulate(robot, random_fourier(robot, 20, seed=1), rate=100, effects=effects, parameters={"ks2": -3.0})
+    done = export(identify(robot, [log], effects=effects, recursion="none").model, tmp_path / "new.xml")
+    assert "left out of the MJCF file: joint_spring(form=linear)@elbow" in done.notes
+    assert "stiffness" not in (tmp_path / "new.xml").read_text()
 
 
 def test_the_command_line_takes_mjcf(path, tmp_path):
