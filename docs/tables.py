@@ -223,6 +223,53 @@ def physical_export() -> str:
     )
 
 
+def simulated_motion() -> str:
+    """Error of the simulated position of the EMPS."""
+    head = ("effects", "parameters", "train, mm", "test_pulses, mm")
+    words = {"baseline": "viscous, Coulomb, offset", "published": "published (Janot, Gautier and Brunot 2019)"}
+    rows = [
+        (
+            words.get(row["model"], row["model"].replace("_", " ")),
+            words.get(row["parameters"], f"`{row['parameters']}`"),
+            f"{row['train mm']:.1f}",
+            f"{row['test mm']:.1f}",
+        )
+        for row in data("simulated_motion")["rows"]
+    ]
+    return table(head, rows)
+
+
+def exported_code() -> str:
+    """Time of a call of the exported C."""
+    rows = data("exported_code")["rows"]
+    robots = [key for key in rows[0] if key != "model"]
+    return table(("ns per call", *robots), [(row["model"], *(f"{row[name]:.0f}" for name in robots)) for row in rows])
+
+
+def coverage() -> str:
+    """How often standard errors hold all true parameters at once."""
+    noises = {
+        "white": "white, 1 % of the torque",
+        "memory of 0.1 s": "torque noise with a memory of 0.1 s",
+        "quantised": "quantised encoders, 1.5e-5 rad",
+        "jitter": "time stamps off by 0.5 ms",
+        "all channels": "noise on all channels",
+    }
+    head = ("robot", "noise", "runs", "all parameters inside", "width", "least single parameter within 1.96 s.e.")
+    rows = [
+        (
+            row["robot"],
+            noises.get(row["noise"], row["noise"]),
+            str(row["runs"]),
+            f"{100 * row['cover']:.0f} %",
+            f"{row['width']:.2f}",
+            f"{100 * row['worst']:.0f} %",
+        )
+        for row in data("coverage")["rows"]
+    ]
+    return table(head, rows)
+
+
 def machine(script: str = "six_robots") -> str:
     """Version and machine of a stored result."""
     stored = data(script)
@@ -241,6 +288,9 @@ SCRIPTS = {
     "excitation_arms": excitation_arms,
     "excitation": excitation,
     "physical_export": physical_export,
+    "simulated_motion": simulated_motion,
+    "exported_code": exported_code,
+    "coverage": coverage,
 }
 """Script -> its table, under which the machine stands."""
 
@@ -251,6 +301,7 @@ def pages() -> Iterator[Path]:
     yield ROOT / "paper" / "paper.md"
     yield from sorted((DOCS / "robots").glob("*.md"))
     yield from sorted((DOCS / "benchmarks").glob("*.md"))
+    yield DOCS / "guides" / "export.md"
 
 
 def filled(page: Path) -> str:

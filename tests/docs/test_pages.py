@@ -51,7 +51,7 @@ def test_tables_show_the_stored_results():
     tables = script("tables")
     pages = [page for page in tables.pages() if "<!-- table:" in text_of(page)]
     assert README in pages
-    assert len(pages) == 10, "README, the paper, the robots' page, six robots, accuracy"
+    assert len(pages) == 12, "README, paper, the robots' page, six robots, accuracy, simulated motion, export"
     for page in pages:
         assert text_of(page) == tables.filled(page), f"{name_of(page)}: run python docs/tables.py"
 
