@@ -182,11 +182,14 @@ class Null:
     within: float
 
     @classmethod
-    def of(cls, found: Sequence[Deviation]) -> Null:
-        """Estimate the distribution from robots that are assumed to be alike."""
+    def of(cls, found: Sequence[Deviation], robots: int) -> Null:
+        """Estimate the distribution from robots that are assumed to be alike, in a fleet of so many `robots`.
+
+        A fleet of a dozen stays one of a dozen when robots that differ are taken out.
+        """
         known = [d.inflation for d in found if np.isfinite(d.inflation)]
         within = max(1.0, float(np.median(known))) if known else 1.0
-        if len(found) < LEAST_ROBOTS:
+        if robots < LEAST_ROBOTS:
             return cls(within, None, within)
         median, upper = np.quantile([d.statistic / d.rank for d in found], [0.5, 0.75])
         degrees = np.geomspace(1.0, max(d.rank for d in found), 200)

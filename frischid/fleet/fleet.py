@@ -243,7 +243,7 @@ def _compared(pool: Workers, robots: Mapping[int, Any]) -> tuple[Gram, Estimate,
         found = dict(zip(robots, answers, strict=True))
         if small:
             found = _with_usual(found, small, estimate.weights)
-        null = Null.of([found[k] for k in inside])
+        null = Null.of([found[k] for k in inside], len(robots))
         differ = {k for k, d in found.items() if null.p_value(d, len(robots)) < SIGNIFICANCE}
         # Most robots of a fleet are alike, so never half of them are taken out.
         if differ <= outside or len(differ | outside) * 2 >= len(robots):

@@ -254,8 +254,15 @@ def robot_frame(robot: Robot, carrier: str, wanted: str | None) -> Array:
 
 
 def _model_covariance(model: Model) -> Array:
-    """Covariance of the model's parameters, with the change of friction from day to day."""
+    """Covariance of the model's parameters, with the change of friction from day to day.
+
+    The covariance of a fleet's model comes from few robots and leaves directions without any uncertainty. What one
+    robot of the fleet may differ by is in its information.
+    """
     covariance = np.array(model.estimate.covariance)
+    sizes = np.sqrt(np.diag(covariance))
+    if np.linalg.matrix_rank(covariance / np.outer(sizes, sizes)) < len(covariance):
+        covariance = np.array(np.linalg.inv(model.estimate.information), dtype=np.float64)
     rigid = np.array([column.effect == "rigid" for column in model.estimate.columns])
     change = np.where(rigid, 0.0, FRICTION_CHANGE * np.abs(model.estimate.theta))
     floor = 1e-12 * np.maximum(np.abs(model.estimate.theta), 1e-6) ** 2

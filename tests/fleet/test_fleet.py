@@ -172,12 +172,35 @@ def test_addresses_of_any_file_system(folder, tmp_path):
 
 
 def test_a_small_fleet_has_no_empirical_null(alone):
-    few = Null.of([m.deviation for m in alone.members[3:9]])
+    few = Null.of([m.deviation for m in alone.members[3:9]], 6)
     assert few.freedom is None
     assert few.scale == few.within
-    many = Null.of([m.deviation for m in alone.members[3:]] * 2)
+    many = Null.of([m.deviation for m in alone.members[3:]] * 2, 38)
     assert many.freedom < alone.members[3].deviation.rank
     assert many.scale > many.within
+
+
+@pytest.fixture(scope="module")
+def dozen(folder, arm):
+    """Ten robots that are alike, and two that are not."""
+    chosen = {"r04", "r11", *(f"r{k:02d}" for k in range(13) if k not in (4, 7, 11))}
+    logs = [path for path in find_logs([f"{folder}/{{robot}}/log.parquet"]) if path.robot in chosen]
+    assert len(logs) == 12
+    return identify_fleet(arm, logs, FleetOptions(diagnosed=0))
+
+
+def test_a_dozen_robots_stay_a_dozen_when_some_are_taken_out(dozen):
+    """Before, the ten others were compared by the sensors' noise alone, and seven of them were called different."""
+    different = {m.name for m in dozen.different}
+    assert {"r04", "r11"} <= different
+    assert len(different) <= 3
+
+
+def test_a_fleets_model_weighs_what_one_robot_carries(dozen, folder, arm):
+    """Fewer robots than parameters: the covariance of their mean has directions without any uncertainty."""
+    found = fr.payload(dozen.model, [fr.read_log(folder / "r04" / "log.parquet", arm.joints)])
+    assert abs(found.mass - 1.0) < found.bound["mass"]
+    assert found.bound["mass"] < 0.5
 
 
 def test_standard_errors_are_those_of_a_mean_over_robots(alone):
@@ -246,7 +269,7 @@ def of_small_fleet(robots, seed, change=0.0):
         )
         for x in each
     ]
-    null = Null.of(found)
+    null = Null.of(found, robots)
     return [null.p_value(x, robots) for x in found]
 
 
@@ -279,7 +302,7 @@ def test_the_spread_of_robots_that_move_alike_is_that_of_a_mean(robots):
     whole = total(each)
     fitted = wls([whole])
     found = [deviation([x], whole, fitted.theta, fitted.weights, included=True) for x in each]
-    spread = _with_spread(fitted, whole, found, Null.of(found))
+    spread = _with_spread(fitted, whole, found, Null.of(found, robots))
     np.testing.assert_allclose(spread.covariance, np.cov(values.T) / robots, rtol=1e-6)
 
 
