@@ -123,6 +123,8 @@ class Studio:
             waiting, self._waiting = list(self._waiting.values()), {}
         bench.listen(lambda: self._everywhere(lambda tab: tab.refresh()))
         bench.on_progress(lambda text, share: self._everywhere(lambda tab: tab.progress(text, share)))
+        if waiting:
+            bench.look(delay=0.0)  # while the browser, another process, draws
         for frame in waiting:
             show(frame)
         threading.Thread(target=self._play, daemon=True, name="frischid play").start()

@@ -31,7 +31,7 @@ if TYPE_CHECKING:  # jobs import these modules themselves, so that the first pic
     from frischid.diagnosis.diagnosis import Diagnosis
     from frischid.diagnosis.findings import Finding
 
-DIAGNOSIS_DELAY = 1.0  # s before a diagnosis begins in the background
+DIAGNOSIS_DELAY = 0.2  # s before a diagnosis begins in the background
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,8 +213,8 @@ class Bench:
         self._progress("", 1.0)
         return path
 
-    def look(self) -> None:
-        """Diagnose in the background, once per state; the result is a new state."""
+    def look(self, delay: float | None = None) -> None:
+        """Diagnose in the background, once per state, after `DIAGNOSIS_DELAY` or `delay`, s; the result is a new state."""
         state = self.state
         if (state.diagnosis is not None and not state.first_look) or self._looked == state.revision or self._closed:
             return
@@ -229,7 +229,7 @@ class Bench:
                 self._put(replace(state, problem=message_of(error)), state.revision)
 
         # First the page draws the new state: the diagnosis would take processor time from the drawing.
-        timer = threading.Timer(DIAGNOSIS_DELAY, work)
+        timer = threading.Timer(DIAGNOSIS_DELAY if delay is None else delay, work)
         timer.daemon = True  # Python waits for other threads before it calls `close`
         if not self._looking:
             atexit.register(self.close)
