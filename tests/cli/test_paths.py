@@ -57,7 +57,8 @@ def test_every_parameter_that_names_a_file_has_a_path_type():
     loose = {f"{n}.{p.name}" for n, p in parameters(click.types.StringParamType)} - NO_FILES
     assert loose == set()
     assert {type(p.type) for _, p in parameters(click.Path)} == {InputPath, OutputPath, OutputFolder}
-    outputs = {f"{n}.{p.name}" for n, p in parameters(click.Path) if p.name in ("output", "page", "picture")}
+    written = ("output", "page", "picture", "practice")
+    outputs = {f"{n}.{p.name}" for n, p in parameters(click.Path) if p.name in written}
     assert outputs == {f"{n}.{p.name}" for n, p in parameters((OutputPath, OutputFolder))}
 
 
