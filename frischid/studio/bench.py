@@ -214,7 +214,7 @@ class Bench:
         return path
 
     def look(self, delay: float | None = None) -> None:
-        """Diagnose in the background, once per state, after `DIAGNOSIS_DELAY` or `delay`, s; the result is a new state."""
+        """Diagnose in the background, once per state, after `delay`, s; the result is a new state."""
         state = self.state
         if (state.diagnosis is not None and not state.first_look) or self._looked == state.revision or self._closed:
             return

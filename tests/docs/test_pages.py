@@ -11,6 +11,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from browser import needs_browser, opened, violations
 from click.testing import CliRunner
 
 from frischid import LogMap, PDController
@@ -130,6 +131,17 @@ def test_the_package_of_an_own_effect_is_built_from_the_pages_two_files(tmp_path
     assert announced in wheel.read(entries).decode()
     file, _, name = announced.partition(":")
     assert f"class {name}(" in wheel.read(f"{file}.py").decode()
+
+
+@needs_browser
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (390, "dark")])
+def test_axe_finds_nothing_in_the_guide_to_the_report(tmp_path, width, scheme):
+    pytest.importorskip("material", reason="the extra frischid[docs] is not installed")
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--site-dir", str(tmp_path)]
+    subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
+    with opened((tmp_path / "guides" / "see.html").as_uri(), width=width, scheme=scheme) as seen:
+        assert violations(seen.page) == []
+        assert seen.complaints == []
 
 
 @pytest.mark.parametrize("command", sorted(main.commands))

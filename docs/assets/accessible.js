@@ -1,0 +1,21 @@
+// Names for the theme's landmarks that have none, and none twice: screen readers list them by name.
+"use strict";
+(() => {
+  const NAMES = { ".md-code__nav": "Code", ".md-search[role=dialog]": "Search", "nav.md-nav:not([aria-label])": "Menu" };
+  function name() {
+    for (const [selector, word] of Object.entries(NAMES)) {
+      document.querySelectorAll(selector).forEach((element, k) => {
+        if (element.dataset.named) return;
+        element.dataset.named = "1";
+        const label = document.getElementById(element.getAttribute("aria-labelledby"));
+        const said = label ? label.textContent.trim() : word;
+        element.removeAttribute("aria-labelledby");
+        element.setAttribute("aria-label", k ? `${said} ${k + 1}` : said);
+      });
+    }
+  }
+  document.addEventListener("DOMContentLoaded", () => {
+    name();
+    new MutationObserver(name).observe(document.body, { childList: true, subtree: true });
+  });
+})();
