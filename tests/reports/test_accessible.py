@@ -43,3 +43,13 @@ def test_the_keyboard_reaches_every_control(pages):
         found, missed = reached(seen.page)
         assert missed == []
         assert found > 20
+
+
+@needs_browser
+@pytest.mark.parametrize("name", ["before", "after"])
+def test_the_first_screen_answers_five_questions(pages, name):
+    """How good, compared to what, what is wrong, where, what next: without scrolling, at 1280 × 900."""
+    with opened(pages[name], width=1280, height=900) as seen:
+        for part in (".grade", ".lead", ".ladder", "text=What is wrong, and where", ".robot svg", ".next"):
+            box = seen.page.locator(part).first.bounding_box()
+            assert box["y"] + box["height"] <= 900, part

@@ -355,6 +355,12 @@ def test_a_session_in_the_browser(case, tmp_path):
             page.get_by_label("Before the step too").click()
             settled(lambda: "before" not in page.evaluate(CURVES))
 
+            # zoom: the figure shows the stretch between the two numbers
+            row = page.locator("xpath=//*[normalize-space(text())='Shown, from and to, s']/ancestor::*[.//input][1]")
+            row.locator("input").nth(1).fill("10")
+            row.locator("input").nth(1).press("Enter")
+            settled(lambda: 9.0 < page.evaluate(SHOWN)[1] < 11.0)
+
             # one log alone: its curves fill the figure, and the robot starts at its beginning
             tab.log.value = "2: log 1"
             settled(lambda: page.evaluate(SHOWN)[0] > 30.0)
