@@ -58,13 +58,16 @@ class ControllerArguments:
                 raise InputError(f"{options}: say which controller has it: --controller pd")
             return None
         found = PDController() if self.controller == "pd" else PDController.load(self.controller)
-        found = replace(found, **{KEYS[name]: _values(name, text, joints) for name, text in self.values.items()})
+        values: dict[str, Any] = {KEYS[name]: _values(name, text, joints) for name, text in self.values.items()}
+        found = replace(found, **values)
         found.check_joints(joints)
         return found
 
 
-def _values(option: str, text: str, joints: Sequence[str]) -> float | dict[str, float]:
+def _values(option: str, text: str, joints: Sequence[str]) -> float | dict[str, float] | None:
     name = f"--{option.replace('_', '-')}"
+    if text == "auto" and option in ("kp", "delay"):
+        return None
     if "=" not in text:
         return number(name, text)
     found: dict[str, float] = {}
@@ -91,11 +94,17 @@ def controller_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="Logs hold commanded positions (qcmd_<joint>) instead of torque: the controller that turns commands "
             "into torque; pd, or a TOML file.",
         ),
-        click.option("--kp", metavar="VALUES", help=f"Its torque per position error, N·m/rad: {each}"),
+        click.option(
+            "--kp",
+            metavar="VALUES",
+            help=f"Its torque per position error, N·m/rad: {each} Unknown ones are found from the URDF's masses.",
+        ),
         click.option("--kd", metavar="VALUES", help=f"Its torque per velocity error, N·m·s/rad: {each}"),
         click.option("--effort-limit", metavar="VALUES", help=f"Its largest torque, N·m: {each}"),
         click.option("--dead-band", metavar="VALUES", help=f"Position error below which it rests, rad: {each}"),
-        click.option("--delay", metavar="VALUES", help=f"Age of a command when it acts, s: {each}"),
+        click.option(
+            "--delay", metavar="VALUES", help=f"Age of a command when it acts, s: {each} auto finds one for all joints."
+        ),
     ]
     wrapped: Callable[..., Any] = collected
     for option in reversed(options):

@@ -161,7 +161,7 @@ def map_estimate(
         used = weights * np.einsum("jab,ba->j", problem.G, C)
         residual = problem.squares(x) / problem.counts * rows / np.maximum(rows - used, 0.05 * rows)
         updated = np.maximum(np.minimum(residual, limit), floor)
-        fresh = _scales(problem, x, C, rule)
+        fresh = link_scales(prior, x[:count] - prior.mean, np.diag(C)[:count], rule)
         done = np.allclose(updated, variance, rtol=SETTLED) and all(
             abs(fresh[g] - s) <= SETTLED * s for g, s in scales.items()
         )
@@ -262,13 +262,21 @@ def map_folds(blocks: Sequence[Gram], mapping: Array, estimate: MapEstimate) -> 
     return tuple(_folds(problem, blocks, weights, problem.precision(estimate.prior.scales)))
 
 
-def _scales(problem: MapProblem, x: Array, C: Array, rule: ScaleRule) -> dict[str, float]:
-    """Scale of each group by evidence."""
-    prior, found = problem.prior, {}
-    known = np.diag(C)[: len(prior.names)]
-    off = ((x[: len(prior.names)] - prior.mean) ** 2 + known) / prior.spread**2
+def link_scales(prior: ParameterPrior, off: Array, known: Array, rule: ScaleRule) -> dict[str, float]:
+    """Scale of each link's prior by evidence.
+
+    Parameters
+    ----------
+    prior : ParameterPrior
+    off : ndarray, shape (C,)
+        Parameters less their prior means.
+    known : ndarray, shape (C,)
+        Their posterior variances.
+    rule : ScaleRule
+    """
+    found, squares = {}, (off**2 + known) / prior.spread**2
     for group in dict.fromkeys(g for g in prior.group if g):
-        own = off[[g == group for g in prior.group]]
+        own = squares[[g == group for g in prior.group]]
         squared = (own.sum() + rule.freedom) / (len(own) + rule.freedom)
         found[group] = float(np.clip(np.sqrt(squared), rule.least, rule.most))
     return found

@@ -58,18 +58,7 @@ class MapProblem:
 
     def solve(self, H: Array, b: Array) -> Array:
         """Minimise ½ xᵀHx − bᵀx over the variables' bounds."""
-        scale = 1.0 / np.sqrt(np.diag(H))
-        try:
-            L = linalg.cholesky(H * np.outer(scale, scale), lower=True)
-        except linalg.LinAlgError as error:
-            raise IdentifiabilityError("the log and the prior together leave a parameter undetermined") from error
-        target = linalg.solve_triangular(L, b * scale, lower=True)
-        x = linalg.solve_triangular(L, target, lower=True, trans="T")
-        if (x[self.bounded] < 0).any():
-            lower = np.where(self.bounded, 0.0, -np.inf)
-            x = optimize.lsq_linear(L.T, target, (lower, np.inf), method="bvls").x
-            x[self.bounded] = np.maximum(x[self.bounded], 0.0)
-        return np.asarray(x * scale)
+        return bounded_minimum(H, b, self.bounded)
 
     def covariance(self, H: Array, free: NDArray[np.bool_] | None = None) -> Array:
         """H⁻¹, of the free variables only where they are given."""
@@ -79,3 +68,25 @@ class MapProblem:
         unit = (H * np.outer(scale, scale))[np.ix_(kept, kept)]
         C[np.ix_(kept, kept)] = linalg.cho_solve(linalg.cho_factor(unit), np.eye(len(kept)))
         return np.asarray(C * np.outer(scale, scale))
+
+
+def bounded_minimum(H: Array, b: Array, bounded: NDArray[np.bool_]) -> Array:
+    """Minimise ½ xᵀHx − bᵀx over x with x ≥ 0 where `bounded`.
+
+    Raises
+    ------
+    IdentifiabilityError
+        H is singular.
+    """
+    scale = 1.0 / np.sqrt(np.diag(H))
+    try:
+        L = linalg.cholesky(H * np.outer(scale, scale), lower=True)
+    except linalg.LinAlgError as error:
+        raise IdentifiabilityError("the log and the prior together leave a parameter undetermined") from error
+    target = linalg.solve_triangular(L, b * scale, lower=True)
+    x = linalg.solve_triangular(L, target, lower=True, trans="T")
+    if (x[bounded] < 0).any():
+        lower = np.where(bounded, 0.0, -np.inf)
+        x = optimize.lsq_linear(L.T, target, (lower, np.inf), method="bvls").x
+        x[bounded] = np.maximum(x[bounded], 0.0)
+    return np.asarray(x * scale)

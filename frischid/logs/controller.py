@@ -33,6 +33,7 @@ Gains = float | Mapping[str, float]
 """One value for all joints, or a value for each joint named."""
 MOST_DELAY_STEPS = 50
 """Steps of a log. A command that is older than this says nothing about the joint's motion now."""
+_ROUNDED_STEP = 1e-3  # of a step
 _SPLINE_SAMPLES = 20
 """Samples beyond which a cubic spline's slope no longer depends on a sample: its influence falls by 0.27 a sample."""
 
@@ -51,8 +52,12 @@ class PDController:
         Largest torque, N·m (N); None: none.
     dead_band : float or mapping of str to float
         Position error below which the servo does not push, rad (m).
-    delay : float or mapping of str to float
-        Age of a command when it acts, s.
+    delay : float, mapping of str to float, or None
+        Age of a command when it acts, s; None: unknown, `frischid.identify` finds one delay of all joints.
+    kp_doubt : float or mapping of str to float
+        Standard error of a kp that was found, as a share of it; 0: the kp was given.
+    delay_doubt : float or mapping of str to float
+        Standard error of a delay that was found, s; 0: the delay was given.
 
     Raises
     ------
@@ -75,12 +80,14 @@ class PDController:
     kd: Gains = 0.0
     limit: Gains | None = None
     dead_band: Gains = 0.0
-    delay: Gains = 0.0
+    delay: Gains | None = 0.0
+    kp_doubt: Gains = 0.0
+    delay_doubt: Gains = 0.0
 
     def __post_init__(self) -> None:
         for rule in fields(self):
             given = getattr(self, rule.name)
-            if given is None and rule.name in ("kp", "limit"):
+            if given is None and rule.name in ("kp", "limit", "delay"):
                 continue
             values = dict(given) if isinstance(given, Mapping) else {"": given}
             for joint, value in values.items():
@@ -89,12 +96,20 @@ class PDController:
 
     def __str__(self) -> str:
         """The controller as the command line writes it."""
-        return f"pd({', '.join(f'{name} {_shown(value)}' for name, value in self.to_dict().items())})"
+        shown = [f"{name} {_shown(x)}" for name, x in self.to_dict().items() if not name.endswith("_doubt")]
+        return f"pd({', '.join(shown)})"
 
-    @property
-    def known(self) -> bool:
-        """Whether kp is known, so that commands become torques."""
-        return self.kp is not None
+    def knows_gain(self, joint: str) -> bool:
+        """Whether the kp of a joint is known, so that its commands become torques."""
+        return self.kp is not None and (not isinstance(self.kp, Mapping) or joint in self.kp)
+
+    def gain(self, joint: str) -> float:
+        """The kp of a joint, N·m/rad (N/m)."""
+        return float(self.values("kp", [joint])[0])
+
+    def gain_doubt(self, joint: str) -> float:
+        """Standard error of a joint's kp, as a share of it; 0 where the kp was given."""
+        return float(self.values("kp_doubt", [joint])[0])
 
     def check_joints(self, joints: Iterable[str]) -> None:
         """Refuse a value of a joint that the robot does not have.
@@ -115,15 +130,17 @@ class PDController:
 
         Parameters
         ----------
-        name : {"kp", "kd", "limit", "dead_band", "delay"}
+        name : {"kp", "kd", "limit", "dead_band", "delay", "kp_doubt", "delay_doubt"}
         joints : sequence of str
 
         Raises
         ------
         InputError
-            kp is not known, or not known of one of the joints.
+            kp is not known, or not known of one of the joints; or the delay is not known.
         """
         given, missing = getattr(self, name), {"limit": np.inf}.get(name, 0.0)
+        if given is None and name == "delay":
+            raise InputError("the controller's delay is not known: identify finds it (--delay auto), or give it in s")
         if given is None:
             given = {}
         if not isinstance(given, Mapping):
@@ -132,14 +149,15 @@ class PDController:
         if name == "kp" and absent:
             raise InputError(
                 f"the controller's kp of {', '.join(absent)} is not known: give --kp JOINT=VALUE (kp={{...}}) for each "
-                "joint that takes commands, or one value for all; with --kp 1 --prior none all values are ratios to kp"
+                "joint that takes commands, or one value for all"
             )
         return np.array([float(given.get(j, missing)) for j in joints])
 
     def drive(self, log: Log) -> Log:
         """The log with the torque that the controller gives.
 
-        A joint whose torque was measured keeps it, and so does a joint without commands.
+        A joint whose torque was measured keeps it, and so does a joint without commands. Samples before the first
+        command acts are left out: the commands that act there were not recorded.
 
         Parameters
         ----------
@@ -162,7 +180,9 @@ class PDController:
         tau = np.full(log.q.shape, np.nan) if log.tau is None else log.tau.copy()
         tau[:, columns] = self._torque(log, columns)
         said = f"torque of {len(columns)} joints from their commands by the controller {self}"
-        return replace(log, tau=tau, sha256=log.identity, notes=(*log.notes, said))
+        late = float(self.values("delay", [log.joints[j] for j in columns]).max())
+        early = log.t - late < log.t[0] - _ROUNDED_STEP / log.rate  # the commands that act there were not recorded
+        return replace(log, tau=tau, sha256=log.identity, notes=(*log.notes, said)).slice(int(early.sum()))
 
     def _torque(self, log: Log, columns: list[int]) -> Array:
         joints = [log.joints[j] for j in columns]
@@ -245,8 +265,8 @@ def _driven_recording(log: Recording, controller: PDController) -> Recording:
         tail: Log | None = None
         for chunk in log.read(samples):
             whole = chunk if tail is None else joined(tail, 0, chunk)
-            before = len(whole) - len(chunk)
-            yield controller.drive(whole).slice(before)
+            driven_whole = controller.drive(whole)
+            yield driven_whole.slice(int(np.searchsorted(driven_whole.t, chunk.t[0])))
             tail = whole.slice(-min(len(whole), MOST_DELAY_STEPS + _SPLINE_SAMPLES))
 
     return replace(log, read=read)
@@ -303,6 +323,8 @@ def _check(name: str, joint: str, value: Any) -> None:
 
 
 def _shown(value: Any) -> str:
+    if value is None:
+        return "unknown"
     if isinstance(value, Mapping):
         same = set(value.values())
         if len(same) == 1:

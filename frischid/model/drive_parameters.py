@@ -2,10 +2,12 @@
 
     τ = kp (q_cmd(t − delay) − q) − kd q̇ − fv q̇ − fc sign(q̇),     inertia about the joint = links + armature
 
-Each value has one of four states. *identified*: the logs gave most of what is known, and the 95 % range excludes zero.
+Each value has one of five states. *identified*: the logs gave most of what is known, and the 95 % range excludes zero.
+*as a ratio*: the same holds of the value over kp, where kp was found from the URDF's masses; the value's own range also
+holds the doubt about kp.
 *in a sum*: the logs show the value only together with others (``Izz1 + Ia1 + 0.25 m2``); the URDF divides the sum.
 *open*: otherwise; every value of the range explains the logs, so that the range is an honest domain to randomise over.
-*given*: the user named the value. Values of a model from commands are ratios to kp, which gives the scale. And where a
+*given*: the user named the value. Where a
 drive damps its own joint, logs show ``kd + fv`` only: fv is the rest after the kd that was named.
 """
 
@@ -20,7 +22,7 @@ import numpy as np
 from frischid.effects import columns_of
 from frischid.model.model import Model
 
-Known = Literal["identified", "in a sum", "open", "given"]
+Known = Literal["identified", "as a ratio", "in a sum", "open", "given"]
 REACH = 1.96
 """Standard errors on either side of a value that hold 95 % of a normal distribution."""
 LEAST_FROM_LOGS = 0.5
@@ -47,9 +49,10 @@ class DriveParameter:
     value : float
     lower, upper : float
         Range that holds the true value in 95 % of cases, without impossible signs.
-    known : {"identified", "in a sum", "open", "given"}
+    known : {"identified", "as a ratio", "in a sum", "open", "given"}
     of : str
-        The sum that the logs show, for a value that is known in a sum; otherwise empty.
+        What the logs show: the sum for a value that is known in a sum, the ratio to kp with its 95 % range for a value
+        that is known as a ratio; otherwise empty.
     """
 
     joint: str
@@ -90,21 +93,37 @@ def drive_parameters(model: Model) -> tuple[DriveParameter, ...]:
     values = _values(model)
     found: list[DriveParameter] = []
     for joint in model.joints:
-        found += _given(model, joint)
+        found += _of_controller(model, joint)
+        doubt = 0.0 if model.controller is None else model.controller.gain_doubt(joint)
         for quantity, (effect, symbol) in DRIVE_EFFECTS.items():
             for column, value, spread, share in values:
                 if (column.joint, column.effect) != (joint, effect) or column.name.rstrip("0123456789") != symbol:
                     continue
-                lower, upper = max(0.0, value - REACH * spread), max(0.0, value + REACH * spread)
-                seen = lower > 0 and share >= LEAST_FROM_LOGS
+                seen = value > REACH * spread and share >= LEAST_FROM_LOGS
                 of = "" if seen else _sum_with(model, column.name)
                 known: Known = "identified" if seen else "in a sum" if of else "open"
+                if seen and doubt > 0:
+                    known, of = "as a ratio", _ratio(model, joint, quantity, value, spread)
+                lower, upper = _range(value, np.hypot(spread, doubt * value))
                 found.append(DriveParameter(joint, quantity, column.unit, max(0.0, value), lower, upper, known, of))
     return tuple(found)
 
 
-def _given(model: Model, joint: str) -> list[DriveParameter]:
-    """Values that the user named, and the URDF's limit where no other is known."""
+def _range(value: float, stderr: float) -> tuple[float, float]:
+    """The 95 % range of a value that is not negative."""
+    return max(0.0, value - REACH * stderr), max(0.0, value + REACH * stderr)
+
+
+def _ratio(model: Model, joint: str, quantity: str, value: float, spread: float) -> str:
+    """A value over kp, which the logs show although kp is doubtful."""
+    assert model.controller is not None
+    kp = model.controller.gain(joint)
+    low, high = _range(value / kp, spread / kp)
+    return f"{quantity} / kp = {value / kp:.4g} ({low:.4g} … {high:.4g})"
+
+
+def _of_controller(model: Model, joint: str) -> list[DriveParameter]:
+    """Gains and delay that the user named or that were found, and the URDF's limit where no other is known."""
     pd, robot = model.controller, model.robot
     if pd is None:
         return []
@@ -120,8 +139,14 @@ def _given(model: Model, joint: str) -> list[DriveParameter]:
         value = float(pd.values(name, [joint])[0])
         if quantity == "effort_limit" and not np.isfinite(value):
             value = float(robot.limits.effort[robot.joints.index(joint)])
+        lower, upper = value, value
+        known: Known = "given"
+        if quantity == "stiffness" and (doubt := pd.gain_doubt(joint)) > 0:  # κ = 1/kp has the symmetric range
+            lower, upper, known = value / (1 + REACH * doubt), value / (1 - REACH * doubt), "identified"
+        if quantity == "delay" and (doubt := float(pd.values("delay_doubt", [joint])[0])) > 0:
+            (lower, upper), known = _range(value, doubt), "identified"
         if np.isfinite(value):
-            found.append(DriveParameter(joint, quantity, units[quantity], value, value, value, "given"))
+            found.append(DriveParameter(joint, quantity, units[quantity], value, lower, upper, known, ""))
     return found
 
 

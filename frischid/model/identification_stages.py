@@ -31,6 +31,7 @@ from frischid.logs.recording import Motions, Recording, check_logs
 from frischid.logs.summary import Data, LogSummary, held_by, summarise, torque_joints
 from frischid.model.identify_options import IdentifyOptions
 from frischid.model.log_examination import check_cutoff, refuse_worthless, report_issues
+from frischid.model.unknown_drive import known_controller
 from frischid.regression.accumulation import accumulate, streaming_qr
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Blocks, Gram, total
@@ -191,6 +192,8 @@ def read_logs(
     check_logs(logs, valid)
     if options.controller is not None:
         options.controller.check_joints((*robot.joints, *robot.locked))
+        journal.progress("the controller's gains and delay")
+        options = replace(options, controller=known_controller(robot, logs, options, journal.notes))
     logs, valid = driven(logs, options.controller), driven(valid, options.controller)
     robot, locked = held_by(robot, logs)
     journal.notes += locked

@@ -21,7 +21,8 @@ from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion, prepare
 from frischid.logs.recording import brief, chunks_of, preview_of
 from frischid.logs.summary import Data, check_usable, held_by
-from frischid.model.identify_options import Cutoff
+from frischid.model.identify_options import Cutoff, IdentifyOptions
+from frischid.model.unknown_drive import known_controller
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
@@ -61,8 +62,10 @@ def check(robot: Robot, logs: Sequence[Data], *, controller: PDController | None
     """
     if controller is not None:
         controller.check_joints((*robot.joints, *robot.locked))
-    logs = driven(logs, controller)
+    found: list[str] = []
+    logs = driven(logs, known_controller(robot, logs, IdentifyOptions(controller=controller), found))
     robot, locked = held_by(robot, logs)
+    locked += found
 
     @cache
     def reduction() -> Reduction:

@@ -120,6 +120,8 @@ class ControllerRecord(Struct, forbid_unknown_fields=True, frozen=True, omit_def
     limit: float | dict[str, float] | None = None
     dead_band: float | dict[str, float] = 0.0
     delay: float | dict[str, float] = 0.0
+    kp_doubt: float | dict[str, float] = 0.0
+    delay_doubt: float | dict[str, float] = 0.0
 
 
 class EventLogRecord(Struct, frozen=True):

@@ -42,8 +42,9 @@ def _cell(x: DriveParameter | None) -> str:
 
 MEANING = (
     "in brackets: the 95 % range; open: the logs leave the value open within this range; in a sum: the logs show the "
-    "value only together with the links' (--parameters lists the sums), and the URDF divides the sum. Values are those "
-    "at the named gains: all of them grow in proportion to kp. A drive that damps its own joint shows kd + viscous "
+    "value only together with the links' (--parameters lists the sums), and the URDF divides the sum; as a ratio: the "
+    "logs show the value over kp more exactly than the value (--json has the ratio). All values grow in proportion to "
+    "kp. A drive that damps its own joint shows kd + viscous "
     "friction only: viscous is the rest after kd"
 )
 """Explanation below the table, for a model with a controller."""

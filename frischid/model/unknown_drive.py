@@ -1,0 +1,236 @@
+"""Gains and delay of a controller that the user could not name, from logs of commanded positions.
+
+    q_cmd,j(t − d) − q_j = κ_j Y_j θ + noise,     κ_j = 1 / kp_j
+
+*Gains.* The URDF's links are the scale (`frischid.estimators.torque_scale`): a gain is known as well as the links are
+that move with its joint. Gains that the user named are a scale too.
+
+*Delay.* A command that acts late shifts the signal. One delay d serves all joints. It minimises twice the negative log
+likelihood L(d) of the signals. Its variance is 2 / L''(d) + h² / 12 + (d − d_r)² / 1.96²: a log with the step h does
+not show when within a step a command was read, and d_r is the delay at which the residual is the smallest share of the
+signal. L counts the residual as noise of a fixed size. A model's error grows with the torque, and L then prefers the
+delay at which the commands lie nearest to the positions, because the signal is small there. So where d and d_r differ,
+the model's error decides, not the log. A delay whose range reaches zero counts as none.
+
+Without commanded velocities, the drive's own damping kd q̇ and the joint's viscous friction are one: kd then need not be
+known to find kp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import optimize
+
+from frischid.effects import BASELINE
+from frischid.errors import InputError
+from frischid.estimators.torque_scale import TorqueScales, torque_scales
+from frischid.estimators.urdf_prior import urdf_prior
+from frischid.logs.controller import MOST_DELAY_STEPS, Gains, PDController, driven
+from frischid.logs.filters import LowPass
+from frischid.logs.log import Log
+from frischid.logs.recording import Motions, preview_of
+from frischid.logs.summary import Data, held_by, summarise, torque_joints
+from frischid.model.drive_parameters import REACH
+from frischid.model.identify_options import IdentifyOptions
+from frischid.regression.accumulation import accumulate
+from frischid.regression.base_parameters import Reduction
+from frischid.regression.moments import total
+from frischid.regression.regressor import Regressor
+from frischid.regression.structure import structure
+from frischid.robot.robot import Robot
+
+_COARSE = (0, 1, 2, 3, 5, 8, 12, 18, 26, 36, MOST_DELAY_STEPS)  # steps of the log; between them a smooth minimum
+_FINE = 0.25  # steps of the log, for the second derivative
+_SETTLED_STEPS = 0.02  # steps of the log: far below what a log can tell
+
+
+def known_controller(
+    robot: Robot, logs: Sequence[Data], options: IdentifyOptions, notes: list[str]
+) -> PDController | None:
+    """The controller with numbers for everything that the user left open.
+
+    Parameters
+    ----------
+    robot : Robot
+    logs : sequence of Log or Recording
+        Logs to fit, as read.
+    options : IdentifyOptions
+    notes : list of str
+        Gets a sentence on what was found.
+
+    Returns
+    -------
+    PDController or None
+        The options' own controller where nothing is open.
+
+    Raises
+    ------
+    InputError
+        The logs do not determine a gain, or determine it with the wrong sign.
+    """
+    controller = options.controller
+    if controller is None:
+        return None
+    joints = _commanded(robot, logs)
+    open_gains = [n for n in joints if not controller.knows_gain(n)]
+    if not joints or not (open_gains or controller.delay is None):
+        return controller
+    _refuse_torques_beside(controller, [preview_of(log) for log in logs], open_gains)
+    search = _Search(robot, tuple(logs), replace(options, controller=controller), tuple(open_gains))
+    delay: Gains = 0.0
+    if controller.delay is None:
+        found, stderr = search.delay()
+        delay = found if found > REACH * stderr else 0.0
+        notes.append(f"the logs say that commands act {1e3 * found:.3g} ± {1e3 * stderr:.2g} ms late")
+        if not delay:
+            notes[-1] += "; this may be no delay at all, and none is used"
+        controller = replace(controller, delay=delay, delay_doubt=stderr)
+    else:
+        delay = controller.delay
+    if open_gains:
+        controller = _with_gains(controller, open_gains, search.at(delay), search.joints)
+        each = ", ".join(f"{n} {controller.gain(n):.4g} ± {controller.gain_doubt(n):.0%}" for n in open_gains)
+        notes.append(f"kp in N·m/rad (N/m), from the URDF's masses, with one standard error: {each}")
+    return controller
+
+
+def _commanded(robot: Robot, logs: Sequence[Data]) -> list[str]:
+    """Joints whose torque comes from commands."""
+    heads = [preview_of(log) for log in logs]
+    there = {n for head in heads for n in np.compress(head.has("qcmd") & ~head.has("tau"), head.joints)}
+    return [n for n in robot.joints if n in there]
+
+
+def _refuse_torques_beside(controller: PDController, heads: Sequence[Log], joints: Sequence[str]) -> None:
+    """Refuse quantities in N·m beside a position error whose gain is unknown: they cannot be added to it."""
+    for name in joints:
+        damped = controller.values("kd", [name])[0] > 0
+        for head in heads:
+            column = head.joints.index(name) if name in head.joints else None
+            if column is None:
+                continue
+            beside = ["tauff"] if head.has("tauff")[column] else []
+            beside += ["vcmd"] if damped and head.has("vcmd")[column] else []
+            if beside:
+                raise InputError(
+                    f"{head.source}: {beside[0]}_{name} gives a torque beside kp · (q_cmd − q), so kp of {name} cannot "
+                    f"be found from the URDF's masses alone; give --kp '{name}=VALUE', or leave the column out"
+                )
+        if np.isfinite(controller.values("limit", [name])[0]):
+            raise InputError(
+                f"the effort limit of {name} is in N·m (N) and needs its kp: give --kp '{name}=VALUE', or leave "
+                "--effort-limit out where the drive does not reach its limit"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Signals of some logs at any delay."""
+
+    robot: Robot
+    logs: tuple[Data, ...]
+    options: IdentifyOptions
+    open_gains: tuple[str, ...]
+
+    @cached_property
+    def held(self) -> Robot:
+        return held_by(self.robot, self.logs)[0]
+
+    @cached_property
+    def joints(self) -> list[str]:
+        return torque_joints(self.held, self._driven(0.0), self.options.torque_joints, [])
+
+    @cached_property
+    def lowpass(self) -> LowPass:
+        return summarise(self.held, self._driven(0.0), self.joints, self.options.cutoff).lowpass
+
+    @cached_property
+    def columns(self) -> tuple[Regressor, Reduction]:
+        regressor = Regressor(self.held, BASELINE, self.options.reference)
+        return regressor, structure(regressor, self.joints)
+
+    def _driven(self, delay: Gains) -> tuple[Data, ...]:
+        """The logs with the torque of known gains, and the position error where the gain is not known."""
+        given = self.options.controller
+        assert given is not None
+        named = [n for n in self.robot.joints if n not in self.open_gains]
+
+        def of(name: str) -> dict[str, float]:
+            return dict(zip(named, map(float, given.values(name, named)), strict=True))
+
+        known = [n for n in named if given.knows_gain(n)]
+        gains = dict(zip(known, map(float, given.values("kp", known)), strict=True))
+        unit = replace(given, kp=gains | dict.fromkeys(self.open_gains, 1.0), kd=of("kd"), limit=None, delay=delay)
+        return driven(self.logs, replace(unit, limit={n: x for n, x in of("limit").items() if np.isfinite(x)} or None))
+
+    def at(self, delay: Gains) -> TorqueScales:
+        """Gains at a delay."""
+        regressor, reduction = self.columns
+        motions = Motions(self._driven(delay), self.held.joints, self.lowpass, self.options.velocity)
+        blocks = accumulate(regressor, motions, self.lowpass, self.joints, base=reduction.base)
+        whole = total(blocks.described(reduction.base_columns()))
+        prior = urdf_prior(regressor, reduction, whole, self.options.prior_criteria)
+        known = np.array([n not in self.open_gains for n in self.joints])
+        return torque_scales(whole, reduction.mapping, prior, known, self.options.prior_criteria.scale_rule)
+
+    def delay(self) -> tuple[float, float]:
+        """The delay of all joints and its standard error, s."""
+        step = min(1.0 / preview_of(log).rate for log in self.logs)
+        tried: dict[float, TorqueScales] = {}
+
+        def cost(steps: float) -> float:
+            found = tried.setdefault(float(steps), self.at(float(steps) * step))
+            return float(np.log(found.variance).sum())
+
+        coarse = [cost(k) for k in _COARSE]
+        best = int(np.argmin(coarse))
+        if best == len(_COARSE) - 1:
+            raise InputError(
+                f"the likelihood of the logs grows up to a delay of {MOST_DELAY_STEPS} steps "
+                f"({1e3 * step * MOST_DELAY_STEPS:.3g} ms), the longest that is tried: do the commands belong to these "
+                "positions? give --delay"
+            )
+        between = _COARSE[max(best - 1, 0)], _COARSE[best + 1]
+        found = optimize.minimize_scalar(cost, bounds=between, method="bounded", options={"xatol": _SETTLED_STEPS})
+        at = float(found.x) if found.fun < coarse[best] else float(_COARSE[best])
+        centre = max(at, _FINE)  # a delay is not negative
+        curvature = tried[0.0].rows * (cost(centre - _FINE) - 2 * cost(centre) + cost(centre + _FINE)) / _FINE**2
+        widest = MOST_DELAY_STEPS / np.sqrt(12)  # of a delay about which the logs say nothing
+        noise = np.sqrt(2 / curvature) if curvature > 2 / widest**2 else widest
+        relative = min(tried, key=lambda d: float(np.log(tried[d].share).sum()))
+        return at * step, float(np.sqrt(noise**2 + 1 / 12 + ((at - relative) / REACH) ** 2)) * step
+
+
+def _with_gains(
+    controller: PDController, open_gains: Sequence[str], scales: TorqueScales, joints: Sequence[str]
+) -> PDController:
+    """The controller with the gains found; refused where the logs and the URDF leave one open."""
+    gains, doubts, lost = {}, {}, []
+    for name in open_gains:
+        if name not in joints:
+            continue
+        inverse, stderr = (float(x[joints.index(name)]) for x in (scales.inverse, scales.stderr))
+        if inverse < -REACH * stderr:
+            raise InputError(
+                f"{name}: the torque of the URDF's links pushes against the position error q_cmd − q; is the sign of "
+                f"q_{name} or of qcmd_{name} reversed? correct it in the mapping (sign = -1)"
+            )
+        if inverse < REACH * stderr:
+            lost.append(name)
+            continue
+        gains[name], doubts[name] = 1.0 / inverse, stderr / inverse
+    if lost:
+        rest = ",".join(n for n in joints if n not in lost)
+        left = f", or leave its torque out (--torque-joints {rest})" if rest else ""
+        raise InputError(
+            f"kp of {', '.join(lost)} cannot be found: the links in the URDF cause too little of its torque, so they "
+            f"are no scale for it; give its kp, such as that of another joint with the same drive "
+            f"(--kp '{lost[0]}=VALUE'){left}"
+        )
+    named = [n for n in joints if controller.knows_gain(n)]
+    known = dict(zip(named, map(float, controller.values("kp", named)), strict=True))
+    return replace(controller, kp=known | gains, kp_doubt=doubts)
