@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import sys
 from typing import Any
 
@@ -34,6 +35,9 @@ class _Commands(click.Group):
 
     def main(self, *args: Any, **options: Any) -> Any:
         """Run the command line."""
+        # Matrices here have a few hundred rows: a second BLAS thread costs more than it saves, and on a busy machine
+        # threads wait for each other for minutes. OpenBLAS reads the variable when a command loads it.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         prepare_streams()
         return super().main(*args, **options)
 
