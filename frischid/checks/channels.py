@@ -13,8 +13,11 @@ from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.robot.robot import Robot
 
 
-def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = True) -> None:
-    """Report dead, coarse, saturated and held channels and joints that do not move; note each channel's noise."""
+def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = True, still: bool = False) -> None:
+    """Report dead, coarse, saturated and held channels and joints that do not move; note each channel's noise.
+
+    Where the whole arm stands `still`, its torque takes few values, and `check_standing` says that it does not move.
+    """
     moving = np.ptp(log.q, axis=0) >= STANDSTILL_SPAN
     notes.facts["channels"] = [c for c in ("v", "a", "tau", "current") if log.has(c).any()]
     for channel in ("q", "v", "tau", "current") if figures else ():
@@ -27,6 +30,8 @@ def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = T
             [quantum(x, notes.criteria) if yes else np.nan for x, yes in zip(values.T, present, strict=True)]
         )
         notes.per_joint(f"quantum_{channel}", np.where(quanta > 0, quanta, np.nan))
+    if still:
+        return
     if not moving.all():
         notes.add(
             "no motion",

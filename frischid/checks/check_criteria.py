@@ -96,6 +96,20 @@ class CheckCriteria:
     """Usual steps. A stamp farther than this from both its neighbours was never written (uninitialised memory). (CSV
     files with defects)"""
 
+    # ---- an arm at standstill
+    least_rest: float = 1.0
+    """s. A shorter rest is too short to see its torque before and after a push. (pushed; real: UR10e)"""
+    push_seconds: float = 0.25
+    """s. Changes of the torque are averaged over so long, as in the diagnosis of contacts. (pushed)"""
+    push_edge: float = 6.0
+    """Squared standard deviations. A push lasts as long as the averaged change is above this. (pushed)"""
+    push_energy: float = 30.0
+    """Squared standard deviations. A push exceeds this at least once. (pushed; real: silent on the rests of UR10e,
+    TX40, TIAGo and EMPS)"""
+    settling_seconds: float = 0.5
+    """s. A change that begins so soon after the arm has stopped, or ends so soon before it moves again, is the torque
+    that settles, or that breaks the friction. (real: UR10e, TIAGo)"""
+
     # ---- channels
     grid_share: float = 0.5
     """Distinct values per sample. A channel with more distinct values has no grid. (clean: coarse encoder)"""

@@ -27,8 +27,11 @@ from frischid.logs.mapping import TICKS_PER_SECOND
 from frischid.logs.repeated_motion import LEAST_OVERLAP, repeat_of
 
 
-def check_clock(log: Log, notes: Notebook) -> None:
-    """Rate, jitter, gaps, repeated samples, repeated motions, stamps of arrival, unit of time."""
+def check_clock(log: Log, notes: Notebook, *, still: bool = False) -> None:
+    """Rate, jitter, gaps, repeated samples, repeated motions, stamps of arrival, unit of time.
+
+    An arm that stands `still` is no clock, and the gaps between its poses cost nothing.
+    """
     step = np.diff(log.t)
     usual = float(np.median(step))
     notes.facts |= {
@@ -42,6 +45,8 @@ def check_clock(log: Log, notes: Notebook) -> None:
     criteria = notes.criteria
     if 1 / min(usual, mean) < criteria.slowest_rate or 1 / max(usual, mean) > criteria.fastest_rate:
         _wrong_unit(1 / mean, notes)
+        return
+    if still:
         return
     repeated = _repeats(log, criteria)
     notes.facts["repeated_share"] = float(repeated.mean())

@@ -17,12 +17,14 @@ from frischid.checks.lag import check_lag
 from frischid.checks.log_issue import LogReport, Notebook, span
 from frischid.checks.physics import check_physics
 from frischid.checks.sketch import Sketch
+from frischid.checks.standing import check_pushes, check_standing
 from frischid.checks.velocity import check_velocity
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.cutoff_choice import choose_lowpass
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
+from frischid.logs.poses import is_static
 from frischid.logs.preprocessing import Motion, prepare
 from frischid.logs.wraps import unwrapped, wraps_of
 from frischid.regression.base_parameters import Reduction
@@ -101,8 +103,13 @@ def inspect(
             "certain",
             "name the controller that turns commands into torque: --controller pd --kp ... --kd ...",
         )
-    check_clock(log, notes)
-    check_channels(robot, log, notes, figures=not brief)
+    still = is_static(log)
+    check_clock(log, notes, still=still)
+    check_channels(robot, log, notes, figures=not brief, still=still)
+    check_pushes(log, notes)
+    if still:
+        check_standing(log, notes)
+        return notes.report(log.source)
     if any(f.blocks for f in notes.issues):
         return notes.report(log.source)
     if notes.facts.get("stamps_follow", 1.0) < criteria.untrusted_slope:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from frischid.core.array_store import Store, Stored
 from frischid.core.types import Array
 from frischid.effects import State
+from frischid.estimators.held_out import MOST_OF_A_JOINT
 
 Indices = NDArray[np.intp]
 Picked = NDArray[np.int32]
@@ -150,6 +151,8 @@ class JointData:
         samples, cuts = self.motion.t.shape[0], self.motion.cuts
         first = [-(-fold * samples // cuts) for fold in range(cuts + 1)]
         ends = np.searchsorted(self.picked, first).tolist()
+        if np.diff(ends).max() > MOST_OF_A_JOINT * len(self):  # the joints move one after another: cut by own rows
+            ends = [len(self) * fold // cuts for fold in range(cuts + 1)]
         found = zip(range(cuts), map(slice, ends[:-1], ends[1:]), strict=True)
         return [(fold, own) for fold, own in found if own.stop > own.start]
 

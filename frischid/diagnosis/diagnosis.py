@@ -26,6 +26,7 @@ import numpy as np
 from frischid.core.parallel import Workers
 from frischid.core.shown import Shown
 from frischid.diagnosis.contacts import Contact, find_contacts, made_by_something_steady, stretches
+from frischid.diagnosis.contacts_at_rest import contacts_at_rest, said_of
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.findings import Finding, find_effects, refit_finding
@@ -49,6 +50,7 @@ from frischid.effects import EFFECTS
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.excerpt import as_recording, excerpt
 from frischid.logs.log import Log
+from frischid.logs.poses import NOTHING_MOVES, in_motion
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
@@ -85,6 +87,9 @@ class Diagnosis(Shown):
         (small effects, none dominant), ``outside`` (the catalogue) and ``contact``.
     evidence : Evidence
         Numbers from which the probabilities follow.
+    fit : CrossValidator or None
+        The model's fit to the logs that select; None where the arm stands still in all of them, so that only contacts
+        were searched.
 
     Examples
     --------
@@ -113,7 +118,20 @@ class Diagnosis(Shown):
     criteria: DiagnosisCriteria
     probabilities: dict[str, float]
     evidence: Evidence = field(repr=False)
-    validator: CrossValidator = field(repr=False)
+    fit: CrossValidator | None = field(repr=False)
+
+    @property
+    def validator(self) -> CrossValidator:
+        """The model's fit to the logs that select.
+
+        Raises
+        ------
+        InputError
+            The arm stands still in all of them.
+        """
+        if self.fit is None:
+            raise InputError(NOTHING_MOVES)
+        return self.fit
 
     def __repr__(self) -> str:
         named = [f"{f.effect} on {', '.join(f.joints) or 'the robot'}" for f in self.findings if f.significant][:1]
@@ -123,6 +141,8 @@ class Diagnosis(Shown):
     @property
     def remainder(self) -> str:
         """A sentence on the residual error where no effect is found: this error may be more than the sensor noise."""
+        if self.fit is None:
+            return "the arm stands still, and nothing touches it"
         if self.error <= self.criteria.floor_tolerance * self.noise_floor:
             return "no effect is missing: the residual error is that of the sensor noise"
         times = f"{self.error / self.noise_floor:.1f} times" if self.noise_floor > 0 else "more than"
@@ -216,19 +236,53 @@ def diagnose(
     check_logs(logs, valid)
     model.check([*logs, *valid])
     progress("reading logs")
-    parts = [excerpt(log) for log in logs]
+    touched = contacts_at_rest(model, logs)
+    if not in_motion(logs, model.robot.joints):
+        return _at_standstill(model, [*logs, *valid], touched, criteria)
+    parts = [excerpt(log) for log in in_motion(logs, model.robot.joints)]
     searched = [part.log for part in parts]
     validator, state = cross_validator(model, searched, situation, criteria=criteria, workers=workers)
     results = _stages(validator, state, Floor.of(validator), effects, progress)
+    results = replace(results, contacts=(*results.contacts, *touched))
     verdict = decided(results)
     if state == "changed" and effects is None:
         refit = refit_finding(results.validator, results.floor)
         verdict, findings = with_refit(verdict, results.findings, refit)
         results = replace(results, findings=tuple(findings))
-    found = _diagnosis(results, verdict, headline(model, [as_recording(log) for log in valid or logs]))
+    found = _diagnosis(
+        results, verdict, headline(model, [as_recording(log) for log in valid or in_motion(logs, model.robot.joints)])
+    )
     judged = set(validator.joints) & found.headline.joints.keys()
     still = standstill_note([name for name in model.joints if name not in judged])
-    return replace(found, notes=(*found.notes, *filter(None, (still, *(part.said for part in parts)))))
+    said = (still, *said_of(model, logs), *(part.said for part in parts))
+    return replace(found, notes=(*found.notes, *filter(None, said)))
+
+
+def _at_standstill(
+    model: Model, logs: Sequence[Log | Recording], contacts: Sequence[Contact], criteria: DiagnosisCriteria
+) -> Diagnosis:
+    """The result where the arm stands still in all logs: a contact, or nothing."""
+    try:
+        error = headline(model, logs)
+    except InputError:  # one pose shows no error
+        error = headline(model)
+    verdict: Verdict = "contact" if contacts else "none"
+    return Diagnosis(
+        verdict=verdict,
+        situation="always",
+        findings=(),
+        headline=error,
+        error=error.nrmse,
+        noise_floor=error.noise_floor,
+        joints={},
+        contacts=tuple(contacts),
+        notes=("assumed: the robot has not changed since it was identified", NOTHING_MOVES),
+        description=None,
+        criteria=criteria,
+        probabilities={name: float(name == verdict) for name in ("none", "several", "outside", "contact")},
+        evidence=Evidence((), ()),
+        fit=None,
+    )
 
 
 def _stages(
@@ -287,5 +341,5 @@ def _diagnosis(results: StageResults, verdict: Verdict, error_of_model: Headline
         criteria=validator.criteria,
         probabilities=probable,
         evidence=evidence,
-        validator=validator,
+        fit=validator,
     )

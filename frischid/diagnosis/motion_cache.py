@@ -8,6 +8,7 @@ reads a log again, and memory does not grow with the logs (`frischid.core.array_
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -21,12 +22,16 @@ from frischid.diagnosis.candidate_columns import Candidate, ColumnTask, Gathered
 from frischid.diagnosis.change_prior import load_reference
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.effects import Effect, State
+from frischid.estimators.held_out import MOST_OF_A_JOINT
 from frischid.logs.filters import decimating_filter
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor
+
+UNLIKE_THE_OTHERS = 1.5
+"""Share of a joint's rows in one log over that of the average joint, above which the joints move in different logs."""
 
 
 class MotionCache:
@@ -36,7 +41,8 @@ class MotionCache:
     ----------
     model : Model
     logs : sequence of Log or Recording
-        Each log is one fold, up to ``criteria.max_folds``; each motion of a single log is cut into folds.
+        Each log is one fold, up to ``criteria.max_folds``; each motion of a single log is cut into folds, and so are
+        those of logs of which each moves other joints.
     criteria : DiagnosisCriteria, optional
     workers : Workers, optional
         Processes that compute columns of candidates, this process by default.
@@ -77,6 +83,8 @@ class MotionCache:
             for motion in model.motions([log]):
                 self.motions.append(self._cached(motion, fold))
                 self.blocks += self.motions[-1].blocks
+        if _one_joint_a_fold(self.motions):
+            self.motions = [replace(motion, fold=None) for motion in self.motions]
         joints = (self.joint(row, n) for row in range(len(self.active)) for n in range(len(self.motions)))
         self.folds = 1 + max((fold for joint in joints for fold, _ in joint.folds), default=0)
 
@@ -184,6 +192,18 @@ class MotionCache:
     def joint(self, row: int, number: int, left_out: Sequence[tuple[str, float, float]] = ()) -> JointData:
         """Rows of a joint over one motion, without some stretches of time."""
         return JointData(self.motions[number], row, left_out)
+
+
+def _one_joint_a_fold(motions: Sequence[CachedMotion]) -> bool:
+    """Whether most rows of some joint are in one fold, so that the other folds cannot predict this joint."""
+    if any(motion.fold is None for motion in motions):
+        return False
+    counts = np.zeros((1 + max((m.fold or 0 for m in motions), default=0), len(motions[0].counts) if motions else 0))
+    for motion in motions:
+        counts[motion.fold or 0] += motion.counts
+    share = counts / np.maximum(counts.sum(axis=0), 1.0)
+    usual = share.mean(axis=1, keepdims=True)  # of a long log beside a short one the share of all joints is large
+    return bool(((share > MOST_OF_A_JOINT) & (share > UNLIKE_THE_OTHERS * usual)).any())
 
 
 def _same(task: ColumnTask) -> ColumnTask:

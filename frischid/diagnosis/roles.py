@@ -25,6 +25,7 @@ from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.situation import SituationOption, cross_validator
 from frischid.logs.excerpt import excerpt
 from frischid.logs.log import Log
+from frischid.logs.poses import in_motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
 from frischid.model.own_logs import own_logs
@@ -74,6 +75,8 @@ def roles(
     Roles
     """
     model.check([*logs, *valid])
+    if logs and not in_motion(logs, model.robot.joints):
+        return Roles(tuple(logs), tuple(valid), situation, "")
     own = tuple(log for log in logs if model.made_from(log))
     if situation == "changed":
         return Roles(tuple(logs), tuple(valid), situation, "")

@@ -24,6 +24,7 @@ from frischid.diagnosis.change_prior import identification_prior, weak_urdf_prio
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.logs.log import Log
+from frischid.logs.poses import need_motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
 
@@ -61,6 +62,7 @@ def cross_validator(
     InputError
         A log lacks a joint of the model or its torque, or no joint moves.
     """
+    logs = need_motion(logs, model.robot.joints)
     validator = CrossValidator.of(model, logs, weak_urdf_prior(model, criteria), criteria=criteria, workers=workers)
     own = any(model.made_from(log) for log in logs)
     if situation == "auto":

@@ -4,6 +4,10 @@
 
 Neighbouring samples are alike, so stretches are contiguous. Moments subtract, so no data are needed again.
 
+Where the joints move one after another, a stretch of time would hold all rows of one joint, and the others say nothing
+about this joint's friction. Then each joint is cut by its own rows: stretch f holds the f-th part of the rows of every
+joint.
+
 Source: Stone 1974, "Cross-validatory choice and assessment of statistical predictions", J. R. Stat. Soc. B 36(2).
 """
 
@@ -13,6 +17,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
@@ -20,6 +25,8 @@ from frischid.regression.moments import Gram, total
 
 FOLDS = 5
 """Stretches of time that cross-validation leaves out in turn."""
+MOST_OF_A_JOINT = 0.5
+"""Share of a joint's rows in one stretch above which the others cannot tell about this joint. (jointwise logs)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +56,28 @@ def held_out_stretches(blocks: Sequence[Gram]) -> Iterator[Gram]:
         raise IdentifiabilityError(
             "the log is too short to hold any of it out of the fit; record longer than two seconds"
         )
-    for fold in np.array_split(np.arange(len(blocks)), min(FOLDS, len(blocks))):
-        yield total(blocks[fold[0] : fold[-1] + 1])
+    counts = np.array([block.counts for block in blocks])
+    parts = np.array_split(np.arange(len(blocks)), min(FOLDS, len(blocks)))
+    held = np.array([counts[part].sum(axis=0) for part in parts])
+    if (held.max(axis=0) <= MOST_OF_A_JOINT * counts.sum(axis=0)).all():
+        for part in parts:
+            yield total(blocks[part[0] : part[-1] + 1])
+        return
+    before = np.cumsum(counts, axis=0) - counts
+    place = ((before + counts / 2) * len(parts) / np.maximum(counts.sum(axis=0), 1.0)).astype(int)
+    for fold in range(len(parts)):
+        yield _of_joints(blocks, place == fold)
+
+
+def _of_joints(blocks: Sequence[Gram], taken: NDArray[np.bool_]) -> Gram:
+    """Moments of some blocks, chosen for each joint: `taken` (blocks, J)."""
+    found = Gram.zeros(blocks[0].columns, blocks[0].joints)
+    for block, row in zip(blocks, taken, strict=True):
+        if row.any():
+            found.moments[row] += block.moments[row]
+            found.sums[row] += block.sums[row]
+            found.counts[row] += block.counts[row]
+    return found
 
 
 def held_out_variance(folds: Sequence[Fold]) -> Array:

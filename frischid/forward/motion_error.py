@@ -25,6 +25,7 @@ from frischid.forward.commanded_motion import commanded_source, follows_commands
 from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics, Starts
 from frischid.forward.torque_sources import RecordedTorque, TorqueSource
 from frischid.logs.log import Log
+from frischid.logs.poses import need_motion
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording
 from frischid.model.comparison import urdf_parameters
@@ -170,6 +171,7 @@ def compare_simulated(
     if sources is not None and len(sources) != len(logs):
         raise InputError(f"{len(sources)} sources of torque were given for {len(logs)} logs; give one per log")
     model.check(logs)
+    logs = need_motion(logs, model.robot.joints) if sources is None else logs
     if sources is None and all(follows_commands(model.controller, log, model.robot.joints) for log in logs):
         assert model.controller is not None
         sources = [commanded_source(model.controller, log, model.robot.joints) for log in logs]

@@ -37,6 +37,7 @@ from frischid.errors import InputError
 from frischid.forward.motion_error import MotionComparison, compare_simulated
 from frischid.forward.shooting import SMALLEST_PATH, Jacobian, OutputErrorOptions, Shooting
 from frischid.logs.log import Log
+from frischid.logs.poses import need_motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
 
@@ -153,7 +154,7 @@ def output_error(
             "commands; keep the linear answer (--estimator wls), or give a log with torque and no --controller"
         )
     model.check(logs)
-    shooting = Shooting(model, list(model.motions(logs)), options)
+    shooting = Shooting(model, list(model.motions(need_motion(logs, model.robot.joints))), options)
     z = np.zeros(len(model.estimate.theta))
     first = last = _weighted(shooting, z)
     V = np.zeros((len(z), 0))

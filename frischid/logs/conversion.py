@@ -17,6 +17,7 @@ from frischid.core.types import Array
 from frischid.errors import InputError, close_names
 from frischid.logs.log import CHANNELS, Log, check_times, check_values, is_usable
 from frischid.logs.mapping import RADIANS_PER_UNIT, TICKS_PER_SECOND, JointMap, LogMap
+from frischid.logs.restarts import RESTART_GAP, continued
 from frischid.logs.table import Table
 
 SETPOINT = re.compile(r"(?:des|desired|ref|reference|cmd|command|target)_(.+)")
@@ -29,7 +30,13 @@ def first_stamp(table: Table, form: LogMap) -> Any:
 
 
 def log_of_table(
-    table: Table, form: LogMap, joints: Sequence[str] | None, start: Any, digest: str | None = None
+    table: Table,
+    form: LogMap,
+    joints: Sequence[str] | None,
+    start: Any,
+    digest: str | None = None,
+    *,
+    whole: bool = True,
 ) -> Log:
     """Convert the rows of a table to a log.
 
@@ -43,6 +50,8 @@ def log_of_table(
         Stamp that is subtracted if the mapping sets `zero_time`; see `first_stamp`.
     digest : str, optional
         Hash of the file.
+    whole : bool
+        Whether the table is the whole file; only then its time may start anew (`frischid.logs.restarts`).
 
     Raises
     ------
@@ -50,7 +59,7 @@ def log_of_table(
         A column or a value is not usable, or no joint of the robot has a position column.
     """
     notes = list(table.notes)
-    time, t = _time(table, form, start, notes)
+    time, t = _time(table, form, start, notes, whole)
     mapped, ignored = _columns_of_joints(table, form, joints, notes)
     channels: dict[str, Any] = {channel: np.full((t.size, len(mapped)), np.nan) for channel in CHANNELS}
     for j, (joint, columns) in enumerate(mapped.items()):
@@ -80,7 +89,7 @@ def _time_name(table: Table, form: LogMap) -> str:
     return table.find(form.time)
 
 
-def _time(table: Table, form: LogMap, start: Any, notes: list[str]) -> tuple[str, Array]:
+def _time(table: Table, form: LogMap, start: Any, notes: list[str], whole: bool) -> tuple[str, Array]:
     """Name of the time column (empty without one) and the stamps [s]."""
     if form.rate is not None:
         notes.append(f"no time column: {form.rate:g} samples per second, as the mapping says")
@@ -91,6 +100,12 @@ def _time(table: Table, form: LogMap, start: Any, notes: list[str]) -> tuple[str
     raw = table.values(name)
     # A double cannot hold nanoseconds since 1970 exactly: the start is subtracted before integers become doubles.
     t = np.asarray(raw - start if form.zero_time else raw, dtype=np.float64) / TICKS_PER_SECOND[form.time_unit]
+    t, restarts = continued(t) if whole else (t, 0)
+    if restarts:
+        notes.append(
+            f"{name} starts anew {restarts} time{'s' * (restarts > 1)}: the parts follow one another with gaps of "
+            f"{RESTART_GAP:g} s, since nobody knows the time between them"
+        )
     check_times(t, table.source, table.place, name)
     if form.zero_time or form.time_unit != "s" or name != "t":
         zeroed = f", starting from zero ({start[0]} subtracted)" if form.zero_time else ""

@@ -36,6 +36,7 @@ from scipy import signal
 from frischid.core.types import Array
 from frischid.logs.filters import LowPass
 from frischid.logs.log import STANDSTILL_SPAN, Log
+from frischid.logs.poses import is_static
 from frischid.logs.time_grid import retimed, uniform
 
 HARMONICS = 10.0
@@ -52,6 +53,8 @@ ACCELERATION_NOISE = 0.005**2
 Experiment: `benchmarks/cutoff.py`, ten kinds of simulated logs. Error of the identified model over that at the best
 cut-off, geometric mean and worst: 1.18 and 1.7; without this limit 1.85 and 18. The frequency follows its fifth root.
 """
+CUTOFF_AT_REST = 5.0
+"""Hz. Cut-off of a model whose logs hold no motion: a few times the bandwidth of ordinary arms (see the six robots)."""
 MOST_OF_RATE = 0.2
 """Highest cut-off, share of the sampling rate."""
 
@@ -85,13 +88,17 @@ class LogSpectra:
         Of every joint of every log that moves.
     rate : float
         Lowest sampling rate, Hz.
+    at_rest : bool
+        Whether the arm stands still in one of the logs.
     """
 
     joints: tuple[JointSpectrum, ...] = ()
     rate: float = np.inf
+    at_rest: bool = False
 
     def __add__(self, other: LogSpectra) -> LogSpectra:
-        return LogSpectra((*self.joints, *other.joints), min(self.rate, other.rate))
+        at_rest = self.at_rest or other.at_rest
+        return LogSpectra((*self.joints, *other.joints), min(self.rate, other.rate), at_rest)
 
     def noise_share(self, cutoff: float | None) -> float:
         """Share of the filtered acceleration's power that is position noise, 0 to 1, median joint.
@@ -109,7 +116,10 @@ class LogSpectra:
     def lowpass(self) -> LowPass:
         """Filter for all these logs, as the module says."""
         if not self.joints:
-            return LowPass(None, "no joint's motion stands out of its noise")
+            if not self.at_rest:
+                return LowPass(None, "no joint's motion stands out of its noise")
+            cutoff = min(CUTOFF_AT_REST, MOST_OF_RATE * self.rate)
+            return LowPass(float(f"{cutoff:.2g}"), "usual for arms; these logs hold no motion that tells more")
         band, noise, clear = (self._median(name) for name in JointSpectrum._fields)
         wanted = {
             "ten times the motion's bandwidth": HARMONICS * band,
@@ -159,6 +169,8 @@ def spectra_of(log: Log, joints: Sequence[str]) -> LogSpectra:
     -------
     LogSpectra
     """
+    if is_static(log):
+        return LogSpectra((), log.rate, at_rest=True)
     chosen = retimed(log).select(joints)
     t, q, tau = uniform(chosen.t, chosen.q, np.full_like(chosen.q, np.nan) if chosen.tau is None else chosen.tau)
     step = (t[-1] - t[0]) / (len(t) - 1)

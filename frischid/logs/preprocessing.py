@@ -10,6 +10,8 @@ Three linear steps, each symmetric in time so that nothing is delayed:
 
 No end is padded: samples at the ends, where a filter lacks samples on one side, are dropped, and a note counts them.
 
+A log at standstill (`frischid.logs.poses`) has nothing to derive: each of its poses is one sample at rest.
+
 Source: M. Gautier, "Dynamic identification of robots with power model", ICRA 1997.
 """
 
@@ -27,6 +29,7 @@ from frischid.errors import InputError
 from frischid.logs.derivatives import Derivatives
 from frischid.logs.filters import LowPass, derivative_taps
 from frischid.logs.log import Log
+from frischid.logs.poses import is_static, poses_of
 from frischid.logs.standstill import PAUSE, find_standstill
 from frischid.logs.time_grid import breaks_of, largest_gap, retimed, uniform
 from frischid.logs.wraps import unwrapped, wrap_notes
@@ -60,6 +63,8 @@ class Motion:
     measured : (ndarray of bool, ndarray of bool), each shape (J,), optional
         Joints whose q̇, and whose q̈, are channels of the log. Any other q̈ is derived from the measured q̇ where that
         is used, otherwise from the positions. None: everything is derived from the positions.
+    at_poses : bool
+        Whether the samples are poses at standstill: they do not follow one another, and `step` is infinite.
     """
 
     t: Array
@@ -72,10 +77,13 @@ class Motion:
     start: float = 0.0
     extra: Mapping[str, Array] = field(default_factory=dict)
     measured: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None
+    at_poses: bool = False
 
     @property
     def step(self) -> float:
         """Time between samples, s."""
+        if self.at_poses:
+            return np.inf
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
     def middle(self, share: float) -> Motion:
@@ -97,8 +105,10 @@ class Prepared:
     notes: tuple[str, ...]
 
 
-def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto", begin: float | None = None) -> Prepared:
-    """Turn a log into motions: on a uniform grid, with q̇ and q̈, split at gaps.
+def prepare(
+    log: Log, lowpass: LowPass, *, velocity: str = "auto", begin: float | None = None, whole: bool = True
+) -> Prepared:
+    """Turn a log into motions: on a uniform grid, with q̇ and q̈, split at gaps; or into poses, if the arm stands still.
 
     Parameters
     ----------
@@ -111,6 +121,8 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto", begin: float 
         from the positions' derivative by less than the noise of that derivative.
     begin : float, optional
         Time at which the recording began, s, if this log is a later chunk of a recording.
+    whole : bool
+        Whether this log is no chunk of a longer one. A chunk at standstill is no static log.
 
     Returns
     -------
@@ -135,6 +147,8 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto", begin: float 
     if velocity not in VELOCITIES:
         raise InputError(f"velocity must be one of {', '.join(VELOCITIES)}, got '{velocity}'")
     wraps, log = wrap_notes(log), unwrapped(log)
+    if whole and is_static(log):
+        return _at_rest(log, wraps)
     stamped, log = log, retimed(log)
     median = float(np.median(np.diff(log.t)))
     longest = largest_gap(median, lowpass)
@@ -180,6 +194,21 @@ def prepare(log: Log, lowpass: LowPass, *, velocity: str = "auto", begin: float 
     trimmed = reach * median * len(motions) * 2
     notes.append(f"{log.source}: {trimmed:.2g} s trimmed at the ends, where the filters lack samples on one side")
     return Prepared(tuple(motions), tuple(notes))
+
+
+def _at_rest(log: Log, notes: list[str]) -> Prepared:
+    """The poses of a static log as samples at rest."""
+    poses = poses_of(log)
+    rest = np.zeros_like(poses.q)
+    extra = {name: np.array([x[part].mean() for part in poses.parts]) for name, x in log.extra.items()}
+    motion = Motion(
+        poses.t, poses.q, rest, rest, poses.tau, rest > 0, log.source, float(log.t[0]), extra, at_poses=True
+    )
+    said = (
+        "a log at standstill: each pose is one sample, of gravity and of the dry friction that holds; such a log shows "
+        "no inertia and no viscous friction"
+    )
+    return Prepared((motion,), (*notes, said))
 
 
 def _motion(log: Log, lowpass: LowPass, velocity: str, begin: float) -> tuple[Motion, list[str]]:

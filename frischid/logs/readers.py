@@ -121,7 +121,7 @@ def read_chunks(
     start, last = None, -np.inf
     for table in _none_too_short(tables):
         start = first_stamp(table, form) if start is None else start
-        log = log_of_table(table, form, joints, start)
+        log = log_of_table(table, form, joints, start, whole=False)
         if log.t[0] <= last:
             raise InputError(
                 f"{path}: time does not increase at {table.place(0)}: {log.t[0]!s} after {last!s}; remove the repeated "

@@ -160,7 +160,7 @@ class Motions:
             whole = chosen if tail is None else joined(*tail, chosen)
             notes += chunk.notes
             try:
-                prepared = prepare(whole, self.lowpass, velocity=self.velocity, begin=begin)
+                prepared = prepare(whole, self.lowpass, velocity=self.velocity, begin=begin, whole=isinstance(log, Log))
             except InputError as error:
                 # A chunk without a usable stretch is skipped; a log without one is an error.
                 if isinstance(log, Log):

@@ -15,6 +15,7 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.logs.cutoff_choice import LogSpectra, spectra_of
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log, check_motion, check_torque
+from frischid.logs.poses import FEWEST_POSES, is_static, poses_of
 from frischid.logs.recording import Recording, chunks_of, preview_of
 from frischid.robot.robot import Robot
 
@@ -73,7 +74,7 @@ def summarise(
         count, faults = 0, []
         for number, chunk in enumerate(chunks_of(log)):
             try:
-                check_usable(robot, chunk, rows, strict=True)
+                check_usable(robot, chunk, rows, strict=True, whole=isinstance(log, Log))
             except InputError as error:
                 # A recording may be at standstill for a whole chunk; a dead torque is dead in all chunks.
                 faults.append(error)
@@ -90,8 +91,24 @@ def summarise(
             raise faults[0]
         samples.append(count)
     lowpass = spectra.lowpass() if cutoff == "auto" else LowPass(cutoff)
+    if spectra.at_rest and not spectra.joints:
+        _check_poses(robot, logs)
     moving = {name: high - low for name, (low, high) in span.items() if high - low > MOVING_LOCKED}
     return LogSummary(lowpass, spectra, tuple(samples), seconds, moving)
+
+
+def _check_poses(robot: Robot, logs: Sequence[Data]) -> None:
+    """Refuse logs that hold nothing but a few poses."""
+    static = [log.select(robot.joints) for log in logs if isinstance(log, Log)]
+    poses = sum(len(poses_of(log).t) for log in static if is_static(log))
+    if 0 < poses < FEWEST_POSES:
+        raise InputError(
+            f"{', '.join(log.source for log in logs)}: the arm stands still, at {poses} pose{'s' * (poses > 1)}: "
+            f"gravity needs at least {FEWEST_POSES} different poses, inertia and friction need motion. Record more "
+            "poses and give all files together, or record a motion of all joints (frischid excite plans one). frischid "
+            "diagnose and frischid check say whether something pushed the arm. If the arm did move, check the position "
+            "columns and their unit"
+        )
 
 
 def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
@@ -145,10 +162,11 @@ def torque_joints(robot: Robot, logs: Sequence[Data], wanted: Sequence[str] | No
     return have or list(robot.joints)
 
 
-def check_usable(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool) -> None:
-    """Raise on a log that cannot be used."""
+def check_usable(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool, whole: bool = True) -> None:
+    """Raise on a log that cannot be used, or on a chunk of a longer one (not `whole`)."""
     chosen = log.select(robot.joints)
-    check_motion(chosen)
+    if not (whole and is_static(chosen)):
+        check_motion(chosen)
     check_torque(chosen, rows)
     dead = [] if chosen.tau is None else [n for n in rows if not np.any(chosen.tau[:, chosen.joints.index(n)])]
     if dead and strict:

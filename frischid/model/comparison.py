@@ -75,6 +75,8 @@ class Comparison(Shown):
         The logs.
     alarms : tuple of Alarm
         Reasons not to trust the model or these figures; none on the model's own logs.
+    poses : int
+        Those of the samples that are poses of an arm at standstill: they compare gravity, up to the dry friction.
     not_compared : tuple of str
         Joints that never move in these logs, or whose torque never changes: no error of theirs can be measured.
     residuals : Residuals
@@ -102,6 +104,7 @@ class Comparison(Shown):
     alarms: tuple[Alarm, ...]
     residuals: Residuals = field(repr=False)
     not_compared: tuple[str, ...] = ()
+    poses: int = 0
 
     def __repr__(self) -> str:
         return f"Comparison(NRMSE {self.nrmse:.4f} over {len(self.joints)} joints, noise floor {self.noise_floor:.4f})"
@@ -135,6 +138,7 @@ class Comparison(Shown):
             "nominal_nrmse": self.nominal,
             "constant_nrmse": self.constant,
             "samples": self.samples,
+            "poses": self.poses,
             "standstill_share": self.standstill,
             "nrmse_with_standstill": self.nrmse_with_standstill,
             "logs": list(self.sources),
@@ -217,7 +221,7 @@ def compare(
     found = errors.comparison(tuple(log.source for log in logs))
     if all(model.made_from(log) for log in logs):
         return found
-    return replace(found, alarms=_alarms(model, found, errors.expected, criteria or AlarmCriteria()))
+    return replace(found, alarms=_alarms(model, found, errors, criteria or AlarmCriteria()))
 
 
 class ModelErrors:
@@ -266,8 +270,14 @@ class ModelErrors:
         model = rows_of(self._model, changing)
         residuals, both = Residuals(model, self._kept.blocks), (sums.of(changing), self._everything.of(changing))
         floor = self.noise.under(np.sqrt(sums.error2 / np.maximum(sums.count, 1)))[changing]
-        found = _summary(model, both, sources, floor, self.expected.rms[changing], residuals)
-        return replace(found, not_compared=tuple(np.compress(~changing, self._model.joints)))
+        found = _summary(model, both, sources, floor, self.expected_rms[changing], residuals)
+        left_out = tuple(np.compress(~changing, self._model.joints))
+        return replace(found, not_compared=left_out, poses=self.noise.poses)
+
+    @property
+    def expected_rms(self) -> Array:
+        """Error to expect from the model's uncertainty, and from the dry friction that holds poses, N·m (N), (J,)."""
+        return np.asarray(np.hypot(self.expected.rms, self.noise.held))
 
 
 def urdf_parameters(model: Model) -> Array:
@@ -280,7 +290,7 @@ def urdf_parameters(model: Model) -> Array:
     return theta
 
 
-def _alarms(model: Model, summary: Comparison, expected: ExpectedError, criteria: AlarmCriteria) -> tuple[Alarm, ...]:
+def _alarms(model: Model, summary: Comparison, errors: ModelErrors, criteria: AlarmCriteria) -> tuple[Alarm, ...]:
     """Alarms of a model on logs that it was not fitted to."""
     rmse = np.array([j.rmse for j in summary.joints])
     compared = np.isin(model.joints, summary.joints.names)
@@ -288,10 +298,11 @@ def _alarms(model: Model, summary: Comparison, expected: ExpectedError, criteria
     seen = Elsewhere(
         joints=summary.joints.names,
         spread=np.array([j.std for j in summary.joints]),
-        expected=expected.rms[compared] if model.prior is not None else np.full(len(rmse), np.nan),
+        held=errors.noise.held[compared],
+        expected=errors.expected.rms[compared] if model.prior is not None else np.full(len(rmse), np.nan),
         measured=rmse,
         floors=np.array([j.noise_floor * j.std for j in summary.joints]),
-        outside=expected.outside_share[compared],
+        outside=errors.expected.outside_share[compared],
         nrmse=summary.nrmse,
         noise_floor=summary.noise_floor,
         cross_validated=np.nan if known is None else known,

@@ -25,6 +25,8 @@ class Elsewhere:
     joints : tuple of str
     spread : ndarray, shape (J,)
         Standard deviation of the torque on these logs, N·m (N).
+    held : ndarray, shape (J,)
+        Torque with which dry friction may hold the joint where the arm stands still, rms, N·m (N).
     expected, measured : ndarray, shape (J,)
         Root mean square error on these logs: to be expected from the model's uncertainty (NaN for a model without a
         prior, whose uncertainty is of noise alone), and measured, N·m (N).
@@ -42,6 +44,7 @@ class Elsewhere:
 
     joints: tuple[str, ...]
     spread: Array
+    held: Array
     expected: Array
     measured: Array
     floors: Array
@@ -131,7 +134,7 @@ def _useless(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
 
 
 def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
-    ratio = seen.measured / np.maximum(seen.expected, 1e-300)
+    ratio = seen.measured / np.maximum(np.hypot(seen.expected, seen.held), 1e-300)
     where = tuple(n for n, x in zip(seen.joints, ratio, strict=True) if x > criteria.surprise)
     if where:
         return [
@@ -147,7 +150,7 @@ def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
                 criteria.surprise,
             )
         ]
-    if seen.nrmse > criteria.held_out_ratio * seen.cross_validated:
+    if seen.nrmse > criteria.held_out_ratio * max(seen.cross_validated, seen.noise_floor):
         return [
             Alarm(
                 "held-out-error",

@@ -207,7 +207,10 @@ def assess(bounds: Bounds) -> Identification:
     comparison = compare(replace(model, history=(event,)), data.valid) if data.valid else None
     headline = own if comparison is None else Headline.of(comparison, "test", before)
     limit = data.options.criteria.unexplained_nrmse
-    warnings = tuple(dict.fromkeys([*_unexplained(cross_validation, limit), *journal.warnings]))
+    at_rest = there is not None and there.poses == there.samples
+    journal.notes += [_held(there)] if there is not None and at_rest else []
+    doubts = [] if at_rest else _unexplained(cross_validation, limit)
+    warnings = tuple(dict.fromkeys([*doubts, *journal.warnings]))
     notes = tuple(dict.fromkeys(journal.notes))
     if comparison is not None and headline is not None:
         event |= {"test": headline.to_dict(), "test_logs": [log_entry(log) for log in data.valid]}
@@ -262,6 +265,17 @@ def _unexplained(errors: Mapping[str, float], limit: float) -> list[str]:
         f"the torque of {', '.join(names)} is hardly predicted at all (cross-validated NRMSE above {limit}): are "
         "columns swapped, a sign flipped, an angle in degrees, or a channel dead?"
     ]
+
+
+def _held(poses: Comparison) -> str:
+    """The torque that is no gravity, and so the least dry friction, at poses of an arm at standstill."""
+    most = {n: abs(j.worst.measured - j.worst.predicted) for n, j in poses.joints.items()}
+    said = ", ".join(f"{name} {torque:.3g}" for name, torque in most.items())
+    return (
+        f"at rest the torque differs from gravity by up to (N·m, N): {said}; dry friction of at least this size holds "
+        "the joint there, or the model of gravity is wrong. Inertia and viscous friction are not fitted: record a "
+        "motion"
+    )
 
 
 def _measured(bounds: Bounds, scores: ResidualScores) -> tuple[Model, Comparison | None]:

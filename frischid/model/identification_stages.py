@@ -112,6 +112,8 @@ class LogData:
     @property
     def independent_rows(self) -> float:
         """Torque rows that are not copies of their neighbours: two per second, hertz of bandwidth and joint."""
+        if isinstance(self.motions, list) and all(motion.at_poses for motion in self.motions):
+            return float(sum(len(motion.t) for motion in self.motions) * len(self.joints))
         rate = sum(self.summary.samples) / max(self.summary.seconds, 1e-9)
         return 2.0 * min(self.lowpass.cutoff or np.inf, 0.5 * rate) * self.summary.seconds * len(self.joints)
 
@@ -224,7 +226,8 @@ def _check_issues(data: LogData) -> None:
     data.journal.progress("checking the logs")
     prepared = None if data.streamed else (data.lowpass, list(data.motions))
     reports = report_issues(data.robot, data.logs, prepared)
-    data.journal.warnings += [f"{report.source}: {issue.short}" for report in reports for issue in report.issues]
+    issues = [(r.source, x) for r in reports for x in r.issues if x.kind != "standstill"]  # a note says it of all logs
+    data.journal.warnings += [f"{source}: {issue.short}" for source, issue in issues]
     if not data.options.force:
         refuse_worthless(reports)
 
@@ -265,7 +268,9 @@ def form_moments(data: LogData, effects: Sequence[Effect] | None) -> Problem:
 
 def _default_effects(data: LogData) -> tuple[Effect, ...]:
     """The baseline, with the smoothing of dry friction chosen by cross-validation."""
-    some = data.some_motions
+    some = [motion for motion in data.some_motions if not motion.at_poses]
+    if not some:
+        return BASELINE
     reduction = structure(Regressor(data.robot, BASELINE), data.joints)
     dry = dry_friction(data.robot, some, data.lowpass, data.joints, reduction)
     if dry is None:

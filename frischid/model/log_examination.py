@@ -82,7 +82,7 @@ def _checked(
     faults: list[InputError | None] = []
 
     def examine(part: Log) -> LogReport:
-        faults.append(_fault(robot, part))
+        faults.append(_fault(robot, part, whole=not is_long(log)))
         if faults[-1] is not None and not is_long(log):
             raise faults[-1]
         report = inspect(robot, part.select(robot.joints), reduction, alone=alone)
@@ -101,14 +101,14 @@ def _checked(
     return replace(report, facts={**report.facts, "joints": list(robot.joints), "notes": notes})
 
 
-def _fault(robot: Robot, log: Log) -> InputError | None:
-    """Why a log cannot be used; None where it can."""
+def _fault(robot: Robot, log: Log, *, whole: bool) -> InputError | None:
+    """Why a log, or a piece of a longer one (not `whole`), cannot be used; None where it can."""
     chosen = log.select(robot.joints)
     with_torque = [n for n in robot.joints if chosen.select([n]).has("tau")[0]]
     if not with_torque and (chosen.has("current") | chosen.has("qcmd")).any():
         return None  # clock, positions and currents can be checked; the report says that torques cannot
     try:
-        check_usable(robot, log, with_torque or list(robot.joints), strict=False)
+        check_usable(robot, log, with_torque or list(robot.joints), strict=False, whole=whole)
     except InputError as error:
         return error
     return None

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from frischid.core.types import Array
-from frischid.effects import State, columns_of
+from frischid.effects import Coulomb, State, columns_of
 from frischid.logs.filters import LowPass, correlate, decimating_filter, derivative_taps, noise_level
 from frischid.logs.preprocessing import Motion
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA as CRITERIA
@@ -69,12 +69,20 @@ class NoiseFloor:
         Number of motions so far.
     octaves : list of Octaves
         Of each motion in the sum.
+    poses : int
+        Samples that are poses of an arm at standstill.
     """
 
     def __init__(self, model: Model) -> None:
         self.model = model
         self.bounds, self.samples, self.passed = np.zeros((2, len(model.joints))), 0, 0
         self.octaves: list[Octaves] = []
+        self.poses, self._held = 0, np.zeros(len(model.joints))
+
+    @property
+    def held(self) -> Array:
+        """Root mean square torque with which dry friction may hold the joints in these samples, N·m (N), (J,)."""
+        return np.asarray(np.sqrt(self._held / max(self.samples, 1)))
 
     def watch(self, motions: Iterable[Motion]) -> Iterator[Motion]:
         """Add every motion to the floor, and pass the motions on."""
@@ -86,6 +94,12 @@ class NoiseFloor:
             yield motion
 
     def _of(self, motion: Motion) -> Array:
+        if motion.at_poses:
+            # Dry friction holds with any torque up to break-away τ_c: uniform, of variance τ_c² / 3.
+            held = _break_away(self.model) ** 2 / 3
+            self.poses += len(motion.t)
+            self._held += len(motion.t) * held
+            return np.array([np.zeros(len(held)), held])
         index, taps = self.model.torque_index, self.model.lowpass.taps(motion.step)
         octaves = octaves_above(motion.tau[:, index], motion.v[:, index], motion.step, self.model.lowpass)
         self.octaves.append(octaves)
@@ -201,6 +215,15 @@ def _through_the_motion(model: Model, motion: Motion) -> Array:
         drawn.append([least, np.maximum(least, np.minimum(*others))])
     smooth, sharp = np.array(drawn).swapaxes(0, 1)
     return np.array([smooth.min(axis=0), sharp.max(axis=0)])
+
+
+def _break_away(model: Model) -> Array:
+    """Dry friction of each fitted joint according to the model, N·m (N), (J,)."""
+    columns = columns_of(model.robot, model.effects)
+    dry = {
+        c.joint: max(float(x), 0.0) for c, x in zip(columns, model.full_theta, strict=True) if c.effect == Coulomb.id
+    }
+    return np.array([dry.get(name, 0.0) for name in model.joints])
 
 
 def _sharpened(model: Model, motion: Motion) -> Array:

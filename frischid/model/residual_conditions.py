@@ -102,7 +102,9 @@ class Residuals:
         self.residual = np.concatenate([b.tau[:, index] for b, _ in blocks]) - self.fitted
         numbers = {name: k for k, name in enumerate(sorted({b.source for b, _ in blocks}))}
         self.source = np.repeat([numbers[b.source] for b, _ in blocks], [len(b.t) for b, _ in blocks])
-        self.step = float(np.median(np.diff(self.t))) if len(self.t) > 1 else 1.0
+        steps = np.diff(self.t)
+        steps = steps[steps > 0]  # a log may begin before the one before it ended
+        self.step = float(np.median(steps)) if len(steps) else 1.0
         self.white_time = _filter_time(model, self.step)
 
     def conditions(self) -> list[Condition]:

@@ -17,8 +17,8 @@ from frischid.core.text import listed
 from frischid.model.model import Model
 
 STANDSTILL_LOG = (
-    "A log at standstill shows gravity at most, and only up to the dry friction: record a motion of all joints "
-    "(frischid excite plans one)"
+    "A log at standstill shows gravity at most, and only up to the dry friction: give the files of several poses "
+    "together, or record a motion of all joints (frischid excite plans one)"
 )
 
 
@@ -74,4 +74,16 @@ def standstill_note(names: Sequence[str]) -> str:
     return (
         f"no error of {listed(names)} can be measured, and no effect found there: {never} in these logs, or the torque "
         "never changes; record a motion of all joints"
+    )
+
+
+def pose_note(poses: int, samples: int) -> str:
+    """What poses at standstill show of a model; empty without any."""
+    if not poses:
+        return ""
+    these = "The samples are" if poses == samples else f"{poses} of the {samples} samples are"
+    return (
+        f"{these} poses of an arm at standstill: they compare gravity. Dry friction may hold any torque up to its own "
+        "size (the noise floor holds it as far as the model knows it). They say nothing about inertia and viscous "
+        "friction: record a motion"
     )

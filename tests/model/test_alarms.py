@@ -28,6 +28,7 @@ def seen(**changes):
     figures = {
         "joints": JOINTS,
         "spread": np.full(3, 20.0),
+        "held": np.zeros(3),
         "expected": np.full(3, 1.2),
         "measured": np.full(3, 1.1),
         "floors": np.full(3, 0.4),

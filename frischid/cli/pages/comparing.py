@@ -12,13 +12,14 @@ from frischid.forward.motion_error import MotionComparison
 from frischid.model.comparison import Comparison
 from frischid.model.headline import Headline
 from frischid.model.residual_conditions import CONDITION_ORDER
-from frischid.model.standstill_joints import standstill_note
+from frischid.model.standstill_joints import pose_note, standstill_note
 
 
 def comparison(result: Comparison, error: Headline, motion: MotionComparison | None = None) -> Page:
     """The model's error, then the errors behind it: joint by joint, where it fails, and of the simulated motion."""
-    parts: list[Any] = [headline_line(error)]
-    parts += [*error_tables(result), *_where(result), *_residual_error(result)]
+    parts: list[Any] = [headline_line(error), *error_tables(result)]
+    if result.poses < result.samples:
+        parts += [*_where(result), *_residual_error(result)]
     data: dict[str, Any] = {"headline": error.to_dict(), "comparison": result.to_dict()}
     if motion is not None:
         parts.append(motion_table(motion))
@@ -61,7 +62,10 @@ def error_tables(result: Comparison) -> list[Any]:
             f"{j.nominal:.3f}",
             f"{j.constant:.3f}", figure(error), f"{j.worst.t:.2f}\N{NO-BREAK SPACE}s",
         )  # fmt: skip
-    parts: list[Any] = [table, *filter(None, [standstill_note(result.not_compared)])]
+    parts: list[Any] = [
+        table,
+        *filter(None, [standstill_note(result.not_compared), pose_note(result.poses, result.samples)]),
+    ]
     if result.standstill > 0:
         parts.append(
             f"{result.standstill:.1%} of the torque samples are left out: the joint is at standstill, where dry "

@@ -28,6 +28,9 @@ def diagnosis(result: Diagnosis) -> Page:
         where = ", ".join(f.joints) or "robot"
         evidence = (f.change, f"{f.share:.0%}", f"{f.gain:.1f}", f"{f.probability:.0%}")
         table.add_row(f.effect, where, *evidence, ", ".join(f.confused_with))
+    if result.fit is None:
+        parts += [f"{note[:1].upper()}{note[1:]}." for note in result.notes[1:]]
+        return Page(result.to_dict(), parts, result.headline.alarms)
     parts.append(table)
     parts.append(f"Probability that something else is the cause: {elsewhere(result)}.")
     parts += [f"{note[:1].upper()}{note[1:]}." for note in result.notes[1:]]
