@@ -134,8 +134,8 @@ def check_standing(log: Log, notes: Notebook) -> None:
         f"the arm stands still in the whole log, at {count} pose{'s' * (count != 1)}{_reach(log, poses)}: {use}",
         (),
         "certain",
-        "for inertia and friction record a motion of all joints (frischid excite plans one); if the arm did move, check "
-        "the position columns and their unit",
+        "for inertia and friction record a motion of all joints (frischid excite plans one); if the arm did move, "
+        "check the position columns and their unit",
     )
 
 

@@ -84,7 +84,8 @@ class Diagnosis(Shown):
         Thresholds that were used.
     probabilities : dict of str to float
         Of each hypothesis, summing to one: the effects of findings that may be the cause, and ``none``, ``several``
-        (small effects, none dominant), ``outside`` (the catalogue) and ``contact``.
+        (small effects, none dominant), ``outside`` (the catalogue) and ``contact``. Empty where the arm stands still in
+        all logs.
     evidence : Evidence
         Numbers from which the probabilities follow.
     fit : CrossValidator or None
@@ -279,7 +280,7 @@ def _at_standstill(
         notes=("assumed: the robot has not changed since it was identified", NOTHING_MOVES),
         description=None,
         criteria=criteria,
-        probabilities={name: float(name == verdict) for name in ("none", "several", "outside", "contact")},
+        probabilities={},  # no hypotheses are compared
         evidence=Evidence((), ()),
         fit=None,
     )

@@ -28,7 +28,8 @@ from frischid.logs.log import FEWEST_SAMPLES, STANDSTILL_SPAN, Log
 Data = TypeVar("Data")
 NOTHING_MOVES = (
     "at standstill no effect can be found: the torque shows gravity and dry friction only (frischid compare compares "
-    "gravity). Record a motion of all joints (frischid excite plans one)"
+    "gravity). Record a motion of all joints (frischid excite plans one); if the arm did move, check the position "
+    "columns and their unit"
 )
 
 LEAST_POSE = 0.5

@@ -54,6 +54,11 @@ class Elsewhere:
     cross_validated: float
     urdf: float
 
+    @property
+    def usual(self) -> float:
+        """Error to take for usual here: the cross-validated one, and at poses also the dry friction that may hold."""
+        return float(np.hypot(self.cross_validated, np.mean(self.held / np.maximum(self.spread, 1e-300))))
+
 
 def elsewhere(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
     """Alarms of a model on logs that it was not fitted to."""
@@ -77,21 +82,17 @@ def elsewhere(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
 def _extrapolation(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
     found = []
     share = seen.expected / np.maximum(seen.spread, 1e-300)
-    ratio = float(np.mean(share)) / max(seen.cross_validated, 1e-300)
+    ratio = float(np.mean(share)) / max(seen.usual, 1e-300)
     if ratio > criteria.extrapolation:
         found.append(
             Alarm(
                 "extrapolation",
                 # The torque was measured here: an error that did not come makes the warning a doubt.
-                "severe" if seen.nrmse > criteria.extrapolation * seen.cross_validated else "doubt",
+                "severe" if seen.nrmse > criteria.extrapolation * seen.usual else "doubt",
                 "The motion of these logs goes beyond the motion of the fitted logs: the expected error here is "
                 f"{ratio:.1f} times the cross-validated error.",
                 "Identify from logs with such motions.",
-                tuple(
-                    n
-                    for n, x in zip(seen.joints, share, strict=True)
-                    if x > criteria.extrapolation * seen.cross_validated
-                ),
+                tuple(n for n, x in zip(seen.joints, share, strict=True) if x > criteria.extrapolation * seen.usual),
                 ratio,
                 criteria.extrapolation,
             )
@@ -150,7 +151,7 @@ def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
                 criteria.surprise,
             )
         ]
-    if seen.nrmse > criteria.held_out_ratio * max(seen.cross_validated, seen.noise_floor):
+    if seen.nrmse > criteria.held_out_ratio * seen.usual:
         return [
             Alarm(
                 "held-out-error",
