@@ -7,7 +7,6 @@ import pytest
 from cases import robot
 
 import frischid as fr
-from frischid.checks.standing import pushes
 from frischid.errors import InputError
 from frischid.logs.poses import is_static, poses_of
 
@@ -228,8 +227,3 @@ def test_a_push_is_found_beside_a_log_in_motion():
     result = fr.diagnose(of_motion().model, [jointwise(5), pushed()])
     assert [contact.source for contact in result.contacts] == ["push"]
     assert any("push: the arm stands still, so only contacts are searched there" in note for note in result.notes)
-
-
-@pytest.mark.parametrize("name", ["ur10e/logs/valid_ptp_10_points.csv", "emps/logs/train.parquet"])
-def test_the_rests_of_measured_logs_are_no_contacts(data, name):
-    assert pushes(fr.read_log(data / name)) == []
