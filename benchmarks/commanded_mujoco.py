@@ -7,6 +7,9 @@ two steps, and half a step because commands are held.
 
 Per robot, over all drives and seeds: the share of values that are called identified, their median and 90 % relative
 error, the share within 5 %, and the share of true values inside the 95 % ranges, of the identified values and of all.
+
+With `--unknown`, neither gains nor delay are named: kp comes from the URDF's masses, the delay from the likelihood. A
+second table has their errors. A joint whose kp cannot be found gets the true one, and is counted.
 """
 
 from __future__ import annotations
@@ -97,6 +100,46 @@ def one(name: str, seed: int) -> list[dict[str, Any]]:
     return rows
 
 
+def unnamed(name: str, seed: int) -> list[dict[str, Any]]:
+    """Gains and delay, found from one run, beside the truth."""
+    robot, log, _, true = recorded(name, seed)
+    given = fr.PDController(delay=None)
+    try:
+        found = fr.identify(robot, [log], controller=given, recursion="none").model.controller
+    except fr.InputError as error:
+        lost = [n for n in robot.joints if n in str(error).partition(" cannot be found")[0]]
+        if not lost:
+            raise
+        given = fr.PDController({n: true.gain(n) for n in lost}, delay=None)
+        found = fr.identify(robot, [log], controller=given, recursion="none").model.controller
+    assert found is not None
+    rows = []
+    for n in robot.joints:
+        doubt = found.gain_doubt(n)
+        off = true.gain(n) / found.gain(n) - 1.0  # of 1 / kp, whose range is symmetric
+        rows.append({"what": "kp", "found": doubt > 0, "error": abs(off), "doubt": doubt})
+    delay, stderr, truth = (
+        float(c.values(x, robot.joints)[0]) for c, x in ((found, "delay"), (found, "delay_doubt"), (true, "delay"))
+    )
+    return [*rows, {"what": "delay", "found": delay > 0, "error": abs(delay - truth), "doubt": stderr}]
+
+
+def summary_of_unnamed(name: str, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Two lines of the second table."""
+    lines = []
+    for what, unit in (("kp", "of kp"), ("delay", "s")):
+        of = [x for x in rows if x["what"] == what]
+        known = [x for x in of if x["found"]]
+        inside = float(np.mean([x["error"] <= 1.96 * x["doubt"] for x in known])) if known else float("nan")
+        errors = [x["error"] for x in known] or [float("nan")]
+        lines.append(
+            {"robot": name, "value": what, "values": len(of), "found": len(known), "unit": unit}
+            | {"median error": float(np.median(errors)), "worst": max(errors), "inside 95 %": inside}
+            | {"median standard error": float(np.median([x["doubt"] for x in known] or [float("nan")]))}
+        )
+    return lines
+
+
 def summary(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """One line of the table."""
     known = [x for x in rows if x["known"] == "identified"]
@@ -120,11 +163,14 @@ def main() -> None:
     options.add_argument("--runs", type=int, default=10, help="seeds per robot")
     options.add_argument("--first", type=int, default=0, help="first seed")
     options.add_argument("--robots", nargs="+", choices=list(ROBOTS), default=list(ROBOTS))
+    options.add_argument("--unknown", action="store_true", help="find gains and delay too, and print their errors only")
     given = options.parse_args()
-    rows = [
-        summary(name, [row for seed in range(given.first, given.first + given.runs) for row in one(name, seed)])
-        for name in given.robots
-    ]
+    seeds = range(given.first, given.first + given.runs)
+    if given.unknown:
+        found = [x for n in given.robots for x in summary_of_unnamed(n, [r for k in seeds for r in unnamed(n, k)])]
+        publish("Gains and delay from commanded positions, neither of them named", found, given.json)
+        return
+    rows = [summary(name, [row for seed in seeds for row in one(name, seed)]) for name in given.robots]
     publish("Drives from commanded positions, moved by MuJoCo", rows, given.json)
 
 

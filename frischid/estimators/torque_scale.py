@@ -49,6 +49,9 @@ class TorqueScales:
         κ = 1/kp: signal per unit of torque. A negative value contradicts the sign of the signal.
     stderr : ndarray, shape (J,)
         Of κ.
+    most : ndarray, shape (J,)
+        κ with which the URDF's links alone would cause a signal as large as the whole one. A larger κ is no gain: the
+        links' columns then stand for an error of the model.
     variance : ndarray, shape (J,)
         Residual variance of each signal.
     share : ndarray, shape (J,)
@@ -59,6 +62,7 @@ class TorqueScales:
 
     inverse: Array
     stderr: Array
+    most: Array
     variance: Array
     share: Array
     rows: float
@@ -123,7 +127,7 @@ def torque_scales(
         if np.allclose(inverse, before, rtol=_SETTLED_INVERSE):
             break
     power = np.maximum(whole.torque_ss() / problem.counts, 1e-300)
-    return TorqueScales(x[m:], stderr, variance, variance / power, rows)
+    return TorqueScales(x[m:], stderr, most, variance, variance / power, rows)
 
 
 def _columns(problem: MapProblem, nominal: Array, scale: Array) -> tuple[Array, Array]:

@@ -213,13 +213,13 @@ def _with_gains(
     for name in open_gains:
         if name not in joints:
             continue
-        inverse, stderr = (float(x[joints.index(name)]) for x in (scales.inverse, scales.stderr))
-        if inverse < -REACH * stderr:
+        inverse, stderr, most = (float(x[joints.index(name)]) for x in (scales.inverse, scales.stderr, scales.most))
+        if -most < inverse < -REACH * stderr:
             raise InputError(
                 f"{name}: the torque of the URDF's links pushes against the position error q_cmd − q; is the sign of "
                 f"q_{name} or of qcmd_{name} reversed? correct it in the mapping (sign = -1)"
             )
-        if inverse < REACH * stderr:
+        if inverse < REACH * stderr or inverse > most:
             lost.append(name)
             continue
         gains[name], doubts[name] = 1.0 / inverse, stderr / inverse
