@@ -93,5 +93,5 @@ def test_identify_prints_the_drives(robot, tmp_path, monkeypatch):
     words = ["identify", "planar2", "servo.csv", "--controller", "pd", "--kp", "300", "--bbrf", "none"]
     done = CliRunner().invoke(main, words)
     assert "drive of" in done.output
-    assert "all of them grow in proportion to kp" in " ".join(done.output.split())
+    assert "All values grow in proportion to kp" in " ".join(done.output.split())
     assert '"drives"' in CliRunner().invoke(main, [*words, "--json"]).output
