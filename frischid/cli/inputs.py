@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import click
 
 from frischid.cli.arguments import MapFiles, RobotArguments, matching, number, pairs
 from frischid.cli.paths import check_found
@@ -88,11 +91,16 @@ def names_of(robot: Robot) -> tuple[str, ...]:
 
 
 def model_of(path: str) -> Model:
-    """The model of a file."""
+    """The model of a file; a file without a hash is named on stderr."""
+    from frischid.core.text import printable
     from frischid.model.model import Model
     from frischid.model.own_logs import paths_of
 
-    model = Model.load(path)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", UserWarning)
+        model = Model.load(path)
+    for warning in said:
+        click.echo(f"note: {printable(str(warning.message))}", err=True)
     check_found(lambda: [*meshes_of(model.robot), *paths_of(model)])
     return model
 

@@ -7,6 +7,7 @@ A model is saved as one readable JSON file. The file holds the URDF's text, so a
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -32,7 +33,7 @@ from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording
 from frischid.model.fit_record import FitRecord, normal_reach
 from frischid.model.log_requirements import check_logs_fit, motion_of
-from frischid.model.model_digest import check_digest, text_of, without_hash
+from frischid.model.model_digest import NO_HASH, check_digest, text_of, without_hash
 from frischid.model.model_file import SCHEMA, read_json, read_records, robot_of
 from frischid.model.model_parts import parts_of, plain_estimate, plain_numbers, robot_dict, without_robot
 from frischid.model.parameters import Parameter, parameters_by_name
@@ -335,7 +336,7 @@ class Model(Shown):
 
     @classmethod
     def load(cls, path: str | Path) -> Model:
-        """Read a model file.
+        """Read a model file. A file without the hash of its content is read with a warning.
 
         Raises
         ------
@@ -345,4 +346,6 @@ class Model(Shown):
         found = without_hash(located(written := read_json(path), Path(path).parent, str(path)))
         model = cls.from_dict(found, str(path))
         check_digest(written, str(path))  # of the content before the paths were found
+        if written.get("sha256") is None:
+            warnings.warn(f"{path} {NO_HASH}", stacklevel=2)
         return model

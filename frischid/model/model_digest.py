@@ -23,6 +23,10 @@ def digest(data: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+NO_HASH = "holds no hash of its content (`sha256`): frischid cannot notice a changed number"
+"""Said of a model file whose hash was taken out."""
+
+
 def check_digest(data: Mapping[str, Any], source: str) -> None:
     """Refuse a model that was edited after frischid wrote the file; without a hash, nobody can tell.
 

@@ -42,12 +42,18 @@ def build_model(urdf: str, source: str, locked: Mapping[str, float], gravity: Se
     ------
     InputError
         Pinocchio refuses the URDF, a joint has several degrees of freedom, or no joint is left to move.
+    UnknownNameError
+        A locked joint is none of the URDF's moving joints.
     """
     try:
         model = pin.buildModelFromXML(urdf)
     except (ValueError, RuntimeError) as error:
         raise InputError(f"{source}: Pinocchio cannot build a model from this URDF: {error}") from error
     _check_joints(model, source)
+    moving = list(model.names)[1:]  # the first is Pinocchio's name for the base
+    for name in locked:
+        if name not in moving:
+            raise UnknownNameError("locked joint", name, moving, source)
     angles = dict(locked)
     for name, rule in mimic_rules(urdf).items():
         if rule.leader in angles:

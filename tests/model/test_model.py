@@ -7,10 +7,12 @@ from functools import cache
 import numpy as np
 import pytest
 from cases import exact_log, quick, random_values, robot, states
+from click.testing import CliRunner
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from frischid.cli import main
 from frischid.core.files import check_writable
 from frischid.effects import BASELINE, columns_of, parse_effects
 from frischid.errors import InputError
@@ -298,7 +300,8 @@ def test_a_file_of_version_1_is_read(tmp_path):
     path = tmp_path / "model.json"
     now = replace(model(), previous=model(), recursion=None)
     path.write_text(json.dumps(first_version(now.to_dict())))
-    old = Model.load(path)
+    with pytest.warns(UserWarning, match="no hash"):
+        old = Model.load(path)
     q, v, a = states(robot("planar2"))
     np.testing.assert_array_equal(old.inverse_dynamics(q, v, a), now.inverse_dynamics(q, v, a))
     np.testing.assert_array_equal(old.estimate.covariance, now.estimate.covariance)
@@ -411,9 +414,17 @@ def test_an_edited_number_is_noticed_and_another_layout_is_not(tmp_path):
     data["parameters"][0]["value"] *= 1.001
     path.write_text(json.dumps(data), encoding="utf-8")
     refused(path, "a value was changed after frischid wrote the file", "delete its field `sha256`")
-    del data["sha256"]
+
+
+def test_a_file_without_its_hash_is_read_with_a_warning(tmp_path):
+    path = tmp_path / "model.json"
+    data = changed(model().to_dict(), "parameters", 0, "value", to=7.5)
     path.write_text(json.dumps(data), encoding="utf-8")
-    assert Model.load(path).estimate.theta[0] == data["parameters"][0]["value"]
+    with pytest.warns(UserWarning, match=r"model\.json holds no hash .* cannot notice a changed number"):
+        assert Model.load(path).estimate.theta[0] == 7.5
+    done = CliRunner().invoke(main, ["export", str(path), "-o", str(tmp_path / "drives.csv")])
+    assert "note: " in done.stderr
+    assert "holds no hash" in done.stderr
 
 
 def test_a_step_of_the_history_has_types(tmp_path):

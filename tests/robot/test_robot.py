@@ -212,6 +212,13 @@ def test_locked_joints_and_their_angles():
     assert Robot.load("panda", lock=["panda_joint4"]).locked == {"panda_joint4": lower.upper[i]}
 
 
+def test_a_locked_joint_that_is_none_of_the_urdf_is_named():
+    """A model file names its locked joints itself; `Robot.load` looks at the names before."""
+    for name in ("elbo", "universe"):  # the second is Pinocchio's name for the base
+        with pytest.raises(UnknownNameError, match=f"unknown locked joint '{name}'"):
+            made(MIXED, locked={name: 0.6})
+
+
 def test_locked_joint_takes_its_followers_along():
     free, held = made(MIXED), made(MIXED, locked={"elbow": 0.6})
     assert held.joints == held.bodies == ("turn", "slide")
