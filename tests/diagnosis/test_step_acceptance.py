@@ -146,7 +146,7 @@ def test_a_shape_that_harms_at_standstill_gives_way_to_the_best_that_does_not(mo
     assert not refused
     harmful.update(errors)
     assert improvement._next_step(None, SimpleNamespace(findings=[finding]), [], refused) is None
-    assert refused == {"hysteresis": improvement.RISES_AT_STANDSTILL}
+    assert refused == {"hysteresis": f"hysteresis on the robot was not added: {improvement.RISES_AT_STANDSTILL}"}
 
 
 def test_improve_makes_no_joint_worse_beside_joints_full_of_noise():
