@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -94,3 +95,11 @@ def reached(page):
         page.keyboard.press("Tab")
     missed = f"({CONTROLS})().filter((e) => !e.dataset.reached).map((e) => e.outerHTML.slice(0, 120))"
     return found, page.evaluate(missed)
+
+
+def settled(condition, seconds=300.0):
+    """Wait for something to become true; the limit only ends a test that hangs, also on a busy machine."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it took too long"
+        time.sleep(0.05)

@@ -49,6 +49,7 @@ NUMERIC = (
     "estimators.bbrf",
     "estimators.bbrf_windows",
     "estimators.nominal_links",
+    "estimators.precision",
     "estimators.box_qp",
     "estimators.frisch_selection",
     "estimators.physical_links",

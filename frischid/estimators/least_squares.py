@@ -30,6 +30,7 @@ from frischid.core.types import Array, Column
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.held_out import Fold, held_out_stretches, held_out_variance
 from frischid.estimators.moderation import moderated, satterthwaite
+from frischid.estimators.precision import precision_of
 from frischid.regression.moments import Gram, total
 
 WORST_CONDITION = 1e6  # condition number of the column-scaled regressor; its square leaves four digits in the moments
@@ -286,7 +287,7 @@ def _posterior(blocks: Sequence[Gram], weights: Array, prior: Prior) -> Estimate
         weights,
         system.condition,
         "map",
-        np.asarray(np.linalg.inv(inverse) / inflation, dtype=float),
+        precision_of(inverse) / inflation,
         notes,
         np.clip(1.0 - np.diag(inverse) / before, 0.0, 1.0),
     )

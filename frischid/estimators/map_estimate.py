@@ -27,12 +27,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg
 
 from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.held_out import Fold, held_out_stretches, held_out_variance
-from frischid.estimators.map_problem import MapProblem
+from frischid.estimators.map_problem import MapProblem, WeightedRows
 from frischid.estimators.parameter_prior import ParameterPrior, ScaleRule
 from frischid.regression.moments import Gram, total
 
@@ -155,9 +154,9 @@ def map_estimate(
     scales = {g: 1.0 for g in prior.group if g}
     for _ in range(ROUNDS):
         weights = rows / (problem.counts * variance)
-        H, b = problem.normal(weights, problem.precision(scales))
-        x = problem.solve(H, b)
-        C = problem.covariance(H, ~problem.bounded | (x > 0))
+        equations = problem.rows(weights, problem.precision(scales))
+        x = equations.solve()
+        C = equations.covariance(~problem.bounded | (x > 0))
         used = weights * np.einsum("jab,ba->j", problem.G, C)
         residual = problem.squares(x) / problem.counts * rows / np.maximum(rows - used, 0.05 * rows)
         updated = np.maximum(np.minimum(residual, limit), floor)
@@ -193,7 +192,7 @@ def effects_alone(blocks: Sequence[Gram], mapping: Array, prior: ParameterPrior)
     floor = EXACT_FIT * problem.torque / problem.counts + 1e-300
     variance = np.maximum(0.1 * problem.torque / problem.counts, floor)
     for _ in range(6):
-        x = problem.solve(*problem.normal(1.0 / variance, precision))
+        x = problem.rows(1.0 / variance, precision).solve()
         variance = np.maximum(problem.squares(x) / problem.counts, floor)
     return np.asarray(problem.A @ x)
 
@@ -224,7 +223,7 @@ def _noise_at(problem: MapProblem, blocks: Sequence[Gram], floor: Array, scale: 
     precision = problem.precision({g: scale for g in problem.prior.group if g})
     variance = np.maximum(0.1 * problem.torque / problem.counts, floor)
     for _ in range(6):
-        x = problem.solve(*problem.normal(1.0 / variance, precision))
+        x = problem.rows(1.0 / variance, precision).solve()
         variance = np.maximum(problem.squares(x) / problem.counts, floor)
     if len(blocks) < 2:
         return variance, np.full(len(variance), np.inf)
@@ -235,7 +234,7 @@ def _folds(problem: MapProblem, blocks: Sequence[Gram], weights: Array, precisio
     """Fits without each stretch of time in turn."""
     for out in held_out_stretches(blocks):
         kept = np.maximum(1.0 - out.counts / problem.counts, 1e-3)
-        yield Fold(out, problem.A @ problem.solve(*problem.normal(weights / kept, precision, out)))
+        yield Fold(out, problem.A @ problem.rows(weights / kept, precision, out).solve())
 
 
 def map_folds(blocks: Sequence[Gram], mapping: Array, estimate: MapEstimate) -> tuple[Fold, ...]:
@@ -284,30 +283,29 @@ def link_scales(prior: ParameterPrior, off: Array, known: Array, rule: ScaleRule
 
 def _finish(problem: MapProblem, prior: ParameterPrior, variance: Array, rows: float) -> MapEstimate:
     weights = rows / (problem.counts * variance)
-    H, b = problem.normal(weights, problem.precision(prior.scales))
-    x, C = problem.solve(H, b), problem.covariance(H)  # a bound cuts the distribution off, it does not make it certain
-    scale = 1.0 / np.sqrt(np.diag(H))
-    values = linalg.eigvalsh(H * np.outer(scale, scale))
+    equations = problem.rows(weights, problem.precision(prior.scales))
+    x, root = equations.solve(), equations.root()  # a bound cuts the distribution off, it does not make it certain
+    base, full = problem.A @ root, problem.pick @ root
     return MapEstimate(
         problem.A @ x,
-        problem.A @ C @ problem.A.T,
+        base @ base.T,
         problem.pick @ x,
-        problem.pick @ C @ problem.pick.T,
+        full @ full.T,
         variance,
         rows,
         prior,
-        float(np.sqrt(values[-1] / max(values[0], 1e-300))),
-        _contradicted(problem, x, H, b, C),
+        equations.condition,
+        _contradicted(problem, x, equations),
     )
 
 
-def _contradicted(problem: MapProblem, x: Array, H: Array, b: Array, C: Array) -> tuple[tuple[str, float], ...]:
+def _contradicted(problem: MapProblem, x: Array, equations: WeightedRows) -> tuple[tuple[str, float], ...]:
     """Parameters held at zero by their sign: how far beyond the data would put them, in standard errors."""
-    found, push = [], H @ x - b
+    found, push = [], equations.gradient(x)
     for k, name in enumerate(problem.prior.names):
         if problem.prior.nonnegative[k] and x[k] <= 0 and push[k] > 0:
             among = (~problem.bounded) | (x > 0)
             among[k] = True
-            alone = problem.covariance(H, among)[k, k]  # of this parameter with all others that are free
+            alone = equations.covariance(among)[k, k]  # of this parameter with all others that are free
             found.append((name, float(push[k] * np.sqrt(alone))))
     return tuple(found)

@@ -1,6 +1,6 @@
-"""Normal equations under a prior, over variables that are free or not negative.
+"""Least squares under a prior, over variables that are free or not negative.
 
-    minimise ½ xᵀHx − bᵀx,   H = Σ_j w_j AᵀG_jA + diag(prior precision),   θ_b = A x,   x_k ≥ 0 of known sign
+    minimise ½ ‖Sx − t‖²,   SᵀS = H = Σ_j w_j AᵀG_jA + diag(prior precision),   θ_b = A x,   x_k ≥ 0 of known sign
 
 A parameter with a negative side is the difference of two variables that are not negative.
 
@@ -8,6 +8,8 @@ Source: Stark and Parker 1995, Bounded-variable least squares, Computational Sta
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +34,8 @@ class MapProblem:
         self.bounded[self.split] = True  # the positive side of a difference
         self.groups = (*prior.group, *("" for _ in self.split))
         self.torque = whole.moments[:, -1, -1]
-        self.G, self.b = self.seen(whole)
-
-    def seen(self, gram: Gram) -> tuple[Array, Array]:
-        """Moments of the columns (J, m, m) and with the torque (J, m)."""
-        A, moments = self.A, gram.moments
-        return A.T @ moments[:, :-1, :-1] @ A, moments[:, :-1, -1] @ A
+        self.moments, self.with_torque = whole.moments[:, :-1, :-1], whole.moments[:, :-1, -1]
+        self.G, self.b = self.A.T @ self.moments @ self.A, self.with_torque @ self.A  # (J, m, m) and (J, m)
 
     def precision(self, scales: dict[str, float]) -> Array:
         """Prior precision of each variable at some scales, (m,)."""
@@ -48,26 +46,86 @@ class MapProblem:
         """Residual squares of each joint, (J,)."""
         return np.asarray(np.maximum(self.torque - 2 * self.b @ x + x @ (self.G @ x).T, 0.0))
 
-    def normal(self, weights: Array, precision: Array, less: Gram | None = None) -> tuple[Array, Array]:
-        """Normal equations, (m, m) and (m,); without the rows of `less`."""
-        G, b = self.G, self.b
+    def rows(self, weights: Array, precision: Array, less: Gram | None = None) -> WeightedRows:
+        """Log and prior as rows; without the rows of `less`."""
+        moments, torque = self.moments, self.with_torque
         if less is not None:
-            out = self.seen(less)
-            G, b = G - out[0], b - out[1]
-        return np.einsum("j,jab->ab", weights, G) + np.diag(precision), weights @ b + precision * self.mean
+            moments, torque = moments - less.moments[:, :-1, :-1], torque - less.moments[:, :-1, -1]
+        root, target = _square_root(np.einsum("j,jab->ab", weights, moments), weights @ torque)
+        believed = np.sqrt(precision)
+        return WeightedRows.of(
+            np.vstack([root @ self.A, np.diag(believed)]), np.append(target, believed * self.mean), self.bounded
+        )
 
-    def solve(self, H: Array, b: Array) -> Array:
-        """Minimise ½ xᵀHx − bᵀx over the variables' bounds."""
-        return bounded_minimum(H, b, self.bounded)
 
-    def covariance(self, H: Array, free: NDArray[np.bool_] | None = None) -> Array:
-        """H⁻¹, of the free variables only where they are given."""
-        scale = 1.0 / np.sqrt(np.diag(H))
-        kept = np.arange(len(H)) if free is None else np.flatnonzero(free)
-        C = np.zeros_like(H)
-        unit = (H * np.outer(scale, scale))[np.ix_(kept, kept)]
-        C[np.ix_(kept, kept)] = linalg.cho_solve(linalg.cho_factor(unit), np.eye(len(kept)))
-        return np.asarray(C * np.outer(scale, scale))
+@dataclass(frozen=True, eq=False)
+class WeightedRows:
+    """Rows S and their right-hand side t, with H = SᵀS and b = Sᵀt, as the triangle R and Qᵀt of S = QR.
+
+    H itself is never formed: it squares the ratio of the log's weight to the prior's. On a log without noise, this
+    ratio is 10⁸, and its square is beyond double precision.
+
+    Attributes
+    ----------
+    triangle : ndarray, shape (m, m)
+        R, in columns of unit length.
+    target : ndarray, shape (m,)
+        Qᵀt.
+    scale : ndarray, shape (m,)
+        A variable over its scaled one.
+    bounded : ndarray of bool, shape (m,)
+        Variables that are not negative.
+    """
+
+    triangle: Array
+    target: Array
+    scale: Array
+    bounded: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, rows: Array, target: Array, bounded: NDArray[np.bool_]) -> WeightedRows:
+        """Reduce rows S (r, m) and t (r,) to a triangle."""
+        scale, m = 1.0 / np.linalg.norm(rows, axis=0), rows.shape[1]
+        reduced: Array = np.asarray(np.linalg.qr(np.column_stack([rows * scale, target]), mode="r"))
+        return cls(reduced[:m, :m], reduced[:m, m], scale, bounded)
+
+    def solve(self) -> Array:
+        """Minimise ½ ‖Sx − t‖² over the variables' bounds, (m,)."""
+        R, target = self.triangle, self.target
+        if (np.abs(np.diag(R)) <= len(R) * np.finfo(float).eps).any():
+            raise IdentifiabilityError("the log and the prior together leave a parameter undetermined")
+        return _nearest(R, target, self.bounded) * self.scale
+
+    def root(self) -> Array:
+        """L with ``L Lᵀ = H⁻¹``, (m, m)."""
+        return np.asarray(linalg.solve_triangular(self.triangle, np.eye(len(self.scale))) * self.scale[:, None])
+
+    def covariance(self, free: NDArray[np.bool_]) -> Array:
+        """H⁻¹ of the free variables, (m, m); the others are certain."""
+        part = WeightedRows.of(self.triangle[:, free] / self.scale[free], self.target, self.bounded[free])
+        root = part.root()
+        C = np.zeros((len(free),) * 2)
+        C[np.ix_(free, free)] = root @ root.T
+        return C
+
+    def gradient(self, x: Array) -> Array:
+        """H x − b, (m,)."""
+        return np.asarray(self.triangle.T @ (self.triangle @ (x / self.scale) - self.target) / self.scale)
+
+    @property
+    def condition(self) -> float:
+        """Square root of the condition number of H in columns of unit length."""
+        return float(np.linalg.cond(self.triangle))
+
+
+def _square_root(moments: Array, torque: Array) -> tuple[Array, Array]:
+    """Rows F and right-hand side f with ``FᵀF`` = `moments` and ``Fᵀf`` = `torque`."""
+    size = np.sqrt(np.diag(moments))
+    size = np.where(size > 0, size, 1.0)
+    values, axes = linalg.eigh(moments / np.outer(size, size))
+    felt = values > len(values) * np.finfo(float).eps * values.max(initial=0.0)  # others are rounding
+    root = np.sqrt(values[felt])
+    return (root * axes[:, felt]).T * size, (axes[:, felt].T @ (torque / size)) / root
 
 
 def bounded_minimum(H: Array, b: Array, bounded: NDArray[np.bool_]) -> Array:
@@ -83,10 +141,14 @@ def bounded_minimum(H: Array, b: Array, bounded: NDArray[np.bool_]) -> Array:
         L = linalg.cholesky(H * np.outer(scale, scale), lower=True)
     except linalg.LinAlgError as error:
         raise IdentifiabilityError("the log and the prior together leave a parameter undetermined") from error
-    target = linalg.solve_triangular(L, b * scale, lower=True)
-    x = linalg.solve_triangular(L, target, lower=True, trans="T")
+    return _nearest(L.T, linalg.solve_triangular(L, b * scale, lower=True), bounded) * scale
+
+
+def _nearest(R: Array, target: Array, bounded: NDArray[np.bool_]) -> Array:
+    """Minimise ‖R x − t‖ with a triangle R over x with x ≥ 0 where `bounded`."""
+    x = linalg.solve_triangular(R, target)
     if (x[bounded] < 0).any():
         lower = np.where(bounded, 0.0, -np.inf)
-        x = optimize.lsq_linear(L.T, target, (lower, np.inf), method="bvls").x
+        x = optimize.lsq_linear(R, target, (lower, np.inf), method="bvls").x
         x[bounded] = np.maximum(x[bounded], 0.0)
-    return np.asarray(x * scale)
+    return np.asarray(x)

@@ -9,7 +9,7 @@ import numpy as np
 from frischid.core.types import Array
 from frischid.robot.inertia import pseudo_inertia
 
-THINNEST = 0.01  # m: a nominal link without extension is taken to have this radius of gyration
+THINNEST = 0.01  # of the robot's length: a nominal link without extension is taken to have this radius of gyration
 
 LIGHTEST = 0.05  # a nominal link without mass is taken to have this share of the mean mass
 
@@ -28,12 +28,15 @@ class Links:
         Half-spaces ``A c ≤ b`` in which the centre of mass c must lie, m.
     known : ndarray, shape (L, 10)
         Known values; NaN for the others.
+    length : float
+        Length of the robot, m.
     """
 
     names: tuple[str, ...]
     nominal: Array
     boxes: tuple[tuple[Array, Array] | None, ...]
     known: Array
+    length: float
 
 
 def reference_inertias(links: Links) -> tuple[Array, tuple[str, ...]]:
@@ -47,7 +50,7 @@ def reference_inertias(links: Links) -> tuple[Array, tuple[str, ...]]:
             notes.append(f"{name}: the URDF gives it no mass; taken as {LIGHTEST * usual:.3g} kg as a prior")
             m, h, P = LIGHTEST * usual, np.zeros(3), np.zeros((4, 4))
         spread, axes = np.linalg.eigh(P[:3, :3] - np.outer(h, h) / m)
-        least = m * THINNEST**2
+        least = m * (THINNEST * links.length) ** 2
         if spread[0] < -1e-9 * m and masses[i] > 0:
             notes.append(f"{name}: the URDF's own inertia is not physical; the nearest that is was taken as the prior")
         inner = (axes * np.maximum(spread, least)) @ axes.T + np.outer(h, h) / m

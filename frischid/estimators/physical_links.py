@@ -201,7 +201,7 @@ class _Problem:
         x, known, box = self.parameters[i], self.links.known[i], self.links.boxes[i]
         given = np.flatnonzero(~np.isnan(known))
         if len(given):
-            size = np.maximum(np.abs(self.unscale[i][given]).max(axis=1), 1e-9)
+            size = np.abs(self.unscale[i][given]).max(axis=1)
             words = ", ".join(f"{PARAMETERS[k]} = {known[k]:g}" for k in given)
             demands[f"values known outright ({words})"] = x[given] / size == known[given] / size
         if box is not None:

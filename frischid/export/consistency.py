@@ -23,6 +23,7 @@ from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
+from frischid.robot.scale import RobotScale
 
 Box = tuple[Sequence[float], Sequence[float]]
 
@@ -113,6 +114,7 @@ def make_consistent(model: Model, *, boxes: Mapping[str, Box] | None = None, sha
         robot.nominal.reshape(-1, 10),
         tuple(_half_spaces(robot, n, chosen.get(n)) for n in robot.bodies),
         np.array([robot.known.get(n, np.nan) for n in robot.all_names]).reshape(-1, 10),
+        RobotScale.of(robot).length,
     )
     estimate = model.estimate
     extras, contradictions = _extras(model, regressor, mapping)

@@ -29,6 +29,7 @@ from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import LINK_PARAMETERS, Robot
+from frischid.robot.scale import RobotScale
 from frischid.robot.urdf_numbers import LARGEST_QUANTITY
 
 _PAYLOAD_SIZE = 0.05  # m: radius of gyration of the payload in the prior, about the width of a hand
@@ -169,6 +170,7 @@ class GainProblem:
             np.vstack([robot.nominal.reshape(-1, 10), self._payload_prior()]),
             (None,) * (len(robot.bodies) + 1),
             np.vstack([np.array([robot.known.get(n, np.nan) for n in robot.all_names]).reshape(-1, 10), self.known]),
+            RobotScale.of(robot).length,
         )
         extras = Extras(
             (*(c.name for c in effects), *(f"the gain of {n}" for n in robot.joints)),

@@ -34,6 +34,7 @@ from scipy.optimize import least_squares
 from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.errors import InputError
+from frischid.estimators.precision import precision_of
 from frischid.forward.motion_error import MotionComparison, compare_simulated
 from frischid.forward.shooting import SMALLEST_PATH, Jacobian, OutputErrorOptions, Shooting
 from frischid.logs.log import Log
@@ -246,7 +247,7 @@ def _found(model: Model, fit: _Fit, shooting: Shooting, entries: list[dict[str, 
         theta=model.estimate.theta + L @ z,
         covariance=covariance,
         estimator="output_error",
-        information=np.linalg.inv(covariance),
+        information=precision_of(covariance),
     )
     event = {
         "action": "output_error",

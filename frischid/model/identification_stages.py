@@ -23,6 +23,7 @@ from frischid.estimators.friction_smoothing import baseline, dry_friction
 from frischid.estimators.least_squares import Estimate, ols, wls
 from frischid.estimators.map_estimate import MapEstimate, map_estimate
 from frischid.estimators.parameter_prior import ParameterPrior
+from frischid.estimators.precision import precision_of
 from frischid.estimators.urdf_prior import urdf_prior
 from frischid.logs.controller import driven
 from frischid.logs.filters import LowPass
@@ -313,7 +314,7 @@ def fit_parameters(given: PriorSet) -> Fit:
             1.0 / found.variance,
             found.condition,
             "map",
-            np.asarray(np.linalg.inv(found.covariance), dtype=float),
+            precision_of(found.covariance),
             (),
             np.clip(1.0 - np.diag(found.covariance) / before, 0.0, 1.0),
         ),

@@ -27,6 +27,7 @@ from frischid.core.types import Array
 from frischid.effects.load import Payload
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.least_squares import Prior, wls
+from frischid.estimators.precision import precision_of
 from frischid.logs.summary import Data
 from frischid.model.model import Model
 from frischid.regression.accumulation import accumulate
@@ -203,7 +204,7 @@ def payload(
     p = len(model.base)
     robot_mass = max(float(robot.nominal[0::10].sum()), 1.0)
     H = robot_frame(robot, name, frame)
-    precision = np.linalg.inv(_model_covariance(model))
+    precision = precision_of(_model_covariance(model))
     phi, covariance = np.zeros(10), np.zeros((10, 10))
     mass = 0.3 * robot_mass
     for _ in range(3):  # the spreads of the prior follow the mass

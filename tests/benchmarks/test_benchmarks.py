@@ -66,6 +66,14 @@ def test_no_edit_of_a_model_file_passes_unnoticed(tmp_path: Path) -> None:
     assert removed["refused"] + removed["warned of"] == 60
 
 
+def test_no_name_of_a_urdf_becomes_code(tmp_path: Path) -> None:
+    """The reduced form of the ten thousand hostile names; another seed than by default."""
+    content = document("exported_names.py", tmp_path / "names.json", "--names", "84", "--seed", "7")
+    assert [(row["format"], row["other code"]) for row in content["rows"]] == [
+        ("C", 0), ("Python", 0), ("MJCF", 0), ("URDF", 0),
+    ]  # fmt: skip
+
+
 def test_bad_inputs_end_in_a_sentence(tmp_path: Path) -> None:
     """The reduced form of the table of bad inputs: one row of 40, of every kind."""
     content = document("bad_inputs.py", tmp_path / "table.json", "--every", "40")

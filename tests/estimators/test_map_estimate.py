@@ -17,6 +17,7 @@ from frischid.estimators.map_estimate import (
     map_folds,
     shapes,
 )
+from frischid.estimators.map_problem import MapProblem
 from frischid.estimators.parameter_prior import ParameterPrior, ScaleRule
 from frischid.regression.moments import Gram, total
 
@@ -209,3 +210,25 @@ def test_no_unit_of_a_column_decides(unit):
     assert other.rows == pytest.approx(plain.rows, rel=1e-9)
     np.testing.assert_allclose(other.theta * size, plain.theta, rtol=1e-8)
     np.testing.assert_allclose(other.variance, plain.variance, rtol=1e-8)
+
+
+# One column, seen in one row at which the torque is 6, is the sum of the parameters of two links.
+SUM, TWO = np.array([[1.0, 1.0]]), ParameterPrior(
+    ("m1", "m2"), np.array([1.0, 3.0]), np.array([0.5, 0.5]), ("a", "b"), np.zeros(2, bool), np.zeros(2), {}
+)  # fmt: skip
+ROW = np.array([[1.0, 6.0]])
+ONE = Gram((Column("m1", "kg", "j", "rigid"),), ("j",), (ROW.T @ ROW)[None], ROW, np.ones(1))
+
+
+def test_a_log_without_noise_outweighs_its_prior_by_twenty_digits():
+    """H = AᵀMA + P keeps nothing of P in double precision."""
+    rows = MapProblem(ONE, SUM, TWO).rows(np.array([1e20]), TWO.spread**-2)
+    np.testing.assert_allclose(rows.solve(), [2.0, 4.0], rtol=1e-6)  # the sum is the log's, the difference the prior's
+    root = rows.root()
+    np.testing.assert_allclose(np.sum(([1.0, -1.0] @ root) ** 2), 0.5, rtol=1e-6)
+    np.testing.assert_allclose(np.sum(([1.0, 1.0] @ root) ** 2), 1e-20, rtol=1e-3)
+
+
+def test_what_neither_the_log_nor_the_prior_determines_is_an_error():
+    with pytest.raises(IdentifiabilityError, match="undetermined"):
+        MapProblem(ONE, SUM, TWO).rows(np.ones(1), np.full(2, 1e-40)).solve()

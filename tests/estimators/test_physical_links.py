@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from cases import exact_log, made, quick, random_values, robot, states
+from scaled_robots import scaled
 
 from frischid.effects import BASELINE
 from frischid.errors import InputError, UnknownNameError
@@ -12,7 +13,8 @@ from frischid.estimators.physical_links import LEAST_LINK_SHARE, Extras, Infeasi
 from frischid.export.consistency import as_identified, make_consistent
 from frischid.model.comparison import compare
 from frischid.model.model import Model
-from frischid.motions.simulation import Noise
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia, redistributed
 
 
@@ -91,7 +93,7 @@ def problem(seed=0, rows=12, noise=0.0, **links):
     theta = K @ true
     sigma = noise * np.abs(theta) + 1e-3
     theta = theta + sigma * rng.normal(size=rows) * (noise > 0)
-    beliefs = {"nominal": nominal, "boxes": (None,) * 3, "known": np.full((3, 10), np.nan)} | links
+    beliefs = {"nominal": nominal, "boxes": (None,) * 3, "known": np.full((3, 10), np.nan), "length": 1.0} | links
     extras = Extras(("e1", "e2"), np.zeros(2), np.ones(2), np.array([1, 1]))
     return theta, np.diag(1 / sigma**2), K, Links(("one", "two", "three"), **beliefs), extras
 
@@ -124,7 +126,7 @@ def test_the_divergence_does_not_depend_on_units():
     scale = np.diag([1e3] * 10 + [1e-3] * 10 + [1.0] * 12)  # a heavy link and a light one
     found = consistent(theta, information, K, links, extras)
     nominal = (scale[:30, :30] @ links.nominal.ravel()).reshape(3, 10)
-    scaled = Links(links.names, nominal, links.boxes, links.known)
+    scaled = Links(links.names, nominal, links.boxes, links.known, links.length)
     again = consistent(theta, information, K @ np.linalg.inv(scale), scaled, extras)
     np.testing.assert_allclose(again.divergence, found.divergence, rtol=1e-2, atol=1e-3)
 
@@ -193,6 +195,16 @@ def test_a_model_becomes_physical_and_stays_as_good(name):
     machine = robot(name)
     log = exact_log(machine, BASELINE, random_values(machine, BASELINE), seed=9, noise=Noise(tau=0.02))
     assert compare(found.model, [log]).nrmse <= 1.05 * compare(model, [log]).nrmse
+
+
+@pytest.mark.parametrize(("length", "mass"), [(1e-3, 1.0), (1e-3, 1e-9), (30.0, 3e4)])
+def test_a_robot_of_any_size_becomes_physical(length, mass):
+    """The arm's second link is 0.5 m long, 0.5 mm, or 15 m."""
+    machine = scaled(robot("planar2"), length, mass, np.sqrt(length))
+    log = simulate(machine, random_fourier(machine, 10.0, seed=1), rate=100.0, noise=Noise(q=1e-5))
+    found = make_consistent(quick(machine, [log]).model)
+    assert found.result.reproduces
+    np.testing.assert_allclose([found.model.standard[n] for n in ("m1", "m2")], machine.nominal[[0, 10]], rtol=0.01)
 
 
 def test_the_physical_model_is_its_base_parameters():

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from listening import listening, needs_ss
 
 import frischid as fr
 from frischid.cli import main
@@ -308,15 +309,13 @@ def test_the_spread_of_robots_that_move_alike_is_that_of_a_mean(robots):
     np.testing.assert_allclose(spread.covariance, np.cov(values.T) / robots, rtol=1e-6)
 
 
+@needs_ss
 def test_a_local_cluster_listens_to_this_machine_only():
-    import psutil
-
     with workers("local", 2) as pool:
         assert pool.gather(pool.map(abs, [-1, 2])) == [1, 2]
-        processes = [psutil.Process(), *psutil.Process().children(recursive=True)]
-        listening = [c.laddr.ip for p in processes for c in p.net_connections() if c.status == "LISTEN"]
-    assert len(listening) >= 6
-    assert set(listening) == {"127.0.0.1"}
+        addresses = listening()
+    assert len(addresses) >= 6
+    assert set(addresses) == {"127.0.0.1"}
 
 
 def test_a_fleet_of_broken_logs_is_refused_by_name(arm, tmp_path):

@@ -38,6 +38,18 @@ def joined(first, second, pause):
     return Log(t, first.joints, np.concatenate([first.q, second.q]), tau=np.concatenate([first.tau, second.tau]))
 
 
+# ---- logs without noise
+
+
+@pytest.mark.parametrize("prior", ["none", "urdf"])
+def test_a_log_of_a_simulation_without_noise_is_exact(prior):
+    log = simulate(UR10, random_fourier(UR10, 30.0, seed=1), rate=200.0)
+    found = identify(UR10, [log], recursion="none", prior=prior)
+    assert found.model.estimate.covariance.diagonal().min() > 0
+    np.testing.assert_array_less(0.0, np.linalg.eigvalsh(found.model.estimate.information))
+    assert found.headline.nrmse < 1e-3
+
+
 # ---- several logs
 
 

@@ -1,10 +1,13 @@
 """The studio's ends: a tab that closes while the model is refitted, a studio that stops, an interpreter that ends."""
 
+import gc
 import subprocess
 import sys
 import threading
+import weakref
 
 import pytest
+from browser import SOLID, needs_browser, opened, settled
 
 from frischid.effects import parse_effects
 from frischid.model.identification import identify
@@ -68,6 +71,32 @@ def test_a_browser_that_closes_during_a_refit_stops_nothing(case, tmp_path, monk
     finally:
         running.stop()
     assert "Traceback" not in capfd.readouterr().err
+
+
+@needs_browser
+def test_closed_tabs_leave_nothing_in_memory(case, tmp_path, monkeypatch):
+    """One tab is closed while its robot moves, the other at rest."""
+    monkeypatch.setattr(diagnosis, "diagnose", lambda *_, **__: pytest.fail("not waited for"))
+    monkeypatch.setattr(bench_module, "DIAGNOSIS_DELAY", 3600.0)
+    running = Studio(port=8450)
+    try:
+        running.show(*case, tmp_path / "model.json")
+        with opened(running.address, flags=SOLID) as seen:
+            second = seen.page.context.browser.new_page()
+            second.goto(running.address)
+            for page in (seen.page, second):
+                page.set_default_timeout(180_000)
+                page.wait_for_selector("text=misses")
+            seen.page.get_by_role("button", name="Play").click()
+            parts = [x for tab in running.tabs.values() for x in (tab, tab.client, tab.frame, tab.stage, tab.findings)]
+            alive = [weakref.ref(x) for x in parts]
+            assert len(alive) == 10
+            del parts
+            second.close()
+        settled(lambda: not running.tabs and not any(x() for x in alive if gc.collect() >= 0))
+        assert not running.server.get_clients()
+    finally:
+        running.stop()
 
 
 def test_a_stopped_studio_leaves_no_thread(case, tmp_path, monkeypatch):

@@ -5,11 +5,11 @@ import json
 import threading
 from contextlib import closing
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
 from browser import SOLID, needs_browser, opened
+from listening import listening, needs_ss
 
 from frischid.errors import InputError
 
@@ -113,26 +113,9 @@ def test_a_viser_that_opens_its_server_in_another_way_is_stopped():
     assert stopped == [True]
 
 
-def listening():
-    """Local addresses on which this process listens, from the kernel's tables."""
-    own = set()
-    for entry in Path("/proc/self/fd").iterdir():
-        try:
-            own.add(str(entry.readlink()))
-        except OSError:
-            continue
-    found = set()
-    for table in ("/proc/net/tcp", "/proc/net/tcp6"):
-        for line in Path(table).read_text().splitlines()[1:]:
-            parts = line.split()
-            if parts[3] == "0A" and f"socket:[{parts[9]}]" in own:
-                found.add(parts[1].split(":")[0])
-    return found
-
-
-@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="the kernel's tables are Linux's")
+@needs_ss
 def test_it_listens_on_loopback_alone(running):
-    assert listening() == {"0100007F"}
+    assert set(listening()) == {"127.0.0.1"}
 
 
 HOSTILE = """<!doctype html><title>a page of another origin</title><script>

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from browser import OVERLAPS, SOLID, needs_browser, opened
+from browser import OVERLAPS, SOLID, needs_browser, opened, settled
 from cases import MIXED, made
 from click.testing import CliRunner
 
@@ -302,14 +302,6 @@ def test_text_is_no_markup():
 def error_shown(page):
     """NRMSE in the headline."""
     return float(re.search(r"NRMSE ([\d.]+)", page.inner_text("body")).group(1))
-
-
-def settled(condition, seconds=300.0):
-    """Wait for something to become true; the limit only ends a test that hangs, also on a busy machine."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it took too long"
-        time.sleep(0.05)
 
 
 # of the first figure of the page: the time at its cursor, the names of its curves, and the stretch of time it shows
