@@ -17,6 +17,7 @@ from frischid.robot.robot import Robot
 
 pytest.importorskip("viser", reason="the extra frischid[studio] is not installed")
 
+import frischid.diagnosis.roles  # noqa: F401 - binds the real diagnosis before a test replaces it for the studio
 from frischid.diagnosis import diagnosis
 from frischid.studio import Studio
 from frischid.studio import bench as bench_module
@@ -130,6 +131,7 @@ import numpy as np
 from pathlib import Path
 from scipy import sparse
 import frischid as fr
+import frischid.diagnosis.roles  # noqa: F401 - binds the real diagnosis before a test replaces it for the studio
 from frischid.diagnosis import diagnosis
 from frischid.studio import bench as module
 
