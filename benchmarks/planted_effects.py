@@ -42,7 +42,12 @@ from frischid.core.files import write_text
 SMOOTH = 8.0
 """Hz. Of a measured motion, only lower frequencies count as motion."""
 STRANGE = [name for name in UNKNOWN if name != "random_walk"]
-KINDS = ("none", *(name for name in EFFECTS if name not in GEARS), "contact", *STRANGE)
+KINDS = (
+    "none",
+    *(name for name, kind in EFFECTS.items() if name not in GEARS and not kind.of_controller),
+    "contact",
+    *STRANGE,
+)
 SITUATIONS = {"always": [k for k in KINDS if k not in EFFECTS or k in SMALL], "changed": list(KINDS)}
 DELAY = 0.1
 """s of delay per unit of size."""

@@ -4,6 +4,8 @@ from .diagnosis.diagnosis import Diagnosis as Diagnosis
 from .diagnosis.diagnosis import diagnose as diagnose
 from .diagnosis.improvement import add as add
 from .diagnosis.improvement import improve as improve
+from .diagnosis.motion_space import MotionDiagnosis as MotionDiagnosis
+from .diagnosis.motion_space import simulate_findings as simulate_findings
 from .effects import BASELINE as BASELINE
 from .effects import EFFECTS as EFFECTS
 from .effects import Effect as Effect

@@ -30,6 +30,7 @@ from frischid.errors import InputError
 @map_option
 @situation_option
 @click.option("--try", "only", help="Effects to try, comma separated; all by default.")
+@click.option("--simulate", "simulated", is_flag=True, help="Show what each finding does to the simulated motion.")
 @scheduler_option
 @workers_option
 @json_option
@@ -40,6 +41,7 @@ def diagnose(
     mapping: MapFiles,
     situation: Any,
     only: str | None,
+    simulated: bool,
     scheduler: str | None,
     workers: int | None,
     as_json: bool,
@@ -49,21 +51,27 @@ def diagnose(
     The most probable cause stands first; the evidence is cross-validated.
     """
     from frischid.cli.pages import improving as show
+    from frischid.diagnosis.motion_space import simulate_findings
     from frischid.diagnosis.roles import diagnose_in_roles as run
+    from frischid.diagnosis.roles import roles
 
-    loaded = model_of(model)
+    loaded, moved = model_of(model), None
     with working(as_json) as progress, elsewhere(scheduler, workers) as pool:
         progress("reading logs")
+        data, test = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
         found = run(
             loaded,
-            opened(logs, loaded.robot, mapping),
-            valid=opened(valid, loaded.robot, mapping),
+            data,
+            valid=test,
             situation=situation,
             effects=None if only is None else [x.strip() for x in only.split(",")],
             workers=pool,
             progress=progress,
         )
-    show_page(show.diagnosis(found), as_json)
+        if simulated:
+            given = roles(loaded, data, valid=test, situation=situation)
+            moved = simulate_findings(loaded, found, given.select, valid=given.test, progress=progress)
+    show_page(show.diagnosis(found, moved), as_json)
 
 
 @main.command()

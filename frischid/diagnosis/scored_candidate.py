@@ -133,6 +133,8 @@ def usable_candidates(
 ) -> list[list[Candidate]]:
     """Candidates, shape by shape, that are not yet in the model and whose columns are finite and act on some row.
 
+    Errors of a recorded torque are no candidates where the torque was computed from commands.
+
     All places are handled at once, because each call goes through all motions.
 
     Parameters
@@ -143,9 +145,12 @@ def usable_candidates(
     progress : callable, optional
     """
     robot, measured = validator.model.robot, validator.data.cache.channels
+    commanded = validator.model.controller is not None
     present = {c.name for c in validator.data.cache.regressor.columns}
 
     def fresh(effect: Effect) -> bool:
+        if effect.recording and commanded:
+            return False
         return measured.issuperset(effect.channels(robot)) and not any(
             column.name in present for column in effect.columns(robot)
         )

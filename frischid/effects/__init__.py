@@ -35,6 +35,7 @@ from frischid.effects.flexibility import Backlash, Elasticity
 from frischid.effects.saturation import GearPlay
 from frischid.effects.load import GravityTilt, Payload
 from frischid.effects.sensing import DriveGain, EncoderZero, TimeDelay
+from frischid.effects.commands import CommandDelay, PositionGain
 from frischid.effects.formula import Formula
 from frischid.effects.notation import effect_from_dict, parse_effects
 # isort: on
@@ -50,6 +51,7 @@ __all__ = [
     "Backlash",
     "CableHose",
     "Cogging",
+    "CommandDelay",
     "Coulomb",
     "Counterbalance",
     "CubicViscous",
@@ -67,6 +69,7 @@ __all__ = [
     "LoadStribeck",
     "Offset",
     "Payload",
+    "PositionGain",
     "QuadraticViscous",
     "RotorInertia",
     "State",

@@ -30,12 +30,14 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.effects import (
+    CommandDelay,
     Effect,
     EncoderZero,
     Formula,
     GravityTilt,
     JointCoupling,
     Payload,
+    PositionGain,
     RotorInertia,
     TimeDelay,
 )
@@ -246,6 +248,10 @@ class _Writer:
             found.append(self._column(effect, f"Im{digits}", self._rows(spin), spin))
         return found
 
+    def _of_controller(self, effect: Effect) -> list[CodeColumn]:
+        """No columns: an error in what is known of the controller is no torque of the robot."""
+        return []
+
     def _payload(self, effect: Effect) -> list[CodeColumn]:
         """A payload is added to the model's links; it gives columns only where later effects read the torque."""
         found = []
@@ -316,6 +322,8 @@ _WRITERS: dict[type[Effect], Callable[[_Writer, Effect], list[CodeColumn]]] = {
     TimeDelay: _Writer._delay,
     Elasticity: _Writer._geared,
     Backlash: _Writer._geared,
+    CommandDelay: _Writer._of_controller,
+    PositionGain: _Writer._of_controller,
 }
 
 

@@ -56,6 +56,8 @@ def left_out(model: Model, kind: str) -> tuple[str, ...]:
     held = mjcf_springs(model) if kind == "MJCF" else {}
     found = []
     for effect in model.effects:
+        if effect.of_controller:  # the actuators have its corrected gain, and no format has a delay
+            continue
         if effect.id in FORMAT_EFFECTS[kind] and not effect.parameters.get("coupled"):
             continue
         joints = [name for _, name, _ in effect.acts_on(model.robot)] if effect.id in ("joint_spring", "offset") else []

@@ -8,15 +8,17 @@ the simulated ones close the loop, so the simulated joint makes its own tracking
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from frischid.core.types import Array
-from frischid.forward.torque_sources import PositionController
+from frischid.forward.torque_sources import PositionController, RecordedTorque, TorqueSource
 from frischid.logs.controller import PDController, check_commands, check_delay
 from frischid.logs.log import Log
+from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording, chunks_of, preview_of
+from frischid.model.model import Model
 
 
 def follows_commands(controller: PDController | None, log: Log | Recording, joints: Sequence[str]) -> bool:
@@ -80,3 +82,24 @@ def commanded_source(controller: PDController, log: Log | Recording, joints: Seq
         controller.values("limit", joints),
         controller.values("dead_band", joints),
     )
+
+
+def moved(
+    model: Model, logs: Sequence[Log | Recording], sources: Sequence[TorqueSource] | None = None
+) -> Iterator[tuple[Motion, TorqueSource]]:
+    """Every motion of some logs with the source of its torque.
+
+    Parameters
+    ----------
+    model : Model
+    logs : sequence of Log or Recording
+    sources : sequence of TorqueSource, optional
+        Source of each log. By default the model's controller for a log of commands, and the recorded torque otherwise.
+    """
+    for number, log in enumerate(logs):
+        source = None if sources is None else sources[number]
+        if source is None and follows_commands(model.controller, log, model.robot.joints):
+            assert model.controller is not None
+            source = commanded_source(model.controller, log, model.robot.joints)
+        for motion in model.motions([log]):
+            yield motion, RecordedTorque(motion.t, motion.tau) if source is None else source

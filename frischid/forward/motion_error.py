@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.errors import InputError
-from frischid.forward.commanded_motion import commanded_source, follows_commands
+from frischid.forward.commanded_motion import follows_commands, moved
 from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics, Starts
-from frischid.forward.torque_sources import RecordedTorque, TorqueSource
+from frischid.forward.torque_sources import TorqueSource
 from frischid.logs.log import Log
 from frischid.logs.poses import need_motion
 from frischid.logs.preprocessing import Motion
@@ -172,25 +172,21 @@ def compare_simulated(
         raise InputError(f"{len(sources)} sources of torque were given for {len(logs)} logs; give one per log")
     model.check(logs)
     logs = need_motion(logs, model.robot.joints) if sources is None else logs
-    if sources is None and all(follows_commands(model.controller, log, model.robot.joints) for log in logs):
-        assert model.controller is not None
-        sources = [commanded_source(model.controller, log, model.robot.joints) for log in logs]
+    closed = bool(sources) or all(follows_commands(model.controller, log, model.robot.joints) for log in logs)
     thetas = np.stack([model.full_theta, urdf_parameters(model)])
     parts: list[tuple[float, Array]] = []
     wholes: list[Array] = []
-    for number, log in enumerate(logs):
-        for motion in model.motions([log]):
-            source = RecordedTorque(motion.t, motion.tau) if sources is None else sources[number]
-            extra = {name: (motion.t, values) for name, values in motion.extra.items()}
-            forward = ForwardDynamics(model, thetas, extra=extra, begin=motion.start)
-            parts += _errors_over_horizons(forward, motion, source, (sorted(horizons), step))
-            wholes.append(_errors_of_whole(forward, motion, source, step))
+    for motion, source in moved(model, logs, sources):
+        extra = {name: (motion.t, values) for name, values in motion.extra.items()}
+        forward = ForwardDynamics(model, thetas, extra=extra, begin=motion.start)
+        parts += _errors_over_horizons(forward, motion, source, (sorted(horizons), step))
+        wholes.append(_errors_of_whole(forward, motion, source, step))
     if not parts:
         shortest = min(horizons)
         raise InputError(f"no log is longer than the shortest horizon, {shortest:g} s; give a shorter one")
     found = [_summary(model, h, [x for length, x in parts if length == h]) for h in sorted({h for h, _ in parts})]
     names = tuple(log.source for log in logs)
-    return MotionComparison(tuple(found), _summary(model, None, wholes), tip_joint(model.robot), names, bool(sources))
+    return MotionComparison(tuple(found), _summary(model, None, wholes), tip_joint(model.robot), names, closed)
 
 
 def _errors_over_horizons(
@@ -204,15 +200,15 @@ def _errors_over_horizons(
         return []
     last = len(motion.t) - 1 - max(fitting)
     samples = np.unique(np.linspace(0, last, STARTS_PER_LOG).round().astype(np.intp))
-    moved = _simulated(forward, motion, source, samples, (np.array([0, *fitting]), step))
-    return [(horizons[k], _error(forward, moved[:, :, k + 1], motion.q[samples + n])) for k, n in enumerate(fitting)]
+    found = _simulated(forward, motion, source, samples, (np.array([0, *fitting]), step))
+    return [(horizons[k], _error(forward, found[:, :, k + 1], motion.q[samples + n])) for k, n in enumerate(fitting)]
 
 
 def _errors_of_whole(forward: ForwardDynamics, motion: Motion, source: TorqueSource, step: float) -> Array:
     """Errors (2, samples, J + 1) along a whole motion."""
     samples = np.arange(len(motion.t))
-    moved = _simulated(forward, motion, source, samples[:1], (samples, step))
-    return _error(forward, moved[:, 0], motion.q)
+    found = _simulated(forward, motion, source, samples[:1], (samples, step))
+    return _error(forward, found[:, 0], motion.q)
 
 
 def _simulated(

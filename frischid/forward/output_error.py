@@ -2,9 +2,9 @@
 
     min over θ:   Σ_k Σ_t Σ_j ((q_sim,j(t; θ, s_k) − q_j(t)) / σ_j)²
 
-The logs are cut into stretches. In each, the model moves under the recorded torque from the measured start s_k. No
-acceleration and no filter is needed. Gauss-Newton starts at the linear answer. Derivatives are differences of
-simulations that move at once.
+The logs are cut into stretches. In each, the model moves from the measured start s_k, under the recorded torque or, in
+a log of commands, under its controller. No acceleration and no filter is needed. Gauss-Newton starts at the linear
+answer. Derivatives are differences of simulations that move at once.
 
 The singular values of the Jacobian say what the motion determines: J = U diag(s) Vᵀ in units of the linear answer's
 standard errors and of the rms residual. Of a direction with s < 1 the motion knows less
@@ -120,7 +120,7 @@ def output_error(
     model : Model
         The linear answer, for example of `identify`.
     logs : sequence of Log or Recording
-        Logs to fit, with position and torque of all joints.
+        Logs to fit, with position and torque, or commands, of all joints.
     valid : sequence of Log or Recording
         Logs to measure the simulated error on; they decide nothing.
     options : OutputErrorOptions, optional
@@ -149,13 +149,8 @@ def output_error(
     options = options or OutputErrorOptions()
     if not logs:
         raise InputError("there is no log to fit the motion of")
-    if model.controller is not None:
-        raise InputError(
-            "output_error fits the motion that a recorded torque makes, and the torque of this model comes from "
-            "commands; keep the linear answer (--estimator wls), or give a log with torque and no --controller"
-        )
     model.check(logs)
-    shooting = Shooting(model, list(model.motions(need_motion(logs, model.robot.joints))), options)
+    shooting = Shooting(model, need_motion(logs, model.robot.joints), options)
     z = np.zeros(len(model.estimate.theta))
     first = last = _weighted(shooting, z)
     V = np.zeros((len(z), 0))
@@ -221,8 +216,13 @@ def _fit(shooting: Shooting, z: Array, V: Array) -> Array:
     if not V.shape[1]:
         return z
 
+    size = shooting.residuals(z[None]).size
+
     def errors(x: Array) -> Array:
-        r = shooting.residuals((z + V @ x)[None]).ravel()
+        try:
+            r = shooting.residuals((z + V @ x)[None]).ravel()
+        except InputError:  # a step too far: no robot has such inertias, and nothing can be simulated
+            return np.full(size, UNSTABLE_ERROR)
         return np.where(np.isfinite(r), r, UNSTABLE_ERROR)
 
     def slopes(x: Array) -> Array:

@@ -20,9 +20,12 @@ from numpy.typing import NDArray
 
 from frischid.core.types import Array
 from frischid.errors import InputError
+from frischid.forward.commanded_motion import moved
 from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics, Starts
-from frischid.forward.torque_sources import RecordedTorque
+from frischid.forward.torque_sources import TorqueSource
+from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
+from frischid.logs.recording import Recording
 from frischid.model.model import Model
 
 FEWEST_PIECES = 20
@@ -83,9 +86,10 @@ class Jacobian(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """Stretches of one motion: their first samples, and the samples within a stretch that are compared."""
+    """Stretches of one motion under a torque: their first samples, and the samples of a stretch that are compared."""
 
     motion: Motion
+    source: TorqueSource
     first: NDArray[np.intp]
     samples: NDArray[np.intp]
 
@@ -93,19 +97,19 @@ class Cut(NamedTuple):
 class Shooting:
     """Stretches of logs, simulated with parameters ``θ = θ_linear + L z`` and starts of their own."""
 
-    def __init__(self, model: Model, motions: Sequence[Motion], options: OutputErrorOptions) -> None:
+    def __init__(self, model: Model, logs: Sequence[Log | Recording], options: OutputErrorOptions) -> None:
         self.model, self.options = model, options
         self.root = np.linalg.cholesky(model.estimate.covariance)
         self.weights = np.ones(len(model.robot.joints))
-        self.cuts = [self._cut(motion) for motion in motions]
+        self.cuts = [self._cut(motion, source) for motion, source in moved(model, logs)]
 
-    def _cut(self, motion: Motion) -> Cut:
+    def _cut(self, motion: Motion, source: TorqueSource) -> Cut:
         o = self.options
         length = min(max(2, round(o.horizon / motion.step)), len(motion.t) - 1)
         most = min(max(1, (len(motion.t) - 1) // length), o.stretches)
         first = np.linspace(0, len(motion.t) - 1 - length, most).round().astype(np.intp)
         count = max(1, min(length, round(o.samples * length * motion.step / o.horizon)))
-        return Cut(motion, first, np.unique(np.linspace(0, length, count + 1).round().astype(np.intp)))
+        return Cut(motion, source, first, np.unique(np.linspace(0, length, count + 1).round().astype(np.intp)))
 
     def theta(self, z: Array) -> Array:
         """Values of all columns (..., C) at scaled parameters (..., p)."""
@@ -113,12 +117,19 @@ class Shooting:
         full[..., list(self.model.base)] = self.model.estimate.theta + z @ self.root.T
         return full
 
+    def errors(self) -> Array:
+        """Rms error of the simulated positions of the linear answer, (J,), rad (m); infinite where unstable."""
+        r = self.residuals(np.zeros((1, len(self.model.estimate.theta))))[0]
+        kept = np.concatenate([np.full(len(cut.first), len(cut.samples)) for cut in self.cuts])
+        squares = (np.where(np.isfinite(r), r, np.inf) ** 2).sum(axis=(0, 1))
+        return np.asarray(np.sqrt(squares / kept.sum()) * self.weights)
+
     def residuals(self, zs: Array) -> Array:
         """Scaled errors of positions (P, stretches, samples, J) for parameters (P, p); zero after a shorter stretch."""
         done, J, P = 0, len(self.weights), len(zs)
         widest = max(len(cut.samples) for cut in self.cuts)
         out = np.zeros((P, sum(len(cut.first) for cut in self.cuts), widest, J))
-        for motion, first, samples in self.cuts:
+        for motion, source, first, samples in self.cuts:
             S = len(first)
             extra = {name: (motion.t, values) for name, values in motion.extra.items()}
             forward = ForwardDynamics(self.model, self.theta(zs), extra=extra, begin=motion.start)
@@ -126,9 +137,9 @@ class Shooting:
             q, v = (np.tile(x[first], (P, 1)) for x in (motion.q, speed))
             remembered = [np.tile(z, (P, 1)) for z in forward.remembered(motion.t, motion.v, first)]
             begin = Starts(q, v, np.tile(motion.t[first], P), np.repeat(np.arange(P), S), remembered)
-            source, times = RecordedTorque(motion.t, motion.tau), np.asarray(samples * motion.step, dtype=np.float64)
-            moved = forward.simulate(source, begin, times, step=self.options.step).q
-            error = moved.reshape(P, S, len(samples), J) - motion.q[first[:, None] + samples]
+            times = np.asarray(samples * motion.step, dtype=np.float64)
+            found = forward.simulate(source, begin, times, step=self.options.step).q
+            error = found.reshape(P, S, len(samples), J) - motion.q[first[:, None] + samples]
             out[:, done : done + S, : len(samples)] = error / self.weights
             done += S
         return out

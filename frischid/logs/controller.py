@@ -29,6 +29,10 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.recording import Recording, joined
 
+GOAL = "controller_goal_"
+"""Channel of a joint in a driven log: its command at the time when the command acts, rad (m)."""
+PUSH_RATE = "controller_push_rate_"
+"""Channel of a joint in a driven log: rate of the torque that follows from commands alone, N·m/s (N/s)."""
 Gains = float | Mapping[str, float]
 """One value for all joints, or a value for each joint named."""
 MOST_DELAY_STEPS = 50
@@ -178,13 +182,15 @@ class PDController:
             return log
         check_commands(log)
         tau = np.full(log.q.shape, np.nan) if log.tau is None else log.tau.copy()
-        tau[:, columns] = self._torque(log, columns)
+        tau[:, columns], extra = self._torque(log, columns)
         said = f"torque of {len(columns)} joints from their commands by the controller {self}"
         late = float(self.values("delay", [log.joints[j] for j in columns]).max())
         early = log.t - late < log.t[0] - _ROUNDED_STEP / log.rate  # the commands that act there were not recorded
-        return replace(log, tau=tau, sha256=log.identity, notes=(*log.notes, said)).slice(int(early.sum()))
+        whole = replace(log, tau=tau, extra={**log.extra, **extra}, sha256=log.identity, notes=(*log.notes, said))
+        return whole.slice(int(early.sum()))
 
-    def _torque(self, log: Log, columns: list[int]) -> Array:
+    def _torque(self, log: Log, columns: list[int]) -> tuple[Array, dict[str, Array]]:
+        """Torque of the joints with these indices, and their channels for `frischid.effects.commands`."""
         joints = [log.joints[j] for j in columns]
         delay = self.values("delay", joints)
         check_delay(delay, joints, log)
@@ -196,15 +202,20 @@ class PDController:
             late = [np.interp(log.t - d, log.t, x[:, j]) for d, j in zip(delay, columns, strict=True)]
             return np.asarray(np.nan_to_num(np.column_stack(late)))  # a joint without this channel has NaN there
 
-        error = command("qcmd") - log.q[:, columns]
+        goal = command("qcmd")
+        error = goal - log.q[:, columns]
         band = self.values("dead_band", joints)
         error = np.sign(error) * np.maximum(np.abs(error) - band, 0.0)
-        torque = self.values("kp", joints) * error + command("tauff")
-        kd = self.values("kd", joints)
+        kp, kd, ahead = self.values("kp", joints), self.values("kd", joints), command("tauff")
+        torque, push = kp * error + ahead, kp * goal + ahead
         if kd.any():
-            torque += kd * (command("vcmd") - velocity_of(log)[:, columns])
+            wanted = kd * command("vcmd")
+            torque, push = torque + wanted - kd * velocity_of(log)[:, columns], push + wanted
         limit = self.values("limit", joints)
-        return np.asarray(np.clip(torque, -limit, limit))
+        rate = np.gradient(push, log.t, axis=0)
+        channels = {GOAL: goal, PUSH_RATE: rate}
+        extra = {f"{name}{j}": x[:, k] for name, x in channels.items() for k, j in enumerate(joints)}
+        return np.asarray(np.clip(torque, -limit, limit)), extra
 
     def to_dict(self) -> dict[str, Any]:
         """The quantities that are not at their defaults, as plain JSON values."""

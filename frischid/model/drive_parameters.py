@@ -19,6 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from frischid.core.types import Column
 from frischid.effects import columns_of
 from frischid.model.model import Model
 
@@ -35,6 +36,11 @@ DRIVE_EFFECTS = {
 """Quantity -> effect and symbol of its parameter."""
 NAMED_BY_USER = {"stiffness": "kp", "damping": "kd", "delay": "delay", "effort_limit": "limit"}
 """Quantity -> field of the controller."""
+CORRECTIONS = {"position_gain": "stiffness", "command_delay": "delay"}
+"""Effect of the model -> quantity that it corrects."""
+ALL_LATE = "late"
+"""Parameter of `command_delay` for all joints together."""
+_Value = tuple[Column, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -93,7 +99,7 @@ def drive_parameters(model: Model) -> tuple[DriveParameter, ...]:
     values = _values(model)
     found: list[DriveParameter] = []
     for joint in model.joints:
-        found += _of_controller(model, joint)
+        found += _of_controller(model, joint, values)
         doubt = 0.0 if model.controller is None else model.controller.gain_doubt(joint)
         for quantity, (effect, symbol) in DRIVE_EFFECTS.items():
             for column, value, spread, share in values:
@@ -122,8 +128,11 @@ def _ratio(model: Model, joint: str, quantity: str, value: float, spread: float)
     return f"{quantity} / kp = {value / kp:.4g} ({low:.4g} … {high:.4g})"
 
 
-def _of_controller(model: Model, joint: str) -> list[DriveParameter]:
-    """Gains and delay that the user named or that were found, and the URDF's limit where no other is known."""
+def _of_controller(model: Model, joint: str, values: list[_Value]) -> list[DriveParameter]:
+    """Gains and delay that the user named or that were found, and the URDF's limit where no other is known.
+
+    The model's effects `position_gain` and `command_delay` correct the gain and the delay that were named.
+    """
     pd, robot = model.controller, model.robot
     if pd is None:
         return []
@@ -145,6 +154,13 @@ def _of_controller(model: Model, joint: str) -> list[DriveParameter]:
             lower, upper, known = value / (1 + REACH * doubt), value / (1 - REACH * doubt), "identified"
         if quantity == "delay" and (doubt := float(pd.values("delay_doubt", [joint])[0])) > 0:
             (lower, upper), known = _range(value, doubt), "identified"
+        for column, more, spread, _ in values:
+            if CORRECTIONS.get(column.effect) == quantity and (column.joint == joint or column.name == ALL_LATE):
+                value = max(0.0, value + more)
+                (lower, upper), known = (
+                    _range(value, float(np.hypot(spread, (upper - lower) / 2 / REACH))),
+                    "identified",
+                )
         if np.isfinite(value):
             found.append(DriveParameter(joint, quantity, units[quantity], value, lower, upper, known, ""))
     return found
@@ -160,7 +176,7 @@ def _sum_with(model: Model, name: str) -> str:
     return ""
 
 
-def _values(model: Model) -> list[tuple[Any, float, float, float]]:
+def _values(model: Model) -> list[_Value]:
     """Column, value, standard error and share from the logs of every parameter that has these.
 
     With a prior, every parameter has a value of its own. Without, only those that are base parameters by themselves.

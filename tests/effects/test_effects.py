@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
-from cases import ROBOTS, made, random_values, robot, serial_arms, states
+from cases import ROBOTS, commands_of, made, random_values, robot, serial_arms, states
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -115,7 +115,7 @@ def test_columns_are_the_same_with_and_without_samples(name, kind):
     machine = robot(name)
     q, v, a = states(machine, 7)
     load = machine.inverse_dynamics(q, v, a)
-    state = State(machine, 0.1 * np.arange(7), q, v, a, load, load)
+    state = State(machine, 0.1 * np.arange(7), q, v, a, load, load, extra=commands_of(machine, q))
     for alternatives in [[kind()], *kind.candidates(machine)]:
         for effect in alternatives[:: max(1, len(alternatives) // 3)]:
             terms = effect.terms(state)

@@ -26,8 +26,9 @@ def test_every_effect_of_the_catalogue_can_be_code(fitted):
         model = replace(fitted[0], effects=parse_effects(name), robot=machine)
         code, mjcf, urdf = reach_of(model)
         assert code.whole, name
-        assert mjcf.whole == (name in ("viscous", "coulomb", "rotor_inertia"))
-        assert urdf.whole == (name in ("viscous", "coulomb"))
+        of_controller = fr.EFFECTS[name].of_controller
+        assert mjcf.whole == (of_controller or name in ("viscous", "coulomb", "rotor_inertia"))
+        assert urdf.whole == (of_controller or name in ("viscous", "coulomb"))
 
 
 def test_add_says_what_the_model_can_be_exported_to(fitted):

@@ -9,6 +9,7 @@ from frischid.cli.pages.page import Page, change, headline_line, quantities, tab
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import HOW_RANKED
 from frischid.diagnosis.improvement import Step
+from frischid.diagnosis.motion_space import MotionDiagnosis
 from frischid.diagnosis.rivals import IN_WORDS
 from frischid.effects import EFFECTS
 from frischid.export.reach import Reach, in_words, reach_of
@@ -16,8 +17,8 @@ from frischid.model.headline import error_after, headline_of
 from frischid.model.model import Model
 
 
-def diagnosis(result: Diagnosis) -> Page:
-    """Verdict, ranking, and effects that these data cannot distinguish."""
+def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
+    """Verdict, ranking, effects that these data cannot distinguish, and the simulated motion of each finding."""
     changed = "changed since it was identified" if result.situation == "changed" else "has not changed"
     head = f"[bold]{verdict_of(result)}[/bold] (assumed: the robot {changed})."
     parts: list[Any] = [head, headline_line(result.headline)]
@@ -48,7 +49,28 @@ def diagnosis(result: Diagnosis) -> Page:
         "parameter; probability: that this effect causes most of the error above the sensor noise, as learnt from "
         "simulated robots"
     )
-    return Page(result.to_dict(), parts, result.headline.alarms)
+    if moved is None:
+        return Page(result.to_dict(), parts, result.headline.alarms)
+    return Page({**result.to_dict(), "simulated": moved.to_dict()}, parts + simulated(moved), result.headline.alarms)
+
+
+def simulated(moved: MotionDiagnosis) -> list[Any]:
+    """Errors of the simulated positions, without an effect and with each finding."""
+    how = "under the model's controller" if moved.closed else "under the recorded torque alone"
+    on = "test logs" if moved.tested else "logs that the models were fitted to"
+    title = f"simulated positions over {moved.horizon:g} s {how}: rms error in rad (m), {on}"
+    table = table_of("effect", "where", "error", *moved.joints, title=title)
+    table.add_row("none", "", "", *(f"{x:.2g}" for x in moved.joints.values()))
+    for f in moved.findings:
+        where = ", ".join(f.finding.joints) or "robot"
+        errors = [f"{f.joints[n]:.2g}" if f.joints else "–" for n in moved.joints]
+        table.add_row(f.finding.effect, where, change(1.0, f.ratio) if f.joints else "–", *errors)
+    refused = [f"{f.finding.effect}: {f.refused}." for f in moved.findings if f.refused]
+    return [
+        table,
+        "error: change of the simulated error with this effect, mean over the joints of its logarithm",
+        *refused,
+    ]
 
 
 def elsewhere(result: Diagnosis) -> str:

@@ -1,0 +1,108 @@
+"""Errors of what is known of a position controller: the age of its commands, and its gain.
+
+A log of commands has the torque that the controller, as it is known, computes (`frischid.logs.controller`):
+
+    τ_computed,j = kp_j (c_j(t) − q_j) + …,      c_j(t) = q_cmd,j(t − d)
+
+If the commands act δ later than d, and if kp is too small by δkp, the torque at the joint is another one:
+
+    τ_computed,j ≈ τ_j + δ · d/dt (kp_j c_j + …) − δkp_j (c_j − q_j)
+
+Both columns need the commands, so these effects are tried on logs of commands only. They are no torque of the robot, so
+exported code leaves them out; the table of drives and a simulator's actuators have the corrected gain and delay.
+
+Source: Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, 8th edition, Pearson.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+from frischid.core.types import Array
+from frischid.effects.base import Effect
+from frischid.effects.state import State, Term
+from frischid.logs.controller import GOAL, PUSH_RATE
+from frischid.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class CommandDelay(Effect):
+    """Commands that act later than is known: one delay for all joints, or one for each joint named."""
+
+    id: ClassVar[str] = "command_delay"
+    title: ClassVar[str] = "commands that act later"
+    equation: ClassVar[str] = "late·d/dt(kp·q_cmd + kd·v_cmd + τ_ff)"
+    symbols: ClassVar[Mapping[str, str]] = {
+        "late": "identified coefficient: time by which commands act later than the controller's delay says",
+        "q_cmd": "commanded position",
+        "v_cmd": "commanded velocity",
+        "kp": "the controller's gain of the position error",
+        "kd": "the controller's gain of the velocity error",
+        "τ_ff": "feed-forward torque",
+    }
+    sentence: ClassVar[str] = (
+        "the commands of {joint} act later (or earlier) than the controller's delay says: name the delay (--delay)"
+    )
+    looks_like: ClassVar[str] = (
+        "an error like negative viscous friction, that follows the speed of the command and not that of the joint"
+    )
+    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "time_delay", "rotor_inertia")
+    confirmed_by: ClassVar[str] = "command a sudden small step and read how long the joint takes to begin to move"
+    reference: ClassVar[str] = "Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, Pearson"
+
+    of_controller: ClassVar[bool] = True
+    least: ClassVar[float] = 5e-4  # s: half a period of the usual command loop, the rounding of a time stamp
+
+    @classmethod
+    def candidates(cls, robot: Robot) -> list[list[Self]]:
+        """The same delay on all joints, or a delay on one joint alone."""
+        return [cls.variants(None), *(cls.variants((name,)) for name in robot.joints)]
+
+    def channels(self, robot: Robot) -> tuple[str, ...]:
+        """``controller_push_rate_<joint>``, which a log of commands has."""
+        return tuple(PUSH_RATE + name for _, name, _ in self.acts_on(robot))
+
+    def terms(self, state: State) -> list[Term]:
+        """Rate of the commanded torque: all joints in one column, or one column for each joint named."""
+        rates = {i: _channel(state, PUSH_RATE + name) for i, name, _ in self.acts_on(state.robot)}
+        if self.joints is not None:
+            return self.per_joint(state, "late", "torque rate", lambda i: rates[i])
+        return [Term(self.column("late", "s", state.robot.joints[0], ""), rates)]
+
+
+@dataclass(frozen=True)
+class PositionGain(Effect):
+    """A position controller whose gain kp is not the one that was named."""
+
+    id: ClassVar[str] = "position_gain"
+    title: ClassVar[str] = "another gain of the position controller"
+    equation: ClassVar[str] = "−dkp·(q_cmd − q)"
+    symbols: ClassVar[Mapping[str, str]] = {
+        "dkp": "identified coefficient: the true gain is larger than the one named by this much",
+        "q_cmd": "commanded position, when it acts",
+    }
+    sentence: ClassVar[str] = (
+        "the controller of {joint} pushes harder (or less hard) than its gain says: name another gain (--kp)"
+    )
+    looks_like: ClassVar[str] = "the residual is a copy of the position error q_cmd − q, on this joint only"
+    confused_with: ClassVar[tuple[str, ...]] = ("drive_gain", "payload", "load_friction")
+    confirmed_by: ClassVar[str] = "hang a known weight on the link: the position error must grow by its torque over kp"
+    reference: ClassVar[str] = "Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, Pearson"
+
+    of_controller: ClassVar[bool] = True
+
+    def channels(self, robot: Robot) -> tuple[str, ...]:
+        """``controller_goal_<joint>``, which a log of commands has."""
+        return tuple(GOAL + name for _, name, _ in self.acts_on(robot))
+
+    def terms(self, state: State) -> list[Term]:
+        """One column per joint: its position less its command."""
+        goals = {i: _channel(state, GOAL + name) for i, name, _ in self.acts_on(state.robot)}
+        return self.per_joint(state, "dkp", "position", lambda i: state.q[:, i] - goals[i])
+
+
+def _channel(state: State, name: str) -> Array:
+    """Values of a channel; a motion without samples only asks for names."""
+    return state.extra[name] if len(state.t) else state.t
