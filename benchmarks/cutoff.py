@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -202,7 +203,11 @@ def measured(pair: Pair, folder: Path, scan: Sequence[float]) -> dict[str, Any]:
     automatic = model("auto")
     auto, rate = automatic.lowpass.cutoff, min(log.rate for log in [*fit, valid])
     assert auto is not None
-    models = {f: model(f) for f in scan if f <= MOST_OF_RATE * rate * (1 + 1e-3)} | {auto: automatic}
+    models = {auto: automatic}
+    for cutoff in scan:
+        if cutoff <= MOST_OF_RATE * rate * (1 + 1e-3):
+            with suppress(InputError):  # the log is shorter than the filter of a very low cut-off
+                models[cutoff] = model(cutoff)
     tried = {f: _held_out(replace(m, lowpass=automatic.lowpass), valid) for f, m in models.items()}
     own = {f: _held_out(m, valid) for f, m in models.items()}
     best = min(tried, key=lambda f: tried[f])

@@ -91,8 +91,8 @@ def inspect(
             "torques against the URDF are not",
             (),
             "certain",
-            "give the torque per ampere under [current_gain] in a mapping file; frischid gains finds it from logs with "
-            "and without a known payload",
+            "identify takes this log in amperes; for N·m, give the torque per ampere under [current_gain] in a mapping "
+            "file: frischid gains finds it from logs with and without a known payload",
         )
     elif log.tau is None and log.qcmd is not None:
         notes.add(

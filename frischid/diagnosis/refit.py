@@ -108,6 +108,7 @@ def refitted(
         recursion="none",
         reference=load_reference(model, criteria),
         controller=model.controller,
+        currents=model.currents,
     )
     return replace(found.model, lowpass=model.lowpass)
 

@@ -17,6 +17,7 @@ from frischid.model.drive_parameters import DriveParameter, drive_parameters
 from frischid.model.model import Model
 
 NAMES = {
+    "torque_per_ampere": "torque_per_ampere",
     "stiffness": "stiffness",
     "damping": "damping",
     "armature": "armature",

@@ -26,6 +26,7 @@ from scipy.interpolate import CubicSpline
 
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
+from frischid.logs.current_gains import CurrentGains
 from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.recording import Recording, joined
 
@@ -256,17 +257,34 @@ class PDController:
         return cls.from_dict(content, str(path))
 
 
-def driven(logs: Iterable[Log | Recording], controller: PDController | None) -> tuple[Log | Recording, ...]:
-    """Logs with the torque that a controller gives; as they are without a controller.
+def driven(
+    logs: Iterable[Log | Recording], controller: PDController | None, currents: CurrentGains | None = None
+) -> tuple[Log | Recording, ...]:
+    """Logs with the torque that a controller gives, or that currents give; as they are without both.
 
     Parameters
     ----------
     logs : iterable of Log or Recording
     controller : PDController or None
+    currents : CurrentGains, optional
     """
-    if controller is None:
-        return tuple(logs)
-    return tuple(_driven_recording(x, controller) if isinstance(x, Recording) else controller.drive(x) for x in logs)
+    found = tuple(logs)
+    if controller is not None:
+        found = tuple(
+            _driven_recording(x, controller) if isinstance(x, Recording) else controller.drive(x) for x in found
+        )
+    if currents is not None:
+        found = tuple(_with_currents(x, currents) if isinstance(x, Recording) else currents.drive(x) for x in found)
+    return found
+
+
+def _with_currents(log: Recording, currents: CurrentGains) -> Recording:
+    """A recording whose chunks have the torque of their currents."""
+
+    def read(samples: int) -> Iterator[Log]:
+        return (currents.drive(chunk) for chunk in log.read(samples))
+
+    return replace(log, read=read)
 
 
 def _driven_recording(log: Recording, controller: PDController) -> Recording:

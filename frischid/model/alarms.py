@@ -13,7 +13,7 @@ An alarm never changes a number. It says which numbers not to trust.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -248,5 +248,34 @@ def noisy_cutoff(spectra: LogSpectra, cutoff: float | None, criteria: AlarmCrite
             (),
             middle,
             criteria.noisy_acceleration,
+        )
+    ]
+
+
+def gains_from_masses(doubts: Mapping[str, float]) -> list[Alarm]:
+    """Torques that are currents times gains which follow from the URDF's masses.
+
+    Parameters
+    ----------
+    doubts : mapping of str to float
+        Joint -> standard error of its torque per ampere, as a share of it.
+    """
+    if not doubts:
+        return []
+    known = {n: x for n, x in doubts.items() if x < 1.0}
+    least = f" (± {min(known.values()):.0%} to {max(known.values()):.0%})" if known else ""
+    unknown = [n for n in doubts if n not in known]
+    more = f"; those of {', '.join(unknown)} are guessed" if unknown else ""
+    return [
+        Alarm(
+            "gains-from-masses",
+            "doubt",
+            f"The torques are currents, times a torque per ampere that follows from the URDF's masses{least}{more}: "
+            "relative errors and figures in amperes hold; masses and figures in N·m (N) are as doubtful as the gains.",
+            "Find the gains with a weighed payload (frischid gains), and give them under [current_gain] in a mapping "
+            "file.",
+            tuple(doubts),
+            max(doubts.values()),
+            0.0,
         )
     ]

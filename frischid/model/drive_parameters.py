@@ -3,8 +3,9 @@
     τ = kp (q_cmd(t − delay) − q) − kd q̇ − fv q̇ − fc sign(q̇),     inertia about the joint = links + armature
 
 Each value has one of five states. *identified*: the logs gave most of what is known, and the 95 % range excludes zero.
-*as a ratio*: the same holds of the value over kp, where kp was found from the URDF's masses; the value's own range also
-holds the doubt about kp.
+*as a ratio*: the same holds of the value over the drive's gain, kp or the torque per ampere, where this gain was found
+from the URDF's masses; the value's own range also holds the doubt about the gain. A value over the torque per ampere is
+the value in amperes.
 *in a sum*: the logs show the value only together with others (``Izz1 + Ia1 + 0.25 m2``); the URDF divides the sum.
 *open*: otherwise; every value of the range explains the logs, so that the range is an honest domain to randomise over.
 *given*: the user named the value. Where a
@@ -50,15 +51,15 @@ class DriveParameter:
     Attributes
     ----------
     joint : str
-    quantity : {"stiffness", "damping", "delay", "effort_limit", "armature", "viscous", "coulomb"}
+    quantity : {"torque_per_ampere", "stiffness", "damping", "delay", "effort_limit", "armature", "viscous", "coulomb"}
     unit : str
     value : float
     lower, upper : float
         Range that holds the true value in 95 % of cases, without impossible signs.
     known : {"identified", "as a ratio", "in a sum", "open", "given"}
     of : str
-        What the logs show: the sum for a value that is known in a sum, the ratio to kp with its 95 % range for a value
-        that is known as a ratio; otherwise empty.
+        What the logs show: the sum for a value that is known in a sum, the ratio to the gain with its 95 % range for a
+        value that is known as a ratio; otherwise empty.
     """
 
     joint: str
@@ -96,11 +97,11 @@ def drive_parameters(model: Model) -> tuple[DriveParameter, ...]:
     >>> [(x.quantity, x.known) for x in fr.drive_parameters(model) if x.joint == "joint1"]
     [('armature', 'in a sum'), ('viscous', 'identified'), ('coulomb', 'identified')]
     """
-    values = _values(model)
+    values = values_of(model)
     found: list[DriveParameter] = []
     for joint in model.joints:
-        found += _of_controller(model, joint, values)
-        doubt = 0.0 if model.controller is None else model.controller.gain_doubt(joint)
+        found += [*_of_currents(model, joint), *_of_controller(model, joint, values)]
+        doubt = _gain(model, joint)[2]
         for quantity, (effect, symbol) in DRIVE_EFFECTS.items():
             for column, value, spread, share in values:
                 if (column.joint, column.effect) != (joint, effect) or column.name.rstrip("0123456789") != symbol:
@@ -120,12 +121,33 @@ def _range(value: float, stderr: float) -> tuple[float, float]:
     return max(0.0, value - REACH * stderr), max(0.0, value + REACH * stderr)
 
 
+def _gain(model: Model, joint: str) -> tuple[str, float, float]:
+    """Name and value of the gain that turns a joint's signal into torque, and the doubt about it; 1 of a torque."""
+    if model.currents is not None and joint in model.currents.gain:
+        return "torque_per_ampere", abs(model.currents.gain[joint]), model.currents.doubt.get(joint, 0.0)
+    if model.controller is not None and model.controller.knows_gain(joint):
+        return "kp", model.controller.gain(joint), model.controller.gain_doubt(joint)
+    return "", 1.0, 0.0
+
+
 def _ratio(model: Model, joint: str, quantity: str, value: float, spread: float) -> str:
-    """A value over kp, which the logs show although kp is doubtful."""
-    assert model.controller is not None
-    kp = model.controller.gain(joint)
-    low, high = _range(value / kp, spread / kp)
-    return f"{quantity} / kp = {value / kp:.4g} ({low:.4g} … {high:.4g})"
+    """A value over the drive's gain, which the logs show although the gain is doubtful."""
+    name, gain, _ = _gain(model, joint)
+    low, high = _range(value / gain, spread / gain)
+    return f"{quantity} / {name} = {value / gain:.4g} ({low:.4g} … {high:.4g})"
+
+
+def _of_currents(model: Model, joint: str) -> list[DriveParameter]:
+    """The torque per ampere of a joint whose logs hold currents; none where nothing determines it."""
+    if model.currents is None or joint not in model.currents.gain:
+        return []
+    value, doubt = model.currents.gain[joint], model.currents.doubt.get(joint, 0.0)
+    if REACH * doubt >= 1:
+        return []
+    unit = "N/A" if model.robot.prismatic[model.robot.joints.index(joint)] else "N·m/A"
+    ends = sorted((value / (1 + REACH * doubt), value / (1 - REACH * doubt)))  # 1 / gain has the symmetric range
+    known: Known = "identified" if doubt else "given"
+    return [DriveParameter(joint, "torque_per_ampere", unit, value, ends[0], ends[1], known, "")]
 
 
 def _of_controller(model: Model, joint: str, values: list[_Value]) -> list[DriveParameter]:
@@ -176,9 +198,15 @@ def _sum_with(model: Model, name: str) -> str:
     return ""
 
 
-def _values(model: Model) -> list[_Value]:
+def values_of(model: Model) -> list[_Value]:
     """Column, value, standard error and share from the logs of every parameter that has these.
 
+    Parameters
+    ----------
+    model : Model
+
+    Notes
+    -----
     With a prior, every parameter has a value of its own. Without, only those that are base parameters by themselves.
     """
     columns = columns_of(model.robot, model.effects)

@@ -28,6 +28,7 @@ from frischid.estimators.map_estimate import map_folds
 from frischid.estimators.urdf_prior import UrdfPrior
 from frischid.logs.summary import Data
 from frischid.model.alarms import Alarm
+from frischid.model.amperes import JointCurrents, in_amperes
 from frischid.model.comparison import Comparison, ModelErrors, compare
 from frischid.model.fit_record import FitRecord
 from frischid.model.headline import Headline, from_fit
@@ -79,6 +80,8 @@ class Identification(Shown):
         Changes of the data.
     warnings : tuple of str
         Reasons to doubt the result.
+    amperes : tuple of JointCurrents
+        Friction, rotor inertia and gravity in A of the joints whose logs hold currents and no torque.
     alarms : tuple of Alarm
         Of the fit, and of the model on the validation logs; most severe first.
 
@@ -106,6 +109,7 @@ class Identification(Shown):
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     alarms: tuple[Alarm, ...]
+    amperes: tuple[JointCurrents, ...] = ()
 
     def __repr__(self) -> str:
         error = "" if self.headline is None else f", NRMSE {self.headline.nrmse:.4f} {self.headline.where}"
@@ -155,8 +159,8 @@ def identify(
         Called with a few words at each stage.
     **choices
         Single fields of `IdentifyOptions`, which override `options`: ``torque_joints``, ``cutoff``, ``velocity``,
-        ``estimator``, ``prior``, ``recursion``, ``window``, ``reference``, ``force``, ``controller``, ``criteria``,
-        ``prior_criteria``.
+        ``estimator``, ``prior``, ``recursion``, ``window``, ``reference``, ``force``, ``controller``, ``currents``,
+        ``criteria``, ``prior_criteria``.
 
     Returns
     -------
@@ -232,6 +236,7 @@ def assess(bounds: Bounds) -> Identification:
         notes=notes,
         warnings=warnings,
         alarms=before if headline is None else headline.alarms,
+        amperes=in_amperes(model, data.motions),
     )
 
 
@@ -253,6 +258,7 @@ def _model(bounds: Bounds, record: FitRecord) -> Model:
         prior=None if fit.posterior is None else UrdfPrior.of(fit.posterior),
         fitted=record,
         controller=data.options.controller,
+        currents=data.options.currents,
     )
 
 

@@ -14,7 +14,15 @@ from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.least_squares import NormalEquations
 from frischid.estimators.map_estimate import MapEstimate, effects_alone, map_estimate
-from frischid.model.alarms import Alarm, by_severity, noisy_cutoff, too_short, undetermined, wrong_signs
+from frischid.model.alarms import (
+    Alarm,
+    by_severity,
+    gains_from_masses,
+    noisy_cutoff,
+    too_short,
+    undetermined,
+    wrong_signs,
+)
 from frischid.model.fit_record import LEVELS, FitRecord
 from frischid.model.identification_stages import Fit, Problem
 
@@ -40,7 +48,9 @@ def fit_alarms(fit: Fit) -> tuple[Alarm, ...]:
     """Alarms of an identification, most severe first."""
     problem, criteria = fit.problem, fit.problem.data.options.alarm_criteria
     posterior = _posterior(fit)
+    currents = problem.data.options.currents
     found = [
+        *gains_from_masses({} if currents is None else currents.doubt),
         *undetermined(_disagreement(problem, posterior, criteria.faster), problem.data.joints, criteria),
         *noisy_cutoff(problem.data.summary.spectra, problem.data.lowpass.cutoff, criteria),
         *too_short(problem.data.summary.seconds, criteria),

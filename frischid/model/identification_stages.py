@@ -33,6 +33,7 @@ from frischid.logs.summary import Data, LogSummary, held_by, summarise, torque_j
 from frischid.model.identify_options import IdentifyOptions
 from frischid.model.log_examination import check_cutoff, refuse_worthless, report_issues
 from frischid.model.unknown_drive import known_controller
+from frischid.model.unknown_gains import known_currents
 from frischid.regression.accumulation import accumulate, streaming_qr
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Blocks, Gram, total
@@ -198,6 +199,8 @@ def read_logs(
         journal.progress("the controller's gains and delay")
         options = replace(options, controller=known_controller(robot, logs, options, journal.notes))
     logs, valid = driven(logs, options.controller), driven(valid, options.controller)
+    options = replace(options, currents=known_currents(robot, logs, options, journal.notes))
+    logs, valid = driven(logs, None, options.currents), driven(valid, None, options.currents)
     robot, locked = held_by(robot, logs)
     journal.notes += locked
     joints = tuple(torque_joints(robot, logs, options.torque_joints, journal.notes))

@@ -9,6 +9,7 @@ from typing import Literal, TypedDict
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.urdf_prior import PriorCriteria
 from frischid.logs.controller import PDController
+from frischid.logs.current_gains import CurrentGains
 from frischid.logs.preprocessing import VELOCITIES
 from frischid.model.alarms import AlarmCriteria
 from frischid.model.identification_criteria import IdentificationCriteria
@@ -32,6 +33,7 @@ class IdentifyChoices(TypedDict, total=False):
     reference: Mapping[str, float] | None
     force: bool
     controller: PDController | None
+    currents: CurrentGains | None
     criteria: IdentificationCriteria
     prior_criteria: PriorCriteria
     alarm_criteria: AlarmCriteria
@@ -68,6 +70,9 @@ class IdentifyOptions:
         Go on in spite of an issue of `frischid.checks` that is certain and makes the logs worthless.
     controller : PDController, optional
         Makes the torque of logs that hold commanded positions and no torque.
+    currents : CurrentGains, optional
+        Torque per ampere of joints whose logs hold currents and no torque. A gain that is not given is found from the
+        URDF's masses (`frischid.model.unknown_gains`).
     criteria : IdentificationCriteria
     prior_criteria : PriorCriteria
     alarm_criteria : AlarmCriteria
@@ -88,6 +93,7 @@ class IdentifyOptions:
     reference: Mapping[str, float] | None = None
     force: bool = False
     controller: PDController | None = None
+    currents: CurrentGains | None = None
     criteria: IdentificationCriteria = field(default_factory=IdentificationCriteria)
     prior_criteria: PriorCriteria = field(default_factory=PriorCriteria)
     alarm_criteria: AlarmCriteria = field(default_factory=AlarmCriteria)

@@ -90,7 +90,10 @@ def quality(model: Model, logs: Sequence[Log | Excerpt]) -> list[Quality]:
     list of Quality
         One per log.
     """
-    return [_judge(model, excerpt(*driven([x], model.controller)) if isinstance(x, Log) else x) for x in logs]
+    return [
+        _judge(model, excerpt(*driven([x], model.controller, model.currents)) if isinstance(x, Log) else x)
+        for x in logs
+    ]
 
 
 def _judge(model: Model, given: Excerpt) -> Quality:

@@ -27,6 +27,7 @@ from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import Estimate
 from frischid.estimators.urdf_prior import UrdfPrior
 from frischid.logs.controller import PDController, driven
+from frischid.logs.current_gains import CurrentGains
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
@@ -83,6 +84,8 @@ class Model(Shown):
         The reach of the fitted logs, and the URDF with fitted friction; None: not known.
     controller : PDController, optional
         Makes the torque of logs that hold commands and no torque; None: logs need torque.
+    currents : CurrentGains, optional
+        Makes the torque of joints whose logs hold currents and no torque.
 
     Examples
     --------
@@ -111,6 +114,7 @@ class Model(Shown):
     prior: UrdfPrior | None = None
     fitted: FitRecord | None = None
     controller: PDController | None = None
+    currents: CurrentGains | None = None
 
     def __repr__(self) -> str:
         kinds = ", ".join(dict.fromkeys(e.id for e in self.effects))
@@ -252,11 +256,11 @@ class Model(Shown):
 
     def check(self, logs: Sequence[Log | Recording]) -> None:
         """Refuse logs (InputError) that lack a joint of the robot, or torque of one the model was fitted to."""
-        check_logs_fit(self.robot, self.joints, driven(logs, self.controller))
+        check_logs_fit(self.robot, self.joints, driven(logs, self.controller, self.currents))
 
     def motions(self, logs: Sequence[Log | Recording]) -> Motions:
         """Logs prepared as the model's own were."""
-        return Motions(driven(logs, self.controller), self.robot.joints, self.lowpass, self.velocity)
+        return Motions(driven(logs, self.controller, self.currents), self.robot.joints, self.lowpass, self.velocity)
 
     def blocks(self, logs: Sequence[Log | Recording]) -> Iterator[tuple[Block, Array]]:
         """Filtered samples of logs with the torque the model predicts for them, shape (M, J)."""
@@ -311,6 +315,7 @@ class Model(Shown):
             "prior": None if self.prior is None else self.prior.to_dict(),
             "fitted": None if self.fitted is None else self.fitted.to_dict(),
             "controller": None if self.controller is None else self.controller.to_dict(),
+            "currents": None if self.currents is None else self.currents.to_dict(),
         }
 
     @classmethod

@@ -13,15 +13,16 @@ import numpy as np
 
 from frischid.core.types import Array, Column
 from frischid.effects import EFFECTS, Effect, columns_of, effect_from_dict
-from frischid.errors import EmptyBoxError, InputError
+from frischid.errors import EmptyBoxError, InputError, UnknownNameError
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import Estimate
 from frischid.estimators.urdf_prior import UrdfPrior
 from frischid.logs.controller import PDController
+from frischid.logs.current_gains import CurrentGains
 from frischid.logs.filters import LowPass
 from frischid.model.fit_record import FitRecord
 from frischid.model.model_file import check_columns, damaged
-from frischid.model.model_records import ControllerRecord, ModelRecord
+from frischid.model.model_records import ControllerRecord, CurrentsRecord, ModelRecord
 from frischid.robot.robot import Robot
 
 
@@ -145,6 +146,7 @@ def parts_of(record: ModelRecord, robot: Robot, source: str) -> dict[str, Any]:
         "prior": None if record.prior is None else UrdfPrior.from_dict(msgspec.to_builtins(record.prior)),
         "fitted": None if record.fitted is None else FitRecord.from_dict(msgspec.to_builtins(record.fitted)),
         "controller": None if record.controller is None else controller_of(record.controller, robot, source),
+        "currents": None if record.currents is None else currents_of(record.currents, robot, source),
     }
 
 
@@ -162,6 +164,23 @@ def controller_of(record: ControllerRecord, robot: Robot, source: str) -> PDCont
     except InputError as error:
         raise damaged(source, f"{error} - at `controller`") from error
     return found
+
+
+def currents_of(record: CurrentsRecord, robot: Robot, source: str) -> CurrentGains:
+    """The torque per ampere of a record.
+
+    Raises
+    ------
+    InputError
+        A value is not usable, or of a joint that the robot does not have.
+    """
+    try:
+        for joint in record.gain:
+            if joint not in (*robot.joints, *robot.locked):
+                raise UnknownNameError("joint", joint, robot.joints)
+        return CurrentGains(record.gain, record.doubt)
+    except InputError as error:
+        raise damaged(source, f"{error} - at `currents`") from error
 
 
 def plain_estimate(

@@ -124,6 +124,13 @@ class ControllerRecord(Struct, forbid_unknown_fields=True, frozen=True, omit_def
     delay_doubt: float | dict[str, float] = 0.0
 
 
+class CurrentsRecord(Struct, forbid_unknown_fields=True, frozen=True):
+    """Torque per ampere of joints, and the doubt about it as a share, by joint."""
+
+    gain: dict[str, float]
+    doubt: dict[str, NotNegative] = {}
+
+
 class EventLogRecord(Struct, frozen=True):
     """One log of a step: where it was, and its hash."""
 
@@ -192,4 +199,5 @@ class ModelRecord(Struct, forbid_unknown_fields=True, frozen=True):
     prior: PriorRecord | None = None
     fitted: FitFields | None = None
     controller: ControllerRecord | None = None
+    currents: CurrentsRecord | None = None
     sha256: str | None = None

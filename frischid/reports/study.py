@@ -208,7 +208,7 @@ def study(
         model.check(logs)
     model = next(iter(named.values()))
     progress("comparing")
-    logs = driven(logs, model.controller)
+    logs = driven(logs, model.controller, model.currents)
     excerpts = [excerpt(log) for log in logs]
     shown, whole = [part.log for part in excerpts], [as_recording(log) for log in logs]
     held = [log for log in whole if not model.made_from(log)]

@@ -483,7 +483,20 @@ def test_ur10e(measured, tmp_path):
     assert data["comparison"]["nrmse"] <= 0.090
     assert data["rank"] >= 58
     assert data["gap"] > 100
-    refused(["no torque column", "current_gain"], "identify", folder / "ur10e.urdf", idents[0])
+
+
+def test_ur10e_in_amperes(measured):
+    """Without gains, the error on another log is that of the weighed gains, and friction in A is the same."""
+    folder = measured / "ur10e"
+    fit = [folder / f"logs/{name}.parquet" for name in ("ident_20s_5harm", "ident_30s_12harm")]
+    test = folder / "logs/unloaded_50s_14harm.parquet"
+    data = data_of("identify", folder / "ur10e.urdf", *fit, "--valid", test, "--bbrf", "none")
+    assert data["comparison"]["nrmse"] < 0.06
+    assert [alarm["id"] for alarm in data["alarms"]] == ["gains-from-masses"]
+    for (joint, weighed), drawn in zip(GAINS.items(), data["amperes"], strict=True):
+        gain, doubt = (data["currents"][key][f"{joint}_joint"] for key in ("gain", "doubt"))
+        assert abs(gain / weighed - 1) < 2 * doubt
+        assert 0.1 < drawn["coulomb"][0] < 2.0
 
 
 def test_tiago(measured):

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from frischid.cli.pages.comparing import error_tables, motion_table
-from frischid.cli.pages.joint_drives import MEANING, drives
+from frischid.cli.pages.joint_drives import MEANING, amperes, drives
 from frischid.cli.pages.page import Page, figure, headline_line, table_of, warning_lines
 from frischid.forward.output_error import OutputError
 from frischid.logs.log import Log
@@ -42,6 +42,8 @@ def identification(found: Identification, output: str | None, *, whole: bool = F
     parts += [f"  {escape(n)}" for n in _brief(found, found.notes)]
     if model.controller is not None:
         parts += [drives(model), f"  {MEANING}"]
+    if found.amperes:
+        parts.append(amperes(found.amperes))
     parts.append(parameters(model) if whole else f"  {len(model.expressions)} parameters: --parameters lists them")
     if output:
         parts += [f"model written to {output}", _next(found, output)]
@@ -106,6 +108,8 @@ def identified(found: Identification) -> dict[str, Any]:
         "condition": model.estimate.condition,
         "estimator": model.estimate.estimator,
         "controller": content["controller"],
+        "currents": content["currents"],
+        "amperes": [x.to_dict() for x in found.amperes],
         "drives": [x.to_dict() for x in drive_parameters(model)],
         "parameters": content["parameters"],
         "prior": content["prior"],

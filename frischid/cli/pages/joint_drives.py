@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.table import Table
 
 from frischid.cli.pages.page import figure, table_of
+from frischid.model.amperes import JointCurrents
 from frischid.model.drive_parameters import DriveParameter, drive_parameters
 from frischid.model.model import Model
 
 TITLES = {
+    "torque_per_ampere": "gain",
     "stiffness": "kp",
     "damping": "kd",
     "delay": "delay",
@@ -38,6 +42,20 @@ def _cell(x: DriveParameter | None) -> str:
     return f"{figure(x.value)} ({figure(x.lower)} … {figure(x.upper)})" + (
         "" if x.known == "identified" else f" {x.known}"
     )
+
+
+def amperes(found: Sequence[JointCurrents]) -> Table:
+    """What each joint draws, in amperes."""
+    table = table_of("current of", "viscous A·s/rad", "Coulomb A", "rotor A·s²/rad", "holds still A")
+    for x in found:
+        low, high = x.holding
+        pairs = (_pair(x.viscous), _pair(x.coulomb), _pair(x.armature))
+        table.add_row(x.joint, *pairs, f"{figure(low)} … {figure(high)}")
+    return table
+
+
+def _pair(x: tuple[float, float] | None) -> str:
+    return "" if x is None else f"{figure(x[0])} ± {x[1]:.2g}"
 
 
 MEANING = (
