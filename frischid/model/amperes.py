@@ -18,7 +18,7 @@ from frischid.logs.preprocessing import Motion
 from frischid.model.drive_parameters import DRIVE_EFFECTS, values_of
 from frischid.model.model import Model
 
-_POSES = 500
+_HELD_POSES = 500
 """Poses of a motion at which the current that holds the arm is computed; more would not change its extremes."""
 
 
@@ -98,7 +98,7 @@ def _holding(model: Model, motions: Iterable[Motion]) -> tuple[Array, Array]:
     low = np.full(len(model.robot.joints), np.inf)
     high = -low
     for motion in motions:
-        q = motion.q[:: max(1, len(motion.q) // _POSES)]
+        q = motion.q[:: max(1, len(motion.q) // _HELD_POSES)]
         torque = model.inverse_dynamics(q, np.zeros_like(q), np.zeros_like(q))
         low, high = np.minimum(low, torque.min(axis=0)), np.maximum(high, torque.max(axis=0))
     return low, high
