@@ -28,7 +28,12 @@ if TYPE_CHECKING:
 @robot_options
 @map_option
 @controller_options
-@click.option("-o", "--output", type=OutputPath(), help="Write a mapping file that undoes the faults here (TOML).")
+@click.option(
+    "-o",
+    "--output",
+    type=OutputPath(),
+    help="Write what undoes the faults here: a mapping file (TOML), or the corrected robot (FILE.urdf).",
+)
 @json_option
 def check(
     robot: str,
@@ -42,11 +47,12 @@ def check(
     """Find faults in logs.
 
     Examples are wrong clocks, dead channels, units, signs, payloads, and the wrong robot. Faults that a mapping file
-    can undo (signs, exchanged columns, zeros, units) are printed as such a file, and written with -o.
+    can undo (signs, exchanged columns, zeros, units) are printed as such a file, and written with -o. If the URDF is
+    wrong instead (a zero, an axis, exchanged joints), -o FILE.urdf writes it corrected.
 
     Exit code 0: no issue. 1: an issue to look at. 2: a log cannot be used at all.
     """
-    from frischid.checks import defects
+    from frischid.checks import corrected_urdf, defects
     from frischid.cli.pages import checking as show
     from frischid.core.files import write_text
     from frischid.logs.mapping import LogMap
@@ -72,9 +78,14 @@ def check(
             show_page(show.check(reports), as_json)
             raise
         text = ""
-    if output and text:
-        write_text(Path(output), text)
-    show_page(show.check(reports, text, output if text else None), as_json)
+    fixes = {report.fix for report in reports}
+    robot_text, moved = corrected_urdf(machine, fixes.pop()) if len(fixes) == 1 else ("", ())
+    as_robot = output is not None and Path(output).suffix == ".urdf"
+    content = robot_text if as_robot else text
+    if output and content:
+        write_text(Path(output), content)
+    written = output if content else None
+    show_page(show.check(reports, show.Correction(text, moved, written, as_robot=as_robot)), as_json)
     sys.exit(1 if any(report.issues for report in reports) else 0)
 
 

@@ -1,4 +1,4 @@
-"""A URDF as text: inertials and joint friction are replaced in place, and no other byte changes.
+"""A URDF as text: inertials, joint friction, axes and zeros are replaced in place, and no other byte changes.
 
 An XML library that reads and writes the file would reorder attributes, drop comments or change white space. Here the
 parser only finds the *places* of elements, in bytes; the edits are then made from the last to the first.
@@ -10,8 +10,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from xml.parsers import expat
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from frischid.core.types import Array
 from frischid.errors import InputError
@@ -84,6 +86,57 @@ class UrdfText:
         """
         edits = [self._inertial(self.links[name], P) for name, P in inertias.items()]
         edits += [edit for name, values in dynamics.items() for edit in self._dynamics(self.joints[name], values)]
+        return self._replaced(edits)
+
+    def with_joints(self, joints: Mapping[str, tuple[float, float]], names: Mapping[str, str]) -> str:
+        """Text with other axes, zeros and names of joints.
+
+        Parameters
+        ----------
+        joints : mapping of str to (float, float)
+            Joint -> s and δ, where the joint of the file is at ``s q + δ`` (rad, m): the axis becomes s times the axis,
+            and the origin is moved by δ about (along) the axis.
+        names : mapping of str to str
+            Joint -> its new name.
+        """
+        edits = []
+        for name, (sign, offset) in joints.items():
+            edits += self._placed(self.joints[name], sign, offset)
+        for name, new in names.items():
+            start, end = self.joints[name].tag
+            edits.append(((start, end), _with_attributes(self.data[start:end].decode(), {"name": new})))
+        return self._replaced(edits)
+
+    def _placed(self, joint: Element, sign: float, offset: float) -> list[tuple[Span, str]]:
+        """Edits of a joint's axis and origin."""
+        axis, origin = joint.child("axis"), joint.child("origin")
+        written = "1 0 0" if axis is None else axis.attributes.get("xyz", "1 0 0")
+        direction = np.array([float(x) for x in written.split()])
+        place: dict[str, str] = {}
+        if offset:
+            of = {} if origin is None else origin.attributes
+            xyz, rpy = (np.array([float(x) for x in of.get(k, "0 0 0").split()]) for k in ("xyz", "rpy"))
+            turned, unit = _rotation(rpy), direction / np.linalg.norm(direction)
+            if joint.attributes.get("type") == "prismatic":
+                place["xyz"] = _text(xyz + offset * turned @ unit)
+            else:
+                place["rpy"] = _text(
+                    Rotation.from_matrix(turned @ Rotation.from_rotvec(offset * unit).as_matrix()).as_euler("xyz")
+                )
+        edits = []
+        for name, old, values in (
+            ("origin", origin, place),
+            ("axis", axis, {"xyz": _text(sign * direction)} if sign < 0 else {}),
+        ):
+            if values and old is not None:
+                edits.append((old.tag, _with_attributes(self.data[slice(*old.tag)].decode(), values)))
+            elif values:
+                attributes = " ".join(f'{k}="{x}"' for k, x in values.items())
+                edits.append(self._inserted(joint, [f"<{name} {attributes}/>"]))
+        return edits
+
+    def _replaced(self, edits: Sequence[tuple[Span, str]]) -> str:
+        """Text with these edits, made from the last to the first."""
         out = self.data
         for (start, end), new in sorted(edits, reverse=True):
             out = out[:start] + new.encode() + out[end:]
@@ -101,14 +154,8 @@ class UrdfText:
             attributes = " ".join(f'{k}="{x!r}"' for k, x in values.items())
             return [self._inserted(joint, [f"<dynamics {attributes}/>"])]
         start, end = old.tag
-        tag = self.data[start:end].decode()
-        for key, x in values.items():
-            written = re.compile(rf"""(\s{key}\s*=\s*)("[^"]*"|'[^']*')""")
-            if written.search(tag):
-                tag = written.sub(rf'\g<1>"{x!r}"', tag, count=1)
-            else:
-                tag = re.sub(r"(\s*/?>)$", rf' {key}="{x!r}"\1', tag)
-        return [((start, end), tag)]
+        written = {key: repr(x) for key, x in values.items()}
+        return [((start, end), _with_attributes(self.data[start:end].decode(), written))]
 
     @property
     def _newline(self) -> str:
@@ -136,6 +183,22 @@ class UrdfText:
         """White space before a place, if the line has nothing else before the place."""
         line = self.data[self.data.rfind(b"\n", 0, place) + 1 : place].decode()
         return line if not line.strip() else ""
+
+
+def _with_attributes(tag: str, values: Mapping[str, str]) -> str:
+    """A start tag with other values of some attributes."""
+    for key, text in values.items():
+        written = re.compile(rf"""(\s{key}\s*=\s*)("[^"]*"|'[^']*')""")
+        quoted = quoteattr(text)
+        if found := written.search(tag):
+            tag = tag[: found.start(2)] + quoted + tag[found.end(2) :]
+        else:
+            tag = re.sub(r"(\s*/?>)$", lambda end: f" {key}={quoted}{end[1]}", tag)  # noqa: B023
+    return tag
+
+
+def _text(values: Array) -> str:
+    return " ".join(f"{float(f'{x:.12g}') + 0.0:.12g}" for x in values)
 
 
 def _qualified(tag: str) -> str:

@@ -1,11 +1,13 @@
 """Faults of logs against each other: the simplest that explains the torques is named, and a mapping file undoes it."""
 
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from frischid.checks import corrected_urdf
 from frischid.checks.check_criteria import DEFAULT_CRITERIA
 from frischid.cli import main
 from frischid.effects import BASELINE
@@ -211,3 +213,63 @@ def test_logs_that_need_different_corrections_are_still_reported(tmp_path, log):
     assert written.exit_code == 2
     assert "torque sign" in written.output
     assert "one by one" in " ".join(written.output.split())
+
+
+def _case(log, fault):
+    """The log as a robot gives it whose joints differ from the URDF's, and the joints concerned."""
+    q, tau = np.array(log.q), np.array(log.tau)
+    if fault == "zero":
+        q[:, 2] -= np.pi / 2
+        return replace(log, q=q), [2]
+    if fault == "free zero":
+        q[:, 1] += 0.7
+        return replace(log, q=q), [1]
+    if fault == "axis":
+        q[:, 2] *= -1
+        tau[:, 2] *= -1
+        return replace(log, q=q, tau=tau), [2]
+    order = [0, 2, 1, 3, 4, 5]
+    return replace(log, q=q[:, order], tau=tau[:, order]), [1, 2]
+
+
+@pytest.mark.parametrize("fault", ["zero", "free zero", "axis", "exchanged"])
+def test_the_corrected_urdf_differs_in_the_wrong_joints_only_and_is_silent(log, tmp_path, fault):
+    wrong, joints = _case(log, fault)
+    write_log(wrong, tmp_path / "log.parquet")
+    (tmp_path / "robot.urdf").write_text(UR.urdf, encoding="utf-8")
+    run = CliRunner()
+    output = tmp_path / "corrected.urdf"
+    before = run.invoke(main, ["check", str(tmp_path / "robot.urdf"), str(tmp_path / "log.parquet"), "-o", str(output)])
+    assert before.exit_code == 1
+    assert f"written to {output}".replace("\n", "") in before.output.replace("\n", "")
+    after = run.invoke(main, ["check", str(output), str(tmp_path / "log.parquet")])
+    assert after.exit_code == 0, after.output
+    names = [UR.joints[j] for j in joints]
+    old, new = (ElementTree.fromstring(text) for text in (UR.urdf, output.read_text(encoding="utf-8")))
+    for a, b in zip(old.iter(), new.iter(), strict=True):
+        if ElementTree.tostring(a) != ElementTree.tostring(b) and a.tag not in ("robot", "origin", "axis"):
+            assert a.tag == "joint"
+            assert a.get("name") in names
+
+
+def test_a_fault_of_the_log_gives_no_urdf(log, tmp_path):
+    write_log(signed(log, 1), tmp_path / "log.parquet")
+    (tmp_path / "robot.urdf").write_text(UR.urdf, encoding="utf-8")
+    output = tmp_path / "corrected.urdf"
+    given = ["check", str(tmp_path / "robot.urdf"), str(tmp_path / "log.parquet"), "-o", str(output)]
+    said = CliRunner().invoke(main, given).output
+    assert "no URDF written" in said
+    assert not output.exists()
+
+
+def test_the_corrected_urdf_moves_as_the_corrected_columns():
+    rng = np.random.default_rng(1)
+    q, v, a = rng.normal(size=(3, 5, 6))
+    sign, offset = np.array([1, -1, 1, 1, -1, 1.0]), np.array([0, 0.4, -1.1, 0, 2.0, 0.0])
+    fixes = [(n, "sign", s) for n, s in zip(UR.joints, sign, strict=True) if s < 0]
+    fixes += [(n, "offset", d) for n, d in zip(UR.joints, offset, strict=True) if d]
+    text, said = corrected_urdf(UR, fixes)
+    assert len(said) == 5
+    other = Robot.from_dict({**UR.to_dict(), "urdf": text})
+    true = UR.inverse_dynamics(sign * q + offset, sign * v, sign * a)
+    assert np.allclose(other.inverse_dynamics(q, v, a), sign * true, atol=1e-6)

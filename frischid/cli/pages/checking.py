@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from rich.markup import escape
@@ -28,14 +29,53 @@ COLUMNS = {
 }
 
 
-def check(reports: Sequence[LogReport], correction: str = "", output: str | None = None) -> Page:
-    """Figures and issues of logs, and the mapping file that undoes those that it can undo."""
+@dataclass(frozen=True)
+class Correction:
+    """What undoes the faults of logs.
+
+    Attributes
+    ----------
+    mapping : str
+        Text of a mapping file; empty if none can undo a fault.
+    robot : tuple of str
+        What a corrected URDF changes instead; empty if the URDF's joints are right.
+    output : str or None
+        File that was written.
+    as_robot : bool
+        Whether this file is the URDF.
+    """
+
+    mapping: str = ""
+    robot: tuple[str, ...] = ()
+    output: str | None = None
+    as_robot: bool = False
+
+    def lines(self) -> list[str]:
+        """The correction as text."""
+        parts = []
+        if self.mapping:
+            where = f"written to {self.output}" if self.output and not self.as_robot else "-o FILE writes it"
+            parts += ["", f"mapping file that undoes what it can ({where}):", escape(self.mapping)]
+        if self.robot:
+            where = f"written to {self.output}" if self.output and self.as_robot else "-o FILE.urdf writes it"
+            parts += [
+                f"or, if the URDF is wrong and not the log, the URDF corrected ({where}; limits stay as they are):"
+            ]
+            parts += [f"  {escape(sentence)}" for sentence in self.robot]
+        if self.as_robot and not self.output:
+            parts.append("no URDF written: the faults found are not faults of the URDF's joints")
+        return parts
+
+
+def check(reports: Sequence[LogReport], correction: Correction | None = None) -> Page:
+    """Figures and issues of logs, and what undoes those that can be undone."""
+    correction = correction or Correction()
     parts: list[Any] = []
     for report in reports:
         parts += [_headline(report.source, report.facts), *(f"  {escape(n)}" for n in report.facts.get("notes", ()))]
         parts += [*_clock(report.facts), *_joints(report.joints), *_parameters(report.facts)]
         parts += [line for issue in report.issues for line in lines(issue)] or ["  nothing suspicious"]
-    data = [
+    logs = [
         {
             "log": report.source,
             **report.facts,
@@ -46,12 +86,11 @@ def check(reports: Sequence[LogReport], correction: str = "", output: str | None
         }
         for report in reports
     ]
-    if correction:
-        where = f"written to {output}" if output else "-o FILE writes it"
-        parts += ["", f"mapping file that undoes what it can ({where}):", escape(correction)]
+    parts += correction.lines()
     criteria = reports[0].criteria.to_dict() if reports else {}
     ok = not any(report.issues for report in reports)
-    return Page({"logs": data, "ok": ok, "correction": correction, "criteria": criteria}, parts)
+    data = {"logs": logs, "ok": ok, "correction": correction.mapping, "robot_correction": list(correction.robot)}
+    return Page({**data, "criteria": criteria}, parts)
 
 
 def lines(issue: LogIssue) -> list[str]:
