@@ -171,7 +171,8 @@ def whole_regressor(regressor, q, v, a):
 def along(machine, effects):
     """Regressor along a smooth motion, for what remembers or differentiates: one sample in ten."""
     t = np.arange(500) * 0.01
-    return Regressor(machine, effects)(t, *random_fourier(machine, 5.0, seed=7)(t))[::10]
+    q, v, a = random_fourier(machine, 5.0, seed=7)(t)
+    return Regressor(machine, effects)(t, q, v, a, extra=commands_of(machine, q))[::10]
 
 
 def random_values(machine, effects, seed=0):

@@ -23,6 +23,7 @@ from typing import ClassVar, Self
 from frischid.core.types import Array
 from frischid.effects.base import Effect
 from frischid.effects.state import State, Term
+from frischid.errors import InputError
 from frischid.logs.controller import GOAL, PUSH_RATE
 from frischid.robot.robot import Robot
 
@@ -33,14 +34,10 @@ class CommandDelay(Effect):
 
     id: ClassVar[str] = "command_delay"
     title: ClassVar[str] = "commands that act later"
-    equation: ClassVar[str] = "late·d/dt(kp·q_cmd + kd·v_cmd + τ_ff)"
+    equation: ClassVar[str] = "late·rate"
     symbols: ClassVar[Mapping[str, str]] = {
         "late": "identified coefficient: time by which commands act later than the controller's delay says",
-        "q_cmd": "commanded position",
-        "v_cmd": "commanded velocity",
-        "kp": "the controller's gain of the position error",
-        "kd": "the controller's gain of the velocity error",
-        "τ_ff": "feed-forward torque",
+        "rate": "rate of the torque that follows from commands alone, kp·q_cmd + kd·v_cmd + τ_ff",
     }
     sentence: ClassVar[str] = (
         "the commands of {joint} act later (or earlier) than the controller's delay says: name the delay (--delay)"
@@ -104,5 +101,16 @@ class PositionGain(Effect):
 
 
 def _channel(state: State, name: str) -> Array:
-    """Values of a channel; a motion without samples only asks for names."""
+    """Values of a channel; a motion without samples only asks for names.
+
+    Raises
+    ------
+    InputError
+        The log has no commands.
+    """
+    if len(state.t) and name not in state.extra:
+        raise InputError(
+            f"the log has no channel '{name}': this effect corrects a controller, so it needs a log of commands "
+            "(qcmd_<joint>) and a model with a controller (--controller pd)"
+        )
     return state.extra[name] if len(state.t) else state.t

@@ -55,7 +55,7 @@ def motion(machine, seconds=4.0, rate=200.0, reference=None, seed=1, **channels)
     t = np.arange(0.0, seconds, 1 / rate)
     q, v, a = random_fourier(machine, seconds, seed=seed)(t)
     load = RigidDynamics.of(machine, reference).torque(q, v, a)
-    return State(machine, t, q, v, a, load, load + 0.3 * v, 0.0, channels, reference)
+    return State(machine, t, q, v, a, load, load + 0.3 * v, 0.0, commands_of(machine, q) | channels, reference)
 
 
 def column(effect, state, number=0):
@@ -148,6 +148,14 @@ def test_one_joint_alone(kind):
         assert list(term.rows) == [0]
     for alternatives in kind.candidates(machine):
         assert all(effect.terms(state) for effect in alternatives if not effect.channels(machine))
+
+
+@pytest.mark.parametrize("name", ["command_delay", "position_gain"])
+def test_a_log_without_commands_is_named(name):
+    machine = robot("planar2")
+    state = replace(motion(machine), extra={})
+    with pytest.raises(InputError, match=r"controller_.*_joint1.*log of commands"):
+        EFFECTS[name]().terms(state)
 
 
 def test_sliding_joints_have_units_of_force():
