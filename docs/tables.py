@@ -239,6 +239,20 @@ def simulated_motion() -> str:
     return table(head, rows)
 
 
+def hidden_commanded() -> str:
+    """Hidden effects of robots that take commands: named or not, and the simulated motion with the finding."""
+    rows = data("hidden_commanded")["rows"]
+    lines = []
+    for kind in dict.fromkeys(row["hidden"] for row in rows):
+        mine = [row for row in rows if row["hidden"] == kind]
+        ratios = [row["simulated"] for row in mine if row["hit"] and row["simulated"] is not None]
+        ratios = [x for x in ratios if math.isfinite(x)]
+        fall = f"{100 * (math.exp(sum(map(math.log, ratios)) / len(ratios)) - 1):+.0f} %" if ratios else "not simulated"
+        lines.append((f"`{kind}`", str(len(mine)), str(sum(row["hit"] for row in mine)), fall))
+    lines.append(("all", str(len(rows)), str(sum(row["hit"] for row in rows)), ""))
+    return table(("hidden effect", "cases", "named first", "simulated error with it"), lines)
+
+
 def exported_code() -> str:
     """Time of a call of the exported C."""
     rows = data("exported_code")["rows"]
@@ -289,6 +303,7 @@ SCRIPTS = {
     "excitation": excitation,
     "physical_export": physical_export,
     "simulated_motion": simulated_motion,
+    "hidden_commanded": hidden_commanded,
     "exported_code": exported_code,
     "coverage": coverage,
 }
