@@ -36,6 +36,7 @@ from frischid.estimators.least_squares import Prior
 IN_SPAN = 1e-5  # a direction of a candidate with less of its squared norm outside the other columns is spanned by them
 _TURNS = 4  # iterations of weights from residuals and residuals from weights
 _FURTHER_TURNS = 2  # where a candidate was added: the weights are nearly known
+(_potrs,) = linalg.get_lapack_funcs(("potrs",), dtype=np.float64)
 _STARTS = (1.0, 0.01)  # first standard deviation of the residual over the torque's: the prior counts, the data alone do
 _RIDGE = 1e-10  # share of each diagonal element of H that is added, against rounding
 
@@ -156,7 +157,7 @@ class WeightedFit:
         system = self.eliminated(X, D, candidate, left_out)
         if system is None:
             return None
-        values, vectors = linalg.eigh(system.matrix)
+        values, vectors = _eigen(system.matrix)
         keep = values > IN_SPAN
         if not keep.any():
             return None
@@ -173,15 +174,23 @@ class WeightedFit:
         k = len(candidate.signs)
         A, e, own = np.zeros((len(theta), k)), np.zeros(k), np.zeros((k, k))
         for row, x in X.items():
-            cross = self.omega[row] * x[train].sum(axis=0)
+            cross = self.omega[row] * np.add.reduce(x[train])
             A += cross[:-1]
             e += cross[-1]
-            own += self.omega[row] * D[row][train].sum(axis=0)
-        scale = np.sqrt(np.diag(own))
+            own += self.omega[row] * np.add.reduce(D[row][train])
+        scale = np.sqrt(own.diagonal())
         if not (scale > 0).all():
             return None
-        HA = linalg.cho_solve(factor, A)
-        return EliminatedSystem((own - A.T @ HA) / np.outer(scale, scale), (e - A.T @ theta) / scale, scale, HA)
+        HA = _potrs(factor[0], A, lower=factor[1])[0]  # as cho_solve does, without its checks: thousands of small ones
+        return EliminatedSystem((own - A.T @ HA) / (scale[:, None] * scale), (e - A.T @ theta) / scale, scale, HA)
+
+
+def _eigen(matrix: Array) -> tuple[Array, Array]:
+    """Eigenvalues and eigenvectors of a symmetric matrix; most candidates have one column."""
+    if len(matrix) == 1:
+        return matrix[0], np.ones((1, 1))
+    values, vectors = linalg.eigh(matrix)
+    return values, vectors
 
 
 def _solved(gram: Array, omega: Array, prior: Prior, left_out: int | None) -> tuple[tuple[Array, bool], Array]:

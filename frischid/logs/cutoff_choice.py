@@ -33,6 +33,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
+from frischid.core.remembered import Remembered
 from frischid.core.types import Array
 from frischid.logs.filters import LowPass
 from frischid.logs.log import STANDSTILL_SPAN, Log
@@ -138,6 +139,7 @@ class LogSpectra:
 
 
 LEAST_WINDOW = 8  # samples of one spectrum: fewer show no frequency; stamps in another unit leave fewer in 8 s
+_SPECTRA = Remembered[LogSpectra]()  # of logs, by joints
 
 
 def choose_lowpass(logs: Sequence[Log], joints: Sequence[str]) -> LowPass:
@@ -169,6 +171,10 @@ def spectra_of(log: Log, joints: Sequence[str]) -> LogSpectra:
     -------
     LogSpectra
     """
+    return _SPECTRA.of(log, tuple(joints), lambda: _spectra_of(log, joints))
+
+
+def _spectra_of(log: Log, joints: Sequence[str]) -> LogSpectra:
     if is_static(log):
         return LogSpectra((), log.rate, at_rest=True)
     chosen = retimed(log).select(joints)

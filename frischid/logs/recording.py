@@ -21,12 +21,13 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.remembered import Remembered
 from frischid.errors import InputError
 from frischid.logs.filters import LowPass, derivative_taps
 from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Log
 from frischid.logs.log_file import LogFile
 from frischid.logs.mapping import LogMap, MappingLike
-from frischid.logs.preprocessing import Motion, prepare
+from frischid.logs.preprocessing import Motion, Prepared, prepare
 from frischid.logs.time_grid import breaks_of
 
 RECORDING_CHUNK = 30_000
@@ -120,8 +121,12 @@ def preview_of(log: Log | Recording) -> Log:
     return log if isinstance(log, Log) else log.preview()
 
 
+_PREPARED = Remembered[Prepared]()
+"""Motions of logs in memory, by joints, cut-off and choice of the velocity."""
+
+
 class Motions:
-    """Motions of logs and recordings, one at a time; every iteration reads the logs anew.
+    """Motions of logs and recordings, one at a time; every iteration reads the recordings anew.
 
     Parameters
     ----------
@@ -152,6 +157,12 @@ class Motions:
         self.notes = notes
 
     def _of(self, log: Log | Recording, notes: list[str]) -> Iterator[Motion]:
+        if isinstance(log, Log):
+            key = (self.joints, self.lowpass.cutoff, self.velocity)
+            prepared = _PREPARED.of(log, key, lambda: self._whole(log))
+            notes += [*log.notes, *prepared.notes]
+            yield from prepared.motions
+            return
         tail: tuple[Log, int] | None = None
         begin, found = None, False
         for chunk in chunks_of(log):
@@ -160,21 +171,25 @@ class Motions:
             whole = chosen if tail is None else joined(*tail, chosen)
             notes += chunk.notes
             try:
-                prepared = prepare(whole, self.lowpass, velocity=self.velocity, begin=begin, whole=isinstance(log, Log))
-            except InputError as error:
-                # A chunk without a usable stretch is skipped; a log without one is an error.
-                if isinstance(log, Log):
-                    raise
+                prepared = prepare(whole, self.lowpass, velocity=self.velocity, begin=begin, whole=False)
+            except InputError as error:  # a chunk without a usable stretch is skipped
                 notes.append(str(error))
                 tail = _end(whole, int(breaks_of(whole, self.lowpass)[-1]))
                 continue
             found = True
             notes += prepared.notes
             yield from prepared.motions
-            if isinstance(log, Recording):
-                tail = _end(whole, _resume(whole, prepared.motions[-1], self.lowpass))
+            tail = _end(whole, _resume(whole, prepared.motions[-1], self.lowpass))
         if not found:
             raise InputError(f"{log.source}: {notes[-1] if notes else 'no samples'}")
+
+    def _whole(self, log: Log) -> Prepared:
+        """The motions of a log in memory; nobody may write into them."""
+        prepared = prepare(log.select(self.joints), self.lowpass, velocity=self.velocity)
+        for motion in prepared.motions:
+            for x in (motion.t, motion.q, motion.v, motion.a, motion.tau, motion.standstill, *motion.extra.values()):
+                x.setflags(write=False)
+        return prepared
 
 
 def joined(first: Log, skip: int, second: Log) -> Log:

@@ -12,6 +12,7 @@ from functools import cache
 
 from frischid.checks import LogReport, inspect
 from frischid.checks.long_log import examine_long, is_long
+from frischid.core.remembered import Remembered
 from frischid.effects import BASELINE
 from frischid.errors import InputError
 from frischid.logs.controller import PDController, driven
@@ -22,12 +23,15 @@ from frischid.logs.preprocessing import Motion, prepare
 from frischid.logs.recording import brief, chunks_of, preview_of
 from frischid.logs.summary import Data, check_usable, held_by
 from frischid.model.identify_options import Cutoff, IdentifyOptions
+from frischid.model.model_parts import robot_text
 from frischid.model.unknown_drive import known_controller
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
 from frischid.robot.urdf_doubts import urdf_doubts
+
+_REPORTS = Remembered[LogReport]()  # of logs, by the robot and the way in which the log was prepared
 
 
 def check(robot: Robot, logs: Sequence[Data], *, controller: PDController | None = None) -> list[LogReport]:
@@ -131,11 +135,16 @@ def report_issues(
     def reduction() -> Reduction:
         return structure(Regressor(robot, BASELINE), robot.joints)
 
-    reports = []
-    for log in (next(chunks_of(log)) for log in logs):
+    def report(log: Log) -> LogReport:
         own = prepared and (prepared[0], [m for m in prepared[1] if m.source == log.source])
-        reports.append(inspect(robot, log.select(robot.joints), reduction, alone=len(logs) == 1, prepared=own))
-    return reports
+        alone = len(logs) == 1
+        motions = () if own is None else tuple(own[1])
+        key = (robot_text(robot), alone, own and own[0].cutoff, motions)
+        return _REPORTS.of(
+            log, key, lambda: inspect(robot, log.select(robot.joints), reduction, alone=alone, prepared=own)
+        )
+
+    return [report(next(chunks_of(log))) for log in logs]
 
 
 def refuse_worthless(reports: Sequence[LogReport]) -> None:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -108,6 +109,11 @@ def robot_dict(robot: Robot) -> dict[str, Any]:
     data = robot.to_dict()
     numbers = {"gravity": list(map(float, data["gravity"]))}
     return data | numbers | {"locked": plain_numbers(data["locked"]), "known": plain_numbers(data["known"])}
+
+
+def robot_text(robot: Robot) -> str:
+    """Everything that a robot is, as one text: equal for equal robots."""
+    return json.dumps(robot_dict(robot), sort_keys=True)
 
 
 def plain_numbers(values: Mapping[str, float] | None) -> dict[str, float] | None:

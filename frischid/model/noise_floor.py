@@ -22,23 +22,28 @@ of the floor and counts as unexplained.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import json
+from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from frischid.core.remembered import Remembered
 from frischid.core.types import Array
 from frischid.effects import Coulomb, State, columns_of
 from frischid.logs.filters import LowPass, correlate, decimating_filter, derivative_taps, noise_level
 from frischid.logs.preprocessing import Motion
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA as CRITERIA
 from frischid.model.model import Model
+from frischid.model.model_parts import plain_numbers, robot_text
 from frischid.regression.regressor import Regressor
 
 DRAW_SEED = 0  # seed of the draws, so that the same log gives the same floor
+_THROUGH = Remembered[Array]()  # error that the noise of a motion causes, by the model
 SIXTH_DIFFERENCE = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
 
 
@@ -79,6 +84,15 @@ class NoiseFloor:
         self.octaves: list[Octaves] = []
         self.poses, self._held = 0, np.zeros(len(model.joints))
 
+    @cached_property
+    def _key(self) -> Hashable:
+        """Everything of the model that the torque of a motion depends on."""
+        model = self.model
+        effects = json.dumps([effect.to_dict() for effect in model.effects])
+        reference = json.dumps(plain_numbers(model.reference), sort_keys=True)
+        theta = model.full_theta.tobytes()
+        return robot_text(model.robot), effects, model.joints, model.lowpass.cutoff, theta, reference
+
     @property
     def held(self) -> Array:
         """Root mean square torque with which dry friction may hold the joints in these samples, N·m (N), (J,)."""
@@ -104,7 +118,8 @@ class NoiseFloor:
         octaves = octaves_above(motion.tau[:, index], motion.v[:, index], motion.step, self.model.lowpass)
         self.octaves.append(octaves)
         level = _level(motion.tau[:, index], octaves, self.model.lowpass)
-        return np.asarray((level * np.linalg.norm(taps)) ** 2 + _through_the_motion(self.model, motion))
+        through = _THROUGH.of(motion, self._key, lambda: _through_the_motion(self.model, motion))
+        return np.asarray((level * np.linalg.norm(taps)) ** 2 + through)
 
     def under(self, rmse: Array) -> Array:
         """Floor of each joint, N·m (N), shape (J,), for a model with this residual error.

@@ -31,7 +31,7 @@ if TYPE_CHECKING:  # jobs import these modules themselves, so that the first pic
     from frischid.diagnosis.diagnosis import Diagnosis
     from frischid.diagnosis.findings import Finding
 
-DIAGNOSIS_DELAY = 0.2  # s before a diagnosis begins in the background
+DIAGNOSIS_DELAY = 0.05  # s before a diagnosis begins in the background
 
 
 @dataclass(frozen=True, eq=False)
