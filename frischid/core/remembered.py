@@ -14,11 +14,11 @@ import weakref
 from collections.abc import Callable, Hashable
 from typing import Any, Generic, TypeVar
 
-T = TypeVar("T")
+Result = TypeVar("Result")
 KEYS_KEPT = 2
 
 
-class Remembered(Generic[T]):
+class Remembered(Generic[Result]):
     """Results of one function of an object and a key.
 
     The objects are told apart by identity, and must not change.
@@ -33,10 +33,10 @@ class Remembered(Generic[T]):
     """
 
     def __init__(self) -> None:
-        self._kept: weakref.WeakKeyDictionary[Any, dict[Hashable, T]] = weakref.WeakKeyDictionary()
+        self._kept: weakref.WeakKeyDictionary[Any, dict[Hashable, Result]] = weakref.WeakKeyDictionary()
         self._lock = threading.Lock()
 
-    def of(self, what: object, key: Hashable, compute: Callable[[], T]) -> T:
+    def of(self, what: object, key: Hashable, compute: Callable[[], Result]) -> Result:
         """The result for an object and a key; computed if it is not known. An error is not kept."""
         with self._lock:
             results = self._kept.get(what, {})

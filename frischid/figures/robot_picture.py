@@ -15,6 +15,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy import optimize
 
 from frischid.core.types import Array
 from frischid.figures.style import COLOURS
@@ -71,10 +72,7 @@ def robot_picture(robot: Robot, q: Array, joints: Mapping[str, tuple[float, floa
     for k, end in ends.items():
         _line(root, seen[k], end, "link")
     labelled = sorted((n for n in names if n in joints), key=lambda n: -joints[n][0])[:LABELLED]
-    rows = sorted(labelled, key=lambda n: seen[names[n]][1])
-    top = max(MARGIN_PX, 0.5 * (HEIGHT_PX - 2 * TEXT_PX * len(rows)))
-    for row, name in enumerate(rows):
-        y = top + 2 * TEXT_PX * (row + 0.5)
+    for name, y in _heights({n: seen[names[n]] for n in labelled}).items():
         _line(root, seen[names[name]], (WIDTH_PX - LABEL_PX + 4, y), "lead")
         text = ET.SubElement(root, "text", x=f"{WIDTH_PX - LABEL_PX + 9:.0f}", y=f"{y + 0.35 * TEXT_PX:.1f}")
         text.text = f"{_short(name)}: {100 * joints[name][0]:.1f} %"
@@ -105,6 +103,17 @@ def _apart(seen: Array) -> Array:
         while (np.linalg.norm(found[1:k] - found[k], axis=1) < RADIUS_PX).any():
             found[k, 0] -= 2 * RADIUS_PX
     return found
+
+
+def _heights(places: Mapping[str, Array]) -> dict[str, float]:
+    """Height of each joint's label: the lines to the labels are shortest in sum, so no two of them cross."""
+    top = max(MARGIN_PX, 0.5 * (HEIGHT_PX - 2 * TEXT_PX * len(places)))
+    heights = top + 2 * TEXT_PX * (np.arange(len(places)) + 0.5)
+    ends = np.column_stack([np.full(len(heights), WIDTH_PX - LABEL_PX + 4.0), heights])
+    lengths = np.linalg.norm(np.array([*places.values()]).reshape(-1, 1, 2) - ends, axis=2)
+    chosen = optimize.linear_sum_assignment(lengths)[1]
+    found = dict(zip(places, heights[chosen].tolist(), strict=True))
+    return dict(sorted(found.items(), key=lambda item: item[1]))
 
 
 def _view(points: Array, azimuth: float) -> Array:

@@ -31,7 +31,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "error": study.headline,
         "ladder": _ladder(study),
         "forecast": bool(_passing(study)),
-        "worst_condition": figures.failure.worst(study.verdict),
+        "worst_condition": figures.failure.worst(study.comparison),
         "missing": "" if study.diagnosis is None else missing(study.diagnosis),
         "next": _next(study, model_path),
         "alarms": study.headline.alarms,
