@@ -47,8 +47,8 @@ def load(name: str) -> fr.Robot:
     return fr.Robot.load(name, lock={j: x for j, x in rule["lock"].items() if j in fr.Robot.load(name).joints})
 
 
-def recorded(name: str, seed: int) -> tuple[fr.Robot, fr.Log, Drive, fr.PDController]:
-    """A log of commands and quantised positions, the true drives, and the controller."""
+def recorded(name: str, seed: int, other: int | None = None) -> tuple[fr.Robot, fr.Log, Drive, fr.PDController]:
+    """A log of commands and quantised positions, the true drives, and the controller; or of another motion."""
     import mujoco
     from mujoco import rollout
 
@@ -69,6 +69,8 @@ def recorded(name: str, seed: int) -> tuple[fr.Robot, fr.Log, Drive, fr.PDContro
     kp, kd = inertia * BANDWIDTH**2, 1.4 * inertia * BANDWIDTH
     text = mjcf(perturbed(robot.model, rng), drive, kp, kd, stiff=True)
     true = mujoco.MjModel.from_xml_string(text.replace(f'timestep="{STEP}"', f'timestep="{FINE_STEP}"'))
+    if other is not None:
+        q = fr.random_fourier(robot, SECONDS, seed=other, harmonics=25, scale=0.8)(np.arange(len(q)) / rule["rate"])[0]
     late = np.concatenate([q[:1], q[:1], q[:-2]])
     control = np.repeat(late, hold, axis=0)
     start = np.zeros(mujoco.mj_stateSize(true, mujoco.mjtState.mjSTATE_FULLPHYSICS))

@@ -111,8 +111,7 @@ ESTIMATOR_CASES = tuple(ESTIMATORS)
 
 def commands_of(machine, q):
     """Channels of a log of commands near the positions q (N, J)."""
-    rates = {f"controller_push_rate_{n}": 3.0 * np.cos(q[:, i]) for i, n in enumerate(machine.joints)}
-    return rates | {f"controller_goal_{n}": 1.1 * q[:, i] + 0.01 for i, n in enumerate(machine.joints)}
+    return {f"controller_push_rate_{n}": 3.0 * np.cos(q[:, i]) for i, n in enumerate(machine.joints)}
 
 
 def states(machine, count=6, seed=0):

@@ -23,7 +23,7 @@ from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator, Score
 from frischid.diagnosis.scored_candidate import ScoredCandidate, scored, usable_candidates
 from frischid.diagnosis.shape_refinement import refined, with_refined_contenders
-from frischid.diagnosis.stepwise_selection import OwnPart, own_part, selected, with_all
+from frischid.diagnosis.stepwise_selection import OwnPart, excluded, own_part, selected, with_all
 from frischid.diagnosis.symmetric_shifts import without_smoothing
 from frischid.effects import Effect
 
@@ -122,7 +122,9 @@ def _best_places(places: Sequence[ScoredCandidate], smallest_error: float) -> li
     ordered = sorted(places, key=lambda c: -c.gain)
     best = ordered[:1]
     if ordered[0].gain > 0 and not ordered[0].effect.single:
-        best += [c for c in ordered[1:] if c.gain > 0 and c.explained > smallest_error**2]
+        for c in ordered[1:]:
+            if c.gain > 0 and c.explained > smallest_error**2 and not any(excluded(c, x) for x in best):
+                best.append(c)
     return best
 
 

@@ -65,7 +65,7 @@ def selected(validator: CrossValidator, pool: Sequence[ScoredCandidate], tried: 
         if not _better(now, extended):
             continue  # under the new weights of the joints the candidate does harm
         chosen.append(best)
-        rest = [c for c in rest if not _excluded(c, best)]
+        rest = [c for c in rest if not excluded(c, best)]
         now = extended
     return _exchanged(validator, pool, chosen, now)
 
@@ -74,9 +74,13 @@ def _most_promising(validator: CrossValidator, pool: Sequence[ScoredCandidate]) 
     return sorted((c for c in pool if c.gain > 0), key=lambda c: -c.explained)[: validator.criteria.max_pool]
 
 
-def _excluded(candidate: ScoredCandidate, chosen: ScoredCandidate) -> bool:
-    """Whether a candidate is a second place of an effect that acts in one place only."""
-    return type(candidate.effect) is type(chosen.effect) and candidate.effect.single
+def excluded(candidate: ScoredCandidate, chosen: ScoredCandidate) -> bool:
+    """Whether a model cannot have a candidate beside a chosen one of the same kind.
+
+    The kind acts in one place only, or both act on the same joints, so that their parameters have the same names.
+    """
+    one, other = candidate.effect, chosen.effect
+    return type(one) is type(other) and (one.single or (one.joints == other.joints and not one.several))
 
 
 def _exchanged(
@@ -89,7 +93,7 @@ def _exchanged(
     for k in range(len(chosen)):
         rest = [c for i, c in enumerate(chosen) if i != k]
         without = with_all(validator, rest)
-        others = [c for c in likely if not any(c is x or _excluded(c, x) for x in rest)]
+        others = [c for c in likely if not any(c is x or excluded(c, x) for x in rest)]
         found = [(c, x) for c in others if (x := scored(without, [c.candidate])) is not None]
         if not found:
             continue

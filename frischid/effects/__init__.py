@@ -35,7 +35,7 @@ from frischid.effects.flexibility import Backlash, Elasticity
 from frischid.effects.saturation import GearPlay
 from frischid.effects.load import GravityTilt, Payload
 from frischid.effects.sensing import DriveGain, EncoderZero, TimeDelay
-from frischid.effects.commands import CommandDelay, PositionGain
+from frischid.effects.commands import CommandDelay
 from frischid.effects.formula import Formula
 from frischid.effects.notation import effect_from_dict, parse_effects
 # isort: on
@@ -69,7 +69,6 @@ __all__ = [
     "LoadStribeck",
     "Offset",
     "Payload",
-    "PositionGain",
     "QuadraticViscous",
     "RotorInertia",
     "State",

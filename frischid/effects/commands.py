@@ -1,15 +1,19 @@
-"""Errors of what is known of a position controller: the age of its commands, and its gain.
+"""The age of a position controller's commands, where another age is known.
 
 A log of commands has the torque that the controller, as it is known, computes (`frischid.logs.controller`):
 
     τ_computed,j = kp_j (c_j(t) − q_j) + …,      c_j(t) = q_cmd,j(t − d)
 
-If the commands act δ later than d, and if kp is too small by δkp, the torque at the joint is another one:
+If the commands act δ later than d, the torque at the joint is another one:
 
-    τ_computed,j ≈ τ_j + δ · d/dt (kp_j c_j + …) − δkp_j (c_j − q_j)
+    τ_computed,j ≈ τ_j + δ · d/dt (kp_j c_j + …)
 
-Both columns need the commands, so these effects are tried on logs of commands only. They are no torque of the robot, so
-exported code leaves them out; the table of drives and a simulator's actuators have the corrected gain and delay.
+The column needs the commands, so this effect is tried on logs of commands only. It is no torque of the robot, so
+exported code leaves it out; the table of drives has the corrected delay.
+
+A wrong kp has no effect of its own. Its column would be the position error, of which the computed torque is a multiple:
+with any model error, least squares would find that kp is zero and that the robot weighs nothing. `drive_gain`, whose
+column is the torque of the reference parameters, finds a wrong kp.
 
 Source: Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, 8th edition, Pearson.
 """
@@ -24,7 +28,7 @@ from frischid.core.types import Array
 from frischid.effects.base import Effect
 from frischid.effects.state import State, Term
 from frischid.errors import InputError
-from frischid.logs.controller import GOAL, PUSH_RATE
+from frischid.logs.controller import PUSH_RATE
 from frischid.robot.robot import Robot
 
 
@@ -67,37 +71,6 @@ class CommandDelay(Effect):
         if self.joints is not None:
             return self.per_joint(state, "late", "torque rate", lambda i: rates[i])
         return [Term(self.column("late", "s", state.robot.joints[0], ""), rates)]
-
-
-@dataclass(frozen=True)
-class PositionGain(Effect):
-    """A position controller whose gain kp is not the one that was named."""
-
-    id: ClassVar[str] = "position_gain"
-    title: ClassVar[str] = "another gain of the position controller"
-    equation: ClassVar[str] = "−dkp·(q_cmd − q)"
-    symbols: ClassVar[Mapping[str, str]] = {
-        "dkp": "identified coefficient: the true gain is larger than the one named by this much",
-        "q_cmd": "commanded position, when it acts",
-    }
-    sentence: ClassVar[str] = (
-        "the controller of {joint} pushes harder (or less hard) than its gain says: name another gain (--kp)"
-    )
-    looks_like: ClassVar[str] = "the residual is a copy of the position error q_cmd − q, on this joint only"
-    confused_with: ClassVar[tuple[str, ...]] = ("drive_gain", "payload", "load_friction")
-    confirmed_by: ClassVar[str] = "hang a known weight on the link: the position error must grow by its torque over kp"
-    reference: ClassVar[str] = "Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, Pearson"
-
-    of_controller: ClassVar[bool] = True
-
-    def channels(self, robot: Robot) -> tuple[str, ...]:
-        """``controller_goal_<joint>``, which a log of commands has."""
-        return tuple(GOAL + name for _, name, _ in self.acts_on(robot))
-
-    def terms(self, state: State) -> list[Term]:
-        """One column per joint: its position less its command."""
-        goals = {i: _channel(state, GOAL + name) for i, name, _ in self.acts_on(state.robot)}
-        return self.per_joint(state, "dkp", "position", lambda i: state.q[:, i] - goals[i])
 
 
 def _channel(state: State, name: str) -> Array:

@@ -37,7 +37,6 @@ from frischid.effects import (
     GravityTilt,
     JointCoupling,
     Payload,
-    PositionGain,
     RotorInertia,
     TimeDelay,
 )
@@ -323,7 +322,6 @@ _WRITERS: dict[type[Effect], Callable[[_Writer, Effect], list[CodeColumn]]] = {
     Elasticity: _Writer._geared,
     Backlash: _Writer._geared,
     CommandDelay: _Writer._of_controller,
-    PositionGain: _Writer._of_controller,
 }
 
 

@@ -56,7 +56,7 @@ def left_out(model: Model, kind: str) -> tuple[str, ...]:
     held = mjcf_springs(model) if kind == "MJCF" else {}
     found = []
     for effect in model.effects:
-        if effect.of_controller:  # the actuators have its corrected gain, and no format has a delay
+        if effect.of_controller:  # no torque of the robot, and no format has a delay
             continue
         if effect.id in FORMAT_EFFECTS[kind] and not effect.parameters.get("coupled"):
             continue

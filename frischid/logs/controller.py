@@ -30,8 +30,6 @@ from frischid.logs.current_gains import CurrentGains
 from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.recording import Recording, joined
 
-GOAL = "controller_goal_"
-"""Channel of a joint in a driven log: its command at the time when the command acts, rad (m)."""
 PUSH_RATE = "controller_push_rate_"
 """Channel of a joint in a driven log: rate of the torque that follows from commands alone, N·m/s (N/s)."""
 Gains = float | Mapping[str, float]
@@ -214,8 +212,7 @@ class PDController:
             torque, push = torque + wanted - kd * velocity_of(log)[:, columns], push + wanted
         limit = self.values("limit", joints)
         rate = np.gradient(push, log.t, axis=0)
-        channels = {GOAL: goal, PUSH_RATE: rate}
-        extra = {f"{name}{j}": x[:, k] for name, x in channels.items() for k, j in enumerate(joints)}
+        extra = {f"{PUSH_RATE}{j}": rate[:, k] for k, j in enumerate(joints)}
         return np.asarray(np.clip(torque, -limit, limit)), extra
 
     def to_dict(self) -> dict[str, Any]:

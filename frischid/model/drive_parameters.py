@@ -37,7 +37,7 @@ DRIVE_EFFECTS = {
 """Quantity -> effect and symbol of its parameter."""
 NAMED_BY_USER = {"stiffness": "kp", "damping": "kd", "delay": "delay", "effort_limit": "limit"}
 """Quantity -> field of the controller."""
-CORRECTIONS = {"position_gain": "stiffness", "command_delay": "delay"}
+CORRECTIONS = {"command_delay": "delay"}
 """Effect of the model -> quantity that it corrects."""
 ALL_LATE = "late"
 """Parameter of `command_delay` for all joints together."""
@@ -153,7 +153,7 @@ def _of_currents(model: Model, joint: str) -> list[DriveParameter]:
 def _of_controller(model: Model, joint: str, values: list[_Value]) -> list[DriveParameter]:
     """Gains and delay that the user named or that were found, and the URDF's limit where no other is known.
 
-    The model's effects `position_gain` and `command_delay` correct the gain and the delay that were named.
+    The model's effect `command_delay` corrects the delay that was named.
     """
     pd, robot = model.controller, model.robot
     if pd is None:

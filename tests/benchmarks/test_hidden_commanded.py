@@ -1,8 +1,12 @@
 """The benchmark of hidden effects in commanded motion: its robots, and one case from the simulation to the finding."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 pytest.importorskip("mujoco")
 
 from hidden_commanded import KINDS, ROBOTS, case, cases, hidden, one, truth

@@ -2,6 +2,7 @@
 
 from dataclasses import asdict, replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from frischid.diagnosis.cross_validation import CrossValidator, Score
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.improvement import improve
 from frischid.diagnosis.scored_candidate import ScoredCandidate, parameters_of, price, scored
+from frischid.diagnosis.stepwise_selection import excluded
 from frischid.effects import BASELINE, Formula, parse_effects
 from frischid.logs.log import Log
 from frischid.model.identification import identify
@@ -222,3 +224,14 @@ def test_a_shift_that_explains_as_much_as_the_opposite_one_is_no_delay():
     seen = diagnose(model, noisy, effects=["time_delay"])
     assert seen.verdict == "none", "a mean over shifts hides noise in the accelerations, and is no delay"
     assert any("identify with a lower cut-off than 10 Hz" in note for note in seen.notes)
+
+
+def test_two_couplings_of_the_same_joints_exclude_each_other():
+    def of(text):
+        return SimpleNamespace(effect=parse_effects(text)[0])
+
+    total, difference = of("joint_coupling(ratio=1)@joint1+joint2"), of("joint_coupling(ratio=-1)@joint1+joint2")
+    assert excluded(total, difference)
+    assert not excluded(total, of("joint_coupling(ratio=1)@joint2+joint3"))
+    assert excluded(of("cogging(order=6)@joint1"), of("cogging(order=12)@joint1"))  # A1 and B1 of both
+    assert not excluded(of("joint_spring@joint1"), of("hysteresis@joint1"))

@@ -59,16 +59,18 @@ def simulated(moved: MotionDiagnosis) -> list[Any]:
     how = "under the model's controller" if moved.closed else "under the recorded torque alone"
     on = "test logs" if moved.tested else "logs that the models were fitted to"
     title = f"simulated positions over {moved.horizon:g} s {how}: rms error in rad (m), {on}"
-    table = table_of("effect", "where", "error", *moved.joints, title=title)
-    table.add_row("none", "", "", *(f"{x:.2g}" for x in moved.joints.values()))
+    table = table_of("effect", "change", "joint by joint, without and with the effect", title=title)
     for f in moved.findings:
-        where = ", ".join(f.finding.joints) or "robot"
-        errors = [f"{f.joints[n]:.2g}" if f.joints else "–" for n in moved.joints]
-        table.add_row(f.finding.effect, where, change(1.0, f.ratio) if f.joints else "–", *errors)
+        named = [n for n in moved.joints if n in f.finding.joints] or list(moved.joints)
+        errors = (
+            ", ".join(f"{n} {moved.joints[n]:.2g} → {f.joints[n]:.2g}" for n in named) if f.joints else "not simulated"
+        )
+        table.add_row(f.finding.effect, change(1.0, f.ratio) if f.joints else "–", errors)
+    each = ", ".join(f"{n} {x:.2g}" for n, x in moved.joints.items())
     refused = [f"{f.finding.effect}: {f.refused}." for f in moved.findings if f.refused]
     return [
         table,
-        "error: change of the simulated error with this effect, mean over the joints of its logarithm",
+        f"change: of the simulated error with this effect, mean over all joints of its logarithm; without any: {each}",
         *refused,
     ]
 

@@ -1,0 +1,163 @@
+"""Armature and friction from commanded positions: frischid, mujoco.sysid and a random search, side by side.
+
+The robots and logs are those of `commanded_mujoco.py`: MuJoCo moves a robot whose links are 5 to 20 % off the URDF, and
+the log has commands and quantised positions. All three get the URDF, the servos' gains and the commands' delay.
+frischid solves one linear problem with bounds. mujoco.sysid fits the simulated motion of the whole log; the random
+search keeps the best of 5,000 simulations of the log. Both move the URDF's links, start at three times the true
+values, and may reach from a tenth to ten times the true values in every step of 30; no user knows that much.
+
+Error of the values: median and largest over all joints, of armature, viscous and Coulomb friction. Simulated error: rms
+position error in MuJoCo along a motion that no tool has seen, mean over the joints. Times are processor time.
+
+mujoco.sysid runs in a process of its own: `pip install "mujoco[sysid]"` in another environment, and pass its
+interpreter as `--python`.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from commanded_mujoco import ROBOTS, recorded
+from common import Worker, parser, publish
+from hidden_mujoco import mjcf
+from hidden_physics import STEP, Drive
+from mujoco import rollout
+
+import frischid as fr
+from frischid.core.types import Array
+from frischid.export.mjcf import mjcf_source
+
+WORKER = Path(__file__).with_name("commanded_worker.py")
+FINER = 4
+"""Steps of the peers' simulation per sample of the log: 1.25 or 2.5 ms."""
+START = 3.0
+"""Start of the peers over the true value."""
+SPREAD = 10.0
+"""The random search draws each value between a tenth and ten times the true one, evenly in its logarithm."""
+
+
+def scene(robot: fr.Robot, values: Array, gains: tuple[Array, Array], step: float) -> str:
+    """The URDF's links in MuJoCo with armature, damping and friction loss (3, J), and a sensor for every position."""
+    armature, damping, dry = values
+    text = mjcf(robot.model, Drive(damping, dry, np.zeros(len(dry)), armature), *gains, stiff=True)
+    text = text.replace(f'timestep="{STEP}" integrator="Euler"', f'timestep="{step:.17g}" integrator="implicitfast"')
+    sensors = "".join(f'<jointpos name="q{i + 1}" joint="j{i + 1}"/>' for i in range(len(dry)))
+    for i in range(len(dry)):
+        text = text.replace(f'<general joint="j{i + 1}"', f'<general name="servo{i + 1}" joint="j{i + 1}"')
+    return text.replace("</mujoco>", f"<sensor>{sensors}</sensor></mujoco>")
+
+
+def positions(text: str, names: list[str], control: Array, first: Array) -> Array:
+    """Simulated positions (N, J) at the log's samples under held commands (N, J)."""
+    model = mujoco.MjModel.from_xml_string(text)
+    place = [int(model.joint(n).qposadr[0]) for n in names]
+    start = np.zeros(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    start[[1 + k for k in place]] = first
+    held = np.repeat(control, FINER, axis=0)
+    states, _ = rollout.rollout(model, mujoco.MjData(model), start[None], held[None])
+    moved = np.concatenate([start[None], np.asarray(states)[0]])[:-1:FINER]
+    return np.asarray(moved[:, [1 + k for k in place]])
+
+
+def late(log: fr.Log) -> Array:
+    """Commands (N, J) as they act, two samples late."""
+    assert log.qcmd is not None
+    return np.concatenate([log.qcmd[:1], log.qcmd[:1], log.qcmd[:-2]])
+
+
+def error(found: Array, log: fr.Log) -> float:
+    """Rms error of positions, mean over the joints, rad."""
+    return float(np.sqrt(((found - log.q) ** 2).mean(axis=0)).mean()) if np.isfinite(found).all() else float("inf")
+
+
+def ours(robot: fr.Robot, log: fr.Log, controller: fr.PDController) -> tuple[Array, float, str]:
+    """Values (3, J), seconds, and the model as MJCF."""
+    begin = time.process_time()
+    model = fr.identify(robot, [log], controller=controller, recursion="none").model
+    drives = fr.drive_parameters(model)
+    seconds = time.process_time() - begin
+    model = fr.make_consistent(model).model
+    kinds = ("armature", "viscous", "coulomb")
+    values = np.array([[x.value for x in drives if x.quantity == kind] for kind in kinds])
+    return values, seconds, mjcf_source(model)
+
+
+def searched(robot: fr.Robot, log: fr.Log, gains: tuple[Array, Array], truth: Array, simulations: int) -> Array:
+    """The best of some random simulations, (3, J)."""
+    rng, step = np.random.default_rng(0), 1.0 / log.rate / FINER
+    best, least = truth, np.inf
+    for _ in range(simulations):
+        drawn = truth * SPREAD ** rng.uniform(-1.0, 1.0, truth.shape)
+        names = [f"j{i + 1}" for i in range(truth.shape[1])]
+        now = error(positions(scene(robot, drawn, gains, step), names, late(log), log.q[0]), log)
+        best, least = (drawn, now) if now < least else (best, least)
+    return best
+
+
+def compared(name: str, seed: int, python: str, simulations: int) -> list[dict[str, Any]]:
+    """Rows of one robot."""
+    robot, log, drive, controller = recorded(name, seed)
+    test = recorded(name, seed, other=seed + 1000)[1]
+    gains = (controller.values("kp", robot.joints), controller.values("kd", robot.joints))
+    truth, step = np.array([drive.rotor, drive.viscous, drive.coulomb]), 1.0 / log.rate / FINER
+    names = [f"j{i + 1}" for i in range(len(robot.joints))]
+    rows = []
+
+    def row(tool: str, values: Array, seconds: float, moved: Array) -> None:
+        off = np.abs(values / truth - 1.0)
+        rows.append(
+            {"robot": name, "tool": tool, "seconds": seconds, "× frischid": seconds / rows[0]["seconds"] if rows else 1}
+            | {"median error %": 100 * float(np.median(off)), "largest error %": 100 * float(off.max())}
+            | {"simulated error mrad": 1e3 * error(moved, test)}
+        )
+
+    values, seconds, text = ours(robot, log, controller)
+    text = text.replace("<option ", f'<option timestep="{step:.17g}" integrator="implicitfast" ')
+    row("frischid", values, seconds, positions(text, list(robot.joints), late(test), test.q[0]))
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "arm.xml").write_text(scene(robot, START * truth, gains, step), encoding="utf-8")
+        t = np.arange((len(log) - 1) * FINER + 1) * step
+        control = np.repeat(late(log)[:-1], FINER, axis=0)
+        measured = np.column_stack([np.interp(t[1:], log.t - log.t[0], x) for x in log.q.T])
+        start = np.concatenate([[0.0], log.q[0], np.zeros(len(names))])
+        inputs = {"t": t, "control": control, "measured": measured, "start": start, "guess": START * truth}
+        np.savez(Path(folder) / "inputs.npz", **inputs)
+        with Worker(python, WORKER, folder, 'pip install "mujoco[sysid]"') as other:
+            answer = other.run()
+    found = np.array(answer["values"])
+    moved = positions(scene(robot, found, gains, step), names, late(test), test.q[0])
+    row(f"mujoco.sysid {answer['version']}", found, answer["seconds"], moved)
+    begin = time.process_time()
+    best = searched(robot, log, gains, truth, simulations)
+    seconds = time.process_time() - begin
+    row(
+        f"best of {simulations}",
+        best,
+        seconds,
+        positions(scene(robot, best, gains, step), names, late(test), test.q[0]),
+    )
+    moved = positions(scene(robot, truth, gains, step), names, late(test), test.q[0])
+    row("true values, URDF's links", truth, 0.0, moved)
+    return rows
+
+
+def main() -> None:
+    """Print the table."""
+    options = parser(__doc__)
+    options.add_argument("--python", default=sys.executable, help="interpreter that has mujoco.sysid")
+    options.add_argument("--robots", nargs="+", choices=list(ROBOTS), default=list(ROBOTS))
+    options.add_argument("--seed", type=int, default=900)
+    options.add_argument("--simulations", type=int, default=5000, help="of the random search")
+    given = options.parse_args()
+    rows = [r for n in given.robots for r in compared(n, given.seed, given.python, given.simulations)]
+    publish("Drives from commanded positions, beside other tools", rows, given.json)
+
+
+if __name__ == "__main__":
+    main()
