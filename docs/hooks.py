@@ -53,6 +53,11 @@ def on_post_page(output: str, *, page: Any, **_: Any) -> str:
     return output.replace(SHIM, f"{'../' * page.url.count('/')}assets/iframe-worker.js")
 
 
+def on_post_template(output: str, **_: Any) -> str:
+    """Nor does the page for an address that does not exist, whose own addresses begin at the site's root."""
+    return output.replace(SHIM, "/assets/iframe-worker.js")
+
+
 def command_lines() -> Iterator[str]:
     """Every command's help, as Markdown."""
     for name, command in sorted(main.commands.items()):

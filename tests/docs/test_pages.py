@@ -8,7 +8,9 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 from browser import needs_browser, opened, violations
@@ -135,11 +137,8 @@ def test_the_package_of_an_own_effect_is_built_from_the_pages_two_files(tmp_path
 
 @needs_browser
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (390, "dark")])
-def test_axe_finds_nothing_in_the_guide_to_the_report(tmp_path, width, scheme):
-    pytest.importorskip("material", reason="the extra frischid[docs] is not installed")
-    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--site-dir", str(tmp_path)]
-    subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
-    with opened((tmp_path / "guides" / "see.html").as_uri(), width=width, scheme=scheme) as seen:
+def test_axe_finds_nothing_in_the_guide_to_the_report(site, width, scheme):
+    with opened((site / "guides" / "see.html").as_uri(), width=width, scheme=scheme) as seen:
         assert violations(seen.page) == []
         assert seen.complaints == []
 
@@ -170,12 +169,70 @@ def test_versions_agree():
     assert f"frischid-{version}-py3" in text_of(DOCS / "start" / "install.md")
 
 
-def test_the_site_builds_without_a_warning(tmp_path):
+# ---- the built site
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory):
+    """The site, built as its readers have it; a warning is an error (``strict``)."""
     for module in ("material", "mkdocstrings"):
         pytest.importorskip(module, reason="the extra frischid[docs] is not installed")
-    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--site-dir", str(tmp_path)]
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--site-dir", str(folder)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    page = text_of(tmp_path / "index.html")
-    outside = re.findall(r"""<(?:script|link|img)[^>]+(?:src|href)=["']?(?:https?:)?//[^"'> ]+""", page)
-    assert not outside, "a page must open without a network"
+    return folder
+
+
+def test_a_warning_of_the_site_is_an_error():
+    settings = text_of(ROOT / "mkdocs.yml")
+    assert re.search(r"^strict: true$", settings, flags=re.MULTILINE)
+    for name in ("omitted_files", "not_found", "anchors", "absolute_links", "unrecognized_links"):
+        assert f"{name}: warn" in settings, f"mkdocs says {name} only as information"
+
+
+def test_the_site_needs_no_network(site):
+    """Nothing that a browser loads by itself has an address of another host."""
+    loaded = r"""<(?:script|link|img|iframe|source|video|object)[^>]+?(?:src|href|data)=["']?(?:https?:)?//[^"'> ]+"""
+    pages = sorted(site.rglob("*.html"))
+    assert len(pages) > len(PAGES)
+    for page in pages:
+        assert not re.findall(loaded, text_of(page)), page.name
+    for style in site.rglob("*.css"):
+        assert not re.findall(r"""(?:url\(|@import )["']?(?:https?:)?//[^"')]+""", text_of(style)), style.name
+
+
+class Parsed(HTMLParser):
+    """Links of a page, and the names that a link may lead to."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.links, self.names = [], set()
+        self.feed(text_of(page))
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        self.names |= {found[key] for key in ("id", "name") if found.get(key)}
+        if tag == "a" and found.get("href"):
+            self.links.append(unquote(found["href"]))
+
+
+def test_every_link_of_the_site_leads_to_a_place_that_exists(site):
+    parsed = {page: Parsed(page) for page in site.rglob("*.html") if page.name != "404.html"}
+    checked = 0
+    for page, found in parsed.items():
+        for link in found.links:
+            if re.match(r"[a-z]+:", link):
+                continue  # another site: .github/workflows/links.yml
+            path, _, anchor = link.partition("#")
+            target = (page.parent / path).resolve() if path else page
+            target = target / "index.html" if target.is_dir() else target
+            assert target.exists(), f"{page.name}: {link}"
+            assert not anchor or target not in parsed or anchor in parsed[target].names, f"{page.name}: {link}"
+            checked += 1
+    assert checked > 1000
+
+
+def test_the_workflow_of_links_reads_every_page():
+    lines = text_of(ROOT / ".github" / "workflows" / "links.yml")
+    assert all(name in lines for name in ("README.md", "CONTRIBUTING.md", "./docs/**/*.md", "paper/paper.md"))

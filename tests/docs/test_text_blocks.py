@@ -3,8 +3,10 @@
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
+from frischid.logs.readers import write_log
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -67,3 +70,29 @@ def test_what_the_guides_print_about_a_ur10e(tmp_path, monkeypatch):
             words = " ".join(part.strip(" []),\n").split())
             pattern = re.sub(r"\d(?=\\ %)", r"\\d", re.escape(words))  # a last digit depends on the machine
             assert re.search(pattern, output), f"{page}: {words}"
+
+
+@pytest.mark.skipif(not os.environ.get("FRISCHID_DATA"), reason="the authors' points: no measured logs")
+def test_the_commands_of_the_page_on_the_paper(tmp_path, monkeypatch):
+    """Word for word, with four runs each; the table of the points stands for the authors' file of them."""
+    monkeypatch.chdir(tmp_path)
+    points = Path(os.environ["FRISCHID_DATA"]) / "frisch_planar" / "exciting_points.csv"
+    for line in block("understand/paper.md", "sh").splitlines():
+        words = shlex.split(line.replace("final.mat", str(points)), comments=True)
+        result = CliRunner().invoke(main, [*words[1:], "--runs", "4"])
+        assert result.exit_code == 0, result.output
+    assert {path.name for path in Path("paper").iterdir()} == {"paper.html", "paper.json"}
+
+
+def test_the_studio_of_the_guide_opens(tmp_path):
+    """The line of guides/see.md prints the address."""
+    pytest.importorskip("viser", reason="the extra frischid[studio] is not installed")
+    model, log = small_model()
+    model.save(tmp_path / "model.json")
+    write_log(log, tmp_path / "log.csv")
+    words = shlex.split(block("guides/see.md", "sh"))
+    with subprocess.Popen(
+        [sys.executable, "-m", *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as running:
+        assert running.stdout.readline().startswith("studio: http://127.0.0.1:")
+        running.terminate()
