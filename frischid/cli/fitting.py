@@ -35,7 +35,7 @@ from frischid.errors import InputError
 def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) -> None:
     """Describe a robot: joints, limits, identifiable parameters.
 
-    ROBOT is a URDF file or the name of a robot of example-robot-data; without ROBOT, these names are listed.
+    ROBOT is a URDF or MJCF file, or the name of a robot of example-robot-data; without ROBOT, these names are listed.
     """
     from frischid.cli.pages import robots as show
     from frischid.regression.regressor import Regressor
@@ -74,7 +74,7 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
     default="wls",
     help="wls, ols, frisch (eq. 24), frisch_squared, sensorwise, eiv, iv, output_error (simulated motion).",
 )
-@click.option("--horizon", type=click.FloatRange(min=0, min_open=True), help="With output_error: simulated seconds.")
+@click.option("--horizon", type=click.FloatRange(min=0, min_open=True), help="With output_error: seconds of a simulated stretch; 1 by default.")
 @click.option(
     "--prior",
     type=click.Choice(["urdf", "none"]),

@@ -22,7 +22,7 @@ from frischid.errors import InputError
 @click.option("--runs", default=250, show_default=True, help="Monte Carlo runs of each study.")
 @click.option("--as-published", is_flag=True, help="Only the study as published: eq. (16), the rules of their code.")
 @click.option("--as-corrected", is_flag=True, help="Only the study as corrected.")
-@click.option("--seed", default=0, show_default=True, help="Of the noise.")
+@click.option("--seed", default=0, show_default=True, help="Seed of the noise.")
 @json_option
 def paper(
     output: str | None,
