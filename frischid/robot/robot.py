@@ -100,12 +100,12 @@ class Robot:
         frames: str | Mapping[str, str] = "joint",
         known: Mapping[str, float] | None = None,
     ) -> Robot:
-        """Read a robot from a URDF file, or by name from the URDFs that come with frischid or example-robot-data.
+        """Read a robot from a URDF or MJCF file, or by name from the URDFs that come with frischid or example-robot-data.
 
         Parameters
         ----------
         robot : str or Path
-            Path of a URDF, or a name such as ``panda``.
+            Path of a URDF or MJCF file, or a name such as ``panda``.
         joints : sequence of str, optional
             Joints that move; all others are locked. All joints by default.
         lock : mapping or sequence of str
