@@ -97,13 +97,16 @@ def controller_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--kp",
             metavar="VALUES",
-            help=f"The controller's torque per position error, N·m/rad: {each} Gains that are left out are found from the URDF's masses.",
+            help=f"The controller's torque per position error, N·m/rad: {each} "
+            "Gains that are left out are found from the URDF's masses.",
         ),
         click.option("--kd", metavar="VALUES", help=f"The controller's torque per velocity error, N·m·s/rad: {each}"),
         click.option("--effort-limit", metavar="VALUES", help=f"The drive's largest torque, N·m: {each}"),
         click.option("--dead-band", metavar="VALUES", help=f"Position error below which the drive rests, rad: {each}"),
         click.option(
-            "--delay", metavar="VALUES", help=f"Age of a command when it acts, s: {each} auto finds one delay for all joints."
+            "--delay",
+            metavar="VALUES",
+            help=f"Age of a command when it acts, s: {each} auto finds one delay for all joints.",
         ),
     ]
     wrapped: Callable[..., Any] = collected

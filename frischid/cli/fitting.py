@@ -74,7 +74,11 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
     default="wls",
     help="wls, ols, frisch (eq. 24), frisch_squared, sensorwise, eiv, iv, output_error (simulated motion).",
 )
-@click.option("--horizon", type=click.FloatRange(min=0, min_open=True), help="With output_error: seconds of a simulated stretch; 1 by default.")
+@click.option(
+    "--horizon",
+    type=click.FloatRange(min=0, min_open=True),
+    help="With output_error: seconds of a simulated stretch; 1 by default.",
+)
 @click.option(
     "--prior",
     type=click.Choice(["urdf", "none"]),

@@ -85,7 +85,7 @@ class Robot:
                 raise UnknownNameError("parameter", name, self.all_names, self.source)
         for what, values in (("gravity", self.gravity), ("lock", self.locked.values()), ("known", self.known.values())):
             if not all(abs(x) <= LARGEST_QUANTITY for x in values):
-                raise InputError(f"{self.source}: {what} holds a number above {LARGEST_QUANTITY:g}, or one that is not finite")
+                raise InputError(f"{self.source}: {what} holds a number above {LARGEST_QUANTITY:g}, or not finite")
         _ = self.model, self.transforms  # errors (no joint to move, an unknown frame) come now, not at the first sample
 
     @classmethod
@@ -100,7 +100,7 @@ class Robot:
         frames: str | Mapping[str, str] = "joint",
         known: Mapping[str, float] | None = None,
     ) -> Robot:
-        """Read a robot from a URDF or MJCF file, or by name from the URDFs that come with frischid or example-robot-data.
+        """Read a robot from a URDF or MJCF file, or by name from those of frischid or example-robot-data.
 
         Parameters
         ----------
