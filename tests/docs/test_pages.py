@@ -233,6 +233,16 @@ def test_every_link_of_the_site_leads_to_a_place_that_exists(site):
     assert checked > 1000
 
 
+def test_files_that_the_workflows_name_exist():
+    for path in [
+        *sorted((ROOT / ".github" / "workflows").glob("*.yml")),
+        ROOT / ".ci" / "run",
+        ROOT / ".ci" / "docker_steps",
+    ]:
+        named = re.findall(r"(?:tests|docs|\.ci)/[\w./]*\w", text_of(path))
+        assert all((ROOT / name).exists() for name in named if "**" not in name), path.name
+
+
 def test_the_workflow_of_links_reads_every_page():
     lines = text_of(ROOT / ".github" / "workflows" / "links.yml")
     assert all(name in lines for name in ("README.md", "CONTRIBUTING.md", "./docs/**/*.md", "paper/paper.md"))
