@@ -30,15 +30,6 @@ def pages(*kinds):
     return [page for page in found if any(block.kind in kinds for block in blocks(page))]
 
 
-@pytest.fixture(scope="session")
-def filled(tmp_path_factory):
-    """The folder that the guides speak of."""
-    folder = tmp_path_factory.mktemp("practice")
-    result = CliRunner().invoke(main, ["demo", "--practice", str(folder / "practice")])
-    assert result.exit_code == 0, result.output
-    return folder / "practice"
-
-
 @pytest.mark.parametrize("page", pages(*RUN), ids=name_of)
 def test_blocks_of_a_page_run(page, filled, tmp_path, monkeypatch):
     folder = shutil.copytree(filled, tmp_path / "practice")
