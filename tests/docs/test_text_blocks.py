@@ -14,6 +14,7 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
+from frischid.logs.mapping import DEFAULT_RULES, FILE_RULES, JOINT_RULES
 from frischid.logs.readers import write_log
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -96,3 +97,12 @@ def test_the_studio_of_the_guide_opens(tmp_path):
     ) as running:
         assert running.stdout.readline().startswith("studio: http://127.0.0.1:")
         running.terminate()
+
+
+def test_the_page_on_the_mapping_file_lists_every_key():
+    sections = re.split(r"^## `\[", (DOCS / "reference" / "mapping.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    words = {section.partition("]")[0].lower(): set(re.findall(r"`\"?(\w+)\"?`", section)) for section in sections[1:]}
+    assert set(words) == {"file", "default", "joint.name", "current_gain", "layout.name"}
+    assert not set(FILE_RULES) - words["file"]
+    assert not set(DEFAULT_RULES) - words["default"]
+    assert not set(JOINT_RULES) - words["joint.name"]
