@@ -59,6 +59,9 @@ class AlarmCriteria:
         s. Logs shorter than this hold too few stretches to leave one out.
     noisy_acceleration : float
         Share of the acceleration's power that is position noise (median joint) at the filter's cut-off.
+    impossible_masses : float
+        Factor by which the torque of a URDF's links is larger than that of commands only if the gains are wrong: the
+        links of measured robots' URDFs are off by 2 at most. A gain per degree is 57 times too small.
     """
 
     faster: float = 2.0
@@ -72,6 +75,7 @@ class AlarmCriteria:
     sign_errors: float = 2.0
     least_seconds: float = 4.0
     noisy_acceleration: float = 0.5
+    impossible_masses: float = 5.0
 
     def to_dict(self) -> dict[str, float]:
         """Plain JSON values."""
@@ -279,3 +283,57 @@ def gains_from_masses(doubts: Mapping[str, float]) -> list[Alarm]:
             0.0,
         )
     ]
+
+
+def doubtful_gains(
+    joints: Sequence[str], found: tuple[Array, Array], known: tuple[Array, Array], criteria: AlarmCriteria
+) -> list[Alarm]:
+    """Torques that a controller with the given gains computes, but no such robot has.
+
+    Parameters
+    ----------
+    joints : sequence of str
+        The J joints.
+    found : (ndarray, ndarray), shape (J,) each
+        Largest computed torque, and its standard deviation, N·m (N).
+    known : (ndarray, ndarray), shape (J,) each
+        Largest torque of the drive by the URDF (infinite: not stated), and the standard deviation of the torque of the
+        URDF's links along the same motion.
+    criteria : AlarmCriteria
+    """
+    (largest, spread), (effort, links) = found, known
+    times = largest / effort
+    strong = [k for k in range(len(joints)) if times[k] > 1.0]
+    weak = [k for k in range(len(joints)) if links[k] > criteria.impossible_masses * spread[k]]
+    alarms = []
+    if strong:
+        k = max(strong, key=lambda k: times[k])
+        alarms.append(
+            Alarm(
+                "gains-too-large",
+                "doubt",
+                f"With these gains the commands ask {joints[k]} for {largest[k]:.3g} N·m (N), {times[k]:.1f} times the "
+                f"largest torque of its drive by the URDF ({effort[k]:.3g}).",
+                "Check that kp is in N·m/rad and kd in N·m·s/rad; if the drive saturates, give its limit "
+                "(--effort-limit).",
+                tuple(joints[k] for k in strong),
+                float(times[k]),
+                1.0,
+            )
+        )
+    if weak:
+        k = max(weak, key=lambda k: links[k] / spread[k])
+        share = f"{links[k] / spread[k]:.3g}" if spread[k] > 0 else "infinitely many"
+        alarms.append(
+            Alarm(
+                "gains-too-small",
+                "severe",
+                f"With these gains the torque of {joints[k]} varies by {spread[k]:.3g} N·m (N), and moving the URDF's "
+                f"links takes {share} times as much.",
+                "Check that kp is in N·m/rad, not per degree or per count, and that the URDF's masses are in kg.",
+                tuple(joints[k] for k in weak),
+                float(links[k] / spread[k]) if spread[k] > 0 else None,
+                criteria.impossible_masses,
+            )
+        )
+    return alarms

@@ -16,7 +16,9 @@ from frischid.estimators.least_squares import NormalEquations
 from frischid.estimators.map_estimate import MapEstimate, effects_alone, map_estimate
 from frischid.model.alarms import (
     Alarm,
+    AlarmCriteria,
     by_severity,
+    doubtful_gains,
     gains_from_masses,
     noisy_cutoff,
     too_short,
@@ -51,12 +53,27 @@ def fit_alarms(fit: Fit) -> tuple[Alarm, ...]:
     currents = problem.data.options.currents
     found = [
         *gains_from_masses({} if currents is None else currents.doubt),
+        *_gains(problem, criteria),
         *undetermined(_disagreement(problem, posterior, criteria.faster), problem.data.joints, criteria),
         *noisy_cutoff(problem.data.summary.spectra, problem.data.lowpass.cutoff, criteria),
         *too_short(problem.data.summary.seconds, criteria),
         *wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria),
     ]
     return by_severity(found)
+
+
+def _gains(problem: Problem, criteria: AlarmCriteria) -> list[Alarm]:
+    """Whether the named gains of a controller give torques that such a robot can have."""
+    controller, robot, joints = problem.data.options.controller, problem.data.robot, problem.data.joints
+    if controller is None:
+        return []
+    index = [robot.joints.index(n) for n in joints]
+    some = [motion.part(slice(None, None, max(1, len(motion.t) // STATES))) for motion in problem.data.motions]
+    tau = np.concatenate([motion.tau[:, index] for motion in some])
+    links = np.concatenate([robot.inverse_dynamics(m.q, m.v, m.a)[:, index] for m in some])
+    effort = robot.limits.effort[index]
+    effort = np.where(effort > 0, effort, np.inf)
+    return doubtful_gains(joints, (np.abs(tau).max(axis=0), tau.std(axis=0)), (effort, links.std(axis=0)), criteria)
 
 
 def _posterior(fit: Fit) -> MapEstimate:

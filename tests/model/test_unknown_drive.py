@@ -132,3 +132,16 @@ def test_a_long_delay_is_refused() -> None:
             [replace(log, qcmd=np.roll(log.qcmd, -150, axis=0)).slice(0, -200)],
             controller=fr.PDController(KP, KD, delay=None),
         )
+
+
+@pytest.mark.parametrize(("factor", "name"), [(57.3, "gains-too-large"), (1 / 57.3, "gains-too-small"), (1.0, "")])
+def test_gains_in_another_unit_are_an_alarm(factor, name):
+    machine = fr.Robot.load("planar2")
+    motion = fr.random_fourier(machine, 8.0, seed=4, scale=0.8)
+    log = fr.simulate(machine, motion, rate=100.0, seed=4)
+    commanded = fr.Log(log.t, log.joints, q=log.q, qcmd=log.q + log.tau / 300.0)
+    assert (np.abs(log.tau).max(axis=0) < machine.limits.effort).all()
+    found = fr.identify(machine, [commanded], controller=fr.PDController(kp=300.0 * factor), recursion="none")
+    named = [a for a in found.headline.alarms if a.id.startswith("gains-too")]
+    assert [a.id for a in named] == ([name] if name else [])
+    assert all("N·m/rad" in a.remedy and a.joints for a in named)
