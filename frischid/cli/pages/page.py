@@ -87,6 +87,7 @@ def table_of(*columns: str, title: str | None = None, droppable: Sequence[str] =
     words = {
         "joint",
         "where",
+        "joint by joint, without and with the effect",
         "confused with",
         "action",
         "effects",
