@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import click
 import numpy as np
 from bad_input_row import ANY, COMMANDS, REFUSED, TOLD, Row
-from bad_input_texts import formulas, mappings, models, robots
+from bad_input_texts import controllers, formulas, mappings, models, robots
 
 import frischid as fr
 from frischid.cli import main as frischid
@@ -29,12 +30,15 @@ def rows(folder: Path) -> list[Row]:
     write_log(log, folder / "good.csv")
     fr.identify(robot, [log], recursion="none").model.save(folder / "model.json")
     (folder / "robot.urdf").write_text(robot.urdf, encoding="utf-8")
+    assert log.tau is not None
+    write_log(replace(log, tau=None, qcmd=log.q + log.tau / 200.0), folder / "commanded.csv")
     table = log.to_table() | {"temperature": np.linspace(20.0, 30.0, len(log))}
     return [
         *columns(folder, table),
         *files(folder),
         *robots(folder, robot.urdf),
         *mappings(folder),
+        *controllers(folder),
         *models(folder),
         *formulas(),
         *arguments(folder),
@@ -59,6 +63,7 @@ FAULTS: dict[str, tuple[Callable[[np.ndarray], Any], str]] = {
     "backwards": (lambda x: x[::-1].copy(), "odd"),
     "sign": (np.negative, "odd"),
     "one spike": (lambda x: put(x, 50, 1e6), "odd"),
+    "1e-300 times": (lambda x: 1e-300 * x, "tiny"),
     "1e-300": (lambda x: np.full_like(x, 1e-300), "dead"),
     "noise": (lambda x: np.random.default_rng(0).normal(size=len(x)), "odd"),
     "every row twice": (lambda x: np.repeat(x, 2)[: len(x)], "odd"),
@@ -79,6 +84,8 @@ def right_codes(column: str, fault: str, command: str) -> tuple[int, ...]:
         return ANY
     if fault == "lost" or (fault in ("gone", "dead") and column == "t"):
         return REFUSED
+    if fault == "tiny" and column.startswith("tau"):  # uninitialised memory often holds such numbers
+        return TOLD
     if fault == "gone" and column == "q_joint2":
         return ANY if command != "compare" else REFUSED  # a joint without positions is locked
     if fault == "dead" and command == "check" and column.startswith(("q", "tau")):

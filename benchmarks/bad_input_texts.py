@@ -97,6 +97,46 @@ def mappings(folder: Path) -> Iterator[Row]:
             )
 
 
+# ---- controllers
+
+
+def controllers(folder: Path) -> Iterator[Row]:
+    """Each quantity of a controller with each wrong value, as a file and as an option; then texts that are none."""
+    log = ("robot.urdf", "commanded.csv")
+    for key in ("kp", "kd", "limit", "dead_band", "delay", "kp_doubt", "delay_doubt"):
+        for value in (*WRONG, "1e300", "1e-300"):
+            for text in (f"kp = 200.0\n{key} = {value}\n", f"[{key}]\njoint2 = {value}\n"):
+                text = text if key != "kp" else text.removeprefix("kp = 200.0\n")
+                line = ("check", *log, "--controller", "bad.toml")
+                yield Row("controller", f"{key} = {value[:30]}", line, ANY, writer(folder, "bad.toml", text))
+    for option in ("--kp", "--kd", "--effort-limit", "--dead-band", "--delay"):
+        for text in (
+            "nan",
+            "inf",
+            "-1",
+            "1e300",
+            "1e-300",
+            "",
+            "text",
+            "joint2=",
+            "=1",
+            "joint2=nan",
+            "elbow=1",
+            "a=b=c",
+            ",",
+        ):
+            line = ("check", *log, "--controller", "pd", option, text)
+            yield Row("controller", f"{option} {text!r}", line, ANY)
+    for name, text in {
+        "no TOML": "[[[", "an unknown key": "gain = 1", "nested deep": "kp = " + "[" * 50_000, "no UTF-8": "\udcff",
+        "tables deep": f"kp{'.a' * 5000} = 1", "a joint nobody has": "[kp]\nelbow = 1.0", "a list": "kp = [1, 2]",
+        "a gain of text": "[kp]\njoint2 = 'x'", "digits without end": f"kp = {'9' * 5000}",
+    }.items():  # fmt: skip
+        for command in ("check", "identify"):
+            line = (command, *log, "--controller", "bad.toml")
+            yield Row("controller", name, line, REFUSED, writer(folder, "bad.toml", text))
+
+
 # ---- models
 
 VALUES: tuple[Any, ...] = (None, True, -1, 0, 1e300, float("nan"), float("inf"), "text", "", [], {}, [[1]], 10**400)

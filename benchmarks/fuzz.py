@@ -1,6 +1,7 @@
 """Random inputs of every surface, by the thousand: how they end, and every input that ends in a foreign error.
 
-Surfaces: logs (CSV, Parquet, NPZ, bags, MCAP), URDFs, mapping files, model files, formulas, command lines. An input
+Surfaces: logs (CSV, Parquet, NPZ, bags, MCAP), URDFs, mapping files, controllers, model files, formulas,
+command lines. An input
 must be used, or be refused in an error of frischid's own, within ten seconds. What fails is printed and, with `--keep`,
 written to a folder; mended, it becomes a file of `tests/fuzz_found`.
 

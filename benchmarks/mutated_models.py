@@ -2,8 +2,11 @@
 
 A model file is read in two states. As frischid wrote it, the file holds the hash of its content, and every edit must
 be refused. Without the hash, as an editor's file may be, an edit may be used; a warning must then say that the file has
-no hash, and the model must work or be refused in a sentence. The model has a prior, bounds of both kinds, an effect
-that was added, and physical links.
+no hash, and the model must work or be refused in a sentence.
+
+Half of the edits meet a model of torque logs: a prior, bounds of both kinds, an effect that was added, physical links.
+The others meet one of commanded positions: a controller whose gain and delay were found, with their doubts, a limit, a
+dead band, and a held-out log. Each kind of field (``parameters.#.value``) is edited equally often.
 
     python benchmarks/mutated_models.py                 1,000 edits in each state
     python benchmarks/mutated_models.py --edits 50000   the long run
@@ -20,6 +23,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -46,16 +50,17 @@ def main() -> None:
 
 def measure(edits: int, seed: int, folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
     """Outcomes by state, and every bad one in words."""
-    original, log = subject(folder)
+    subjects = [of_torques(folder), of_commands(folder)]
+    kinds_of_fields = [by_kind(original) for original, _ in subjects]
     rows, notes = [], []
     for state in STATES:
         rng, outcomes = random.Random(seed), Counter[str]()
-        everywhere = [path for path in places(original) if path[0] != "sha256"]
-        for _ in range(edits):
+        for number in range(edits):
+            (original, log), fields = subjects[number % 2], kinds_of_fields[number % 2]
             data = copy.deepcopy(original)
             if state == STATES[1]:
                 del data["sha256"]
-            edit = changed(data, everywhere, rng)
+            edit = changed(data, fields, rng)
             outcome = tried(data, log, folder / "edited.json")
             if outcome == "used" or (outcome == "warned of" and state == STATES[0]):
                 outcome = "unnoticed"
@@ -63,26 +68,65 @@ def measure(edits: int, seed: int, folder: Path) -> tuple[list[dict[str, Any]], 
             if outcome.startswith(("unnoticed", "other")):
                 notes.append(f"{state}: {edit}: {outcome}")
         columns = ("refused", "warned of", "unnoticed", "other errors")
-        rows.append({"state": state, "edits": edits} | {name: outcomes[name] for name in columns})
+        many = len(set().union(*kinds_of_fields))
+        rows.append({"state": state, "fields": many, "edits": edits} | {name: outcomes[name] for name in columns})
     return rows, notes or [
         "refused: an error of frischid names the field; warned of: used, after a warning that the file has no hash"
     ]
 
 
-def subject(folder: Path) -> tuple[dict[str, Any], fr.Log]:
-    """A model file that has something of everything, and a log."""
-    robot = fr.Robot.load("planar2")
-    spring = fr.parse_effects("joint_spring@joint2")
-    log = fr.simulate(
-        robot, fr.random_fourier(robot, 8.0, seed=1), rate=50, effects=(*fr.BASELINE, *spring), parameters={"ks2": 1.5},
-        noise=fr.Noise(q=1e-5, tau=0.01),
-    )  # fmt: skip
-    model = fr.add(fr.identify(robot, [log]).model, spring, [log]).model
+def of_torques(folder: Path) -> tuple[dict[str, Any], fr.Log]:
+    """The file of a model of torques that has something of everything, and a log."""
+    log = recorded(1)
+    model = fr.add(fr.identify(ROBOT, [log]).model, SPRING, [log]).model
     fr.make_consistent(model).model.save(folder / "model.json")
     return json.loads((folder / "model.json").read_text(encoding="utf-8")), log
 
 
-def places(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+def of_commands(folder: Path) -> tuple[dict[str, Any], fr.Log]:
+    """The file of a model of commanded positions, whose drives are partly unknown, and a log."""
+    fitted, held_out = (as_commands(recorded(seed)) for seed in (1, 2))
+    controller = fr.PDController(
+        kp={"joint1": GAIN}, kd=DAMPING, limit={"joint1": 500.0}, dead_band={"joint1": 1e-5}, delay=None
+    )
+    model = fr.identify(ROBOT, [fitted], controller=controller).model
+    fr.add(model, SPRING, [fitted], valid=[held_out]).model.save(folder / "model.json")
+    return json.loads((folder / "model.json").read_text(encoding="utf-8")), held_out
+
+
+ROBOT, SPRING = fr.Robot.load("planar2"), fr.parse_effects("joint_spring@joint2")
+GAIN, DAMPING = 200.0, 1.0  # N·m/rad and N·m·s/rad
+
+
+def recorded(seed: int) -> fr.Log:
+    """A log of the arm with a spring."""
+    return fr.simulate(
+        ROBOT, fr.random_fourier(ROBOT, 8.0, seed=seed), rate=50, effects=(*fr.BASELINE, *SPRING), seed=seed,
+        parameters={"ks2": 1.5}, noise=fr.Noise(q=1e-5, tau=0.01),
+    )  # fmt: skip
+
+
+def as_commands(log: fr.Log) -> fr.Log:
+    """The log with commanded positions in the place of the torque, by a controller without delay."""
+    assert log.tau is not None
+    assert log.v is not None
+    return replace(log, tau=None, v=None, qcmd=log.q + (log.tau + DAMPING * log.v) / GAIN)
+
+
+Place = tuple[str | int, ...]
+
+
+def by_kind(data: dict[str, Any]) -> dict[str, list[Place]]:
+    """Paths of all values by kind of field: any member of a list, in any step of the model; the hash is left out."""
+    found: dict[str, list[Place]] = {}
+    for path in places(data):
+        if path[0] != "sha256":
+            kind = ".".join("#" if isinstance(x, int) else x for x in path)
+            found.setdefault(kind.replace("previous.", ""), []).append(path)
+    return found
+
+
+def places(value: Any, path: Place = ()) -> Iterator[Place]:
     """Paths of all values inside a value."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in items:
@@ -115,10 +159,10 @@ def kinds(value: Any) -> list[str]:
     return ["other type", "nested deep"]
 
 
-def changed(data: dict[str, Any], everywhere: list[tuple[str | int, ...]], rng: random.Random) -> str:
+def changed(data: dict[str, Any], fields: dict[str, list[Place]], rng: random.Random) -> str:
     """Edit a model file's content at one of its places, and say how; the file says something else afterwards."""
     while True:
-        *way, key = rng.choice(everywhere)
+        *way, key = rng.choice(fields[rng.choice(list(fields))])
         place: Any = data
         for step in way:
             place = place[step]
@@ -144,6 +188,7 @@ def tried(data: dict[str, Any], log: fr.Log, path: Path) -> str:
             warned = any("no hash" in str(warning.message) for warning in said)
             fr.compare(model, [log])
             fr.export(model, path.with_suffix(".c"), force=True)
+            fr.export(model, path.with_name("drives.json"))
             model.save(path)
     except fr.FrischidError:
         return "refused"

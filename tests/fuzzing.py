@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,8 +23,10 @@ from hypothesis import strategies as st
 import frischid as fr
 from frischid.cli import main
 from frischid.effects import Formula, State
+from frischid.logs.controller import PDController, driven
 from frischid.logs.mapping import DEFAULT_RULES, FILE_RULES, JOINT_RULES, LogMap
 from frischid.logs.readers import read_chunks, read_log, write_log
+from frischid.logs.recording import Recording
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 
@@ -195,6 +197,34 @@ def try_mapping(folder: Path, given: Any) -> None:
     read_log(path, robot().joints, LogMap.of(given))
 
 
+CONTROLLERS = st.dictionaries(
+    st.sampled_from(["kp", "kd", "limit", "dead_band", "delay", "kp_doubt", "delay_doubt", "nothing"]),
+    st.floats(0.0, 1e3)
+    | VALUES
+    | st.dictionaries(st.sampled_from(["joint1", "joint2", "elbow"]), st.floats() | st.floats(0.0, 10.0) | VALUES),
+    max_size=5,
+)
+
+
+def try_controller(folder: Path, given: Any) -> None:
+    """A controller of a file or of Python drives a log, alone and by chunks, and describes itself."""
+    if isinstance(given, bytes):  # the text of a file
+        (folder / "gains.toml").write_bytes(given)
+        controller = PDController.load(folder / "gains.toml")
+    else:
+        controller = PDController.from_dict(given)
+    controller.check_joints(robot().joints)
+    stored = controller.to_dict()
+    assert PDController.from_dict(json.loads(json.dumps(stored))).to_dict() == stored, str(controller)
+    commanded = replace(log(), tau=None, qcmd=log().q + 0.01)
+    whole = controller.drive(commanded)
+    assert np.isfinite(whole.tau).all()
+    parts = Recording("log", lambda n: (commanded.slice(k, k + n) for k in range(0, len(log()), n)), lambda: "", None)
+    driven_parts = driven([parts], controller)[0]
+    assert isinstance(driven_parts, Recording)
+    assert np.allclose(np.concatenate([part.tau for part in driven_parts.read(100)]), whole.tau)
+
+
 @st.composite
 def models(draw: Any) -> str:
     """A model with values replaced, removed or doubled; without the hash, so that the edit itself is met."""
@@ -297,6 +327,7 @@ SURFACES = {
     "urdf": Surface(urdfs(), try_urdf),
     "mapping": Surface(MAPPINGS, try_mapping),
     "model": Surface(models(), try_model),
+    "controller": Surface(CONTROLLERS, try_controller),
     "formula": Surface(FORMULAS, try_formula),
     "line": Surface(lines(), try_line),
 }

@@ -51,6 +51,12 @@ def test_any_mapping_is_read_or_refused(value, tmp_path, monkeypatch):
     attempt("mapping", tmp_path, value, monkeypatch)
 
 
+@fixed(300)
+@given(value=SURFACES["controller"].inputs)
+def test_any_controller_drives_or_is_refused(value, tmp_path, monkeypatch):
+    attempt("controller", tmp_path, value, monkeypatch)
+
+
 @fixed(60)
 @given(value=SURFACES["model"].inputs)
 def test_any_model_is_used_or_refused(value, tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
 from frischid.logs.filters import noise_level
-from frischid.logs.log import STANDSTILL_SPAN, Log
+from frischid.logs.log import DEAD_TORQUE, STANDSTILL_SPAN, Log
 from frischid.robot.robot import Robot
 
 
@@ -92,7 +92,7 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
             "certain",
             "its torque row is left out of the fit; record it, or lock the joint if it does not move",
         )
-    dead = present & (np.ptp(np.nan_to_num(values), axis=0) == 0)
+    dead = present & (np.ptp(np.nan_to_num(values), axis=0) <= DEAD_TORQUE)
     if dead.any():
         notes.add(
             "dead torque",

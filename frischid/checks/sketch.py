@@ -26,6 +26,7 @@ from frischid.core.types import Array
 from frischid.effects.state import SIGN_WIDTH
 from frischid.errors import InputError
 from frischid.logs.filters import LowPass, decimating_filter, derivative_taps, noise_level
+from frischid.logs.log import DEAD_TORQUE
 from frischid.logs.preprocessing import Motion
 from frischid.regression.regressor import STANDSTILL_WEIGHT
 from frischid.robot.robot import Robot
@@ -109,7 +110,7 @@ class Sketch:
         ends = tuple(np.cumsum([len(part[0]) for part in parts]).tolist())
         t, q, v, a, tau, sign, used = (np.concatenate(x) for x in zip(*parts, strict=True))
         index = np.array([robot.joints.index(n) for n in rows], dtype=int)
-        known = np.isfinite(tau).all(axis=0) & (np.ptp(tau, axis=0) > 0)
+        known = np.isfinite(tau).all(axis=0) & (np.ptp(tau, axis=0) > DEAD_TORQUE)
         ok = (known & clear & (used.sum(axis=0) > criteria.fewest_moving))[index]
         sketch = cls(robot, t, q, v, a, tau, sign, used, index[ok], np.sqrt(noise / samples), ends, criteria)
         return sketch.thinned(criteria.sketch_samples)

@@ -152,7 +152,7 @@ def excite(
     from frischid.cli.pages import motions as show
     from frischid.effects import parse_effects
     from frischid.motions.discrimination import separate as plan_separation
-    from frischid.motions.motion_request import check_rate
+    from frischid.motions.motion_request import check_rate, check_runs
     from frischid.motions.plan import plan
     from frischid.motions.plan_options import PlanOptions
     from frischid.motions.programme import programme
@@ -161,8 +161,7 @@ def excite(
     if budget < 1:
         raise InputError(f"--budget must be at least one evaluation, got {budget}")
     check_rate(rate, duration)
-    if repeat < 1:
-        raise InputError(f"--repeat must be at least one run, got {repeat}")
+    check_runs(repeat)
     machine, _ = load(robot, RobotArguments(**options))
     pair = () if separate is None else parse_effects(separate)
     if separate is not None and len(pair) != 2:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from frischid.core.files import write_text
 from frischid.core.types import Array
 from frischid.effects import BASELINE, parse_effects
 from frischid.export.urdf import export
@@ -101,7 +102,7 @@ def fill(folder: Path, progress: Callable[[str], None] = lambda _: None) -> None
     folder.mkdir(parents=True, exist_ok=True)
     robot = Robot.load("planar2")
     progress("simulating logs")
-    (folder / "robot.urdf").write_text(robot.urdf, encoding="utf-8")
+    write_text(folder / "robot.urdf", robot.urdf)
     log, loaded = record(robot, 1), record(robot, 3, payload=True)
     write_log(log, folder / "log.csv")
     write_log(record(robot, 2), folder / "test.csv")

@@ -1,5 +1,7 @@
 """Files that are never half written, and never written over an input.
 
+`read_toml` reads the small files that users write by hand.
+
 Every writer of logs, models, reports and exports writes under another name in the same folder, then renames. A rename
 within a folder is atomic (POSIX ``rename``), so a reader sees the old file or the new one. The file under the other
 name is locked (``flock``) as long as its writer lives: a file that a killed process left behind has no lock, and the
@@ -10,9 +12,11 @@ from __future__ import annotations
 
 import os
 import sys
+import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from frischid.errors import InputError
 
@@ -138,6 +142,25 @@ def write_text(path: str | Path, text: str) -> None:
     """Write a UTF-8 file; errors as `written`."""
     with written(path) as scratch:
         scratch.write_text(text, encoding="utf-8")
+
+
+def read_toml(path: str | Path, what: str) -> tuple[dict[str, Any], bytes]:
+    """Content of a TOML file, and its bytes; `what` names the file in messages.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is not TOML.
+    """
+    try:
+        content = Path(path).read_bytes()
+        return tomllib.loads(content.decode()), content
+    except OSError as error:
+        raise InputError(f"{path}: the {what} file cannot be read ({error.strerror})") from error
+    except ValueError as error:
+        raise InputError(f"{path}: the {what} file is not TOML: {error}") from error
+    except RecursionError:
+        raise InputError(f"{path}: the {what} file's lists are nested too deep; it has tables only") from None
 
 
 def _scratch(folder: Path) -> tuple[Path, int]:

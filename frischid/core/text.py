@@ -1,8 +1,13 @@
-"""Lists of names in sentences, for the messages of every stage: ``a, b and c``."""
+"""Names in text: lists in sentences (``a, b and c``), and names of files in terminals, TOML, YAML and comments.
+
+A name comes from somebody's file and may hold any character. Nothing of a name may steer what reads the text.
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from typing import Any
 from unicodedata import category
 
 _STEERING = ("Cc", "Cf", "Cs")
@@ -40,6 +45,8 @@ def shortened(value: object, most: int = 60) -> str:
         text = repr(value)
     except ValueError:  # Python refuses to write out such a whole number
         return "a number of thousands of digits"
+    except RecursionError:
+        return "tables that are nested too deep"
     return text if len(text) <= most else f"{text[:most]}..."
 
 
@@ -55,3 +62,39 @@ def printable(text: str) -> str:
     return "".join(
         c.encode("unicode_escape").decode() if category(c) in _STEERING and c not in "\n\t" else c for c in text
     )
+
+
+def one_line(text: str) -> str:
+    r"""Show every character that cannot be printed as its number, new lines too: the text stays within a comment.
+
+    Examples
+    --------
+    >>> from frischid.core.text import one_line
+    >>> print(one_line("elbow\n[file]"))
+    elbow\n[file]
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def quoted(value: Any) -> str:
+    r"""A text, a number or a list of them as TOML and YAML read it.
+
+    JSON will not do: it writes a character beyond U+FFFF as two halves, which YAML does not join and TOML refuses.
+
+    Examples
+    --------
+    >>> from frischid.core.text import quoted
+    >>> print(quoted(["elbow\n", 1.5]))
+    ["elbow\u000a", 1.5]
+    """
+    if isinstance(value, str):
+        return f'"{"".join(map(_character, value))}"'
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(quoted, value))}]"
+    return json.dumps(value)
+
+
+def _character(c: str) -> str:
+    if c.isprintable():
+        return f"\\{c}" if c in '"\\' else c
+    return f"\\u{ord(c):04x}" if ord(c) <= 0xFFFF else f"\\U{ord(c):08x}"

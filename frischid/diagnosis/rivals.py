@@ -7,6 +7,7 @@ of a rival before acting on the first finding.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -66,7 +67,7 @@ def separating_command(findings: Sequence[Finding], probabilities: Mapping[str, 
     members = {f.effect: f for f in findings if f.members}
     pair = [members[r.name] for r in shared(findings, probabilities) if r.name in EFFECTS and r.name in members][:2]
     placed = ",".join(_placed(finding) for finding in pair)
-    return f"frischid excite ROBOT --separate {placed} -o motion.csv" if len(pair) == 2 else ""
+    return f"frischid excite ROBOT --separate {shlex.quote(placed)} -o motion.csv" if len(pair) == 2 else ""
 
 
 def _placed(finding: Finding) -> str:

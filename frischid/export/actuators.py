@@ -13,6 +13,7 @@ import json
 from typing import Any
 
 from frischid.errors import InputError
+from frischid.export.names import cell
 from frischid.model.drive_parameters import DriveParameter, drive_parameters
 from frischid.model.model import Model
 
@@ -67,7 +68,7 @@ def actuator_rows(model: Model, step: float = SIMULATOR_STEP) -> list[dict[str, 
 def actuators_json(model: Model, step: float = SIMULATOR_STEP) -> str:
     """The table as JSON: the robot, the simulator's step, and a list of joints."""
     content = {"robot": model.robot.name, "step": step, "joints": actuator_rows(model, step)}
-    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def actuators_csv(model: Model, step: float = SIMULATOR_STEP) -> str:
@@ -77,5 +78,5 @@ def actuators_csv(model: Model, step: float = SIMULATOR_STEP) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, names, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows(row | {"joint": cell(row["joint"])} for row in rows)
     return text.getvalue()

@@ -1,11 +1,12 @@
 """Names and numbers in generated code: no text of a robot's files can become code.
 
 Names of robots and joints come from files of other people and may hold any character: a new line, ``*/``, a backslash,
-quotes. Generated code has such names in three places only, and each place has its function here:
+quotes. Generated code has such names in four places only, and each place has its function here:
 
 - in an identifier: `identifier`, `identifiers`;
 - in a comment or a docstring: `comment`;
-- in an attribute of XML: `attribute`.
+- in an attribute of XML: `attribute`;
+- in a cell of a CSV file: `cell`.
 
 `number` writes numbers. Nothing else from a file reaches generated code.
 """
@@ -19,6 +20,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from frischid.core.text import one_line
 from frischid.errors import InputError
 
 # Characters that together end or open a comment or a docstring, or form a trigraph of C: a space separates them.
@@ -72,6 +74,16 @@ def comment(text: str) -> str:
 def attribute(text: str) -> str:
     """Write a text as a quoted attribute of XML; characters that XML cannot hold become their number."""
     return quoteattr(_numbered(text, lambda c: _NOT_XML.match(c) is not None))
+
+
+def cell(text: str) -> str:
+    """Write a name as a cell of a CSV file: a spreadsheet would run a name such as ``=HYPERLINK(...)`` as a formula.
+
+    Such a name gets an apostrophe, after which spreadsheets read text. A character that cannot be printed, a new line
+    too, becomes its number. JSON has every name as it is.
+    """
+    text = one_line(text)
+    return f"'{text}" if text.startswith(("=", "+", "-", "@")) else text
 
 
 def number(value: float) -> str:

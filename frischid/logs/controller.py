@@ -15,7 +15,6 @@ Janot 2013 use the same law to know the torque of a simulated loop, IEEE Trans. 
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -24,10 +23,12 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from frischid.core.files import read_toml
+from frischid.core.text import shortened
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.current_gains import CurrentGains
-from frischid.logs.log import STANDSTILL_SPAN, Log
+from frischid.logs.log import GARBAGE, STANDSTILL_SPAN, Log
 from frischid.logs.recording import Recording, joined
 
 PUSH_RATE = "controller_push_rate_"
@@ -233,7 +234,9 @@ class PDController:
             if key not in known:
                 raise UnknownNameError("key", key, known, source)
             if isinstance(value, str | bool | list):
-                raise InputError(f"{source}: {key} = {value!r}, expected a number, or a table with a number per joint")
+                raise InputError(
+                    f"{source}: {key} = {shortened(value)}, expected a number, or a table with a number per joint"
+                )
         return cls(**data)
 
     @classmethod
@@ -245,13 +248,7 @@ class PDController:
         InputError
             The file cannot be read, or is not such a file.
         """
-        try:
-            content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{path}: the controller's file cannot be read ({error.strerror})") from error
-        except ValueError as error:
-            raise InputError(f"{path}: the controller's file is not TOML: {error}") from error
-        return cls.from_dict(content, str(path))
+        return cls.from_dict(read_toml(path, "controller")[0], str(path))
 
 
 def driven(
@@ -338,8 +335,8 @@ def check_delay(delay: Array, joints: Sequence[str], log: Log) -> None:
 
 def _check(name: str, joint: str, value: Any) -> None:
     of = f" of {joint}" if joint else ""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise InputError(f"the controller's {name}{of} must be a number, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < GARBAGE:
+        raise InputError(f"the controller's {name}{of} must be a number below {GARBAGE:g}, got {shortened(value)}")
     if value < 0 or (value == 0 and name in ("kp", "limit")):
         sign = "above 0" if name in ("kp", "limit") else "at least 0"
         why = ": a drive pushes towards its command; is the sign of the command or of the position wrong?" * (

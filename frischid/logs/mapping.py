@@ -23,7 +23,6 @@ Every key is checked when the mapping is made, so that a mistyped key is an erro
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -31,6 +30,7 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.files import read_toml
 from frischid.core.text import shortened
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import CHANNELS, GARBAGE
@@ -162,17 +162,10 @@ class LogMap:
     @classmethod
     def load(cls, path: str | Path) -> LogMap:
         """Read a mapping from a TOML file."""
-        try:
-            content = Path(path).read_bytes()
-            found = cls.from_dict(tomllib.loads(content.decode()), str(path))
-            stored = StoredFile(str(Path(path).absolute()), hashlib.sha256(content).hexdigest(), len(content))
-            return replace(found, file=stored, layouts=tuple(replace(x, file=stored) for x in found.layouts))
-        except OSError as error:
-            raise InputError(f"{path}: the mapping file cannot be read ({error.strerror})") from error
-        except ValueError as error:
-            raise InputError(f"{path}: the mapping file is not TOML: {error}") from error
-        except RecursionError:
-            raise InputError(f"{path}: the mapping file's lists are nested too deep; it has tables only") from None
+        tables, content = read_toml(path, "mapping")
+        found = cls.from_dict(tables, str(path))
+        stored = StoredFile(str(Path(path).absolute()), hashlib.sha256(content).hexdigest(), len(content))
+        return replace(found, file=stored, layouts=tuple(replace(x, file=stored) for x in found.layouts))
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any], source: str = "mapping") -> LogMap:

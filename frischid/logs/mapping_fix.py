@@ -6,11 +6,11 @@ the column of another joint replaces the joint's own. An entry without a joint b
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
+from frischid.core.text import quoted
 from frischid.errors import InputError
 from frischid.logs.log import CHANNELS
 from frischid.logs.mapping import JointMap, LogMap
@@ -60,7 +60,7 @@ def toml_of(forms: Mapping[str, LogMap]) -> str:
     """Text of a mapping file; several mappings become layouts of these names."""
     if len(forms) == 1:
         return "\n".join(_lines(next(iter(forms.values())), "")).strip() + "\n"
-    parts = ["\n".join(_lines(form, f"layout.{json.dumps(name)}.")) for name, form in forms.items()]
+    parts = ["\n".join(_lines(form, f"layout.{quoted(name)}.")) for name, form in forms.items()]
     return "\n".join(parts).strip() + "\n"
 
 
@@ -74,15 +74,14 @@ def _lines(form: LogMap, prefix: str) -> list[str]:
     for name, entry in form.joint.items():
         keys = {f.name: getattr(entry, f.name) for f in fields(entry)}
         changed = {k: x for k, x in keys.items() if x != getattr(own, k)}
-        lines += _table(f"[{prefix}joint.{json.dumps(name, ensure_ascii=False)}]", changed)
+        lines += _table(f"[{prefix}joint.{quoted(name)}]", changed)
     return lines
 
 
 def _table(title: str, entries: Mapping[str, Any]) -> list[str]:
     if not entries:
         return []
-    plain = {key: list(x) if isinstance(x, tuple) else x for key, x in entries.items()}
-    return ["", title, *(f"{key} = {json.dumps(x, ensure_ascii=False)}" for key, x in plain.items())]
+    return ["", title, *(f"{key} = {quoted(x)}" for key, x in entries.items())]
 
 
 def together(parts: Sequence[tuple[str, LogMap, Sequence[tuple[str, str, Any]], Sequence[str]]]) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
+
+from frischid.core.text import one_line, quoted
 
 
 @dataclass
@@ -35,22 +36,22 @@ class Proposal:
 
     def toml(self, source: str) -> str:
         """Text of the mapping file."""
-        lines = [f"# Proposed by `frischid map` for {source}. Read it before you use it."]
-        lines += [f"# guessed: {guess}" for guess in self.guesses]
-        lines += [f"# {reason}" for reason in self.reasons]
+        lines = [f"# Proposed by `frischid map` for {one_line(source)}. Read it before you use it."]
+        lines += [f"# guessed: {one_line(guess)}" for guess in self.guesses]
+        lines += [f"# {one_line(reason)}" for reason in self.reasons]
         if self.file:
             lines += [
                 "",
                 "[file]",
-                *(f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in self.file.items()),
+                *(f"{key} = {quoted(value)}" for key, value in self.file.items()),
             ]
         for joint, columns in self.joints.items():
-            lines += ["", f"[joint.{json.dumps(joint, ensure_ascii=False)}]"]
-            lines += [f"{channel} = {json.dumps(name, ensure_ascii=False)}" for channel, name in columns.items()]
+            lines += ["", f"[joint.{quoted(joint)}]"]
+            lines += [f"{channel} = {quoted(name)}" for channel, name in columns.items()]
         if self.gains:
             lines += ["", "[current_gain]  # joint-side torque per ampere: tau = gain * current"]
-            lines += [f"{json.dumps(joint, ensure_ascii=False)} = {gain}" for joint, gain in self.gains.items()]
+            lines += [f"{quoted(joint)} = {gain}" for joint, gain in self.gains.items()]
         elif any("current" in c and "tau" not in c for c in self.joints.values()):
             lines += ["", "# [current_gain]  # joint-side torque per ampere, from the data sheet: tau = gain * current"]
-            lines += [f"# {json.dumps(joint)} = 10.0" for joint, c in self.joints.items() if "current" in c]
+            lines += [f"# {quoted(joint)} = 10.0" for joint, c in self.joints.items() if "current" in c]
         return "\n".join(lines) + "\n"

@@ -5,6 +5,7 @@ The summary takes one pass over all samples; recordings are read chunk by chunk.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -14,7 +15,7 @@ import numpy as np
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.cutoff_choice import LogSpectra, spectra_of
 from frischid.logs.filters import LowPass
-from frischid.logs.log import Log, check_motion, check_torque
+from frischid.logs.log import DEAD_TORQUE, Log, check_motion, check_torque
 from frischid.logs.poses import FEWEST_POSES, is_static, poses_of
 from frischid.logs.recording import Recording, chunks_of, preview_of
 from frischid.robot.robot import Robot
@@ -140,7 +141,7 @@ def _refuse_torque_without_position(robot: Robot, held: Sequence[str], heads: Se
                 raise InputError(
                     f"{log.source}: holds {', '.join(there)} but no position q_{name}: this joint would be locked at "
                     f"{robot.angle_at_lock(name):.3g} although it may have moved; record its position, name its column "
-                    f"in a mapping file, or say --lock {name}=ANGLE if it stood still"
+                    f"in a mapping file, or say --lock {shlex.quote(f'{name}=ANGLE')} if it stood still"
                 )
 
 
@@ -168,7 +169,8 @@ def check_usable(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool, w
     if not (whole and is_static(chosen)):
         check_motion(chosen)
     check_torque(chosen, rows)
-    dead = [] if chosen.tau is None else [n for n in rows if not np.any(chosen.tau[:, chosen.joints.index(n)])]
+    size = {} if chosen.tau is None else dict(zip(chosen.joints, np.abs(chosen.tau).max(axis=0), strict=True))
+    dead = [n for n in rows if size.get(n, np.inf) <= DEAD_TORQUE]
     if dead and strict:
         raise InputError(
             f"{log.source}: the torque of {', '.join(dead)} is zero throughout; leave its torque row out "

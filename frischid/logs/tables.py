@@ -11,7 +11,7 @@ import itertools
 import lzma
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,6 +24,7 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from frischid.core.files import written
+from frischid.core.text import shortened
 from frischid.core.types import Array
 from frischid.errors import InputError, close_names
 from frischid.logs.log import Place, row_place
@@ -270,8 +271,20 @@ def write_table(table: Mapping[str, Array], path: Path) -> None:
     writers = {".csv": _write_csv, ".parquet": _write_parquet, ".npz": _write_npz}
     if path.suffix.lower() not in writers:
         raise InputError(f"{path}: cannot write '{path.suffix}' files; use one of {', '.join(writers)}")
+    if path.suffix.lower() == ".csv":
+        _check_header(table, path)
     with written(path) as scratch, scratch.open("wb") as file:
         writers[path.suffix.lower()](table, file)
+
+
+def _check_header(names: Iterable[str], path: Path) -> None:
+    """Refuse names that the header of a CSV file would not give back."""
+    lost = next((x for x in names if x != x.strip() or "\n" in x or "\r" in x), None)
+    if lost is not None:
+        raise InputError(
+            f"{path}: a CSV file cannot hold a column {shortened(lost)}, whose name has a new line in it or a space at "
+            "its end; write .parquet, or rename the joint"
+        )
 
 
 def _write_csv(table: Mapping[str, Array], file: IO[bytes]) -> None:

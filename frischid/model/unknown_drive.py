@@ -18,6 +18,7 @@ known to find kp.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -118,11 +119,13 @@ def _refuse_torques_beside(controller: PDController, heads: Sequence[Log], joint
             if beside:
                 raise InputError(
                     f"{head.source}: {beside[0]}_{name} gives a torque beside kp · (q_cmd − q), so kp of {name} cannot "
-                    f"be found from the URDF's masses alone; give --kp '{name}=VALUE', or leave the column out"
+                    f"be found from the URDF's masses alone; give --kp {shlex.quote(f'{name}=VALUE')}, or leave the "
+                    "column out"
                 )
         if np.isfinite(controller.values("limit", [name])[0]):
             raise InputError(
-                f"the effort limit of {name} is in N·m (N) and needs its kp: give --kp '{name}=VALUE', or leave "
+                f"the effort limit of {name} is in N·m (N) and needs its kp: give "
+                f"--kp {shlex.quote(f'{name}=VALUE')}, or leave "
                 "--effort-limit out where the drive does not reach its limit"
             )
 
@@ -225,11 +228,11 @@ def _with_gains(
         gains[name], doubts[name] = 1.0 / inverse, stderr / inverse
     if lost:
         rest = ",".join(n for n in joints if n not in lost)
-        left = f", or leave its torque out (--torque-joints {rest})" if rest else ""
+        left = f", or leave its torque out (--torque-joints {shlex.quote(rest)})" if rest else ""
         raise InputError(
             f"kp of {', '.join(lost)} cannot be found: the links in the URDF cause too little of its torque, so they "
             f"are no scale for it; give its kp, such as that of another joint with the same drive "
-            f"(--kp '{lost[0]}=VALUE'){left}"
+            f"(--kp {shlex.quote(f'{lost[0]}=VALUE')}){left}"
         )
     named = [n for n in joints if controller.knows_gain(n)]
     known = dict(zip(named, map(float, controller.values("kp", named)), strict=True))

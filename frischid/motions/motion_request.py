@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from frischid.core.text import shortened
 from frischid.errors import InputError
 
 SHORTEST_MOTION, LONGEST_MOTION = 0.01, 3600.0
 """s. A shorter motion has no finite accelerations, a longer one too many coefficients."""
 LONGEST_SAMPLING = 10_000_000
 """Samples of a motion in memory, 80 MB per column."""
+MOST_RUNS = 1000
+"""Runs of a motion in a row: of the usual 10 s, almost three hours, and memory grows with each."""
 LARGEST_SEED = 2**31
 """Generators of the Sobol sequence take seeds below 2**32, and several starts count on from the given one."""
 
@@ -34,6 +37,17 @@ def check_seed(seed: int) -> None:
     """
     if seed < 0:
         raise InputError(f"the seed must be a whole number from 0, got {seed}")
+
+
+def check_runs(repeat: int) -> None:
+    """Refuse a number of runs of a motion that is none, or that nobody records in one log.
+
+    Raises
+    ------
+    InputError
+    """
+    if not 1 <= repeat <= MOST_RUNS:
+        raise InputError(f"a motion can run 1 to {MOST_RUNS} times in a row, got repeat {shortened(repeat)}")
 
 
 def check_rate(rate: float, duration: float, seed: int = 0) -> None:

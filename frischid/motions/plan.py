@@ -34,7 +34,7 @@ from frischid.logs.readers import write_log
 from frischid.motions.collision import Clearance
 from frischid.motions.limits import CHECK_RATE, Excess, MotionLimits, Violation, violations
 from frischid.motions.motion_cost import Cost
-from frischid.motions.motion_request import check_rate
+from frischid.motions.motion_request import check_rate, check_runs
 from frischid.motions.optimality import criterion_of
 from frischid.motions.optimize import ATTEMPTS, Progress, Search
 from frischid.motions.plan_options import PlanOptions
@@ -120,8 +120,7 @@ class Plan(Shown):
         ------
         InputError
         """
-        if repeat < 1:
-            raise InputError(f"a motion must run at least once, got repeat {repeat}")
+        check_runs(repeat)
         (start, *_), (end, *_) = (self.trajectory(np.array([when])) for when in (0.0, self.trajectory.duration))
         if repeat > 1 and np.abs(end - start).max() > CLOSED:
             joint = self.joints[int(np.abs(end - start).max(axis=0).argmax())]

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from frischid.core.files import write_text
+from frischid.core.text import quoted
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.log import Log
@@ -48,7 +49,7 @@ def save(programme: Programme, path: str | Path, rate: float = 100.0) -> None:
 def _trajectory(log: Log) -> Iterator[str]:
     assert log.v is not None
     assert log.a is not None
-    yield f"joint_names: {json.dumps(log.joints)}"  # JSON is YAML, and names stay names
+    yield f"joint_names: {quoted(log.joints)}"
     yield "points:"
     for t, q, v, a in zip(log.t, log.q, log.v, log.a, strict=True):
         nanoseconds = round(float(t) * 1e9)

@@ -8,6 +8,7 @@ JSON are inserted unescaped, both as `Markup` made here or in `page`.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
@@ -17,6 +18,9 @@ from markupsafe import Markup
 
 from frischid.figures import Drawing
 from frischid.figures.style import typeset
+
+TAG = re.compile(r"<(?!br>|extra></extra>)")
+"""A tag that is none of the two of figures; plotly would show a name such as ``<b>x</b>`` without its letters."""
 
 
 @cache
@@ -52,4 +56,5 @@ def spec(drawing: Drawing) -> Markup:
             trace["x"] = trace["x"] if earlier == k else earlier
         if trace.get("meta", {}).get("residual"):
             del trace["y"]
-    return Markup(json.dumps(figure, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c"))
+    text = TAG.sub("&lt;", json.dumps(figure, separators=(",", ":"), ensure_ascii=False))
+    return Markup(text.replace("<", "\\u003c"))

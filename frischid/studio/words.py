@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 from frischid.figures.style import typeset
+
+SIGNS = r"[]\\`*_{}<>&!|~#\[]"
+"""Signs that markdown or HTML give a meaning; as entities they have none."""
 
 
 def plain(text: str) -> str:
-    """Text for viser's markdown, which would read braces and angle brackets as code."""
-    text = typeset(text)
-    for sign, code in (("<", "&lt;"), ("{", "&#123;"), ("}", "&#125;"), ("*", "\\*")):
-        text = text.replace(sign, code)
-    return text.replace("_", "\\_")
+    """Text for viser's markdown: a name stays text, and is no code, no link, and no picture from another server."""
+    return re.sub(SIGNS, lambda sign: f"&#{ord(sign[0])};", " ".join(typeset(text).splitlines()))

@@ -147,6 +147,9 @@ FAULTS = {
     ),
     "late torque": (lambda x: replace(x, tau=delayed(x, x.tau, 0.05)), "late torque", None, False),
     "dead torque": (lambda x: replace(x, tau=column(x.tau, 1, lambda c: 0 * c + 3.0)), "dead torque", (1,), False),
+    "uninitialised torque": (
+        lambda x: replace(x, tau=column(x.tau, 1, lambda c: 1e-300 * c)), "dead torque", (1,), False,
+    ),
     "dead band": (
         lambda x: replace(x, tau=column(x.tau, 1, lambda c: np.where(np.abs(c) < np.median(np.abs(c)), 0, c))),
         "dead band", (1,), False,

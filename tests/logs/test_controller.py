@@ -158,7 +158,7 @@ def test_the_command_line(tmp_path, measured, robot, monkeypatch):
         (["--controller", "pd", "--kp", "-20"], "kp must be above 0"),
         (["--kp", "20"], "--kp: say which controller has it: --controller pd"),
         (["--controller", "wrong.toml"], "unknown key 'kq'"),
-        (["--controller", "none.toml"], "the controller's file cannot be read"),
+        (["--controller", "none.toml"], "the controller file cannot be read"),
     ]:
         done = run(*words)
         assert done.exit_code == 2

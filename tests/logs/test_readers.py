@@ -572,3 +572,13 @@ def test_more_columns_than_a_log_can_have_are_refused(tmp_path, suffix, monkeypa
     for read in (read_log, lambda p: list(read_chunks(p))):
         with pytest.raises(InputError, match=f"has {count} columns, a log has at most"):
             read(path)
+
+
+@pytest.mark.parametrize("joint", ["a\nb", "a\rb", "a ", "a\x85"])
+def test_a_name_that_a_csv_header_cannot_hold_is_refused(joint, tmp_path):
+    log = Log(np.arange(12) / 10, (joint, "b"), q=np.ones((12, 2)))
+    with pytest.raises(InputError, match="cannot hold a column"):
+        write_log(log, tmp_path / "log.csv")
+    assert not list(tmp_path.iterdir())
+    write_log(log, tmp_path / "log.parquet")
+    assert read_log(tmp_path / "log.parquet", log.joints).joints == log.joints

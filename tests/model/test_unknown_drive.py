@@ -117,7 +117,7 @@ def test_a_gain_that_the_links_cannot_tell_is_named_with_what_to_do() -> None:
 
 def test_torques_beside_an_unknown_gain_are_refused() -> None:
     log, robot = commanded(), fr.Robot.load("planar2")
-    with pytest.raises(InputError, match=r"servo: tauff_joint1 gives a torque .* --kp 'joint1=VALUE'"):
+    with pytest.raises(InputError, match=r"servo: tauff_joint1 gives a torque .* --kp joint1=VALUE"):
         fr.identify(robot, [replace(log, tauff=np.ones_like(log.q))], controller=fr.PDController())
     with pytest.raises(InputError, match=r"effort limit of joint1 .* needs its kp"):
         fr.identify(robot, [log], controller=fr.PDController(limit=5.0))

@@ -176,7 +176,7 @@ def test_a_motion_runs_several_times_without_a_jump(rate):
     np.testing.assert_array_equal(thrice.q[: len(once)], once.q)
     np.testing.assert_allclose(thrice.q, found.trajectory(thrice.t % 3.0)[0], atol=1e-9)
     assert (np.abs(np.diff(thrice.q, axis=0)) <= 1.01 * np.abs(thrice.v).max(axis=0) / rate).all()
-    with pytest.raises(InputError, match="at least once"):
+    with pytest.raises(InputError, match="1 to 1000 times"):
         found.to_log(rate, repeat=0)
 
 

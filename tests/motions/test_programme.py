@@ -88,7 +88,7 @@ def test_a_motion_may_run_again_between_the_ways(ur10):
     assert twice.duration == pytest.approx(once.duration + plan.trajectory.duration)
     t = once.approach + np.array([0.4, 3.1])
     np.testing.assert_allclose(twice(t)[0], twice(t + plan.trajectory.duration)[0], atol=1e-9)
-    with pytest.raises(InputError, match="at least once"):
+    with pytest.raises(InputError, match="1 to 1000 times"):
         programme(robot, plan, HOME, repeat=0)
 
 

@@ -1,5 +1,6 @@
 """The report: whole, offline, drawn, readable on a large and a small screen; and honest about what it was shown."""
 
+import csv
 import html
 import os
 import re
@@ -309,6 +310,37 @@ def test_a_hostile_joint_name_is_text_everywhere():
     assert html.escape(hostile).replace("&quot;", "&#34;").replace("&#x27;", "&#39;") in text
     for markup in ("<img", "<b>arm", "</script><script>alert"):
         assert markup not in text.replace(get_plotlyjs(), "")
+
+
+@needs_browser
+def test_a_name_is_no_markup_in_a_figure_and_no_formula_in_a_table(tmp_path):
+    names = ("=HYPERLINK(1)", "<b>j</b><a href='javascript:x()'>x</a>")
+    text = Robot.load("planar2").urdf
+    for plain, name in zip(("joint1", "joint2"), names, strict=True):
+        text = text.replace(f'"{plain}"', f'"{html.escape(name)}"')
+    log = replace(recorded(), joints=names)
+    shown = study(
+        identify(Robot(name="arm", source="arm", urdf=text), [log], recursion="none").model, [log], diagnosed=False
+    )
+    (tmp_path / "page.html").write_text(page(shown), encoding="utf-8")
+    with opened((tmp_path / "page.html").as_uri()) as seen:
+        for plot in seen.page.query_selector_all(".plot"):
+            plot.scroll_into_view_if_needed()
+        seen.page.wait_for_function("document.querySelectorAll('.plot[data-drawn] svg text').length > 20")
+        assert seen.page.evaluate("document.querySelectorAll('svg a').length") == 0
+        drawn = seen.page.evaluate("[...document.querySelectorAll('svg text')].map((t) => t.textContent).join(' ')")
+        assert names[1] in drawn
+        cells = []
+        for button in seen.page.query_selector_all("button.csv"):
+            with seen.page.expect_download() as table:
+                button.evaluate("(b) => b.click()")
+            table.value.save_as(tmp_path / "table.csv")
+            with (tmp_path / "table.csv").open(encoding="utf-8-sig", newline="") as file:
+                cells += [cell for row in csv.reader(file) for cell in row]
+        assert f"'{names[0]}" in cells
+        assert not any(cell.startswith(("=", "@")) for cell in cells)
+        assert any(cell.startswith("-") and float(cell) < 0 for cell in cells if cell[1:].replace(".", "").isdigit())
+        assert not seen.complaints
 
 
 def test_a_template_names_nothing_unknown():

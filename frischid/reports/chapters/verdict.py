@@ -141,7 +141,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "separate", "command": separating})
     if passing and not (diagnosis is not None and diagnosis.verdict == "unknown"):
         best = passing[0]
-        where = f" --joints {','.join(best.joints)}" if best.joints else ""
+        where = f" --joints {shlex.quote(','.join(best.joints))}" if best.joints else ""
         add = f"frischid add {given} {best.effect}{where} LOG... -o {better}"
         found.append({"kind": "add", "effect": best.effect, "change": best.change, "command": add})
     if study.weak:

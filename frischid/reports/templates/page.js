@@ -99,7 +99,12 @@
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 1000);
   }
-  const quoted = (cell) => `"${cell.textContent.trim().replace(/\u2212/g, "-").replaceAll('"', '""')}"`;
+  // A spreadsheet would run a name such as =HYPERLINK(...) as a formula; with an apostrophe before it, the name is text.
+  const formula = /^(?:[=@]|[-+].*[a-z(|!])/is;
+  const quoted = (cell) => {
+    const text = cell.textContent.trim().replace(/\u2212/g, "-").replaceAll('"', '""');
+    return `"${formula.test(text) ? "'" : ""}${text}"`;
+  };
   document.querySelectorAll(".scroll").forEach((box, k) => {
     const button = document.createElement("button");
     button.type = "button";
