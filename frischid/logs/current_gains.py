@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.text import shortened
 from frischid.errors import InputError
-from frischid.logs.log import Log
+from frischid.logs.log import GARBAGE, Log
 
 
 @dataclass(frozen=True)
@@ -49,11 +50,15 @@ class CurrentGains:
 
     def __post_init__(self) -> None:
         for joint, value in self.gain.items():
-            if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value) or value == 0:
-                raise InputError(f"the torque per ampere of {joint} must be a number other than 0, got {value!r}")
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < abs(value) < GARBAGE:
+                raise InputError(
+                    f"the torque per ampere of {joint} must be a number other than 0, got {shortened(value)}"
+                )
         for joint, value in self.doubt.items():
-            if isinstance(value, bool) or not isinstance(value, int | float) or not value >= 0:
-                raise InputError(f"the doubt about the torque per ampere of {joint} must be at least 0, got {value!r}")
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < GARBAGE:
+                raise InputError(
+                    f"the doubt about the torque per ampere of {joint} must be at least 0, got {shortened(value)}"
+                )
             if joint not in self.gain:
                 raise InputError(f"a doubt about the torque per ampere of {joint}, whose gain is not given")
 
