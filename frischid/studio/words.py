@@ -6,10 +6,10 @@ import re
 
 from frischid.figures.style import typeset
 
-SIGNS = r"[]\\`*_{}<>&!|~#\[]"
+MARKUP_SIGNS = r"[]\\`*_{}<>&!|~#\[]"
 """Signs that markdown or HTML give a meaning; as entities they have none."""
 
 
 def plain(text: str) -> str:
     """Text for viser's markdown: a name stays text, and is no code, no link, and no picture from another server."""
-    return re.sub(SIGNS, lambda sign: f"&#{ord(sign[0])};", " ".join(typeset(text).splitlines()))
+    return re.sub(MARKUP_SIGNS, lambda sign: f"&#{ord(sign[0])};", " ".join(typeset(text).splitlines()))
