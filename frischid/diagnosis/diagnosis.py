@@ -34,6 +34,7 @@ from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
 from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import Description, describe
+from frischid.diagnosis.rivals import suspected
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
 from frischid.diagnosis.unmodelled_terms import unmodelled_term
 from frischid.diagnosis.verdict import (
@@ -144,10 +145,13 @@ class Diagnosis(Shown):
         """A sentence on the residual error where no effect is found: this error may be more than the sensor noise."""
         if self.fit is None:
             return "the arm stands still, and nothing touches it"
+        suspect = suspected(self.findings, self.probabilities)
         if self.error <= self.criteria.floor_tolerance * self.noise_floor:
-            return "no effect is missing: the residual error is that of the sensor noise"
-        times = f"{self.error / self.noise_floor:.1f} times" if self.noise_floor > 0 else "more than"
-        return f"no effect of the catalogue passes; the residual error is {times} that of the sensor noise alone"
+            return f"no effect is missing: the residual error is that of the sensor noise{suspect}"
+        error, noise = self.headline.nrmse, self.headline.noise_floor
+        times = f"{error / noise:.1f} times" if noise > 0 else "more than"
+        said = f"no effect is called missing; the model's error is {times} that of the sensor noise alone"
+        return f"{said}{suspect}"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""

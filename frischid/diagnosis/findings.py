@@ -135,6 +135,15 @@ class Finding:
         return self.sure and not self.withheld
 
     @property
+    def refused(self) -> str:
+        """Why the effect is not called missing; empty where it is."""
+        if self.gain <= 0 or self.p_value >= self.criteria.significance:
+            return "its evidence may be chance"
+        if self.removed <= self.criteria.smallest_error**2:
+            return "the error that it explains is negligible"
+        return self.withheld
+
+    @property
     def undecided(self) -> tuple[str, ...]:
         """Effects these data cannot tell from it, without those that contain it: there it is the simpler answer."""
         return tuple(

@@ -11,6 +11,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from frischid.core.text import listed
 from frischid.diagnosis.findings import Finding
 from frischid.effects import EFFECTS
 
@@ -90,3 +91,17 @@ def sentence_of(findings: Sequence[Finding], probabilities: Mapping[str, float])
     sentence = f"these logs alone cannot tell the cause: {cause}"
     command = separating_command(findings, probabilities)
     return f"{sentence}. This command plans a motion on which the first two differ: {command}" if command else sentence
+
+
+def suspected(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:
+    """A sentence on the most probable cause where this is an effect that is not called missing; empty otherwise.
+
+    The ranking shows this probability beside the verdict that no effect is missing. Both are right: this effect is the
+    most probable of the causes, and the logs do not show that it acts.
+    """
+    name = max(probabilities, key=probabilities.__getitem__, default="")
+    finding = next((f for f in findings if f.effect == name), None)
+    if finding is None or not finding.refused:
+        return ""
+    where = listed(finding.joints) or "the robot"
+    return f". The most probable effect is {name} on {where} ({100 * finding.probability:.0f} %), but {finding.refused}"

@@ -22,7 +22,7 @@ from frischid.motions.collision import body_boxes
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
-from frischid.robot.robot import Robot
+from frischid.robot.robot import LINK_PARAMETERS, Robot
 from frischid.robot.scale import RobotScale
 
 Box = tuple[Sequence[float], Sequence[float]]
@@ -160,24 +160,45 @@ def as_identified(model: Model) -> Model:
     return replace(model, standard=dict(zip(names, map(float, start + scale * change), strict=True)))
 
 
-def free_masses(model: Model) -> tuple[str, ...]:
-    """Bodies whose mass is a free choice: the torque depends on it only in sums with other parameters.
+def free_parameters(model: Model) -> dict[str, tuple[str, ...]]:
+    """Rigid parameters that are a free choice: the torque depends on them only in sums with other parameters.
 
-    The mass m of a body is determined if e_m lies in the row space of K in ``θ_base = K θ``. Of the free masses, a
-    physical model has those nearest to the URDF's links.
+    A parameter k is determined if e_k lies in the row space of K in ``θ_base = K θ``. Of the free ones, a physical
+    model has the values nearest to the URDF's links.
+
+    Parameters
+    ----------
+    model : Model
 
     Returns
     -------
-    tuple of str
-        Names of the joints before these bodies, in the order of ``robot.bodies``; without known masses.
+    dict of str to tuple of str
+        Of each body in ``robot.bodies``, named by the joint before it: ``"m"``, ``"mx"``, ..., ``"Izz"`` where free;
+        without known parameters.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> from frischid.export.consistency import free_parameters
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
+    >>> free_parameters(fr.identify(robot, [log], recursion="none").model)["joint2"]
+    ('m', 'mz', 'Ixx', 'Ixy', 'Iyy', 'Ixz', 'Iyz')
     """
     robot = model.robot
     mapping = _structure(model, Regressor(robot, model.effects, model.reference))
     rows = np.linalg.svd(mapping, full_matrices=False)[2]
-    places = (10 * k for k in range(len(robot.bodies)))
-    determined = [float((rows[:, k] ** 2).sum()) > 1.0 - _IN_ROW_SPACE for k in places]
-    names = zip(robot.bodies, robot.all_names[::10], determined, strict=True)
-    return tuple(body for body, mass, known in names if not known and mass not in robot.known)
+    determined = (rows**2).sum(axis=0) > 1.0 - _IN_ROW_SPACE
+    free = [not known and name not in robot.known for name, known in zip(robot.all_names, determined, strict=False)]
+    return {
+        body: tuple(symbol for symbol, there in zip(LINK_PARAMETERS, free[10 * i : 10 * i + 10], strict=True) if there)
+        for i, body in enumerate(robot.bodies)
+    }
+
+
+def free_masses(model: Model) -> tuple[str, ...]:
+    """Bodies whose mass is a free choice, named by the joints before them, in the order of ``robot.bodies``."""
+    return tuple(body for body, names in free_parameters(model).items() if "m" in names)
 
 
 def _structure(model: Model, regressor: Regressor) -> Array:

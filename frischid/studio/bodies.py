@@ -1,6 +1,6 @@
 """Bodies to draw: the URDF's own where they can be read, otherwise simple ones from the kinematics.
 
-A link is drawn with the first of these that can be read: its visual geometry, its collision geometry, rods from its
+A link is drawn with the first of these that can be read: its visual geometry, its collision geometry, capsules from its
 joint to the joints of the next links. So every URDF can be drawn, and a missing mesh changes one link only.
 """
 
@@ -22,6 +22,7 @@ from frischid.robot.robot import Robot
 
 READABLE = {".stl", ".obj", ".ply", ".glb", ".gltf", ".off"} | ({".dae"} if util.find_spec("collada") else set())
 SIMPLE = "0.72 0.75 0.79 1"
+JOINT = 1.25  # radius of a joint over that of the links
 
 
 def urdf_of(robot: Robot) -> Any:
@@ -133,14 +134,22 @@ def _xyz(origin: ET.Element | None) -> Array:
 
 
 def _simple(ends: list[Array], centre: Array | None, radius: float) -> list[ET.Element]:
-    """Rods from a link's joint to the next joints; the rod of a last link is twice as long as to its centre of mass."""
+    """Capsules from a link's joint to the next joints; a last link's one is twice as long as to its centre of mass.
+
+    A capsule is a cylinder with a sphere of the same radius at its end. The sphere at the joint is thicker: it shows
+    the joint, and its surface is not that of the link that ends there, so that the two do not flicker.
+    """
     if not ends:
         if centre is None:
             return []
         ends = [2 * centre]
-    rods = [_visual(end / 2, _rpy(end), "cylinder", radius, float(np.linalg.norm(end))) for end in ends
-            if np.linalg.norm(end) > radius]  # fmt: skip
-    return [_visual(np.zeros(3), "0 0 0", "sphere", 1.25 * radius, 0.0), *rods]
+    parts = [_visual(np.zeros(3), "0 0 0", "sphere", JOINT * radius, 0.0)]
+    for end in ends:
+        length = float(np.linalg.norm(end))
+        if length > radius:
+            parts.append(_visual(end / 2, _rpy(end), "cylinder", radius, length))
+            parts.append(_visual(end, "0 0 0", "sphere", radius, 0.0))
+    return parts
 
 
 def _rpy(direction: Array) -> str:

@@ -10,6 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from frischid.cli import main
+from frischid.cli.pages.improving import verdict_of
+from frischid.core.text import listed
 from frischid.diagnosis.contacts import _stands_out
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.diagnosis import diagnose
@@ -24,6 +26,7 @@ from frischid.model.identification import identify
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
+from frischid.reports.study import missing
 from frischid.robot.robot import Robot
 
 UR5 = Robot.load("ur5")
@@ -86,10 +89,34 @@ def test_a_healthy_robot_raises_no_alarm():
         replace(found, error=found.noise_floor).remainder
         == "no effect is missing: the residual error is that of the sensor noise"
     )
-    assert replace(found, error=1.7 * found.noise_floor).remainder.endswith(
-        "is 1.7 times that of the sensor noise alone"
+    far, there = 9 * found.noise_floor, found.headline
+    noisy = replace(found, error=far, headline=replace(there, nrmse=1.7 * there.noise_floor), probabilities={})
+    assert noisy.remainder.endswith("is 1.7 times that of the sensor noise alone")
+    silent = replace(found, error=0.01, noise_floor=0.0, headline=replace(there, noise_floor=0.0), probabilities={})
+    assert silent.remainder.endswith("is more than that of the sensor noise alone")
+
+
+def test_no_missing_effect_beside_a_probable_one_is_explained_on_every_surface():
+    """The ranking may give an effect half of the probability although no effect is called missing."""
+    found = diagnose(healthy(), [log_of(1), log_of(2)])
+    first = next(f for f in found.findings if f.members)
+    weak = replace(first, probability=0.49, gain=3.0, p_value=0.2)
+    others = [f for f in found.findings if f is not first]
+    there = replace(found.headline, nrmse=1.7 * found.headline.noise_floor)
+    result = replace(
+        found, error=9 * found.noise_floor, findings=(weak, *others), headline=there,
+        probabilities={weak.effect: 0.49, "none": 0.12, "several": 0.39},
+    )  # fmt: skip
+    where = listed(weak.joints) or "the robot"
+    told = (
+        "no effect is called missing; the model's error is 1.7 times that of the sensor noise alone. The most probable "
+        f"effect is {weak.effect} on {where} (49 %), but its evidence may be chance"
     )
-    assert replace(found, error=0.01, noise_floor=0.0).remainder.endswith("is more than that of the sensor noise alone")
+    assert result.remainder == told
+    assert verdict_of(result) == told
+    assert missing(result).lower() == told.lower()
+    likely = replace(result, probabilities={weak.effect: 0.2, "none": 0.8})
+    assert "most probable" not in likely.remainder
 
 
 def test_what_python_shows_of_a_result_is_a_line():

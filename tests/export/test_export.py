@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from frischid.cli import main
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError, UnknownNameError
-from frischid.export.consistency import as_identified, free_masses, make_consistent
+from frischid.export.consistency import as_identified, free_masses, free_parameters, make_consistent
 from frischid.export.urdf import NotPhysicalError, export, urdf_source
 from frischid.model.identification import identify
 from frischid.model.model import Model
@@ -22,7 +22,7 @@ from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor
 from frischid.robot.inertia import dynamic_parameters
-from frischid.robot.robot import Robot
+from frischid.robot.robot import LINK_PARAMETERS, Robot
 from frischid.robot.urdf_edit import UrdfText
 
 NAMES = ("planar2", "planar2 far_end known", "ur10 far_end tilted", "panda with fingers", "kinova continuous",
@@ -50,21 +50,26 @@ def physical(name):
 
 
 @pytest.mark.parametrize("name", ["planar2", "planar2 far_end known", "mixed mimic", "one slide"])
-def test_a_free_mass_is_one_that_the_regressor_cannot_see_alone(name):
+def test_a_free_parameter_is_one_that_the_regressor_cannot_see_alone(name):
     slide = urdf(link("base"), link("a", 3.0), joint("s", "base", "a", "prismatic", axis="0 0 1"))
     machine, effects = (made(slide), parse_effects("viscous")) if name == "one slide" else (robot(name), BASELINE)
     regressor = Regressor(machine, effects)
     q, v, a = states(machine, 80)
     Y = regressor(np.arange(80.0), q, v, a).transpose(0, 2, 1).reshape(-1, len(regressor.columns))
     names = [c.name for c in regressor.columns]
-    free = set()
-    for body, mass in zip(machine.bodies, machine.all_names[::10], strict=True):
-        if mass in names:
-            others = np.delete(Y, names.index(mass), axis=1)
-            if np.linalg.matrix_rank(others, tol=1e-6) == np.linalg.matrix_rank(Y, tol=1e-6):
-                free.add(body)
-    assert set(free_masses(identified(machine, effects))) == free
-    assert bool(free) == (name != "one slide")
+    rank = np.linalg.matrix_rank(Y, tol=1e-6)
+    free = {
+        body: tuple(
+            symbol
+            for symbol, column in zip(LINK_PARAMETERS, machine.all_names[10 * i : 10 * i + 10], strict=True)
+            if column in names and np.linalg.matrix_rank(np.delete(Y, names.index(column), axis=1), tol=1e-6) == rank
+        )
+        for i, body in enumerate(machine.bodies)
+    }
+    model = identified(machine, effects)
+    assert free_parameters(model) == free
+    assert set(free_masses(model)) == {body for body, symbols in free.items() if "m" in symbols}
+    assert bool(free_masses(model)) == (name != "one slide")
 
 
 def test_the_command_says_which_masses_are_a_free_choice(tmp_path):
@@ -76,6 +81,9 @@ def test_the_command_says_which_masses_are_a_free_choice(tmp_path):
     assert "free: the logs determine this mass only in sums with other parameters" in said
     data = json.loads(CliRunner().invoke(main, [*run[:4], "--json"]).stdout)
     assert data["consistency"]["free_masses"] == ["joint1", "joint2"]
+    assert "free besides: the first moments mx, my, mz and the inertias about the joint, Ixx to Izz" in said
+    assert "mz Ixx Ixy Iyy Ixz Iyz" in said
+    assert data["consistency"]["free_parameters"]["joint2"] == ["m", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz"]
 
 
 QUIET = Noise(tau=1e-3)  # N·m, a hundred thousandth of the largest torque

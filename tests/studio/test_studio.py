@@ -249,7 +249,17 @@ def test_every_robot_shows_something(name):
     assert np.isfinite(urdf.scene.bounds).all()
 
 
-def test_a_robot_without_meshes_is_drawn_as_rods():
+def test_a_robot_without_meshes_is_drawn_as_capsules():
+    """Every cylinder has a sphere of its radius at its far end, and a thicker one at its joint."""
+    shown = [(link.name, v.geometry, v.origin) for link in urdf_of(made(MIXED)).robot.links for v in link.visuals]
+    rods = [(name, g.cylinder, origin) for name, g, origin in shown if g.cylinder is not None]
+    balls = [(name, g.sphere, origin) for name, g, origin in shown if g.sphere is not None]
+    assert rods
+    for name, rod, origin in rods:
+        far = origin @ [0, 0, rod.length / 2, 1]
+        ends = [b.radius for own, b, at in balls if own == name and np.allclose(at @ [0, 0, 0, 1], far, atol=1e-6)]
+        assert ends == [rod.radius]
+        assert max(b.radius for own, b, _ in balls if own == name) > rod.radius
     robot = made(MIXED)
     urdf = urdf_of(robot)
     assert {"turn", "slide", "elbow"} <= set(urdf.actuated_joint_names)

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from frischid.cli.pages.joint_drives import drives
 from frischid.cli.pages.page import Page, figure, table_of
-from frischid.export.consistency import Consistency, free_masses
+from frischid.export.consistency import Consistency, free_masses, free_parameters
 from frischid.export.urdf import Export
 from frischid.model.model import Model
 
@@ -45,18 +45,22 @@ def consistency_data(found: Consistency) -> dict[str, Any]:
         "blame": [{"where": name, "misfit": share} for name, share in result.blame],
         "boxes": {joint: [low.tolist(), high.tolist()] for joint, (low, high) in found.boxes.items()},
         "free_masses": list(free_masses(found.model)),
+        "free_parameters": {body: list(names) for body, names in free_parameters(found.model).items()},
         "standard": dict(found.model.standard or {}),
         "notes": list(found.notes),
     }
 
 
 def links(model: Model, found: Consistency | None = None) -> Table:
-    """Mass, centre of mass and principal inertias of each body, beside the URDF's mass."""
-    more, free = [] if found is None else ["least eigenvalue", "divergence"], free_masses(model)
-    table = table_of("joint", "mass kg", "URDF's", "mass is", "centre of mass m", "principal inertias kg·m²", *more)
+    """Mass, centre of mass and principal inertias of each body, beside the URDF's mass; and what of them is free."""
+    more, free = [] if found is None else ["least eigenvalue", "divergence"], free_parameters(model)
+    own = ("centre of mass m", "principal inertias kg·m²", "free besides")
+    table = table_of("joint", "mass kg", "URDF's", "mass is", *own, *more)
     for i, name in enumerate(model.robot.bodies):
         m, h, nominal = model.links[i, 0], model.links[i, 1:4], model.robot.nominal.reshape(-1, 10)[i, 0]
-        source = "free" if name in free else "known" if model.robot.all_names[10 * i] in model.robot.known else "fitted"
+        source = (
+            "free" if "m" in free[name] else "known" if model.robot.all_names[10 * i] in model.robot.known else "fitted"
+        )
         row = [
             name,
             figure(m),
@@ -64,6 +68,7 @@ def links(model: Model, found: Consistency | None = None) -> Table:
             source,
             " ".join(f"{x:.3f}" for x in h / m),
             _principal(model.links[i]),
+            " ".join(symbol for symbol in free[name] if symbol != "m") or "–",
         ]
         if found is not None:
             row += [figure(found.result.eigenvalues[i]), figure(found.result.divergence[i])]
@@ -72,13 +77,15 @@ def links(model: Model, found: Consistency | None = None) -> Table:
 
 
 def _free(model: Model) -> list[str]:
-    """What a free mass means, if there is one."""
-    if not free_masses(model):
+    """What a free parameter means, if there is one."""
+    if not any(free_parameters(model).values()):
         return []
     return [
         "free: the logs determine this mass only in sums with other parameters. The split nearest to the URDF's links "
         "was chosen, with masses near the URDF's own; the torque is the same for any other. Do not read such a mass as "
-        "measured"
+        "measured. free besides: the first moments mx, my, mz and the inertias about the joint, Ixx to Izz, for which "
+        "the same is true, or on which the torque does not depend at all; centre of mass and principal inertias follow "
+        "from these and from the mass"
     ]
 
 

@@ -89,7 +89,7 @@ def verdict_of(result: Diagnosis) -> str:
     return {
         "none": result.remainder,
         "effect": "an effect is missing",
-        "several": "several small effects; nothing dominates",
+        "several": "several small effects are missing; none of them dominates",
         "contact": "something touched the robot",
         "unknown": "something is missing that no effect of the catalogue explains"
         + ("; known effects explain a part" if part else ""),
