@@ -32,6 +32,22 @@ def each_of(names: Sequence[str]) -> str:
     return f"each of {listed(names)}" if len(names) > 1 else listed(names) or "the robot"
 
 
+def sentence(text: str) -> str:
+    """A text with a capital at its beginning, unless its first word is a name: of a joint, an effect, a file.
+
+    Names are known by an underscore, a digit or a dot in them.
+
+    Examples
+    --------
+    >>> from frischid.core.text import sentence
+    >>> sentence("the model fits"), sentence("joint_spring on elbow was not added")
+    ('The model fits', 'joint_spring on elbow was not added')
+    """
+    first = text.split(maxsplit=1)[0].rstrip(".,:;") if text.strip() else ""
+    named = "_" in first or "." in first or any(map(str.isdigit, first))
+    return text if named else text[:1].upper() + text[1:]
+
+
 def shortened(value: object, most: int = 60) -> str:
     """A value as Python writes it, cut after `most` letters: nobody reads a thousand digits.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from frischid.core.text import sentence
 from frischid.figures.history import steps_of
 from frischid.model.events import test_errors
 from frischid.studio.bench import Bench, State
@@ -27,7 +28,7 @@ def origin_text(bench: Bench) -> str:
     count = bench.absent
     few = f"{count} log{'s' * (count > 1)} the model was fitted to {'is' if count == 1 else 'are'} not here"
     absent = f"\n\n{few}: new effects are fitted without {'it' if count == 1 else 'them'}." if count else ""
-    return absent + (f"\n\n{plain(bench.note[:1].upper() + bench.note[1:])}." if bench.note else "")
+    return absent + (f"\n\n{plain(sentence(bench.note))}." if bench.note else "")
 
 
 def _last_step(state: State) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from frischid.cli.pages.page import Page, change, headline_line, quantities, table_of
+from frischid.core.text import sentence
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import HOW_RANKED
 from frischid.diagnosis.improvement import Step
@@ -30,11 +31,11 @@ def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
         evidence = (f.change, f"{f.share:.0%}", f"{f.gain:.1f}", f"{f.probability:.0%}")
         table.add_row(f.effect, where, *evidence, ", ".join(f.confused_with))
     if result.fit is None:
-        parts += [f"{note[:1].upper()}{note[1:]}." for note in result.notes[1:]]
+        parts += [f"{sentence(note)}." for note in result.notes[1:]]
         return Page(result.to_dict(), parts, result.headline.alarms)
     parts.append(table)
     parts.append(f"Probability that something else is the cause: {elsewhere(result)}.")
-    parts += [f"{note[:1].upper()}{note[1:]}." for note in result.notes[1:]]
+    parts += [f"{sentence(note)}." for note in result.notes[1:]]
     significant = [f for f in result.findings if f.significant]
     if significant:
         best = significant[0]
@@ -162,7 +163,7 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
         rows.append({"effect": effect, "joints": joints, **step_errors(step)})
     parts: list[Any] = [headline_line(last.headline), *([table] if steps else ["no effect was added"])]
     parts.append(verdict_of(last))
-    parts += [f"{note[:1].upper()}{note[1:]}." for note in last.notes if "was not added: " in note]
+    parts += [f"{sentence(note)}." for note in last.notes if "was not added: " in note]
     reach = reach_of(last.validator.model)
     if steps:
         parts.append(in_words(reach))

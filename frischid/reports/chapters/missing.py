@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from frischid import figures
-from frischid.core.text import listed
+from frischid.core.text import listed, sentence
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.effect_curves import shape_of
 from frischid.diagnosis.findings import HOW_RANKED, Finding
@@ -42,7 +42,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "missing": missing(diagnosis),
         "contacts": contacts,
         "chances": [f"{IN_WORDS.get(k, k)} {100 * p:.0f} %" for k, p in _likely(diagnosis)],
-        "notes": [note[:1].upper() + note[1:] for note in diagnosis.notes[1:]],
+        "notes": [sentence(note) for note in diagnosis.notes[1:] if f"; {note}" not in missing(diagnosis)],
         "how_ranked": HOW_RANKED if len(significant) > 1 else "",
         "cards": [_card(study, finding) for finding in significant[:FINDING_CARDS]],
         "ranking": Table(
