@@ -1,4 +1,5 @@
 # The public names of frischid, once: read by type checkers, by editors, and by lazy_loader when a name is first used.
+from .core.progress import progress_bar as progress_bar
 from .core.version import __version__ as __version__
 from .diagnosis.diagnosis import Diagnosis as Diagnosis
 from .diagnosis.diagnosis import diagnose as diagnose

@@ -43,15 +43,15 @@ def prepare_streams() -> None:
 
 @contextmanager
 def working(quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Show the present step of the work on stderr, if stderr is a terminal."""
+    """Show the present step of the work with count and time left on stderr, if stderr is a terminal."""
     context = click.get_current_context(silent=True)
     if quiet or not sys.stderr.isatty() or (context is not None and context.meta.get(QUIET)):
         yield lambda _: None
         return
-    from rich.console import Console
+    from frischid.core.progress import progress_bar
 
-    with Console(stderr=True).status("working") as status:
-        yield lambda text: status.update(text)
+    with progress_bar() as progress:
+        yield progress
 
 
 @contextmanager

@@ -153,8 +153,8 @@ class MotionCache:
             task = ColumnTask(self.state(motion), F, self.position, [picked.read() for picked in motion.picked])
             (there,) = self.workers.map(_same, [task])
             parts = []
-            for group in groups:
-                progress(f"trying {group[0].id}")
+            for k, group in enumerate(groups, start=1 + number * len(groups)):
+                progress(f"trying {group[0].id} ({k} of {len(groups) * len(self.motions)})")
                 parts += self.workers.map(filtered_columns, [group], there)
             done = [columns for part in self.workers.gather(parts) for columns in part]
             for found, columns in zip(gathered, done, strict=True):

@@ -249,7 +249,7 @@ class Bench:
         def progress(text: str) -> None:
             if self._closed or self.state.revision != state.revision:
                 raise SupersededError
-            name = text.removeprefix("trying ")
+            name = text.removeprefix("trying ").partition(" (")[0]
             tried.add(name)
             self._progress(f"looking for missing effects: {name}", len(tried & EFFECTS.keys()) / len(EFFECTS))
 

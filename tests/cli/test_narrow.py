@@ -4,14 +4,17 @@ import io
 import re
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 from rich.console import Console
 from test_cli import fitted, logs, run  # noqa: F401 (fixtures)
 
+from frischid.cli import main, output
 from frischid.cli.narrow import Wide
 from frischid.cli.narrow import fitted as pieces_of
+from frischid.cli.pages.page import alarm_lines
 
 WORD = st.text("abcdefgh0123456789.-", min_size=1, max_size=9)
 CELL = st.lists(WORD, min_size=1, max_size=4).map(" ".join)
@@ -67,3 +70,77 @@ def test_commands_keep_within_the_width(fitted, logs, width):  # noqa: F811
         numbers = set(re.findall(r"(?<![\w./-])-?\d+\.\d+(?![\w./])", text))
         whole = set(re.findall(r"(?<![\w./-])-?\d+\.\d+(?![\w./])", run(*command, *wide).stdout))
         assert numbers <= whole, (command, numbers - whole)  # a broken number is a new number
+
+
+EVERY = (
+    "info robot.urdf",
+    "doctor",
+    "fetch",
+    "excite robot.urdf --duration 5 --budget 60 -o motion.csv",
+    "excite robot.urdf --duration 5 --budget 60 --home zero -o motion.yaml",
+    "simulate robot.urdf --duration 5 -o simulated.csv",
+    "map monday.csv robot.urdf -o map.toml",
+    "check robot.urdf log.csv",
+    "check robot.urdf turned.csv",
+    "cut log.csv --until 5 -o part.csv",
+    "identify robot.urdf log.csv --valid test.csv --parameters",
+    "compare model.json test.csv",
+    "compare model.json test.csv --simulate",
+    "history model.json",
+    "report model.json log.csv test.csv -o page.html",
+    "diagnose model.json log.csv",
+    "add model.json joint_spring log.csv --joints joint2 -o better.json",
+    "improve model.json log.csv --max-steps 1 -o best.json",
+    "effects",
+    "effects hysteresis",
+    "consistent model.json -o links.json",
+    "export model.json -o out.urdf",
+    "export model.json -o out.c",
+    "export model.json -o drives.csv",
+    "payload model.json loaded.csv -o tool.json",
+    "gains robot.urdf --unloaded unloaded_currents.csv --loaded loaded_currents.csv --payload 2.0",
+    "fleet robot.urdf fleet/*/*.parquet --scheduler none",
+)
+"""One line for each command with tables; `paper` takes a minute, `studio` prints an address."""
+
+
+@pytest.fixture(scope="module")
+def practice(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("practice") / "arm"
+    run("demo", "--practice", folder)
+    return folder
+
+
+@pytest.mark.parametrize("line", EVERY)
+def test_no_command_breaks_a_number_or_a_word(line, practice, monkeypatch):
+    """The page is made once, and printed for terminals of several widths."""
+    monkeypatch.chdir(practice)
+    pages = []
+    monkeypatch.setattr(output, "_print", pages.append)
+    done = CliRunner().invoke(main, line.split())
+    assert done.exit_code in (0, 1), done.output  # an alarm ends with 1
+    (page,) = pages
+    whole = text_of(page, 5000)
+    for width in (60, 80, 120, output.PIPE_WIDTH):
+        text = text_of(page, width)
+        assert all(cell_len(shown.rstrip()) <= width for shown in text.splitlines())
+        broken = set(text.split()) - set(whole.split())
+        # Rules of tables, and a name that is longer than the line, may differ; no number does.
+        assert not [word for word in broken if re.fullmatch(r"[-+−]?[\d.,·⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+%?", word)]
+
+
+def text_of(page, width):
+    stream = io.StringIO()
+    console = Console(file=stream, width=width, highlight=False)
+    for part in (*alarm_lines(page.alarms), *page.parts):
+        for piece in pieces_of(part, width):
+            console.print(piece)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("width", [60, 80])
+def test_the_help_of_every_command_keeps_within_the_width(width):
+    for name in main.commands:
+        shown = CliRunner().invoke(main, [name, "--help"], terminal_width=width).output
+        text = [x for x in shown.splitlines() if ": frischid " not in x]  # a command to copy stays in one line
+        assert all(cell_len(x) <= width for x in text), name

@@ -1,0 +1,52 @@
+"""The bar: words of a long function, how much is done, and the time left."""
+
+import io
+
+import pytest
+from rich.console import Console
+
+import frischid as fr
+from frischid.core.progress import Stage, progress_bar, stage_of
+
+
+@pytest.mark.parametrize(
+    ("text", "done", "total"),
+    [
+        ("reading logs", 0, 0),
+        ("trying stribeck (3 of 90)", 3, 90),
+        ("moments of 7 of 400 robots", 7, 400),
+        ("simulated motion, fit 2 of 8", 2, 8),
+        ("planning: 40% of the budget, cost 12.5", 40, 100),
+    ],
+)
+def test_counts_and_shares_are_read_from_the_words(text, done, total):
+    assert stage_of(text) == Stage(text, done, total)
+
+
+def test_one_clock_runs_as_long_as_the_count_goes_on():
+    at = stage_of("trying stribeck (3 of 90)")
+    assert stage_of("trying hysteresis (4 of 90)").follows(at)
+    assert not stage_of("trying viscous (1 of 90)").follows(at)
+    assert not stage_of("trying viscous (4 of 30)").follows(at)
+    assert not stage_of("reading logs").follows(stage_of("comparing"))
+
+
+def test_the_bar_shows_words_time_so_far_and_time_left():
+    seen = io.StringIO()
+    with progress_bar(Console(file=seen, force_terminal=True, width=120)) as progress:
+        for k in range(1, 6):
+            progress(f"trying [b]stribeck (step {k} of 6)")
+    text = seen.getvalue()
+    assert "trying [b]stribeck (step 5 of 6)" in text  # a name is no markup
+    assert "so far" in text
+    assert "left" in text
+
+
+def test_a_diagnosis_counts_every_effect_on_every_log():
+    robot = fr.Robot.load("planar2")
+    motions = [fr.random_fourier(robot, 8, seed=seed) for seed in (1, 2)]
+    logs = [fr.simulate(robot, motion, rate=50, noise=fr.Noise(tau=0.01)) for motion in motions]
+    model, told = fr.identify(robot, logs, recursion="none").model, []
+    fr.diagnose(model, logs, effects=["joint_spring", "stribeck"], progress=told.append)
+    counted = [stage for stage in map(stage_of, told) if stage.total]
+    assert [(stage.done, stage.total) for stage in counted] == [(k, 4) for k in range(1, 5)]
