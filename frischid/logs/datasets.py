@@ -3,7 +3,8 @@
 frischid ships none of the data. The address of a file contains a commit, which cannot change. The file must have the
 SHA-256 written here: the one that its owner published, or else that of the commit's file when this module was written.
 ``pooch`` (the extra ``frischid[fetch]``) downloads the files; a folder that already holds the files can be given
-instead.
+instead. Where nobody published a checksum, the user puts the files into a folder by hand, and the contents are checked
+(`frischid.logs.dataset_checks`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from frischid.core.extras import install_command
 from frischid.core.files import write_text, written
 from frischid.errors import InputError, UnknownNameError
+from frischid.logs.dataset_checks import emps, staubli_tx40
 from frischid.logs.mapping import LogMap
 from frischid.logs.tables import read_table, write_table
 
@@ -39,7 +41,8 @@ class Dataset:
     address : str
         Prefix of the files' addresses.
     files : mapping of str to str
-        Path after `address` -> SHA-256. The commit is in one of the two.
+        Path after `address` -> SHA-256. The commit is in one of the two. An empty checksum: none is known, the file is
+        put into a folder by hand, and `layout` checks its contents.
     logs : mapping of str to str
         Name of a log to make -> its file, or its folder of files.
     layout : callable
@@ -175,7 +178,35 @@ DATASETS = {
         _by_number,
         "The stamps are the computer's, not the robot's: `frischid check` shows the repeated rows and missing cycles.",
     ),
+    "emps": Dataset(
+        "EMPS, one prismatic axis with friction, position and drive voltage, 1 kHz (2019)",
+        "https://github.com/wmkouw/NSI-EMPS/tree/d1137b8cc8a5ec3d75fe69c5d531075f7f6f616a/data",
+        "MIT (that repository); the data set is that of nonlinearbenchmark.org",
+        "A. Janot, M. Gautier and M. Brunot, Data Set and Reference Models of EMPS, Workshop on Nonlinear System "
+        "Identification Benchmarks, 2019",
+        "",
+        {"DATA_EMPS.mat": "", "DATA_EMPS_PULSES.mat": ""},
+        {"train": "DATA_EMPS.mat", "test_pulses": "DATA_EMPS_PULSES.mat"},
+        emps,
+        "Checked by its contents, not by a checksum. tau_slide is gtau times the voltage, N.",
+    ),
+    "staubli_tx40": Dataset(
+        "Staubli TX40, one exciting motion, motor positions and motor torques, 5 kHz",
+        f"https://github.com/{_FIGAROH}/tree/main/examples/staubli_tx40/data",
+        "Apache-2.0 (headers)",
+        "Thanh D. V. Nguyen and others (CNRS, Toward), figaroh-examples, Staubli TX40",
+        "",
+        {"pos_read_data.csv": "", "curr_data.csv": ""},
+        {"exciting": ""},
+        staubli_tx40,
+        "Checked by its contents, not by a checksum. Motor 6 turns with joints 5 and 6: its friction and inertia act on "
+        "both.",
+    ),
 }
+
+
+def _by_hand(dataset: Dataset) -> bool:
+    return not all(dataset.files.values())
 
 
 def fetch(
@@ -203,11 +234,17 @@ def fetch(
     Raises
     ------
     InputError
-        A file is missing, or its checksum differs from the known one; then nothing of the file is kept.
+        A file is missing, its checksum differs from the known one (then nothing of the file is kept), or its contents
+        are not those of the data set.
     """
     if name not in DATASETS:
         raise UnknownNameError("data set", name, DATASETS)
     dataset, folder = DATASETS[name], Path(output)
+    if source is None and _by_hand(dataset):
+        raise InputError(
+            f"{name}: no checksum of these files is known, so they are not downloaded; put {', '.join(dataset.files)} "
+            f"from {dataset.page} into a folder, then: frischid fetch {name} --from FOLDER"
+        )
     get = _downloader(dataset, folder) if source is None else _copier(Path(source), folder)
     for path, digest in dataset.files.items():
         progress(path)
@@ -253,7 +290,7 @@ def _copier(source: Path, folder: Path) -> Callable[[str, str], None]:
         if found is None:
             raise InputError(f"{source}: holds no {path}; the data set's files belong there under their own paths")
         content = found.read_bytes()
-        if (own := hashlib.sha256(content).hexdigest()) != digest:
+        if digest and (own := hashlib.sha256(content).hexdigest()) != digest:
             raise InputError(
                 f"{found}: its SHA-256 is {own}, that of the data set is {digest}; it is another file, fetch it again"
             )

@@ -16,9 +16,8 @@ from xml.parsers import expat
 import numpy as np
 
 from frischid.robot.urdf_numbers import NUMBER_PATTERN
+from frischid.robot.urdf_reading import FEWEST_ALIKE, MOVING, is_placeholder
 
-FEWEST_ALIKE = 3
-"""Joints or links that must share a number before it is a placeholder."""
 FAR_CENTRE = 1.5
 """Times the distance to the farthest next joint (at least `SMALL_LINK`). A centre of mass farther out is doubtful."""
 SMALL_LINK = 0.25
@@ -39,8 +38,9 @@ def urdf_doubts(text: str) -> list[str]:
     --------
     >>> from frischid.robot.urdf_doubts import urdf_doubts
     >>> joint = '<joint name="{}" type="revolute"><dynamics damping="10"/></joint>'
-    >>> urdf_doubts("<robot>" + "".join(joint.format(name) for name in "abc") + "</robot>")
-    ['line 1: damping="10" on all 3 moving joints: a simulator\'s value, hardly that of a real robot']
+    >>> (doubt,) = urdf_doubts("<robot>" + "".join(joint.format(name) for name in "abc") + "</robot>")
+    >>> doubt.startswith('line 1: damping="10" on all 3 moving joints: a simulator')
+    True
     """
     seen = _read(text)
     return [*_dampings(seen), *_inertias(seen), *_centres(seen)]
@@ -52,6 +52,7 @@ class _Seen:
     def __init__(self) -> None:
         self.moving: list[str] = []
         self.damping: dict[str, tuple[int, str]] = {}
+        self.of_mjcf = False
         self.inertia: dict[str, tuple[int, tuple[float, ...]]] = {}
         self.mass: dict[str, float] = {}
         self.centre: dict[str, tuple[int, np.ndarray]] = {}
@@ -69,10 +70,11 @@ def _read(text: str) -> _Seen:
         place, line = tuple(path[1:]), parser.CurrentLineNumber
         if place in (("link",), ("joint",)):
             owner, parent, offset = attributes.get("name", ""), "", 0.0
-            if tag == "joint" and attributes.get("type") in ("revolute", "continuous", "prismatic"):
+            if tag == "joint" and attributes.get("type") in MOVING:
                 seen.moving.append(owner)
         elif place == ("joint", "dynamics") and "damping" in attributes:
             seen.damping[owner] = line, attributes["damping"]
+            seen.of_mjcf |= "armature" in attributes
         elif place == ("joint", "origin"):
             offset = float(np.linalg.norm(_three(attributes)))
         elif place == ("joint", "parent"):
@@ -106,12 +108,12 @@ def _number(text: str) -> float:
 
 def _dampings(seen: _Seen) -> list[str]:
     values = [seen.damping[n][1] for n in seen.moving if n in seen.damping]
-    if len(values) < FEWEST_ALIKE or len(values) < len(seen.moving) or len(set(values)) > 1 or not _number(values[0]):
+    if len(values) < len(seen.moving) or seen.of_mjcf or not is_placeholder([_number(x) for x in values]):
         return []
     line = min(seen.damping[n][0] for n in seen.moving)
     return [
         f'line {line}: damping="{values[0]}" on all {len(values)} moving joints: a simulator\'s value, hardly that of '
-        "a real robot"
+        "a real robot; 0 is used instead"
     ]
 
 

@@ -9,12 +9,18 @@ Format: URDF, https://wiki.ros.org/urdf/XML.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.mjcf_reading import is_mjcf, urdf_of_mjcf
 from frischid.robot.urdf_numbers import check_numbers
+
+MOVING = ("revolute", "continuous", "prismatic")
+"""Types of joints that move."""
+FEWEST_ALIKE = 3
+"""Joints or links that must share a number before it is a placeholder."""
 
 
 def robot_names() -> dict[str, Path]:
@@ -101,13 +107,28 @@ def parse_urdf(text: str, source: str) -> ET.Element:
 
 
 def joint_dynamics(urdf: str) -> dict[str, tuple[float, float]]:
-    """``<dynamics damping friction>`` of every joint that has one: joint -> (N·m·s/rad, N·m) or (N·s/m, N)."""
-    found = {}
+    """``<dynamics damping friction>`` of every joint that has one: joint -> (N·m·s/rad, N·m) or (N·s/m, N).
+
+    Simulators need some damping to be stable, and their URDFs give one value to all joints (Gazebo's
+    ``damping="10"``). No real robot has such a damping: it counts as zero. That of an MJCF file stays, because there it
+    is the robot that is simulated.
+    """
+    found, moving, of_mjcf = {}, 0, False
     for joint in ET.fromstring(urdf).findall("joint"):
         tag = joint.find("dynamics")
+        moves = joint.get("type") in MOVING
+        moving += moves
         if tag is not None:
-            found[str(joint.get("name"))] = (float(tag.get("damping", 0)), float(tag.get("friction", 0)))
-    return found
+            found[str(joint.get("name"))] = (float(tag.get("damping", 0)), float(tag.get("friction", 0)), moves)
+            of_mjcf |= "armature" in tag.attrib
+    dampings = [damping for damping, _, moves in found.values() if moves]
+    placeholder = len(dampings) == moving and not of_mjcf and is_placeholder(dampings)
+    return {name: (0.0 if placeholder else damping, friction) for name, (damping, friction, _) in found.items()}
+
+
+def is_placeholder(dampings: Sequence[float]) -> bool:
+    """Whether the dampings of all moving joints are a simulator's: one value, other than zero, for at least three."""
+    return len(dampings) >= FEWEST_ALIKE and len(set(dampings)) == 1 and dampings[0] != 0
 
 
 def joint_armature(urdf: str) -> dict[str, float]:
