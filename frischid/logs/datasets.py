@@ -199,8 +199,7 @@ DATASETS = {
         {"pos_read_data.csv": "", "curr_data.csv": ""},
         {"exciting": ""},
         staubli_tx40,
-        "Checked by its contents, not by a checksum. Motor 6 turns with joints 5 and 6: its friction and inertia act on "
-        "both.",
+        "Checked by its contents, not by a checksum. Motor 6 turns with joints 5 and 6: its friction acts on both.",
     ),
 }
 
