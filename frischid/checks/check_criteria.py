@@ -245,6 +245,9 @@ class CheckCriteria:
     exact_share: float = 0.99
     """Share of the squared error. A body that explains errors below `urdf_error` must explain this share: else they may
     be errors of the URDF's links. (clean, with links that differ from the URDF's)"""
+    link_error: float = 0.1
+    """Share of a link's mass by which URDFs are wrong, one standard deviation. A body must explain more than such
+    errors do. (planted: payload; clean, with links that differ from the URDF's by 10 %)"""
     payload_reach: float = 1.0
     """m from the last joint. Nobody carries a payload farther out. (planted: payload)"""
     missing_mass: float = 1.3

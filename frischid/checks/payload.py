@@ -5,6 +5,19 @@
 One least-squares problem over all joints gives the body. The body is accepted when it explains nearly all of the
 nominal URDF's error and is possible. Its mass is positive, or negative and in size at most the mass of the last link;
 its centre of mass is within reach.
+
+A URDF whose links are too heavy or too light looks like a body too: an error of the last link *is* a body on it. So the
+links' own errors are the rival,
+
+    τ − τ_nominal ≈ Σ_i ε_i Γ_i μ_i + friction,      ε_i ~ N(0, s²),
+
+with one factor 1 + ε_i per link (s = 0.1). With e_k the error of row k behind each of the
+two and n_k its independent samples, the body is the better explanation if
+
+    ½ Σ_k n_k ln(e²_links,k / e²_body,k) + Σ_i ε_i² / (2 s²) + ½ ln det(s² H)  >  cost of a body and of its ten numbers.
+
+H is the information about ε with its prior: the two terms with s are the price of the links' errors in the marginal
+likelihood (MacKay 1992, Neural Computation 4(3)).
 """
 
 from __future__ import annotations
@@ -13,9 +26,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frischid.checks.faults import cost
 from frischid.checks.log_issue import Notebook
+from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch, shared_fit
 from frischid.core.types import Array
+
+LEAST_ERROR = 1e-6
+"""NRMSE: noise-free logs are not infinitely sure."""
 
 
 @dataclass(frozen=True)
@@ -69,11 +87,13 @@ def check_payload(sketch: Sketch, notes: Notebook) -> bool:
     """Report an additional or missing body on the last link; return whether there is one."""
     if len(sketch.rows) == 0 or sketch.asis.max() < notes.criteria.payload_nrmse:
         return False
+    few, criteria = sketch.thinned(sketch.criteria.few_samples), notes.criteria
     body = payload_errors(sketch)
-    criteria = notes.criteria
     # errors as small as those of URDFs may be errors of its links, unless the body explains all there is
     small = sketch.asis.max() < criteria.urdf_error
-    if body.removed < (criteria.exact_share if small else criteria.explained_share):
+    if body.removed < (criteria.exact_share if small else criteria.explained_share) or not beats_links(
+        few, payload_errors(few)
+    ):
         return False
     what = f"explains {body.removed:.0%} of the squared error of the nominal URDF"
     at = ", ".join(f"{x:.2f}" for x in np.round(body.centre, 2) + 0.0)
@@ -95,3 +115,49 @@ def check_payload(sketch: Sketch, notes: Notebook) -> bool:
             "use the URDF of the robot without the hand (or tool) it was measured without",
         )
     return True
+
+
+def beats_links(sketch: Sketch, body: Body) -> bool:
+    """Whether a body, with its torque along the sketch, is a better explanation than errors of the URDF's links.
+
+    Parameters
+    ----------
+    sketch : Sketch
+        Of at most `CheckCriteria.few_samples` samples.
+    body : Body
+    """
+    criteria, fits = sketch.criteria, RowFits(sketch)
+    if body.torque is None:
+        return False
+    with_body = np.maximum(sketch.errors(sketch.nominal + body.torque), LEAST_ERROR)
+    links = _link_torques(sketch)
+    scales, volume = _scales(sketch, links, fits.weight / with_body**2, criteria.link_error)
+    behind = np.maximum(sketch.errors(sketch.nominal + links @ scales), LEAST_ERROR)
+    gain = float(np.sum(fits.weight * np.log(behind / with_body)))
+    unlikely = float(scales @ scales) / (2 * criteria.link_error**2)
+    return gain + unlikely + volume > cost(criteria, "payload", 1, 10, float(fits.weight.mean()))
+
+
+def _link_torques(sketch: Sketch) -> Array:
+    """Torque of each link of the URDF, (M, J, L)."""
+    robot = sketch.robot
+    Y = np.empty((len(sketch), len(robot.columns), len(robot.joints)))
+    robot.regressor(sketch.q, sketch.v, sketch.a, Y)
+    nominal = dict(zip(robot.all_names, robot.nominal, strict=True))
+    values = np.array([nominal[c.name] for c in robot.columns])
+    own = np.array([[c.joint == name for c in robot.columns] for name in robot.bodies], dtype=float)
+    return np.asarray(np.einsum("ncj,lc->njl", Y, own * values))
+
+
+def _scales(sketch: Sketch, links: Array, weight: Array, spread: float) -> tuple[Array, float]:
+    """Errors ε of the links (L,), most likely under their prior, and ½ ln det(s² H); each row's friction is fitted."""
+    L = links.shape[2]
+    H, g = np.eye(L) / spread**2, np.zeros(L)
+    for k, j in enumerate(sketch.rows):
+        use = sketch.used[:, j]
+        y = np.column_stack([links[use, j], sketch.tau[use, j] - sketch.nominal[use, j]]) / sketch.spread[k]
+        Q, _ = np.linalg.qr(sketch.friction(j)[use][:, :4])
+        y -= Q @ (Q.T @ y)
+        H += weight[k] * y[:, :L].T @ y[:, :L] / len(y)
+        g += weight[k] * y[:, :L].T @ y[:, L] / len(y)
+    return np.asarray(np.linalg.solve(H, g)), 0.5 * float(np.linalg.slogdet(spread**2 * H)[1])

@@ -273,3 +273,20 @@ def test_the_corrected_urdf_moves_as_the_corrected_columns():
     other = Robot.from_dict({**UR.to_dict(), "urdf": text})
     true = UR.inverse_dynamics(sign * q + offset, sign * v, sign * a)
     assert np.allclose(other.inverse_dynamics(q, v, a), sign * true, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", [1000, 1097, 1194])
+def test_links_that_are_too_heavy_or_too_light_are_no_body(seed):
+    """An error of the last link's mass is a body on it, but the links' errors are the simpler explanation."""
+    robot = Robot.load("panda", joints=[f"panda_joint{k}" for k in range(1, 8)])
+    rng = np.random.default_rng(seed)
+    factor = np.exp(0.1 * rng.normal(size=len(robot.bodies)))
+    own = dict(zip(robot.all_names, robot.nominal, strict=True))
+    values = {n: x * factor[int(n[-1]) - 1] for n, x in own.items() if int(n[-1]) <= len(factor)}
+    for k in range(1, 8):
+        values |= {f"fv{k}": 0.5, f"fc{k}": 0.5, f"Ia{k}": 0.1}
+    values = {n: x for n, x in values.items() if n in {c.name for c in Regressor(robot, BASELINE).columns}}
+    motion = random_fourier(robot, 20, seed=seed)
+    made = simulate(robot, motion, rate=100, noise=Noise(q=1e-5, tau=0.02), parameters=values, channels=(), seed=seed)
+    (report,) = check(robot, [made])
+    assert [issue.kind for issue in report.issues if issue.kind != "weak excitation"] == []
