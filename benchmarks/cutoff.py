@@ -29,7 +29,7 @@ from trust import Pair, pairs, read
 
 import frischid as fr
 from frischid.core.types import Array
-from frischid.errors import InputError
+from frischid.errors import IdentifiabilityError, InputError
 from frischid.logs.cutoff_choice import choose_lowpass
 from frischid.logs.filters import LowPass, correlate
 from frischid.logs.preprocessing import Motion, prepare
@@ -206,7 +206,7 @@ def measured(pair: Pair, folder: Path, scan: Sequence[float]) -> dict[str, Any]:
     models = {auto: automatic}
     for cutoff in scan:
         if cutoff <= MOST_OF_RATE * rate * (1 + 1e-3):
-            with suppress(InputError):  # the log is shorter than the filter of a very low cut-off
+            with suppress(InputError, IdentifiabilityError):  # the log is shorter than the filter of a very low cut-off
                 models[cutoff] = model(cutoff)
     tried = {f: _held_out(replace(m, lowpass=automatic.lowpass), valid) for f, m in models.items()}
     own = {f: _held_out(m, valid) for f, m in models.items()}

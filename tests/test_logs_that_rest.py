@@ -227,3 +227,21 @@ def test_a_push_is_found_beside_a_log_in_motion():
     result = fr.diagnose(of_motion().model, [jointwise(5), pushed()])
     assert [contact.source for contact in result.contacts] == ["push"]
     assert any("push: the arm stands still, so only contacts are searched there" in note for note in result.notes)
+
+
+def test_a_dead_position_beside_a_live_torque_is_no_sure_contact():
+    """Joint 2 moves, its position column does not: its torque need not come from a push."""
+    arm, t = fr.Robot.load("planar2"), np.arange(0, 30, 0.01)
+    s = [np.clip((t - begin) / 1.0, 0, 1) for begin in (3, 22, 12, 14)]
+    step = [0.5 * (10 * x**3 - 15 * x**4 + 6 * x**5) for x in s]
+    q = np.column_stack([step[0] - step[1], step[2] - step[3]])
+    v = np.gradient(q, t, axis=0)
+    rng = np.random.default_rng(0)
+    tau = arm.inverse_dynamics(q, v, np.gradient(v, t, axis=0)) + 0.05 * rng.normal(size=q.shape)
+    seen = q + 1e-5 * rng.normal(size=q.shape)
+    seen[:, 1] = 0.0
+    (report,) = fr.check(arm, [fr.Log(t, arm.joints, seen, tau=tau)])
+    found = {issue.kind: issue for issue in report.issues}
+    assert found["no motion"].sure == "certain"
+    assert found["contact"].sure == "possible"
+    assert "joint2 moves and the position was not recorded" in found["contact"].what

@@ -25,7 +25,7 @@ from frischid.checks.log_issue import Notebook
 from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.logs.filters import noise_level
-from frischid.logs.log import Log
+from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.poses import FEWEST_POSES, Poses, poses_of
 
 MAD_TO_STD = 1.4826
@@ -141,13 +141,17 @@ def check_standing(log: Log, notes: Notebook) -> None:
 
 def check_pushes(log: Log, notes: Notebook) -> None:
     """Report torques that appear while the arm stands still."""
+    span = np.ptp(log.q, axis=0)
+    never = {n for n, x in zip(log.joints, span, strict=True) if x < STANDSTILL_SPAN <= span.max()}
     for push in pushes(log, notes.criteria):
+        doubtful = [n for n in push.joints if n in never]
+        cause = f", or {listed(doubtful)} moves and the position was not recorded" if doubtful else ""
         notes.add(
             "contact",
             f"while the arm stands still, a torque of up to {push.torque:.3g} N·m (N) appears from {push.start:.2f} to "
-            f"{push.stop:.2f} s ({push.strength:.3g} standard deviations of the rest): something pushes the arm",
+            f"{push.stop:.2f} s ({push.strength:.3g} standard deviations of the rest): something pushes the arm{cause}",
             push.joints,
-            "likely",
+            "possible" if doubtful else "likely",
             "leave this stretch out (frischid cut) if the log is to be fitted; a fit leaves out samples at standstill "
             "in any case",
         )

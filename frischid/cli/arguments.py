@@ -69,6 +69,12 @@ MapFiles = str | tuple[str, ...] | None
 """Mapping files of ``--map``: none, one for all logs, or several, of which the one that fits a log is used."""
 
 
+def torque_joints_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The option that names the joints whose torque is judged, as ``torque_joints``."""
+    said = "Joints whose torque is judged, comma separated, * and ? match; all by default. The others only move."
+    return click.option("--torque-joints", help=said)(command)
+
+
 def _map_files(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -> MapFiles:
     return given if len(given) > 1 else (given or (None,))[0]
 

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from frischid.cli.arguments import MapFiles, RobotArguments, json_option, map_option, robot_options
+from frischid.cli.arguments import (
+    MapFiles,
+    RobotArguments,
+    json_option,
+    map_option,
+    matching,
+    robot_options,
+    torque_joints_option,
+)
 from frischid.cli.controllers import ControllerArguments, controller_options
 from frischid.cli.group import main
 from frischid.cli.inputs import load, names_of
@@ -28,6 +36,7 @@ if TYPE_CHECKING:
 @robot_options
 @map_option
 @controller_options
+@torque_joints_option
 @click.option(
     "-o",
     "--output",
@@ -39,6 +48,7 @@ def check(
     robot: str,
     logs: tuple[str, ...],
     mapping: MapFiles,
+    torque_joints: str | None,
     output: str | None,
     controller: ControllerArguments,
     as_json: bool,
@@ -70,7 +80,12 @@ def check(
                 show_page(show.check(broken), as_json)
             raise
         progress("checking")
-        reports = check_logs(machine, data, controller=controller.read(names_of(machine)))
+        reports = check_logs(
+            machine,
+            data,
+            controller=controller.read(names_of(machine)),
+            torque_joints=matching(torque_joints, machine.joints),
+        )
     try:
         text = _corrections(logs, mapping, data, reports)
     except InputError:  # the logs need different corrections

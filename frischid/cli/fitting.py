@@ -16,6 +16,7 @@ from frischid.cli.arguments import (
     map_option,
     matching,
     robot_options,
+    torque_joints_option,
     valid_option,
 )
 from frischid.cli.controllers import ControllerArguments, controller_options
@@ -176,9 +177,17 @@ def identify(
 @click.argument("model", type=InputPath())
 @click.argument("logs", type=InputPath(), nargs=-1, required=True)
 @map_option
+@torque_joints_option
 @click.option("--simulate", is_flag=True, help="Also simulate the motion, and print its error against the horizon.")
 @json_option
-def compare(model: str, logs: tuple[str, ...], mapping: MapFiles, simulate: bool, as_json: bool) -> None:
+def compare(
+    model: str,
+    logs: tuple[str, ...],
+    mapping: MapFiles,
+    torque_joints: str | None,
+    simulate: bool,
+    as_json: bool,
+) -> None:
     """Compare measured and predicted torque, joint by joint.
 
     With --simulate, the model also moves under the recorded torque alone, from many moments of the logs. A model with a
@@ -189,7 +198,7 @@ def compare(model: str, logs: tuple[str, ...], mapping: MapFiles, simulate: bool
     from frischid.model.comparison import compare as run
     from frischid.model.headline import headline
 
-    loaded = model_of(model)
+    loaded = model_of(model, torque_joints)
     with working(as_json) as progress:
         progress("comparing")
         data = opened(logs, loaded.robot, mapping)

@@ -13,6 +13,7 @@ from frischid.cli.arguments import (
     matching,
     scheduler_option,
     situation_option,
+    torque_joints_option,
     valid_option,
     workers_option,
 )
@@ -29,6 +30,7 @@ from frischid.errors import InputError
 @valid_option
 @map_option
 @situation_option
+@torque_joints_option
 @click.option("--try", "only", help="Effects to try, comma separated; all by default.")
 @click.option("--simulate", "simulated", is_flag=True, help="Show what each finding does to the simulated motion.")
 @scheduler_option
@@ -40,6 +42,7 @@ def diagnose(
     valid: tuple[str, ...],
     mapping: MapFiles,
     situation: Any,
+    torque_joints: str | None,
     only: str | None,
     simulated: bool,
     scheduler: str | None,
@@ -55,7 +58,7 @@ def diagnose(
     from frischid.diagnosis.roles import diagnose_in_roles as run
     from frischid.diagnosis.roles import roles
 
-    loaded, moved = model_of(model), None
+    loaded, moved = model_of(model, torque_joints), None
     with working(as_json) as progress, elsewhere(scheduler, workers) as pool:
         progress("reading logs")
         data, test = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)

@@ -90,8 +90,8 @@ def names_of(robot: Robot) -> tuple[str, ...]:
     return replace(robot, locked={}, known={}, frames="joint").joints if robot.locked else robot.joints
 
 
-def model_of(path: str) -> Model:
-    """The model of a file; a file without a hash is named on stderr."""
+def model_of(path: str, torque_joints: str | None = None) -> Model:
+    """The model of a file, with the torque rows of some joints if they are named; a file without a hash is named."""
     from frischid.core.text import printable
     from frischid.model.model import Model
     from frischid.model.own_logs import paths_of
@@ -102,10 +102,17 @@ def model_of(path: str) -> Model:
     for warning in said:
         click.echo(f"note: {printable(str(warning.message))}", err=True)
     check_found(lambda: [*meshes_of(model.robot), *paths_of(model)])
-    return model
+    joints = matching(torque_joints, model.joints)
+    if joints is None:
+        return model
+    from numpy import array
+
+    from frischid.model.standstill_joints import rows_of
+
+    return rows_of(model, array([name in joints for name in model.joints]))
 
 
-def models_of(paths: Sequence[str]) -> dict[str, Model]:
+def models_of(paths: Sequence[str], torque_joints: str | None = None) -> dict[str, Model]:
     """The models of several files, by the shortest name that tells them apart.
 
     Raises
@@ -119,7 +126,7 @@ def models_of(paths: Sequence[str]) -> dict[str, Model]:
         raise InputError(f"a model file is given twice: {', '.join(paths)}; give two different models to compare")
     stems = [Path(path).stem for path in paths]
     names = stems if len(set(stems)) == len(stems) else paths
-    return {name: model_of(path) for name, path in zip(names, paths, strict=True)}
+    return {name: model_of(path, torque_joints) for name, path in zip(names, paths, strict=True)}
 
 
 def files_of(robot: Robot) -> list[Path]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from frischid.cli.arguments import MapFiles, json_option, map_option, situation_option
+from frischid.cli.arguments import MapFiles, json_option, map_option, situation_option, torque_joints_option
 from frischid.cli.group import main
 from frischid.cli.inputs import model_of, models_of, opened, read
 from frischid.cli.output import show_page, working
@@ -20,9 +20,18 @@ MODEL_SUFFIX = ".json"  # no log has this suffix
 @click.argument("logs", type=InputPath(), nargs=-1, required=True, metavar="[MODEL]... LOGS...")
 @map_option
 @situation_option
+@torque_joints_option
 @click.option("-o", "--output", type=OutputPath(), default="report.html", show_default=True, help="The HTML file.")
 @json_option
-def report(model: str, logs: tuple[str, ...], mapping: MapFiles, situation: Any, output: str, as_json: bool) -> None:
+def report(
+    model: str,
+    logs: tuple[str, ...],
+    mapping: MapFiles,
+    situation: Any,
+    torque_joints: str | None,
+    output: str,
+    as_json: bool,
+) -> None:
     """Write one HTML page about a model, which opens offline.
 
     It shows the model's errors, where the model fails, missing effects, and the next step. Further models (.json) are
@@ -37,7 +46,7 @@ def report(model: str, logs: tuple[str, ...], mapping: MapFiles, situation: Any,
     further = tuple(takewhile(lambda path: path.endswith(MODEL_SUFFIX), logs))
     if len(further) == len(logs):
         raise InputError("there is no log among the files, only models: frischid report MODEL... LOG...")
-    models = models_of((model, *further))
+    models = models_of((model, *further), torque_joints)
     loaded = next(iter(models.values()))
     with working(as_json) as progress:
         progress("reading logs")

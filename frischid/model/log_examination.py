@@ -10,6 +10,8 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
+
 from frischid.checks import LogReport, inspect
 from frischid.checks.long_log import examine_long, is_long
 from frischid.core.remembered import Remembered
@@ -34,7 +36,13 @@ from frischid.robot.urdf_doubts import urdf_doubts
 _REPORTS = Remembered[LogReport]()  # of logs, by the robot and the way in which the log was prepared
 
 
-def check(robot: Robot, logs: Sequence[Data], *, controller: PDController | None = None) -> list[LogReport]:
+def check(
+    robot: Robot,
+    logs: Sequence[Data],
+    *,
+    controller: PDController | None = None,
+    torque_joints: Sequence[str] | None = None,
+) -> list[LogReport]:
     """Check that logs can be used with a robot, and report suspicious findings.
 
     Parameters
@@ -44,6 +52,8 @@ def check(robot: Robot, logs: Sequence[Data], *, controller: PDController | None
         A long one is examined piece by piece: see `frischid.checks.long_log`.
     controller : PDController, optional
         Makes the torque of logs that hold commanded positions and no torque.
+    torque_joints : sequence of str, optional
+        Joints whose torque is judged, all by default; the others only move.
 
     Returns
     -------
@@ -75,21 +85,33 @@ def check(robot: Robot, logs: Sequence[Data], *, controller: PDController | None
     def reduction() -> Reduction:
         return structure(Regressor(robot, BASELINE), robot.joints)
 
-    return [_checked(robot, log, reduction, locked, alone=len(logs) == 1) for log in logs]
+    rows = tuple(robot.joints if torque_joints is None else torque_joints)
+    if left := [n for n in robot.joints if n not in rows]:
+        locked += [f"torque not judged: {', '.join(left)}"]
+    return [_checked(robot, log, reduction, locked, rows, alone=len(logs) == 1) for log in logs]
 
 
 def _checked(
-    robot: Robot, log: Data, reduction: Callable[[], Reduction], locked: Sequence[str], *, alone: bool
+    robot: Robot,
+    log: Data,
+    reduction: Callable[[], Reduction],
+    locked: Sequence[str],
+    rows: Sequence[str],
+    *,
+    alone: bool,
 ) -> LogReport:
     """The report on one log, with notes on what is done to it before a fit; an error if no part of it can be used."""
     said: list[str] = []
     faults: list[InputError | None] = []
 
     def examine(part: Log) -> LogReport:
+        part = _with_torque_of(part, rows)
         faults.append(_fault(robot, part, whole=not is_long(log)))
         if faults[-1] is not None and not is_long(log):
             raise faults[-1]
         report = inspect(robot, part.select(robot.joints), reduction, alone=alone)
+        wanted = tuple(x for x in report.issues if x.kind != "no torque" or set(x.where) & set(rows))
+        report = replace(report, issues=wanted)  # torques that nobody wants judged are not missing
         said.extend(part.notes)
         if not report.blocked and len(faults) == 1:  # of a long log, the notes on its beginning
             with suppress(InputError):  # `identify` refuses a log that is too short for the filters
@@ -103,6 +125,14 @@ def _checked(
     doubts = [f"{robot.source}, {doubt}" for doubt in urdf_doubts(robot.urdf)]
     notes = [*doubts, *locked, *(brief(said, log.source) if is_long(log) else said)]
     return replace(report, facts={**report.facts, "joints": list(robot.joints), "notes": notes})
+
+
+def _with_torque_of(log: Log, joints: Sequence[str]) -> Log:
+    """The log without the torques of other joints."""
+    if log.tau is None or set(log.joints) <= set(joints):
+        return log
+    judged = np.array([n in joints for n in log.joints])
+    return replace(log, tau=np.where(judged, log.tau, np.nan), sha256=log.identity)
 
 
 def _fault(robot: Robot, log: Log, *, whole: bool) -> InputError | None:

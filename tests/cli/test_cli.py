@@ -13,6 +13,7 @@ from frischid.cli import main
 from frischid.effects import EFFECTS
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log, write_log
+from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
@@ -521,3 +522,15 @@ def test_completion_is_a_script_of_the_shell(shell):
 
 def test_help_says_the_defaults():
     assert "[default: auto]" in " ".join(run("identify", "--help").stdout.split())
+
+
+@pytest.mark.parametrize("command", ["compare", "diagnose", "report"])
+def test_a_model_is_judged_on_the_joints_named(command, tmp_path):
+    robot = Robot.load("planar2")
+    log = simulate(robot, random_fourier(robot, 6.0, seed=1), rate=100.0)
+    write_log(log, tmp_path / "log.parquet")
+    identify(robot, [log], recursion="none").model.save(tmp_path / "model.json")
+    given = [command, tmp_path / "model.json", tmp_path / "log.parquet", "--torque-joints", "*2"]
+    given += ["-o", tmp_path / "report.html"] if command == "report" else []
+    data = data_of(*given)
+    assert list(data["headline"]["joints"]) == ["joint2"]
