@@ -15,7 +15,7 @@ import numpy as np
 
 from frischid.checks.explanation import Explanation, explain
 from frischid.checks.log_issue import Notebook, Sureness, span
-from frischid.checks.payload import check_payload
+from frischid.checks.payload import beats_links, check_payload, payload_errors
 from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
 
@@ -67,8 +67,8 @@ def _say(found: Explanation, sketch: Sketch, notes: Notebook) -> Sketch:
     for fault in found.best.faults:
         if fault.kind == "payload":
             before = replace(found.best.sketch, given_nominal=None, rows=found.best.sketch.rows)
-            if check_payload(before, notes):
-                continue
+            if check_payload(before, notes) or not beats_links(before, payload_errors(before)):
+                continue  # said already, or no more than the errors that the URDF's links have anyway
         # Behind a fault without fitted numbers, one with fitted numbers may only take up what the URDF misses anyway.
         behind = not fault.discrete and any(f.discrete for f in found.best.faults)
         certainty = "visible only after the other faults are corrected: then check again" if behind else found.odds

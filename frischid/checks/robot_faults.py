@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from frischid.checks.faults import Fault, cost
-from frischid.checks.payload import beats_links, payload_errors
+from frischid.checks.payload import payload_errors
 from frischid.checks.position_faults import Moved
 from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch, shared_fit
@@ -31,7 +31,7 @@ def robot_faults(sketch: Sketch) -> Iterator[Moved]:
     n = float(RowFits(sketch).weight.mean())
     yield from _mounting(sketch, n)
     body = payload_errors(sketch)
-    if body.removed > 0 and body.torque is not None and beats_links(sketch, body):
+    if body.removed > 0 and body.torque is not None:
         what = f"a body of about {body.mass:.2g} kg on the last link that the URDF lacks"
         advice = "use a URDF with the payload if it belongs to the robot; take it off if it does not"
         fault = Fault("payload", what, (body.joint,), advice, cost(sketch.criteria, "payload", 1, 10, n), False, False)
