@@ -15,7 +15,7 @@ import numpy as np
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.cutoff_choice import LogSpectra, spectra_of
 from frischid.logs.filters import LowPass
-from frischid.logs.log import DEAD_TORQUE, Log, check_motion, check_torque
+from frischid.logs.log import DEAD_TORQUE, STANDSTILL_SPAN, Log, check_motion, check_torque
 from frischid.logs.poses import FEWEST_POSES, is_static, poses_of
 from frischid.logs.recording import Recording, chunks_of, preview_of
 from frischid.robot.robot import Robot
@@ -176,6 +176,20 @@ def check_usable(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool, w
             f"{log.source}: the torque of {', '.join(dead)} is zero throughout; leave its torque row out "
             "(--torque-joints, torque_joints=) or record it"
         )
+    constant = _constant(chosen, rows)
+    if constant and strict:
+        raise InputError(
+            f"{log.source}: the torque of {', '.join(constant)} never changes while the joint moves, it was probably "
+            "not measured; leave its torque row out (--torque-joints, torque_joints=) or record it"
+        )
+
+
+def _constant(log: Log, rows: Sequence[str]) -> list[str]:
+    """Joints that move while their torque keeps one value other than zero."""
+    if log.tau is None:
+        return []
+    same = (np.ptp(log.tau, axis=0) <= DEAD_TORQUE) & (np.ptp(log.q, axis=0) >= STANDSTILL_SPAN)
+    return [n for n in rows if n in log.joints and same[log.joints.index(n)]]
 
 
 def moving_but_locked(moving: Mapping[str, float]) -> list[str]:

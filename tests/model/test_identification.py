@@ -157,12 +157,13 @@ def test_joints_without_a_torque_channel_are_left_out_and_said():
         identify(PLANAR, [replace(log, tau=tau)], torque_joints=["joint1", "joint2"])
 
 
-def test_dead_torque_names_the_option():
+@pytest.mark.parametrize(("value", "said"), [(0.0, "is zero throughout"), (3.5, "never changes while the joint moves")])
+def test_dead_torque_names_the_option(value, said):
     log = planar_log()
     tau = log.tau.copy()
-    tau[:, 1] = 0.0
+    tau[:, 1] = value
     dead = replace(log, tau=tau)
-    with pytest.raises(InputError, match=r"torque of joint2 is zero throughout.*--torque-joints"):
+    with pytest.raises(InputError, match=f"torque of joint2 {said}.*--torque-joints"):
         quick(PLANAR, [dead])
     assert quick(PLANAR, [dead], torque_joints=["joint1"]).model.joints == ("joint1",)
     (found,) = check(PLANAR, [dead])
