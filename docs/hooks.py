@@ -29,6 +29,7 @@ TITLES = {
     "motions": "Motions",
     "export": "Physical links, export, drives",
     "reports": "Pages",
+    "core": "Progress",
     "paper": "The paper",
     "errors": "Errors",
 }
@@ -76,8 +77,9 @@ def command_lines() -> Iterator[str]:
 def name_lines() -> Iterator[str]:
     """Every public name, as `frischid/__init__.pyi` lists them, with a line for mkdocstrings."""
     stub = (ROOT / "frischid" / "__init__.pyi").read_text(encoding="utf-8")
-    found = re.findall(r"^from \.([\w.]+) import (\w+) as", stub, flags=re.MULTILINE)
-    folders = {module.split(".")[0] for module, name in found if name != "__version__"}
+    names = re.findall(r"^from \.([\w.]+) import (\w+) as", stub, flags=re.MULTILINE)
+    found = [(module, name) for module, name in names if name != "__version__"]
+    folders = {module.split(".")[0] for module, _ in found}
     for folder in sorted(folders, key=lambda f: [*TITLES, f].index(f)):
         yield f"## {TITLES.get(folder, folder.capitalize())}\n"
         yield from (f"::: frischid.{m}.{name}\n" for m, name in found if m.split(".")[0] == folder)
