@@ -15,6 +15,9 @@ from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.model.alarms import Alarm, AlarmCriteria
 
+SMALLEST_ERROR = 1e-12
+"""Share of the torque's standard deviation that rounding leaves of a perfect model; a smaller error is none."""
+
 
 @dataclass(frozen=True, eq=False)
 class Elsewhere:
@@ -152,15 +155,16 @@ def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
             )
         ]
     if seen.nrmse > criteria.held_out_ratio * seen.usual:
+        times = seen.nrmse / max(seen.cross_validated, SMALLEST_ERROR)
         return [
             Alarm(
                 "held-out-error",
                 "severe",
-                f"The error on these logs is {seen.nrmse / seen.cross_validated:.1f} times the cross-validated error "
+                f"The error on these logs is {times:.1f} times the cross-validated error "
                 f"({seen.nrmse:.4f} and {seen.cross_validated:.4f}).",
                 "Do not trust the cross-validated error. Identify from logs like these, or with the URDF as prior.",
                 (),
-                seen.nrmse / seen.cross_validated,
+                times,
                 criteria.held_out_ratio,
             )
         ]
