@@ -219,7 +219,7 @@ def try_controller(folder: Path, given: Any) -> None:
     commanded = replace(log(), tau=None, qcmd=log().q + 0.01)
     whole = controller.drive(commanded)
     assert np.isfinite(whole.tau).all()
-    parts = Recording("log", lambda n: (commanded.slice(k, k + n) for k in range(0, len(log()), n)), lambda: "", None)
+    parts = Recording("log", lambda n: (commanded.slice(a, b) for a, b in ((0, n), (n, None))), lambda: "", None)
     driven_parts = driven([parts], controller)[0]
     assert isinstance(driven_parts, Recording)
     assert np.allclose(np.concatenate([part.tau for part in driven_parts.read(100)]), whole.tau)
