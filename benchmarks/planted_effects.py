@@ -44,7 +44,7 @@ SMOOTH = 8.0
 STRANGE = [name for name in UNKNOWN if name != "random_walk"]
 KINDS = (
     "none",
-    *(name for name, kind in EFFECTS.items() if name not in GEARS and not kind.of_controller),
+    *(name for name in EFFECTS if name not in GEARS),
     "contact",
     *STRANGE,
 )
