@@ -13,6 +13,9 @@ def scaled(robot, length, mass, time=1.0):
     """A robot whose lengths, masses and times are multiplied; gravity is multiplied by ``length / time²``."""
     root = ET.fromstring(robot.urdf)
     slides = {joint.get("name"): joint.get("type") == "prismatic" for joint in root.findall("joint")}
+    robot_has_damping = any(
+        damping for damping, _ in robot.dynamics.values()
+    )  # not where it is a simulator's, which counts as 0
     for link in root.findall("link/inertial"):
         _multiply(link.find("mass"), mass, "value")
         _multiply(link.find("inertia"), mass * length**2, *INERTIA)
@@ -25,7 +28,7 @@ def scaled(robot, length, mass, time=1.0):
         _multiply(joint.find("limit"), own, "lower", "upper")
         _multiply(joint.find("limit"), own / time, "velocity")
         _multiply(joint.find("limit"), force, "effort")
-        _multiply(joint.find("dynamics"), force / (own / time), "damping")
+        _multiply(joint.find("dynamics"), force / (own / time) * robot_has_damping, "damping")
         _multiply(joint.find("dynamics"), force, "friction")
         mimic = joint.find("mimic")
         if mimic is not None:

@@ -33,8 +33,9 @@ CHANNELS = (*MEASURED_CHANNELS, *COMMANDED_CHANNELS)
 FEWEST_SAMPLES = 10
 GARBAGE = 1e12
 """Largest value in SI units that a robot's channel can have; a larger one is uninitialised memory."""
-DEAD_TORQUE = 1 / GARBAGE
-"""N·m or N. A torque that never exceeds this is zero or uninitialised memory; the squares of such numbers vanish."""
+DEAD_TORQUE = 1e-150
+"""N·m or N. A torque that never exceeds this is zero or uninitialised memory: the squares of such numbers vanish. A
+robot of a tenth of a millimetre still has torques of 1e-16."""
 STANDSTILL_SPAN = 1e-3
 """rad or m. A joint whose position spans less than this has not moved."""
 

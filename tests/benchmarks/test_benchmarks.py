@@ -80,7 +80,7 @@ def test_bad_inputs_end_in_a_sentence(tmp_path: Path) -> None:
     assert len(content["rows"]) >= 60
     assert {row["verdict"] for row in content["rows"]} == {"right"}
     kinds = {str(row["kind"]).split()[0] for row in content["rows"]}
-    assert kinds == {"column", "file", "robot", "mapping", "model", "formula", "argument"}
+    assert kinds == {"column", "file", "robot", "mapping", "model", "formula", "argument", "controller"}
 
 
 def test_a_kill_leaves_no_half_file(tmp_path: Path) -> None:
