@@ -48,7 +48,9 @@ def main() -> None:
             (Path(folder) / "arm.xml").write_text(mjcf(), encoding="utf-8")
             start = np.zeros(11)
             start[1:] = states[0]
-            np.savez(Path(folder) / "inputs.npz", t=t, control=control, sensor=states[1:], start=start)
+            inputs = {"t": t, "control": control, "sensor": states[1:], "start": start, "optimizer": "mujoco"}
+            ones = np.ones((2, len(ARMATURE)))  # armature and damping
+            np.savez(Path(folder) / "inputs.npz", **inputs, guess=0.5 * ones, low=1e-3 * ones, high=5.0 * ones)
             with Worker(options.python, WORKER, folder, 'pip install "mujoco[sysid]"') as other:
                 for _ in range(options.rounds):
                     begin = time.process_time()
@@ -57,10 +59,8 @@ def main() -> None:
                     answer = other.run()
                     times["mujoco.sysid"].append(answer["seconds"])
         version = answer["version"]
-        theirs = {
-            **{f"Ia{i}": answer["values"][f"joint{i}_armature"] for i in range(1, 6)},
-            **{f"fv{i}": answer["values"][f"joint{i}_damping"] for i in range(1, 6)},
-        }
+        rows_of = zip(("Ia", "fv"), answer["values"], strict=True)
+        theirs = {f"{symbol}{i}": x for symbol, row in rows_of for i, x in enumerate(row, start=1)}
         for name, values in (("frischid", ours), ("mujoco.sysid", theirs)):
             rows.append(
                 {

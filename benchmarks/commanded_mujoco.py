@@ -47,6 +47,19 @@ def load(name: str) -> fr.Robot:
     return fr.Robot.load(name, lock={j: x for j, x in rule["lock"].items() if j in fr.Robot.load(name).joints})
 
 
+def drawn_drive(
+    robot: fr.Robot, motion: tuple[Array, Array, Array], most: float, rng: np.random.Generator
+) -> tuple[Drive, Array, Array, Array]:
+    """Drives whose friction is a tenth to `most` of the joint's torque; that torque, the rms speed, the inertia."""
+    J, (q, v, a) = len(robot.joints), motion
+    torque = robot.inverse_dynamics(q, v, a)
+    size = np.sqrt(torque.std(axis=0) ** 2 + (0.1 * torque.std(axis=0).max()) ** 2)
+    speed, jerk = (np.sqrt((x**2).mean(axis=0)) for x in (v, a))
+    viscous, coulomb = rng.uniform(0.1, most, J) * size / speed, rng.uniform(0.1, most, J) * size
+    drive = Drive(viscous, coulomb, np.zeros(J), rng.uniform(0.1, 0.5, J) * size / jerk)
+    return drive, size, speed, size / jerk + drive.rotor
+
+
 def recorded(name: str, seed: int, other: int | None = None) -> tuple[fr.Robot, fr.Log, Drive, fr.PDController]:
     """A log of commands and quantised positions, the true drives, and the controller; or of another motion."""
     import mujoco
@@ -56,16 +69,7 @@ def recorded(name: str, seed: int, other: int | None = None) -> tuple[fr.Robot, 
     J, hold = len(robot.joints), round(1.0 / rule["rate"] / FINE_STEP)
     motion = fr.random_fourier(robot, SECONDS, seed=seed, harmonics=25, scale=0.8)
     q, v, a = motion(np.arange(0.0, SECONDS, hold * FINE_STEP))
-    load_torque = robot.inverse_dynamics(q, v, a)
-    size = np.sqrt(load_torque.std(axis=0) ** 2 + (0.1 * load_torque.std(axis=0).max()) ** 2)
-    speed, jerk = (np.sqrt((x**2).mean(axis=0)) for x in (v, a))
-    drive = Drive(
-        rng.uniform(0.1, 0.4, J) * size / speed,
-        rng.uniform(0.1, 0.4, J) * size,
-        np.zeros(J),
-        rng.uniform(0.1, 0.5, J) * size / jerk,
-    )
-    inertia = size / jerk + drive.rotor
+    drive, _, _, inertia = drawn_drive(robot, (q, v, a), 0.4, rng)
     kp, kd = inertia * BANDWIDTH**2, 1.4 * inertia * BANDWIDTH
     text = mjcf(perturbed(robot.model, rng), drive, kp, kd, stiff=True)
     true = mujoco.MjModel.from_xml_string(text.replace(f'timestep="{STEP}"', f'timestep="{FINE_STEP}"'))

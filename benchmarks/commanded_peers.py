@@ -2,9 +2,9 @@
 
 The robots and logs are those of `commanded_mujoco.py`: MuJoCo moves a robot whose links are 5 to 20 % off the URDF, and
 the log has commands and quantised positions. All three get the URDF, the servos' gains and the commands' delay.
-frischid solves one linear problem with bounds. mujoco.sysid fits the simulated motion of the whole log; the random
-search keeps the best of 5,000 simulations of the log. Both move the URDF's links, start at three times the true
-values, and may reach from a tenth to ten times the true values in every step of 30; no user knows that much.
+frischid solves one linear problem with bounds. mujoco.sysid fits the simulated motion of the whole log, from three
+times the true values; the random search keeps the best of 5,000 simulations of the log. Both move the URDF's links, and
+look between a tenth and ten times the true values; no user knows that much.
 
 Error of the values: median and largest over all joints, of armature, viscous and Coulomb friction. Simulated error: rms
 position error in MuJoCo along a motion that no tool has seen, mean over the joints. Times are processor time.
@@ -33,13 +33,13 @@ import frischid as fr
 from frischid.core.types import Array
 from frischid.export.mjcf import mjcf_source
 
-WORKER = Path(__file__).with_name("commanded_worker.py")
+WORKER = Path(__file__).with_name("mujoco_worker.py")
 FINER = 4
 """Steps of the peers' simulation per sample of the log: 1.25 or 2.5 ms."""
 START = 3.0
 """Start of the peers over the true value."""
 SPREAD = 10.0
-"""The random search draws each value between a tenth and ten times the true one, evenly in its logarithm."""
+"""Both peers look between this share of the true value and its multiple; the random search evenly in the logarithm."""
 
 
 def scene(robot: fr.Robot, values: Array, gains: tuple[Array, Array], step: float) -> str:
@@ -126,7 +126,8 @@ def compared(name: str, seed: int, python: str, simulations: int) -> list[dict[s
         control = np.repeat(late(log)[:-1], FINER, axis=0)
         measured = np.column_stack([np.interp(t[1:], log.t - log.t[0], x) for x in log.q.T])
         start = np.concatenate([[0.0], log.q[0], np.zeros(len(names))])
-        inputs = {"t": t, "control": control, "measured": measured, "start": start, "guess": START * truth}
+        inputs = {"t": t, "control": control, "sensor": measured, "start": start, "optimizer": "scipy"}
+        inputs |= {"guess": START * truth, "low": truth / SPREAD, "high": truth * SPREAD}
         np.savez(Path(folder) / "inputs.npz", **inputs)
         with Worker(python, WORKER, folder, 'pip install "mujoco[sysid]"') as other:
             answer = other.run()

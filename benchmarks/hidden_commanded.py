@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from commanded_mujoco import drawn_drive
 from common import parser, publish
 from hidden_mujoco import mjcf
 from hidden_physics import STEP, Drive, arm, perturbed
@@ -78,19 +79,8 @@ class Hidden:
 def truth(name: str, seed: int) -> Truth:
     """Draw a robot, its drives, its servos and two motions."""
     rng, robot = np.random.default_rng(seed), load(name)
-    J = len(robot.joints)
     motions = [fr.random_fourier(robot, SECONDS, seed=10 * seed + k, harmonics=16, scale=0.8) for k in (0, 1)]
-    q, v, a = motions[0](np.arange(0.0, SECONDS, 1.0 / RATE))
-    torque = robot.inverse_dynamics(q, v, a)
-    size = np.sqrt(torque.std(axis=0) ** 2 + (0.1 * torque.std(axis=0).max()) ** 2)
-    speed, jerk = (np.sqrt((x**2).mean(axis=0)) for x in (v, a))
-    drive = Drive(
-        rng.uniform(0.1, 0.3, J) * size / speed,
-        rng.uniform(0.1, 0.3, J) * size,
-        np.zeros(J),
-        rng.uniform(0.1, 0.5, J) * size / jerk,
-    )
-    inertia = size / jerk + drive.rotor
+    drive, size, speed, inertia = drawn_drive(robot, motions[0](np.arange(0.0, SECONDS, 1.0 / RATE)), 0.3, rng)
     kp, kd = inertia * BANDWIDTH**2, 1.4 * inertia * BANDWIDTH
     commands = tuple(m(np.arange(0.0, SECONDS, 1.0 / RATE))[0] for m in motions)
     return Truth(robot, perturbed(robot.model, rng), drive, kp, kd, size, speed, (commands[0], commands[1]))

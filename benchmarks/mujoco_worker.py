@@ -1,6 +1,8 @@
-"""The mujoco.sysid process of `against_mujoco.py`; it runs in an interpreter that has mujoco.sysid, without frischid.
+"""The mujoco.sysid process of other scripts; it runs in an interpreter that has mujoco.sysid, without frischid.
 
-For every line on its input, this script fits armature and damping of every joint by `sysid.optimize` and answers with
+The folder that its argument names holds the model, `arm.xml`, and `inputs.npz`: times, controls and sensors, the first
+state, the optimiser's name, and for armature, damping and, as a third row, friction loss of each joint the start and
+the bounds. For every line on its input, this script fits these values by `sysid.optimize` and answers with them and
 the processor seconds. It is no benchmark by itself.
 """
 
@@ -15,26 +17,33 @@ import mujoco
 import numpy as np
 from mujoco import sysid
 
+KINDS = ("armature", "damping", "frictionloss")
 
-def job(spec, model, state, control, sensors, guess):
-    """Fit once; every parameter starts at `guess`."""
+
+def job(spec, model, start, series, values):
+    """Fit once: series are the controls and sensors, values the optimiser, starts and bounds."""
+    optimizer, guess, low, high = values
     parameters = sysid.ParameterDict()
-    for i in range(model.nv):
-        name = model.joint(i).name
-        for kind in ("armature", "damping"):
+    names = [[f"{model.joint(i).name}_{kind}" for i in range(model.nv)] for kind in KINDS[: len(guess)]]
+    for row, kind in enumerate(KINDS[: len(guess)]):
+        for i in range(model.nv):
+            joint = model.joint(i).name
             parameters.add(
                 sysid.Parameter(
-                    f"{name}_{kind}",
-                    nominal=guess,
-                    min_value=1e-3,
-                    max_value=5.0,
-                    modifier=lambda s, p, n=name, k=kind: _set(s.joint(n), k, p.value[0]),
+                    names[row][i],
+                    nominal=float(guess[row, i]),
+                    min_value=float(low[row, i]),
+                    max_value=float(high[row, i]),
+                    modifier=lambda s, p, n=joint, k=kind: _set(s.joint(n), k, p.value[0]),
                 )
             )
-    sequences = sysid.ModelSequences("arm", spec, "measured", state, control, sensors)
+    sequences = sysid.ModelSequences("arm", spec, "measured", start, *series)
     residual = sysid.build_residual_fn(models_sequences=[sequences])
-    found, _ = sysid.optimize(initial_params=parameters, residual_fn=residual, optimizer="mujoco", verbose=False)
-    return {name: float(found[name].value[0]) for name in found.keys()}  # noqa: SIM118 (not a dict)
+    scaled = {"x_scale": guess.ravel()} if optimizer == "scipy" else {}
+    found, _ = sysid.optimize(
+        initial_params=parameters, residual_fn=residual, optimizer=optimizer, verbose=False, **scaled
+    )
+    return [[float(found[name].value[0]) for name in of_kind] for of_kind in names]
 
 
 def _set(joint, kind, value):
@@ -52,16 +61,16 @@ def main():
     folder = Path(sys.argv[1])
     with np.load(folder / "inputs.npz") as file:
         t, control, sensor, start = (file[name] for name in ("t", "control", "sensor", "start"))
+        values = (str(file["optimizer"]), *(file[name] for name in ("guess", "low", "high")))
     spec = mujoco.MjSpec.from_string((folder / "arm.xml").read_text(encoding="utf-8"))
     model = spec.compile()
     for _ in sys.stdin:
         with contextlib.redirect_stdout(sys.stderr):
-            controls = sysid.TimeSeries(t[:-1], control)
-            sensors = sysid.TimeSeries.from_names(t[1:], sensor, model)
+            series = sysid.TimeSeries(t[:-1], control), sysid.TimeSeries.from_names(t[1:], sensor, model)
             begin = time.process_time()
-            values = job(spec, model, start, controls, sensors, 0.5)
+            found = job(spec, model, start, series, values)
             seconds = time.process_time() - begin
-        print(json.dumps({"seconds": seconds, "values": values, "version": metadata.version("mujoco")}), flush=True)
+        print(json.dumps({"seconds": seconds, "values": found, "version": metadata.version("mujoco")}), flush=True)
 
 
 main()

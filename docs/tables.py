@@ -245,8 +245,7 @@ def hidden_commanded() -> str:
     lines = []
     for kind in dict.fromkeys(row["hidden"] for row in rows):
         mine = [row for row in rows if row["hidden"] == kind]
-        ratios = [row["simulated"] for row in mine if row["hit"] and row["simulated"] is not None]
-        ratios = [x for x in ratios if math.isfinite(x)]
+        ratios = [row["simulated"] for row in mine if row["hit"] and math.isfinite(row["simulated"] or math.nan)]
         fall = f"{100 * (math.exp(sum(map(math.log, ratios)) / len(ratios)) - 1):+.0f} %" if ratios else "not simulated"
         lines.append((f"`{kind}`", str(len(mine)), str(sum(row["hit"] for row in mine)), fall))
     lines.append(("all", str(len(rows)), str(sum(row["hit"] for row in rows)), ""))

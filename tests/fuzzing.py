@@ -23,7 +23,8 @@ from hypothesis import strategies as st
 import frischid as fr
 from frischid.cli import main
 from frischid.effects import Formula, State
-from frischid.logs.controller import PDController, driven
+from frischid.logs.controller import PDController
+from frischid.logs.driven import driven
 from frischid.logs.mapping import DEFAULT_RULES, FILE_RULES, JOINT_RULES, LogMap
 from frischid.logs.readers import read_chunks, read_log, write_log
 from frischid.logs.recording import Recording

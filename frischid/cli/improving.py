@@ -55,24 +55,21 @@ def diagnose(
     """
     from frischid.cli.pages import improving as show
     from frischid.diagnosis.motion_space import simulate_findings
-    from frischid.diagnosis.roles import diagnose_in_roles as run
-    from frischid.diagnosis.roles import roles
+    from frischid.diagnosis.roles import diagnose_with, roles
 
     loaded, moved = model_of(model, torque_joints), None
     with working(as_json) as progress, elsewhere(scheduler, workers) as pool:
         progress("reading logs")
         data, test = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
-        found = run(
+        given = roles(loaded, data, valid=test, situation=situation)
+        found = diagnose_with(
             loaded,
-            data,
-            valid=test,
-            situation=situation,
+            given,
             effects=None if only is None else [x.strip() for x in only.split(",")],
             workers=pool,
             progress=progress,
         )
         if simulated:
-            given = roles(loaded, data, valid=test, situation=situation)
             moved = simulate_findings(loaded, found, given.select, valid=given.test, progress=progress)
     show_page(show.diagnosis(found, moved), as_json)
 

@@ -21,7 +21,7 @@ KEYS_KEPT = 2
 class Remembered(Generic[Result]):
     """Results of one function of an object and a key.
 
-    The objects are told apart by identity, and must not change.
+    Equal objects are still two objects here, and an object must not change.
 
     Examples
     --------

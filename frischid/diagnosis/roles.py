@@ -151,6 +151,18 @@ def diagnose_in_roles(
         As in `diagnose`.
     """
     given = roles(model, logs, valid=valid, situation=situation)
+    return diagnose_with(model, given, effects=effects, workers=workers, progress=progress)
+
+
+def diagnose_with(
+    model: Model,
+    given: Roles,
+    *,
+    effects: Sequence[str] | None = None,
+    workers: Workers | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """The same, where the roles of the logs are known."""
     found = diagnose(
         model,
         given.select,

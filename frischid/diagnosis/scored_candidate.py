@@ -149,7 +149,7 @@ def usable_candidates(
     present = {c.name for c in validator.data.cache.regressor.columns}
 
     def fresh(effect: Effect) -> bool:
-        if effect.recording and commanded:
+        if effect.of_recording and commanded:
             return False
         return measured.issuperset(effect.channels(robot)) and not any(
             column.name in present for column in effect.columns(robot)

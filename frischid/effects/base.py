@@ -109,7 +109,7 @@ class Effect(ABC):
     """Shape parameter -> values that the diagnosis tries, ascending; it refines between neighbours."""
     units: ClassVar[Mapping[str, UnitPair]] = {}
     """Shape parameter -> its units on a turning joint and on a sliding joint. Pure numbers are absent."""
-    recording: ClassVar[bool] = False
+    of_recording: ClassVar[bool] = False
     """Whether the effect is an error of how a torque was recorded: a torque computed from commands cannot have it."""
     of_controller: ClassVar[bool] = False
     """Whether the effect corrects what is known of the controller: such an effect is no torque of the robot."""

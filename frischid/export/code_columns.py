@@ -30,7 +30,6 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.effects import (
-    CommandDelay,
     Effect,
     EncoderZero,
     Formula,
@@ -179,7 +178,9 @@ class _Writer:
         self._made: dict[tuple[str, int, tuple[float, ...]], Made] = {}
 
     def columns(self, effect: Effect) -> list[CodeColumn]:
-        """Columns of one effect."""
+        """Columns of one effect; none of an effect of the controller, which is no torque of the robot."""
+        if effect.of_controller:
+            return []
         write = _WRITERS.get(type(effect), _Writer._plain)
         return write(self, effect)
 
@@ -246,10 +247,6 @@ class _Writer:
             spin = self._quantity("spin", self.robot.bodies.index(name), effect.ratio)
             found.append(self._column(effect, f"Im{digits}", self._rows(spin), spin))
         return found
-
-    def _of_controller(self, effect: Effect) -> list[CodeColumn]:
-        """No columns: an error in what is known of the controller is no torque of the robot."""
-        return []
 
     def _payload(self, effect: Effect) -> list[CodeColumn]:
         """A payload is added to the model's links; it gives columns only where later effects read the torque."""
@@ -321,7 +318,6 @@ _WRITERS: dict[type[Effect], Callable[[_Writer, Effect], list[CodeColumn]]] = {
     TimeDelay: _Writer._delay,
     Elasticity: _Writer._geared,
     Backlash: _Writer._geared,
-    CommandDelay: _Writer._of_controller,
 }
 
 

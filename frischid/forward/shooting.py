@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -99,7 +100,6 @@ class Shooting:
 
     def __init__(self, model: Model, logs: Sequence[Log | Recording], options: OutputErrorOptions) -> None:
         self.model, self.options = model, options
-        self.root = np.linalg.cholesky(model.estimate.covariance)
         self.weights = np.ones(len(model.robot.joints))
         self.cuts = [self._cut(motion, source) for motion, source in moved(model, logs)]
 
@@ -111,6 +111,11 @@ class Shooting:
         count = max(1, min(length, round(o.samples * length * motion.step / o.horizon)))
         return Cut(motion, source, first, np.unique(np.linspace(0, length, count + 1).round().astype(np.intp)))
 
+    @cached_property
+    def root(self) -> Array:
+        """L of θ = θ_linear + L z."""
+        return np.asarray(np.linalg.cholesky(self.model.estimate.covariance))
+
     def theta(self, z: Array) -> Array:
         """Values of all columns (..., C) at scaled parameters (..., p)."""
         full = np.zeros((*z.shape[:-1], len(self.model.full_theta)))
@@ -119,20 +124,23 @@ class Shooting:
 
     def errors(self) -> Array:
         """Rms error of the simulated positions of the linear answer, (J,), rad (m); infinite where unstable."""
-        r = self.residuals(np.zeros((1, len(self.model.estimate.theta))))[0]
-        kept = np.concatenate([np.full(len(cut.first), len(cut.samples)) for cut in self.cuts])
+        r = self._simulated(self.model.full_theta[None])[0]
         squares = (np.where(np.isfinite(r), r, np.inf) ** 2).sum(axis=(0, 1))
-        return np.asarray(np.sqrt(squares / kept.sum()) * self.weights)
+        return np.asarray(np.sqrt(squares / sum(len(cut.first) * len(cut.samples) for cut in self.cuts)))
 
     def residuals(self, zs: Array) -> Array:
         """Scaled errors of positions (P, stretches, samples, J) for parameters (P, p); zero after a shorter stretch."""
-        done, J, P = 0, len(self.weights), len(zs)
+        return self._simulated(self.theta(zs)) / self.weights
+
+    def _simulated(self, thetas: Array) -> Array:
+        """Errors of positions (P, stretches, samples, J) for values of all columns (P, C), rad (m)."""
+        done, J, P = 0, len(self.weights), len(thetas)
         widest = max(len(cut.samples) for cut in self.cuts)
         out = np.zeros((P, sum(len(cut.first) for cut in self.cuts), widest, J))
         for motion, source, first, samples in self.cuts:
             S = len(first)
             extra = {name: (motion.t, values) for name, values in motion.extra.items()}
-            forward = ForwardDynamics(self.model, self.theta(zs), extra=extra, begin=motion.start)
+            forward = ForwardDynamics(self.model, thetas, extra=extra, begin=motion.start)
             speed = np.where(motion.standstill, 0.0, motion.v)  # the measured speed of standstill is noise
             q, v = (np.tile(x[first], (P, 1)) for x in (motion.q, speed))
             remembered = [np.tile(z, (P, 1)) for z in forward.remembered(motion.t, motion.v, first)]
@@ -140,7 +148,7 @@ class Shooting:
             times = np.asarray(samples * motion.step, dtype=np.float64)
             found = forward.simulate(source, begin, times, step=self.options.step).q
             error = found.reshape(P, S, len(samples), J) - motion.q[first[:, None] + samples]
-            out[:, done : done + S, : len(samples)] = error / self.weights
+            out[:, done : done + S, : len(samples)] = error
             done += S
         return out
 

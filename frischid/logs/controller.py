@@ -15,7 +15,7 @@ Janot 2013 use the same law to know the torque of a simulated loop, IEEE Trans. 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -27,9 +27,7 @@ from frischid.core.files import read_toml
 from frischid.core.text import shortened
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
-from frischid.logs.current_gains import CurrentGains
 from frischid.logs.log import GARBAGE, STANDSTILL_SPAN, Log
-from frischid.logs.recording import Recording, joined
 
 PUSH_RATE = "controller_push_rate_"
 """Channel of a joint in a driven log: rate of the torque that follows from commands alone, N·m/s (N/s)."""
@@ -38,7 +36,7 @@ Gains = float | Mapping[str, float]
 MOST_DELAY_STEPS = 50
 """Steps of a log. A command that is older than this says nothing about the joint's motion now."""
 _ROUNDED_STEP = 1e-3  # of a step
-_SPLINE_SAMPLES = 20
+SPLINE_SAMPLES = 20
 """Samples beyond which a cubic spline's slope no longer depends on a sample: its influence falls by 0.27 a sample."""
 
 
@@ -249,50 +247,6 @@ class PDController:
             The file cannot be read, or is not such a file.
         """
         return cls.from_dict(read_toml(path, "controller")[0], str(path))
-
-
-def driven(
-    logs: Iterable[Log | Recording], controller: PDController | None, currents: CurrentGains | None = None
-) -> tuple[Log | Recording, ...]:
-    """Logs with the torque that a controller gives, or that currents give; as they are without both.
-
-    Parameters
-    ----------
-    logs : iterable of Log or Recording
-    controller : PDController or None
-    currents : CurrentGains, optional
-    """
-    found = tuple(logs)
-    if controller is not None:
-        found = tuple(
-            _driven_recording(x, controller) if isinstance(x, Recording) else controller.drive(x) for x in found
-        )
-    if currents is not None:
-        found = tuple(_with_currents(x, currents) if isinstance(x, Recording) else currents.drive(x) for x in found)
-    return found
-
-
-def _with_currents(log: Recording, currents: CurrentGains) -> Recording:
-    """A recording whose chunks have the torque of their currents."""
-
-    def read(samples: int) -> Iterator[Log]:
-        return (currents.drive(chunk) for chunk in log.read(samples))
-
-    return replace(log, read=read)
-
-
-def _driven_recording(log: Recording, controller: PDController) -> Recording:
-    """A recording whose chunks have torques; each chunk sees the end of the one before, for its delays and slopes."""
-
-    def read(samples: int) -> Iterator[Log]:
-        tail: Log | None = None
-        for chunk in log.read(samples):
-            whole = chunk if tail is None else joined(tail, 0, chunk)
-            driven_whole = controller.drive(whole)
-            yield driven_whole.slice(int(np.searchsorted(driven_whole.t, chunk.t[0])))
-            tail = whole.slice(-min(len(whole), MOST_DELAY_STEPS + _SPLINE_SAMPLES))
-
-    return replace(log, read=read)
 
 
 def velocity_of(log: Log) -> Array:

@@ -25,7 +25,7 @@ from frischid.estimators.map_estimate import MapEstimate, map_estimate
 from frischid.estimators.parameter_prior import ParameterPrior
 from frischid.estimators.precision import precision_of
 from frischid.estimators.urdf_prior import urdf_prior
-from frischid.logs.controller import driven
+from frischid.logs.driven import driven
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording, check_logs

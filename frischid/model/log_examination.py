@@ -17,8 +17,9 @@ from frischid.checks.long_log import examine_long, is_long
 from frischid.core.remembered import Remembered
 from frischid.effects import BASELINE
 from frischid.errors import InputError
-from frischid.logs.controller import PDController, driven
+from frischid.logs.controller import PDController
 from frischid.logs.cutoff_choice import choose_lowpass
+from frischid.logs.driven import driven
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion, prepare

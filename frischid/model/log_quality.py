@@ -15,7 +15,7 @@ import numpy as np
 from frischid.checks import inspect
 from frischid.core.types import Array
 from frischid.effects import BASELINE
-from frischid.logs.controller import driven
+from frischid.logs.driven import driven
 from frischid.logs.excerpt import Excerpt, excerpt
 from frischid.logs.filters import noise_level
 from frischid.logs.log import Log

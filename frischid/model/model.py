@@ -26,8 +26,9 @@ from frischid.errors import InputError
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import Estimate
 from frischid.estimators.urdf_prior import UrdfPrior
-from frischid.logs.controller import PDController, driven
+from frischid.logs.controller import PDController
 from frischid.logs.current_gains import CurrentGains
+from frischid.logs.driven import driven
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion

@@ -30,7 +30,8 @@ from frischid.effects import BASELINE
 from frischid.errors import InputError
 from frischid.estimators.torque_scale import TorqueScales, torque_scales
 from frischid.estimators.urdf_prior import urdf_prior
-from frischid.logs.controller import MOST_DELAY_STEPS, Gains, PDController, driven
+from frischid.logs.controller import MOST_DELAY_STEPS, Gains, PDController
+from frischid.logs.driven import driven
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.recording import Motions, preview_of

@@ -25,8 +25,8 @@ from frischid.core.types import Array
 from frischid.effects import BASELINE
 from frischid.estimators.torque_scale import TorqueScales, torque_scales
 from frischid.estimators.urdf_prior import urdf_prior
-from frischid.logs.controller import driven
 from frischid.logs.current_gains import CurrentGains
+from frischid.logs.driven import driven
 from frischid.logs.filters import LowPass
 from frischid.logs.recording import Motions, preview_of
 from frischid.logs.summary import Data, held_by, summarise, torque_joints

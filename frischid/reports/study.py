@@ -16,7 +16,7 @@ from frischid.diagnosis.rivals import cause_of
 from frischid.diagnosis.roles import diagnose_in_roles
 from frischid.errors import FrischidError, InputError
 from frischid.export.consistency import Consistency, make_consistent
-from frischid.logs.controller import driven
+from frischid.logs.driven import driven
 from frischid.logs.excerpt import as_recording, excerpt
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording

@@ -210,10 +210,7 @@ class Robot:
 
     @cached_property
     def dynamics(self) -> dict[str, tuple[float, float]]:
-        """URDF ``<dynamics damping friction>`` of each independent joint (N·m·s/rad, N·m).
-
-        Zero where there is none, and where one damping for all joints is a simulator's.
-        """
+        """URDF damping and friction of each independent joint (N·m·s/rad, N·m); a simulator's damping counts as 0."""
         found = joint_dynamics(self.urdf)
         return {j: found.get(j, (0.0, 0.0)) for j in self.joints}
 

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
-from frischid.logs.controller import driven
+from frischid.logs.driven import driven
 
 T = np.arange(0.0, 6.0, 0.01)
 JOINTS = ("joint1", "joint2")

@@ -1,0 +1,62 @@
+"""Logs with the torque of their drives: from commands and a controller, or from currents and a torque per ampere.
+
+    τ_j = controller(q_cmd,j, q_j, q̇_j)        or        τ_j = K_j i_j
+
+A joint whose torque was measured keeps it. Every later stage reads these logs as if the torque had been measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from frischid.logs.controller import MOST_DELAY_STEPS, SPLINE_SAMPLES, PDController
+from frischid.logs.current_gains import CurrentGains
+from frischid.logs.log import Log
+from frischid.logs.recording import Recording, joined
+
+
+def driven(
+    logs: Iterable[Log | Recording], controller: PDController | None, currents: CurrentGains | None = None
+) -> tuple[Log | Recording, ...]:
+    """Logs with the torque that a controller gives, or that currents give; as they are without both.
+
+    Parameters
+    ----------
+    logs : iterable of Log or Recording
+    controller : PDController or None
+    currents : CurrentGains, optional
+    """
+    found = tuple(logs)
+    if controller is not None:
+        found = tuple(
+            _driven_recording(x, controller) if isinstance(x, Recording) else controller.drive(x) for x in found
+        )
+    if currents is not None:
+        found = tuple(_with_currents(x, currents) if isinstance(x, Recording) else currents.drive(x) for x in found)
+    return found
+
+
+def _with_currents(log: Recording, currents: CurrentGains) -> Recording:
+    """A recording whose chunks have the torque of their currents."""
+
+    def read(samples: int) -> Iterator[Log]:
+        return (currents.drive(chunk) for chunk in log.read(samples))
+
+    return replace(log, read=read)
+
+
+def _driven_recording(log: Recording, controller: PDController) -> Recording:
+    """A recording whose chunks have torques; each chunk sees the end of the one before, for its delays and slopes."""
+
+    def read(samples: int) -> Iterator[Log]:
+        tail: Log | None = None
+        for chunk in log.read(samples):
+            whole = chunk if tail is None else joined(tail, 0, chunk)
+            driven_whole = controller.drive(whole)
+            yield driven_whole.slice(int(np.searchsorted(driven_whole.t, chunk.t[0])))
+            tail = whole.slice(-min(len(whole), MOST_DELAY_STEPS + SPLINE_SAMPLES))
+
+    return replace(log, read=read)
