@@ -7,7 +7,6 @@ A model is saved as one readable JSON file. The file holds the URDF's text, so a
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -35,9 +34,9 @@ from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording
 from frischid.model.fit_record import FitRecord, normal_reach
 from frischid.model.log_requirements import check_logs_fit, motion_of
-from frischid.model.model_digest import NO_HASH, check_digest, text_of, without_hash
+from frischid.model.model_digest import check_digest, check_stored, text_of, without_hash
 from frischid.model.model_file import SCHEMA, read_json, read_records, robot_of
-from frischid.model.model_parts import parts_of, plain_estimate, plain_numbers, robot_dict, without_robot
+from frischid.model.model_parts import parts_of, plain_estimate, plain_numbers, plain_part, robot_dict, without_robot
 from frischid.model.parameters import Parameter, parameters_by_name
 from frischid.model.stored_paths import located
 from frischid.regression.block import Block
@@ -70,8 +69,7 @@ class Model(Shown):
     reference : dict of str to float, optional
         Parameter values that give the load for effects that depend on the load; None: the URDF's values.
     standard : dict of str to float, optional
-        Physically consistent value of every parameter, known ones included, that has these base parameters; None until
-        `frischid.export.consistency.make_consistent` found them.
+        Physically consistent value of every parameter, known ones included; None before `frischid.make_consistent`.
     history : tuple of dict
         Steps of the model, oldest first, in plain JSON values.
     previous : Model, optional
@@ -313,10 +311,7 @@ class Model(Shown):
             "history": [dict(h) for h in self.history],
             "previous": None if self.previous is None else without_robot(self.previous.to_dict()),
             "recursion": None if self.recursion is None else dict(self.recursion),
-            "prior": None if self.prior is None else self.prior.to_dict(),
-            "fitted": None if self.fitted is None else self.fitted.to_dict(),
-            "controller": None if self.controller is None else self.controller.to_dict(),
-            "currents": None if self.currents is None else self.currents.to_dict(),
+            **{part: plain_part(getattr(self, part)) for part in ("prior", "fitted", "controller", "currents")},
         }
 
     @classmethod
@@ -351,7 +346,5 @@ class Model(Shown):
         """
         found = without_hash(located(written := read_json(path), Path(path).parent, str(path)))
         model = cls.from_dict(found, str(path))
-        check_digest(written, str(path))  # of the content before the paths were found
-        if written.get("sha256") is None:
-            warnings.warn(f"{path} {NO_HASH}", stacklevel=2)
+        check_stored(written, str(path))  # of the content before the paths were found
         return model

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -23,10 +24,6 @@ def digest(data: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-NO_HASH = "holds no hash of its content (`sha256`): frischid cannot notice a changed number"
-"""Said of a model file whose hash was taken out."""
-
-
 def check_digest(data: Mapping[str, Any], source: str) -> None:
     """Refuse a model that was edited after frischid wrote the file; without a hash, nobody can tell.
 
@@ -40,6 +37,15 @@ def check_digest(data: Mapping[str, Any], source: str) -> None:
             source,
             "a value was changed after frischid wrote the file; take a copy of the file, or delete its field `sha256` "
             "to use the changed values on your own responsibility",
+        )
+
+
+def check_stored(written: Mapping[str, Any], source: str) -> None:
+    """The same of a file's content; a file whose hash was taken out is read with a warning."""
+    check_digest(written, source)
+    if written.get("sha256") is None:
+        warnings.warn(
+            f"{source} holds no hash of its content (`sha256`): frischid cannot notice a changed number", stacklevel=3
         )
 
 

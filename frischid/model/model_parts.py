@@ -121,6 +121,11 @@ def plain_numbers(values: Mapping[str, float] | None) -> dict[str, float] | None
     return None if values is None else {name: float(x) for name, x in values.items()}
 
 
+def plain_part(part: Any) -> dict[str, Any] | None:
+    """A part of a model as plain JSON values; None for a part that the model has not."""
+    return None if part is None else dict(part.to_dict())
+
+
 def without_robot(data: dict[str, Any]) -> dict[str, Any]:
     """Every step is of the same robot: its URDF is kept once."""
     return {k: v for k, v in data.items() if k != "robot"}
