@@ -3,11 +3,14 @@
 The robots and logs are those of `commanded_mujoco.py`: MuJoCo moves a robot whose links are 5 to 20 % off the URDF, and
 the log has commands and quantised positions. All three get the URDF, the servos' gains and the commands' delay.
 frischid solves one linear problem with bounds. mujoco.sysid fits the simulated motion of the whole log, from three
-times the true values; the random search keeps the best of 5,000 simulations of the log. Both move the URDF's links, and
-look between a tenth and ten times the true values; no user knows that much.
+times the true values: once with the URDF's links, and once with each link's mass and centre of mass as further
+parameters, within the bounds that the package proposes (at most 50 evaluations). The random search keeps the best of
+5,000 simulations of the log, with the URDF's links. Both look between a tenth and ten times the true values; no user
+knows that much.
 
-Error of the values: median and largest over all joints, of armature, viscous and Coulomb friction. Simulated error: rms
-position error in MuJoCo along a motion that no tool has seen, mean over the joints. Times are processor time.
+Error of the values: median and largest over all joints, of armature, viscous and Coulomb friction. Inside: share of the
+true values inside the tool's 95 % ranges. Simulated error: rms position error in MuJoCo along a motion that no tool has
+seen, mean over the joints. Times are processor time.
 
 mujoco.sysid runs in a process of its own: `pip install "mujoco[sysid]"` in another environment, and pass its
 interpreter as `--python`.
@@ -76,16 +79,16 @@ def error(found: Array, log: fr.Log) -> float:
     return float(np.sqrt(((found - log.q) ** 2).mean(axis=0)).mean()) if np.isfinite(found).all() else float("inf")
 
 
-def ours(robot: fr.Robot, log: fr.Log, controller: fr.PDController) -> tuple[Array, float, str]:
-    """Values (3, J), seconds, and the model as MJCF."""
+def ours(robot: fr.Robot, log: fr.Log, controller: fr.PDController) -> tuple[Array, Array, float, str]:
+    """Values (3, J), their ranges (2, 3, J), seconds, and the model as MJCF."""
     begin = time.process_time()
     model = fr.identify(robot, [log], controller=controller, recursion="none").model
     drives = fr.drive_parameters(model)
     seconds = time.process_time() - begin
     model = fr.make_consistent(model).model
     kinds = ("armature", "viscous", "coulomb")
-    values = np.array([[x.value for x in drives if x.quantity == kind] for kind in kinds])
-    return values, seconds, mjcf_source(model)
+    found = np.array([[(x.value, x.lower, x.upper) for x in drives if x.quantity == kind] for kind in kinds])
+    return found[:, :, 0], np.moveaxis(found[:, :, 1:], 2, 0), seconds, mjcf_source(model)
 
 
 def searched(robot: fr.Robot, log: fr.Log, gains: tuple[Array, Array], truth: Array, simulations: int) -> Array:
@@ -109,17 +112,19 @@ def compared(name: str, seed: int, python: str, simulations: int) -> list[dict[s
     names = [f"j{i + 1}" for i in range(len(robot.joints))]
     rows = []
 
-    def row(tool: str, values: Array, seconds: float, moved: Array) -> None:
+    def row(tool: str, values: Array, seconds: float, moved: Array, ranges: Any = None) -> None:
         off = np.abs(values / truth - 1.0)
+        inside = None if ranges is None else 100 * float(((ranges[0] <= truth) & (truth <= ranges[1])).mean())
         rows.append(
             {"robot": name, "tool": tool, "seconds": seconds, "× frischid": seconds / rows[0]["seconds"] if rows else 1}
             | {"median error %": 100 * float(np.median(off)), "largest error %": 100 * float(off.max())}
-            | {"simulated error mrad": 1e3 * error(moved, test)}
+            | {"inside 95 % range %": inside, "simulated error mrad": 1e3 * error(moved, test)}
         )
+        print(rows[-1], flush=True)
 
-    values, seconds, text = ours(robot, log, controller)
+    values, ranges, seconds, text = ours(robot, log, controller)
     text = text.replace("<option ", f'<option timestep="{step:.17g}" integrator="implicitfast" ')
-    row("frischid", values, seconds, positions(text, list(robot.joints), late(test), test.q[0]))
+    row("frischid", values, seconds, positions(text, list(robot.joints), late(test), test.q[0]), ranges)
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "arm.xml").write_text(scene(robot, START * truth, gains, step), encoding="utf-8")
         t = np.arange((len(log) - 1) * FINER + 1) * step
@@ -130,10 +135,12 @@ def compared(name: str, seed: int, python: str, simulations: int) -> list[dict[s
         inputs |= {"guess": START * truth, "low": truth / SPREAD, "high": truth * SPREAD}
         np.savez(Path(folder) / "inputs.npz", **inputs)
         with Worker(python, WORKER, folder, 'pip install "mujoco[sysid]"') as other:
-            answer = other.run()
-    found = np.array(answer["values"])
-    moved = positions(scene(robot, found, gains, step), names, late(test), test.q[0])
-    row(f"mujoco.sysid {answer['version']}", found, answer["seconds"], moved)
+            for said in ("drives", "links"):
+                answer = other.run(said)
+                found, half = np.array(answer["values"]), np.array(answer["half"])
+                moved = positions(answer["mjcf"], names, late(test), test.q[0])
+                tool = f"mujoco.sysid {answer['version']}{', with links' * (said == 'links')}"
+                row(tool, found, answer["seconds"], moved, (found - half, found + half))
     begin = time.process_time()
     best = searched(robot, log, gains, truth, simulations)
     seconds = time.process_time() - begin

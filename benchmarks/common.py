@@ -72,12 +72,12 @@ class Worker:
     def __enter__(self) -> Worker:
         return self
 
-    def run(self) -> dict[str, Any]:
-        """One round."""
+    def run(self, said: str = "go") -> dict[str, Any]:
+        """One round; `said` is the line that the script gets."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         with contextlib.suppress(BrokenPipeError):
-            self.process.stdin.write("go\n")
+            self.process.stdin.write(f"{said}\n")
             self.process.stdin.flush()
         line = self.process.stdout.readline()
         if not line:

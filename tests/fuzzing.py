@@ -199,7 +199,7 @@ def try_mapping(folder: Path, given: Any) -> None:
 
 
 CONTROLLERS = st.dictionaries(
-    st.sampled_from(["kp", "kd", "limit", "dead_band", "delay", "kp_doubt", "delay_doubt", "nothing"]),
+    st.sampled_from(["kp", "kd", "limit", "dead_band", "delay", "kp_doubt", "delay_doubt", "held", "nothing"]),
     st.floats(0.0, 1e3)
     | VALUES
     | st.dictionaries(st.sampled_from(["joint1", "joint2", "elbow"]), st.floats() | st.floats(0.0, 10.0) | VALUES),

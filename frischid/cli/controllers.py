@@ -16,7 +16,14 @@ from frischid.errors import InputError
 if TYPE_CHECKING:
     from frischid.logs.controller import PDController
 
-KEYS = {"kp": "kp", "kd": "kd", "effort_limit": "limit", "dead_band": "dead_band", "delay": "delay"}
+KEYS = {
+    "kp": "kp",
+    "kd": "kd",
+    "effort_limit": "limit",
+    "dead_band": "dead_band",
+    "delay": "delay",
+    "delay_doubt": "delay_doubt",
+}
 """Option -> field of `PDController`."""
 
 
@@ -30,10 +37,13 @@ class ControllerArguments:
         ``pd``, or a TOML file.
     values : dict of str to str
         Option -> a number, or ``JOINT=VALUE,...``; options that were not given are absent.
+    held : bool
+        Whether the drive keeps each command until the next one.
     """
 
     controller: str | None
     values: dict[str, str]
+    held: bool = False
 
     def read(self, joints: Sequence[str]) -> PDController | None:
         """The controller; None without one.
@@ -52,14 +62,14 @@ class ControllerArguments:
 
         from frischid.logs.controller import PDController
 
-        options = ", ".join(f"--{name.replace('_', '-')}" for name in self.values)
+        options = ", ".join(f"--{n.replace('_', '-')}" for n in [*self.values, *["held_commands"] * self.held])
         if self.controller is None:
-            if self.values:
+            if options:
                 raise InputError(f"{options}: say which controller has it: --controller pd")
             return None
         found = PDController() if self.controller == "pd" else PDController.load(self.controller)
         values: dict[str, Any] = {KEYS[name]: _values(name, text, joints) for name, text in self.values.items()}
-        found = replace(found, **values)
+        found = replace(found, **values, held=found.held or self.held)
         found.check_joints(joints)
         return found
 
@@ -81,9 +91,9 @@ def controller_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options of a controller; the command gets them as ``controller``, a `ControllerArguments`."""
 
     @functools.wraps(command)
-    def collected(*args: Any, controller: str | None, **given: Any) -> Any:
+    def collected(*args: Any, controller: str | None, held_commands: bool, **given: Any) -> Any:
         values = {name: text for name in KEYS if (text := given.pop(name)) is not None}
-        return command(*args, controller=ControllerArguments(controller, values), **given)
+        return command(*args, controller=ControllerArguments(controller, values, held_commands), **given)
 
     each = "one number, or JOINT=VALUE,... (* and ? match)."
     options = [
@@ -106,7 +116,11 @@ def controller_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--delay",
             metavar="VALUES",
-            help=f"Age of a command when it acts, s: {each} auto finds one delay for all joints.",
+            help=f"Age of a command when it begins to act, s: {each} auto finds one delay for all joints.",
+        ),
+        click.option("--delay-doubt", metavar="VALUES", help=f"Standard error of the delay, s: {each}"),
+        click.option(
+            "--held-commands", is_flag=True, help="The drive keeps each command until the next row of the log."
         ),
     ]
     wrapped: Callable[..., Any] = collected

@@ -14,7 +14,7 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.forward.torque_sources import PositionController, RecordedTorque, TorqueSource
-from frischid.logs.controller import PDController, check_commands, check_delay
+from frischid.logs.controller import PDController, check_commands, check_delay, delayed
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording, chunks_of, preview_of
@@ -68,7 +68,7 @@ def commanded_source(controller: PDController, log: Log | Recording, joints: Seq
         if len(found) < len(parts):
             return None
         whole = np.nan_to_num(np.concatenate(found))
-        return np.column_stack([np.interp(t - d, t, whole[:, j]) for j, d in enumerate(delay)])
+        return np.column_stack([delayed(t, whole[:, j], d, controller.held) for j, d in enumerate(delay)])
 
     positions = commands("qcmd")
     assert positions is not None  # `follows_commands` looked

@@ -122,6 +122,7 @@ class ControllerRecord(Struct, forbid_unknown_fields=True, frozen=True, omit_def
     delay: float | dict[str, float] = 0.0
     kp_doubt: float | dict[str, float] = 0.0
     delay_doubt: float | dict[str, float] = 0.0
+    held: bool = False
 
 
 class CurrentsRecord(Struct, forbid_unknown_fields=True, frozen=True):

@@ -8,6 +8,7 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
+from frischid.logs.controller import delayed
 from frischid.logs.driven import driven
 
 T = np.arange(0.0, 6.0, 0.01)
@@ -47,6 +48,29 @@ def test_a_command_acts_after_its_delay():
     log = commanded()
     late = fr.PDController(kp=20.0, delay=0.03).drive(log).tau
     np.testing.assert_allclose(late, 20.0 * (log.qcmd[:-3] - log.q[3:]), atol=1e-9)
+
+
+def test_between_two_samples_a_command_keeps_its_size():
+    t = np.arange(0.0, 3.0, 0.01)
+    late = delayed(t, np.sin(20 * t), 0.035)[10:]
+    np.testing.assert_allclose(late, np.sin(20 * (t[10:] - 0.035)), atol=2e-3)  # a straight line: 5e-3 too small
+    step = np.where(t > 1.0, 1.0, 0.0)
+    assert (delayed(t, step, 0.035) >= 0.0).all()
+    assert (delayed(t, step, 0.035) <= 1.0).all()
+
+
+def test_a_held_command_is_the_mean_over_a_step():
+    log, omega = commanded(), 20.0
+    log = replace(log, q=0.0 * log.q, qcmd=np.column_stack([np.sin(omega * T)] * 2))
+    held = fr.PDController(kp=1.0, delay=0.02, held=True).drive(log)
+    assert held.t[0] == pytest.approx(0.03)  # the command of the first sample acts fully after delay and hold
+    half = 0.5 * omega * 0.01
+    wanted = np.sin(half) / half * np.sin(omega * (held.t - 0.025))
+    np.testing.assert_allclose(held.tau[:, 0], wanted, atol=5e-4)
+    assert "held commands" in str(fr.PDController(held=True))
+    assert fr.PDController.from_dict(fr.PDController(kp=1.0, held=True).to_dict()).held
+    with pytest.raises(fr.InputError, match="held must be true or false"):
+        fr.PDController(held=1)
 
 
 def test_velocity_is_the_slope_of_the_positions_where_none_was_measured():
