@@ -66,7 +66,7 @@ def test_a_held_command_is_the_mean_over_a_step():
     assert held.t[0] == pytest.approx(0.03)  # the command of the first sample acts fully after delay and hold
     half = 0.5 * omega * 0.01
     wanted = np.sin(half) / half * np.sin(omega * (held.t - 0.025))
-    np.testing.assert_allclose(held.tau[:, 0], wanted, atol=2e-3)
+    np.testing.assert_allclose(held.tau[1:, 0], wanted[1:], atol=1e-3)
     assert "held commands" in str(fr.PDController(held=True))
     assert fr.PDController.from_dict(fr.PDController(kp=1.0, held=True).to_dict()).held
     with pytest.raises(fr.InputError, match="held must be true or false"):
