@@ -8,12 +8,15 @@ two steps, and that commands are held.
 Per robot, over all drives and seeds: the share of values that are called identified, their median and 90 % relative
 error, the share within 5 %, and the share of true values inside the 95 % ranges, of the identified values and of all.
 
+With `--delay-doubt`, the delay that frischid gets has a random error, and frischid knows its size.
+
 With `--unknown`, neither gains nor delay are named: kp comes from the URDF's masses, the delay from the likelihood. A
 second table has their errors. A joint whose kp cannot be found gets the true one, and is counted.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -100,15 +103,19 @@ def recorded(name: str, seed: int, other: int | None = None) -> tuple[fr.Robot, 
     )
 
 
-def one(name: str, seed: int) -> list[dict[str, Any]]:
-    """Every value of every drive of one run, beside the truth."""
+def one(name: str, seed: int, doubt: float = 0.0) -> list[dict[str, Any]]:
+    """Every value of every drive of one run, beside the truth; `doubt` is that of the delay, in steps of the log."""
     robot, log, drive, controller = recorded(name, seed)
+    if doubt:
+        s = doubt / log.rate
+        told = float(controller.values("delay", robot.joints)[0]) + s * np.random.default_rng([seed, 3]).normal()
+        controller = replace(controller, delay=told, delay_doubt=s)
     model = fr.identify(robot, [log], controller=controller, recursion="none").model
     rows = []
     for x in fr.drive_parameters(model):
         if x.quantity in TRUE:
             truth = float(getattr(drive, TRUE[x.quantity])[robot.joints.index(x.joint)])
-            rows.append({**x.to_dict(), "truth": truth, "inside": x.lower <= truth <= x.upper, "seed": seed})
+            rows.append({**x.to_dict(), "truth": truth, "inside": bool(x.lower <= truth <= x.upper), "seed": seed})
     return rows
 
 
@@ -155,7 +162,7 @@ def summary_of_unnamed(name: str, rows: list[dict[str, Any]]) -> list[dict[str, 
 def summary(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """One line of the table."""
     known = [x for x in rows if x["known"] == "identified"]
-    error: Array = np.array([abs(x["value"] / x["truth"] - 1.0) for x in known])
+    error: Array = np.array([abs(x["value"] / x["truth"] - 1.0) for x in known] or [np.nan])
     return {
         "robot": name,
         "runs": len({x["seed"] for x in rows}),
@@ -164,7 +171,7 @@ def summary(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
         "median error": float(np.median(error)),
         "90 % error": float(np.quantile(error, 0.9)),
         "within 5 %": float((error < 0.05).mean()),
-        "inside, identified": float(np.mean([x["inside"] for x in known])),
+        "inside, identified": float(np.mean([x["inside"] for x in known] or [np.nan])),
         "inside, all": float(np.mean([x["inside"] for x in rows])),
     }
 
@@ -175,6 +182,7 @@ def main() -> None:
     options.add_argument("--runs", type=int, default=10, help="seeds per robot")
     options.add_argument("--first", type=int, default=0, help="first seed")
     options.add_argument("--robots", nargs="+", choices=list(ROBOTS), default=list(ROBOTS))
+    options.add_argument("--delay-doubt", type=float, default=0.0, help="standard error of the delay, steps of the log")
     options.add_argument("--unknown", action="store_true", help="find gains and delay too, and print their errors only")
     given = options.parse_args()
     seeds = range(given.first, given.first + given.runs)
@@ -182,7 +190,9 @@ def main() -> None:
         found = [x for n in given.robots for x in summary_of_unnamed(n, [r for k in seeds for r in unnamed(n, k)])]
         publish("Gains and delay from commanded positions, neither of them named", found, given.json)
         return
-    rows = [summary(name, [row for seed in seeds for row in one(name, seed)]) for name in given.robots]
+    rows = [
+        summary(name, [row for seed in seeds for row in one(name, seed, given.delay_doubt)]) for name in given.robots
+    ]
     publish("Drives from commanded positions, moved by MuJoCo", rows, given.json)
 
 

@@ -178,11 +178,9 @@ def _of_controller(model: Model, joint: str, values: list[_Value]) -> list[Drive
             (lower, upper), known = _range(value, doubt), "identified"
         for column, more, spread, _ in values:
             if CORRECTIONS.get(column.effect) == quantity and (column.joint == joint or column.name == ALL_LATE):
-                value = max(0.0, value + more)
-                (lower, upper), known = (
-                    _range(value, float(np.hypot(spread, (upper - lower) / 2 / REACH))),
-                    "identified",
-                )
+                value = value + more  # the doubt about the delay is the prior of its correction
+                lower, upper = _range(value, spread)
+                value, known = max(0.0, value), "identified"
         if np.isfinite(value):
             found.append(DriveParameter(joint, quantity, units[quantity], value, lower, upper, known, ""))
     return found

@@ -30,6 +30,7 @@ from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording, check_logs
 from frischid.logs.summary import Data, LogSummary, held_by, summarise, torque_joints
+from frischid.model.doubtful_delay import delay_effects, with_delay_prior
 from frischid.model.identify_options import IdentifyOptions
 from frischid.model.log_examination import check_cutoff, refuse_worthless, report_issues
 from frischid.model.unknown_drive import known_controller
@@ -147,7 +148,9 @@ class Problem:
     @cached_property
     def urdf(self) -> ParameterPrior:
         """The URDF as a prior of all parameters."""
-        return urdf_prior(self.regressor, self.reduction, self.whole, self.data.options.prior_criteria)
+        options = self.data.options
+        prior = urdf_prior(self.regressor, self.reduction, self.whole, options.prior_criteria)
+        return with_delay_prior(prior, options.controller, self.regressor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,6 +257,8 @@ def form_moments(data: LogData, effects: Sequence[Effect] | None) -> Problem:
     if effects is not None:
         check_effects(effects)
     chosen = _default_effects(data) if effects is None else tuple(effects)
+    if data.options.with_prior:
+        chosen = delay_effects(data.options.controller, chosen, data.some_motions, data.robot.joints)
     journal = data.journal
     journal.progress("regressor and moments")
     regressor = Regressor(data.robot, chosen, data.options.reference)

@@ -1,0 +1,79 @@
+"""The doubt about a controller's delay, as a parameter of the fit.
+
+    τ_computed ≈ Y θ + δ · d/dt (kp q_cmd(t − d) + …),      δ ~ N(0, s_d²)
+
+A command that acts δ later than the controller says makes an error that is nearly viscous friction of −kp δ. So ranges
+of friction that ignore the doubt s_d about the delay are too narrow. δ is fitted beside the other parameters, with the
+doubt as its prior: the ranges of friction and armature then hold this doubt, as far as the logs do not remove it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from frischid.effects import Effect
+from frischid.effects.commands import CommandDelay
+from frischid.estimators.parameter_prior import ParameterPrior
+from frischid.logs.controller import PUSH_RATE, PDController
+from frischid.logs.preprocessing import Motion
+from frischid.regression.regressor import Regressor
+
+
+def delay_effects(
+    controller: PDController | None, effects: Sequence[Effect], motions: Iterable[Motion], joints: Sequence[str]
+) -> tuple[Effect, ...]:
+    """The effects of a model, and one for a delay that is in doubt.
+
+    Parameters
+    ----------
+    controller : PDController or None
+    effects : sequence of Effect
+    motions : iterable of Motion
+        Of the logs, with the torque of the controller.
+    joints : sequence of str
+        All joints of the robot.
+
+    Returns
+    -------
+    tuple of Effect
+        `effects` alone where no delay is in doubt, or where they have the delay of commands already.
+    """
+    doubts = _doubts(controller, joints)
+    if not doubts or any(effect.id == CommandDelay.id for effect in effects):
+        return tuple(effects)
+    driven = [n for n in doubts if all(PUSH_RATE + n in motion.extra for motion in motions)]
+    if not driven:
+        return tuple(effects)
+    one = len(driven) == len(joints) and len({doubts[n] for n in driven}) == 1
+    return (*effects, CommandDelay(None if one else tuple(driven)))
+
+
+def with_delay_prior(prior: ParameterPrior, controller: PDController | None, regressor: Regressor) -> ParameterPrior:
+    """A prior in which the delay of commands has the spread of the controller's doubt, where there is one.
+
+    Parameters
+    ----------
+    prior : ParameterPrior
+        Of the columns of `regressor`.
+    controller : PDController or None
+    regressor : Regressor
+    """
+    doubts = _doubts(controller, regressor.robot.joints)
+    if not doubts:
+        return prior
+    spread = [
+        doubts.get(c.joint, s) if c.effect == CommandDelay.id else s
+        for c, s in zip(regressor.columns, prior.spread, strict=True)
+    ]
+    return replace(prior, spread=np.array(spread))
+
+
+def _doubts(controller: PDController | None, joints: Sequence[str]) -> Mapping[str, float]:
+    """Joints whose delay is in doubt, with the standard error, s."""
+    if controller is None:
+        return {}
+    values = controller.values("delay_doubt", joints).tolist()
+    return {n: x for n, x in zip(joints, values, strict=True) if x > 0}
