@@ -59,9 +59,7 @@ def test_only_joints_with_commands_have_a_delay() -> None:
     robot, log = fr.Robot.load("planar2"), commanded()
     driven = fr.PDController(KP, KD, delay=LATE).drive(log)
     assert driven.tau is not None
-    half = fr.Log(
-        driven.t, driven.joints, q=driven.q, qcmd=driven.qcmd, tau=driven.tau * [1.0, np.nan], source="half"
-    )
+    half = fr.Log(driven.t, driven.joints, q=driven.q, qcmd=driven.qcmd, tau=driven.tau * [1.0, np.nan], source="half")
     controller = fr.PDController(KP, KD, delay=LATE, delay_doubt=1e-3)
     model = fr.identify(robot, [half], controller=controller, recursion="none").model
     (late,) = (effect for effect in model.effects if effect.id == "command_delay")
