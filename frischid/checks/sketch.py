@@ -25,7 +25,7 @@ from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.core.types import Array
 from frischid.effects.state import SIGN_WIDTH
 from frischid.errors import InputError
-from frischid.logs.filters import LowPass, decimating_filter, derivative_taps, noise_level
+from frischid.logs.filters import LowPass, decimate, derivative_taps, noise_level
 from frischid.logs.log import DEAD_TORQUE
 from frischid.logs.preprocessing import Motion
 from frischid.regression.regressor import STANDSTILL_WEIGHT
@@ -90,8 +90,7 @@ class Sketch:
         for motion in motions:
             taps = coarse.taps(motion.step)
             every = max(1, int(1 / (criteria.sketch_oversampling * cutoff * motion.step)))
-            F = decimating_filter(taps, len(motion.t), every)
-            if F.shape[0] == 0:
+            if len(motion.t) < len(taps):
                 continue
             second = np.convolve(taps, derivative_taps(2, motion.step, cutoff))
             first = derivative_taps(1, motion.step, cutoff)
@@ -103,8 +102,9 @@ class Sketch:
             half = len(taps) // 2
             t = motion.t[half : len(motion.t) - half][::every]
             channels = (motion.q, motion.v, motion.a, motion.tau, np.tanh(motion.v / SIGN_WIDTH))
-            filtered = [F @ x for x in channels]
-            parts.append((t[: F.shape[0]], *filtered, (abs(F) @ motion.standstill.astype(float)) < STANDSTILL_WEIGHT))
+            filtered = [decimate(taps, x, every) for x in channels]
+            rest = decimate(abs(taps), motion.standstill.astype(float), every)
+            parts.append((t[: len(rest)], *filtered, rest < STANDSTILL_WEIGHT))
         if not parts:
             raise InputError(f"the log is shorter than its filters ({len(taps)} samples); record longer")
         ends = tuple(np.cumsum([len(part[0]) for part in parts]).tolist())

@@ -72,15 +72,15 @@ def read(paths: Sequence[str], robot: Robot, mapping: MapFiles) -> list[Log]:
 
 def opened(paths: Sequence[str], robot: Robot, mapping: MapFiles) -> list[Any]:
     """Logs of a robot: in memory if they are small together, otherwise as recordings, read chunk by chunk."""
-    from frischid.logs import recording
+    from frischid.logs.content_size import fits_in_memory
     from frischid.logs.mapping import LogMap
+    from frischid.logs.recording import Recording
 
     check_found(paths)
-    sizes = [path.stat().st_size for path in map(Path, paths) if path.is_file()]
-    if len(sizes) == len(paths) and sum(sizes) <= recording.IN_MEMORY:
+    if fits_in_memory(map(Path, paths)):
         return list(read(paths, robot, mapping))
     form, names = LogMap.of(mapping), names_of(robot)
-    return [recording.Recording.open(path, names, form) for path in paths]
+    return [Recording.open(path, names, form) for path in paths]
 
 
 def names_of(robot: Robot) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -100,17 +100,28 @@ def bag_tables(
 
 def topics_of(path: Path) -> dict[str, tuple[str, ...]]:
     """Topics of joint states of a bag, and the names of the joints in each one's first messages."""
-    found: dict[str, tuple[str, ...]] = {}
+    with _opened(path) as bag:
+        return {topic: _names_on(bag, topic) for topic in bag.topics}
+
+
+def message_bytes(path: Path) -> int:
+    """Bytes of the joint states of a bag without compression: their number times the longest of the first ones."""
+    with _opened(path) as bag:
+        first = {topic: itertools.islice(bag.read(topic), FIRST_NAMES) for topic in bag.topics}
+        longest = {topic: max((len(data) for _, data in messages), default=0) for topic, messages in first.items()}
+    return max((bag.counts[topic] * size for topic, size in longest.items()), default=0)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[_Bag]:
+    """A bag to look into."""
     with ExitStack() as stack:
         try:
-            bag = (_open_mcap if path.suffix.lower() == ".mcap" else _open_rosbag)(path, stack)
-            for topic in bag.topics:
-                found[topic] = _names_on(bag, topic)
+            yield (_open_mcap if path.suffix.lower() == ".mcap" else _open_rosbag)(path, stack)
         except InputError:
             raise
         except Exception as error:  # the two libraries raise dozens of types for a damaged file
             raise InputError(f"{path}: cannot be read as a bag ({type(error).__name__}: {error})") from error
-    return found
 
 
 def read_bag(path: Path, form: LogMap, joints: Sequence[str] | None = None) -> Table:
@@ -123,10 +134,11 @@ def read_bag(path: Path, form: LogMap, joints: Sequence[str] | None = None) -> T
 
 @dataclass(frozen=True)
 class _Bag:
-    """An open file: topics of joint states, all topics with their types, and functions that read and decode one."""
+    """An open file: topics of joint states; of all topics the types and numbers of messages; how to read and decode."""
 
     topics: Sequence[str]
     others: Mapping[str, str]
+    counts: Mapping[str, int]
     read: Callable[[str], Raw]
     decode: Callable[[bytes], Any]
 
@@ -152,9 +164,11 @@ def _open_rosbag(path: Path, stack: ExitStack) -> _Bag:
         return ((stamp, data) for _, stamp, data in reader.messages(connections=connections))
 
     types = {c.topic: c.msgtype for c in reader.connections}
-    return _Bag(
-        [n for n, kind in types.items() if kind in JOINT_STATES], types, read, _decoder("ros1" if first else "")
-    )
+    counts: Counter[str] = Counter()
+    for connection in reader.connections:
+        counts[connection.topic] += connection.msgcount
+    found = [n for n, kind in types.items() if kind in JOINT_STATES]
+    return _Bag(found, types, counts, read, _decoder("ros1" if first else ""))
 
 
 def _open_mcap(path: Path, stack: ExitStack) -> _Bag:
@@ -164,6 +178,10 @@ def _open_mcap(path: Path, stack: ExitStack) -> _Bag:
     if summary is None:
         raise InputError(f"{path}: the MCAP file was not closed (no summary); `mcap recover` writes a whole one")
     types = {c.topic: summary.schemas[c.schema_id].name for c in summary.channels.values() if c.schema_id}
+    numbers = {} if summary.statistics is None else summary.statistics.channel_message_counts
+    counts: Counter[str] = Counter()
+    for number, channel in summary.channels.items():
+        counts[channel.topic] += numbers.get(number, 0)
     topics = [n for n, kind in types.items() if kind in JOINT_STATES]
     encodings = {c.message_encoding for c in summary.channels.values() if c.topic in topics}
     if unknown := encodings - {"cdr", "ros1"}:
@@ -172,7 +190,7 @@ def _open_mcap(path: Path, stack: ExitStack) -> _Bag:
     def read(topic: str) -> Raw:
         return ((message.log_time, message.data) for _, _, message in reader.iter_messages(topics=[topic]))
 
-    return _Bag(topics, types, read, _decoder("ros1" if "ros1" in encodings else ""))
+    return _Bag(topics, types, counts, read, _decoder("ros1" if "ros1" in encodings else ""))
 
 
 def _decoder(kind: str) -> Callable[[bytes], Any]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.bags import bag_form, bag_tables, is_bag, read_bag
+from frischid.logs.content_size import check_size
 from frischid.logs.conversion import first_stamp, log_of_table
 from frischid.logs.layouts import layout_of
 from frischid.logs.log import FEWEST_SAMPLES, Log
@@ -70,6 +71,7 @@ def read_log(
     (('elbow',), 100, ('t = stamp [ms] in seconds', 'columns renamed: q_elbow = pos'))
     """
     path, given = Path(path), layout_of(Path(path), LogMap.of(mapping))
+    check_size(path)
     form = _form(path, joints, given)
     table = read_bag(path, form, joints) if is_bag(path) else read_table(path, form, joints or ())
     log = log_of_table(table, form, joints, first_stamp(table, form), digest=digest_of(path))

@@ -32,8 +32,6 @@ from frischid.logs.time_grid import breaks_of
 
 RECORDING_CHUNK = 30_000
 """Samples in memory at once: half a minute at 1 kHz, 1.4 MB per channel of a six-joint arm."""
-IN_MEMORY = 32 * 2**20
-"""Bytes of files that are read as a whole; logs in larger files are read chunk by chunk."""
 PREVIEW_SAMPLES = 256
 """Samples that are read to find the joints and channels of a recording."""
 NOTES_SHOWN = 5

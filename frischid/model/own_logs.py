@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import msgspec
 
 from frischid.errors import InputError
-from frischid.logs import recording
 from frischid.logs.bags import BAG_SUFFIXES
+from frischid.logs.content_size import fits_in_memory
 from frischid.logs.log import Log
 from frischid.logs.log_file import MOST_MAPPING_BYTES, LogFile, StoredFile, difference
 from frischid.logs.readers import read_log
@@ -116,7 +116,7 @@ def _found(entry: Mapping[str, Any], model: Model) -> Log | Recording | str:
     try:
         joints = (*model.robot.joints, *model.robot.locked)
         form = None if mapping is None else mapping.path
-        if file.bytes > recording.IN_MEMORY:
+        if not fits_in_memory([Path(file.path)]):
             return Recording.open(file.path, joints, form)
         log = read_log(file.path, joints, form)
     except InputError as error:

@@ -85,9 +85,9 @@ def test_bad_inputs_end_in_a_sentence(tmp_path: Path) -> None:
 
 def test_a_kill_leaves_no_half_file(tmp_path: Path) -> None:
     """The reduced form of the two hundred kills: two of each command but the slow ones."""
-    options = ("--kills", "6", "--only", "identify,export,simulate")
+    options = ("--kills", "8", "--only", "identify,export,simulate,fetch")
     content = document("kills.py", tmp_path / "kills.json", *options)
-    assert sum(row["kills"] for row in content["rows"]) == 6
+    assert sum(row["kills"] for row in content["rows"]) == 8
     assert all(row["half"] == row["left"] == 0 for row in content["rows"])
 
 

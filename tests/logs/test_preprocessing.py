@@ -11,7 +11,7 @@ from frischid.effects import BASELINE
 from frischid.errors import InputError
 from frischid.logs.cutoff_choice import LogSpectra, choose_lowpass, spectra_of
 from frischid.logs.derivatives import Derivatives
-from frischid.logs.filters import LowPass, correlate, decimating_filter, derivative_taps, noise_level
+from frischid.logs.filters import LowPass, correlate, decimate, decimating_filter, derivative_taps, noise_level
 from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.preprocessing import prepare
 from frischid.logs.readers import read_log
@@ -195,6 +195,7 @@ def test_decimating_filter_is_convolution_at_every_nth_sample(count, width, ever
     F = decimating_filter(taps, count, every)
     expected = np.correlate(x, taps, "valid")[::every] if count >= len(taps) else np.empty(0)
     np.testing.assert_allclose(F @ x, expected, atol=1e-12)
+    np.testing.assert_allclose(decimate(taps, x[:, None], every)[:, 0], expected, atol=1e-12)
 
 
 def test_decimation_keeps_what_the_filter_passes():

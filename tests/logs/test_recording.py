@@ -172,7 +172,7 @@ def test_the_command_line_reads_long_files_in_pieces(tmp_path, monkeypatch):
     fr.write_log(log, tmp_path / "log.parquet")
     plain = [str(tmp_path / "log.parquet"), "--bbrf", "none", "--cutoff", "8", "--json"]
     whole = CliRunner().invoke(main, ["identify", "planar2", *plain])
-    monkeypatch.setattr("frischid.logs.recording.IN_MEMORY", 0)
+    monkeypatch.setattr("frischid.logs.content_size.IN_MEMORY", 0)
     monkeypatch.setattr("frischid.logs.recording.RECORDING_CHUNK", 1000)
     pieces = CliRunner().invoke(main, ["identify", "planar2", *plain])
     assert whole.exit_code == pieces.exit_code == 0, pieces.output

@@ -94,7 +94,7 @@ def test_saving_again_elsewhere_keeps_the_way_to_the_logs(case, tmp_path):
 
 def test_a_large_own_log_is_read_in_pieces(case, monkeypatch):
     whole = fr.own_logs(fr.Model.load(case.path)).logs
-    monkeypatch.setattr("frischid.logs.recording.IN_MEMORY", 0)
+    monkeypatch.setattr("frischid.logs.content_size.IN_MEMORY", 0)
     pieces = fr.own_logs(fr.Model.load(case.path)).logs
     assert all(isinstance(log, Recording) for log in pieces)
     assert [log.identity for log in pieces] == [log.identity for log in whole]
