@@ -151,6 +151,11 @@ class Finding:
         )
 
     @property
+    def title(self) -> str:
+        """Effect and joints, for a sentence."""
+        return f"{self.effect} on {listed(self.joints) or 'the robot'}"
+
+    @property
     def change(self) -> str:
         """Relative change of the mean cross-validated error with this effect alone, in words."""
         return f"{100 * (self.error_after / self.error_before - 1):+.0f} %" if self.error_before > 0 else "–"

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from frischid.core.text import listed
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
@@ -37,6 +37,13 @@ from frischid.model.own_logs import fitted_entry, log_entry
 
 RISES_AT_STANDSTILL = "the error would rise when samples at standstill count too"
 """Reason to refuse a step."""
+
+
+class Refusal(NamedTuple):
+    """A finding that is called missing but may not become a step, and why."""
+
+    finding: Finding
+    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +204,7 @@ def improve(
     (0, 'none')
     """
     steps: list[Step] = []
-    refused: dict[str, str] = {}
+    refused: dict[str, Refusal] = {}
     if not logs:
         raise InputError("there is no log to diagnose")
     check_logs(logs, valid)
@@ -208,9 +215,9 @@ def improve(
     while True:
         progress(f"diagnosis {len(steps) + 1}")
         diagnosis = diagnose(model, logs, situation=situation, criteria=criteria, progress=progress)
-        step = _next_step(model, diagnosis, logs, refused) if len(steps) < max_steps else None
+        step = next_step(model, diagnosis, logs, refused) if len(steps) < max_steps else None
         if step is None:
-            notes = [*refused.values()]
+            notes = [f"{refusal.finding.title} was not added: {refusal.reason}" for refusal in refused.values()]
             if valid:
                 diagnosis = replace(diagnosis, headline=headline(model, valid))
             return steps, replace(diagnosis, notes=(*diagnosis.notes, *notes))
@@ -218,10 +225,26 @@ def improve(
         model = steps[-1].model
 
 
-def _next_step(
-    model: Model, diagnosis: Diagnosis, logs: Sequence[Log | Recording], refused: dict[str, str]
+def next_step(
+    model: Model, diagnosis: Diagnosis, logs: Sequence[Log | Recording], refused: dict[str, Refusal]
 ) -> Step | None:
-    """The step of the first finding that is accepted; rejected ones go to `refused` with the reason."""
+    """The step that `improve` takes after a diagnosis: that of the first finding that is accepted.
+
+    Parameters
+    ----------
+    model : Model
+    diagnosis : Diagnosis
+        Of this model on these logs.
+    logs : sequence of Log or Recording
+        The logs that select.
+    refused : dict of str to Refusal
+        By effect: findings that are not tried again. Those refused here are added.
+
+    Returns
+    -------
+    Step or None
+        None where no finding is accepted.
+    """
     for finding in diagnosis.findings:
         if not (finding.significant and finding.members) or finding.effect in refused:
             continue
@@ -230,8 +253,7 @@ def _next_step(
             step = _harmless_shape(model, diagnosis, finding, logs)
         if step is not None:
             return step
-        where = listed(finding.joints) if finding.joints else "the robot"
-        refused[finding.effect] = f"{finding.effect} on {where} was not added: {reason}"
+        refused[finding.effect] = Refusal(finding, reason)
     return None
 
 

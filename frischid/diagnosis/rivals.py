@@ -65,10 +65,15 @@ def shared(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> l
 
 def separating_command(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:
     """Command that plans a motion to separate the two most probable effects of `shared`; empty without two."""
-    members = {f.effect: f for f in findings if f.members}
-    pair = [members[r.name] for r in shared(findings, probabilities) if r.name in EFFECTS and r.name in members][:2]
+    pair = pair_of(findings, probabilities)
     placed = ",".join(_placed(finding) for finding in pair)
     return f"frischid excite ROBOT --separate {shlex.quote(placed)} -o motion.csv" if len(pair) == 2 else ""
+
+
+def pair_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> list[Finding]:
+    """The two most probable effects of `shared`, or fewer."""
+    members = {f.effect: f for f in findings if f.members}
+    return [members[r.name] for r in shared(findings, probabilities) if r.name in EFFECTS and r.name in members][:2]
 
 
 def _placed(finding: Finding) -> str:

@@ -1,28 +1,40 @@
-"""The errors in a model's history, drawn as a staircase."""
+"""The errors in a model's history, drawn as a staircase.
+
+The last stair is the error at the top of the page. Where that error is measured on test logs and every step knows its
+error on these logs, the stairs are errors on the test logs; otherwise they are cross-validated, and the noise floor is
+that of the logs they are cross-validated on.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
 
 import plotly.graph_objects as go
 
 from frischid.figures.style import BLUE, GREEN, Drawing, drawing
-from frischid.model.events import selection_errors
+from frischid.model.events import measured_on, selection_errors, test_errors
+from frischid.model.headline import Headline, cross_validated, headline_of
 from frischid.model.model import Model
 
 CROWD = 4
 """Number of steps above which names and numbers would overlap on a small screen and are shortened or left out."""
 
 
-def steps_of(model: Model) -> list[tuple[str, float | None, float]]:
+def steps_of(model: Model, tested: bool = False) -> list[tuple[str, float | None, float]]:
     """The steps of a model, with the error before and after each; steps without an error are skipped.
 
-    The errors are those on the logs that select: every step has one, so steps can be compared. The first model's error
-    is the one before the first step, measured on the same data as the error after that step.
+    The errors are those on the logs that select, or with `tested` those on the test logs. The first model's error is
+    the one before the first step, measured on the same data as the error after that step.
     """
     found: list[tuple[str, float | None, float]] = []
     for event in model.history:
         before, after = selection_errors(event)
         if after is None:
             continue
+        if tested:
+            *known, after = test_errors(event)
+            before = known[0] if known else None
         effects = event.get("effects", [])
         name = event["action"] if event["action"] == "identify" else " + ".join(kinds(effects)) or event["action"]
         found.append((name, before, float(after)))
@@ -36,16 +48,33 @@ def kinds(effects: list[str]) -> list[str]:
     return list(dict.fromkeys(e.split("(")[0].split("@")[0] for e in effects))
 
 
-def staircase(model: Model, floor: float) -> Drawing:
-    """Cross-validated error after each step, with the error of the sensor noise alone.
+def known_on(model: Model, error: Headline) -> bool:
+    """Whether an error is measured on test logs on which every step of the model was measured too."""
+    if error.measured != "test" or not model.history:
+        return False
+    found = [headline_of(event) for event in model.history if selection_errors(event)[1] is not None]
+    return all(step is not None and step.measured == "test" and _same(step.logs, error.logs) for step in found)
+
+
+def _same(one: Sequence[str], other: Sequence[str]) -> bool:
+    """Whether logs have the same names; their folders may differ, because a model may come from another machine."""
+    return [Path(x).name for x in one] == [Path(x).name for x in other]
+
+
+def staircase(model: Model, error: Headline) -> Drawing:
+    """Error after each step, with the error of the sensor noise alone.
 
     Parameters
     ----------
     model : Model
-    floor : float
-        Noise floor, NRMSE.
+    error : Headline
+        The model's error where the staircase is shown.
     """
-    steps = steps_of(model)
+    tested = known_on(model, error)
+    last_event = model.history[-1] if model.history else {}
+    where = "on the test logs" if tested else measured_on(last_event)
+    steps = steps_of(model, tested)
+    floor = (error if tested else cross_validated(last_event) or error).noise_floor
     crowded = len(steps) > CROWD
     x: list[float | None] = []
     y: list[float | None] = []
@@ -58,7 +87,10 @@ def staircase(model: Model, floor: float) -> Drawing:
         x += [i - 0.5, i + 0.5]
         y += [after, after]
     figure = go.Figure()
-    figure.add_scatter(x=x, y=y, mode="lines", line={"color": BLUE, "width": 3}, name="cross-validated error")
+    figure.add_scatter(
+        x=x, y=y, mode="lines", line={"color": BLUE, "width": 3},
+        name="error on the test logs" if tested else "cross-validated error",
+    )  # fmt: skip
     figure.add_scatter(
         x=list(range(len(steps))), y=[s[2] for s in steps], mode="markers", showlegend=False,
         marker={"size": 8, "color": BLUE}, cliponaxis=False,
@@ -85,14 +117,15 @@ def staircase(model: Model, floor: float) -> Drawing:
         first, last = steps[0][2], steps[-1][2]
         added = len(steps) - 1
         reading = (
-            f"{added} effect{'s' * (added > 1)} added: {first:.4f} → {last:.4f}, {last / floor:.1f} × the noise floor."
+            f"{added} effect{'s' * (added > 1)} added: {first:.4f} → {last:.4f} ({where}), {last / floor:.1f} × the "
+            "noise floor."
         )
         if None in x:
             reading += " Where the line is broken, the step before was measured on other data."
     else:
         reading = "No effect has been added to this model yet."
         if steps:
-            reading += " Its error is cross-validated on the fitted logs."
+            reading += f" Its error is {where}."
     return drawing("Error after each step (NRMSE)", reading, figure, 330 if crowded else 230)
 
 

@@ -127,15 +127,20 @@ TEMPLATE = go.layout.Template(
 """The common look; on a dark page the report replaces the colours INK, GRID, ..."""
 
 
-def stack(figure: go.Figure, titles: Sequence[str]) -> None:
-    """Panels one above the other on one time axis, the first one the highest, with one cursor through all."""
-    shares = np.array([1.4, 1.0, 0.7, 0.7][: len(titles)])
+PANELS = (1.4, 1.0, 0.7, 0.7)
+"""Heights of a joint's panels: torque, residual, position, velocity."""
+
+
+def stack(figure: go.Figure, titles: Sequence[str], heights: Sequence[float] = PANELS) -> None:
+    """Panels one above the other on one time axis, as high as `heights` say, with one cursor through all."""
+    shares = np.array(heights[: len(titles)])
     gap = 0.05
-    heights = shares / shares.sum() * (1 - gap * (len(titles) - 1))
+    parts = shares / shares.sum() * (1 - gap * (len(titles) - 1))
     top = 1.0
-    for k, (title, height) in enumerate(zip(titles, heights, strict=True)):
+    for k, (title, height) in enumerate(zip(titles, parts, strict=True)):
         axis = {"title": {"text": title}, "domain": [max(top - float(height), 0.0), top], "anchor": "x"}
-        figure.update_layout({f"yaxis{k + 1 if k else ''}": axis})
+        few = {"nticks": 4} if shares[k] < 1 else {}  # in a low panel the numbers on the axis would touch
+        figure.update_layout({f"yaxis{k + 1 if k else ''}": axis | few})
         top -= float(height) + gap
     figure.update_layout(hovermode="x unified", hoversubplots="axis")
     figure.update_xaxes(

@@ -35,7 +35,7 @@ def two_logs(prediction: Prediction, joint: str, sliding: bool = False) -> Drawi
     said = []
     for k, line in enumerate(LINES):
         mine = prediction.log == k
-        name = Path(prediction.sources[k].replace("\\", "/")).name
+        name = Path(prediction.sources[k].replace("\\", "/")).stem
         t, tau = prediction.t[mine], prediction.measured[mine, j]
         residual = np.where(prediction.used[mine, j], prediction.residual[mine, j], np.nan)
         keep = thinned(tau, residual, points=CURVE_POINTS)
@@ -45,6 +45,6 @@ def two_logs(prediction: Prediction, joint: str, sliding: bool = False) -> Drawi
                 legendgroup=name, showlegend=axis == "y", hovertemplate="%{y:.4g} " + unit,
             )  # fmt: skip
         said.append(f"{number(float(np.sqrt(np.nanmean(residual**2))), 3)} {unit} on {name}")
-    stack(figure, [f"measured, {unit}", f"residual, {unit}"])
+    stack(figure, [f"torque, {unit}", f"residual, {unit}"], (1.0, 1.0))
     figure.update_xaxes(title_text="time from each log's beginning, s")
-    return drawing(f"{joint}: both logs", f"The rms residual is {' and '.join(said)}.", figure, 320)
+    return drawing(f"{joint}: both logs", f"The rms residual is {' and '.join(said)}.", figure, 340)

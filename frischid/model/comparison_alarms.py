@@ -123,13 +123,14 @@ def _useless(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
     where = tuple(n for n, x in zip(seen.joints, bad, strict=True) if x)
     if not where:
         return []
+    those = "these joints" if len(where) > 1 else "this joint"
     return [
         Alarm(
             "worse-than-constant",
             "severe",
             f"On these logs a constant torque has a smaller error than the model on {listed(where)} (NRMSE up to "
             f"{float(share[bad].max()):.2f}; a constant torque has 1).",
-            "Do not use the model for these joints. Run frischid diagnose: an effect of these joints may be missing.",
+            f"Do not use the model for {those}. Run frischid diagnose: an effect on {those} may be missing.",
             where,
             float(share[bad].max()),
             1.0,

@@ -19,13 +19,13 @@ from frischid import figures
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.errors import InputError
 from frischid.figures.robot_picture import robot_picture
-from frischid.figures.style import BLUE, GREEN, number
+from frischid.figures.style import BLUE, GREEN, MEASURED, number
 from frischid.model.comparison import Comparison
 from frischid.model.headline import Headline, headline_of
 from frischid.model.identification import Identification
 from frischid.model.model import Model
 from frischid.motions.plan import Plan
-from frischid.reports.chapters.verdict import rungs
+from frischid.reports.chapters.verdict import URDF_RUNG, rungs, urdf_rung
 from frischid.reports.templates import render
 
 Backend = Literal["pandas", "polars", "pyarrow"]
@@ -42,7 +42,7 @@ def page_of(result: Any) -> Markup:
     values = {
         "title": repr(result),
         "error": error,
-        "ladder": [] if error is None else rungs(error),
+        "ladder": [] if error is None else rungs(error, urdf=URDF_RUNG if model is None else urdf_rung(model)),
         "picture": Markup(_picture(model, error)) if model is not None and error is not None else "",
         "headings": list(columns),
         "rows": [[_text(x) for x in row] for row in rows[:ROWS_SHOWN]],
@@ -145,11 +145,16 @@ def _diagnosed(result: Diagnosis) -> go.Figure:
     names = [f"{f.effect} {', '.join(f.joints)}".strip() for f in shown]
     figure = go.Figure()
     figure.add_bar(x=[f.error_after for f in shown], y=names, orientation="h", marker={"color": BLUE}, name="with it")
-    for x, said, colour in ((result.error, "as it is", "#808080"), (result.noise_floor, "sensors alone", GREEN)):
-        figure.add_vline(x=x, line={"dash": "dash", "color": colour}, annotation_text=said)
+    references = (
+        (result.error, "without an effect", MEASURED, "right"),
+        (result.noise_floor, "sensors", GREEN, "left"),
+    )
+    for x, said, colour, side in references:
+        figure.add_vline(x=x, line={"dash": "dash", "color": colour})
+        figure.add_annotation(x=x, y=1, yref="paper", text=said, showarrow=False, xanchor=side, yanchor="bottom")
     figure.update_xaxes(title="cross-validated NRMSE with the effect", rangemode="tozero")
     figure.update_yaxes(automargin=True)
-    return figure
+    return figures.style.drawing("", "", figure, 120 + 28 * len(names)).figure
 
 
 def frame_of(result: Any, backend: str) -> Any:

@@ -12,8 +12,10 @@ import numpy as np
 from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
+from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.improvement import Refusal, next_step
 from frischid.diagnosis.rivals import cause_of
-from frischid.diagnosis.roles import diagnose_in_roles
+from frischid.diagnosis.roles import diagnose_with, roles
 from frischid.errors import FrischidError, InputError
 from frischid.export.consistency import Consistency, make_consistent
 from frischid.logs.driven import driven
@@ -31,6 +33,8 @@ from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
 from frischid.reports.others import OtherModel, SideBySide, earlier_steps, further_models, side_by_side
 
+STEP_FOLLOWS = ("effect", "several", "contact")
+"""Verdicts after which an effect may be added; with an unknown cause, a person looks first."""
 HARDLY_KNOWN = 0.5  # share from the logs below, or standard error over value above, which it is hardly known
 
 
@@ -68,6 +72,10 @@ class Study:
         The model on each log alone, in their order.
     beside : SideBySide or None
         The errors of this model and of further ones on the same logs; None without a further model.
+    proposed : Finding or None
+        The finding that `improve` would add next: not every effect that is called missing may become a step.
+    refused : tuple of Refusal
+        More probable findings that `improve` would not add.
     """
 
     model: Model
@@ -86,6 +94,8 @@ class Study:
     others: tuple[OtherModel, ...] = ()
     by_log: tuple[Comparison, ...] = ()
     beside: SideBySide | None = None
+    proposed: Finding | None = None
+    refused: tuple[Refusal, ...] = ()
 
     def sliding(self, joint: str) -> bool:
         """Whether a joint is prismatic."""
@@ -217,8 +227,14 @@ def study(
     evaluated = [list(model.blocks([log])) for log in shown]
     comparison = compare(model, whole, [b for part in evaluated for b in part] if short else None)
     prediction = predict(model, shown, evaluated)
-    if diagnosis is None and diagnosed:
-        diagnosis = diagnose_in_roles(model, shown, situation=situation, progress=progress)
+    given = roles(model, shown, situation=situation) if diagnosed or diagnosis is not None else None
+    if diagnosis is None and given is not None:
+        diagnosis = diagnose_with(model, given, progress=progress)
+    refused: dict[str, Refusal] = {}
+    step = None
+    if diagnosis is not None and given is not None and diagnosis.verdict in STEP_FOLLOWS:
+        progress("trying the next step")
+        step = next_step(model, diagnosis, given.select, refused)
     further = [(name, other) for name, other in named.items() if other is not model]
     others = [*earlier_steps(model, shown, prediction), *further_models(further, shown, prediction)]
     progress("parameters")
@@ -241,6 +257,8 @@ def study(
         tuple(others),
         tuple(compare(model, [log], part) for log, part in zip(shown, evaluated, strict=True)) if short else (),
         side_by_side(named, whole) if further else None,
+        None if step is None else step.finding,
+        tuple(refused.values()),
     )
 
 

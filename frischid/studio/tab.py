@@ -172,7 +172,7 @@ class Tab:
             self.findings.show(state)
 
     def _stairs(self, state: State) -> None:
-        self._show(self.stairs, figures.staircase(state.model, state.headline.noise_floor))
+        self._show(self.stairs, figures.staircase(state.model, state.headline))
 
     def _elsewhere(self, state: State) -> None:
         """Update the panel's tabs behind the first one."""

@@ -141,12 +141,12 @@ def test_a_shape_that_harms_at_standstill_gives_way_to_the_best_that_does_not(mo
     monkeypatch.setattr(improvement, "_step_with", judged)
     finding = SimpleNamespace(significant=True, members=(effect,), effect="hysteresis", joints=[])
     refused = {}
-    step = improvement._next_step(None, SimpleNamespace(findings=[finding]), [], refused)
+    step = improvement.next_step(None, SimpleNamespace(findings=[finding]), [], refused)
     assert step.effects == (grid[-2],)
     assert not refused
     harmful.update(errors)
-    assert improvement._next_step(None, SimpleNamespace(findings=[finding]), [], refused) is None
-    assert refused == {"hysteresis": f"hysteresis on the robot was not added: {improvement.RISES_AT_STANDSTILL}"}
+    assert improvement.next_step(None, SimpleNamespace(findings=[finding]), [], refused) is None
+    assert refused == {"hysteresis": (finding, improvement.RISES_AT_STANDSTILL)}
 
 
 def test_improve_makes_no_joint_worse_beside_joints_full_of_noise():

@@ -14,6 +14,7 @@ from frischid.effects import parse_effects
 from frischid.figures.parameters import recursion_of, scaled
 from frischid.figures.style import BLACK, INK, POINTS, WHITE, on_scale, thinned, typeset
 from frischid.model.comparison import compare
+from frischid.model.headline import headline
 from frischid.model.identification import identify
 from frischid.model.log_quality import quality
 from frischid.model.model import Model
@@ -81,7 +82,7 @@ def drawn(model, logs, prediction, comparison):
     yield figures.matrix(comparison)
     yield from (figures.against(prediction, "joint2", v) for v in ("q", "v", "a", "load", "t"))
     yield figures.plane(prediction, "joint1")
-    yield figures.staircase(model, comparison.noise_floor)
+    yield figures.staircase(model, headline(model))
     yield figures.intervals(model, model.estimate.theta)
     yield from figures.closing(model)
     yield figures.reach(robot, data)
@@ -141,7 +142,7 @@ def test_effects_are_named_in_the_staircase(case):
 
     model, logs, *_ = case
     step = add(model, parse_effects("joint_spring@joint2"), logs[:1], valid=logs[1:])
-    picture = figures.staircase(step.model, 0.001)
+    picture = figures.staircase(step.model, headline(step.model))
     assert list(picture.figure.layout.xaxis.ticktext) == ["identify", "joint<br>spring"]
     assert picture.reading.startswith("1 effect added")
     assert "broken" not in picture.reading
@@ -150,7 +151,7 @@ def test_effects_are_named_in_the_staircase(case):
 def test_the_stair_begins_at_the_error_its_first_step_was_measured_against(case):
     model = case[0]
     event = {"action": "add", "effects": ["joint_spring@joint2"], "error_before": 0.08, "error_after": 0.01}
-    picture = figures.staircase(replace(model, history=(*model.history, event)), 0.001)
+    picture = figures.staircase(replace(model, history=(*model.history, event)), headline(model))
     stairs = picture.figure.data[0]
     assert stairs.y == (0.08, 0.08, 0.08, 0.01, 0.01)
     assert None not in stairs.x
@@ -160,7 +161,7 @@ def test_the_stair_begins_at_the_error_its_first_step_was_measured_against(case)
 def test_many_steps_make_room_for_each_other(case):
     model = case[0]
     event = {"action": "add", "effects": ["joint_spring@joint2"], "error_before": 0.02, "error_after": 0.01}
-    picture = figures.staircase(replace(model, history=(*model.history, *[event] * 7)), 0.001)
+    picture = figures.staircase(replace(model, history=(*model.history, *[event] * 7)), headline(model))
     stairs = picture.figure.data[0]
     assert {note.textangle for note in picture.figure.layout.annotations} == {-90}
     assert picture.figure.layout.xaxis.tickangle
@@ -182,7 +183,7 @@ def test_the_worst_moment_is_marked_whole_at_the_edge_too(case):
 
 def test_the_staircase_says_what_a_single_step_was_measured_on(case):
     model = case[0]
-    picture = figures.staircase(model, 0.001)
+    picture = figures.staircase(model, headline(model))
     assert "cross-validated" in picture.reading
     assert picture.figure.data[0].y[0] == model.history[0]["cross_validated"]["nrmse"], "not the error on the test log"
 

@@ -15,8 +15,10 @@ from jinja2 import UndefinedError
 from plotly.offline import get_plotlyjs
 
 from frischid import figures
+from frischid.diagnosis import improvement
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.effect_curves import correlation_ratio, shape_of
+from frischid.diagnosis.improvement import add, improve
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.figures.robot_picture import robot_picture
@@ -135,6 +137,23 @@ def check(path, width, scheme):
         return plots
 
 
+WIDER = """(kind) => [...document.querySelectorAll(kind)].filter((e) => e.checkVisibility()).filter((e) =>
+  e.getBoundingClientRect().right > e.closest("section").getBoundingClientRect().right + 1).map((e) => e.innerText)"""
+
+
+def printed(page):
+    """Look at a page as it is printed: no word covers another one, no figure and no table is wider than the paper."""
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    page.emulate_media(media="print")
+    for kind in (".main-svg", "table", "figure"):
+        assert page.evaluate(WIDER, kind) == []
+    plots = page.evaluate(DRAWN)
+    for plot in plots:
+        assert plot["over"] == [], plot["label"]
+        assert plot["cut"] == [], plot["label"]
+    return len(plots)
+
+
 @needs_browser
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (390, "dark")])
 def test_the_page_is_drawn_whole_and_alone(spring, width, scheme):
@@ -150,6 +169,8 @@ def test_real_robots(tmp_path):
         assert shown.verdict.nrmse < 0.12
         assert path.stat().st_size < LARGEST
         check(path, *{"panda": (1280, "dark"), "ur10e": (390, "light")}[name])
+        with opened(path.as_uri()) as seen:
+            assert printed(seen.page) > 50
 
 
 @needs_browser
@@ -160,10 +181,7 @@ def test_it_prints_every_figure_in_light_colours(spring, tmp_path):
         seen.page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
         drawn = {p.get_attribute("data-drawn") for p in seen.page.query_selector_all(".plot")}
         assert drawn == {"light"}
-        seen.page.emulate_media(media="print")
-        cut = """[...document.querySelectorAll(".plot")].filter(
-            (p) => p.querySelector(".main-svg").getBoundingClientRect().width > p.clientWidth + 1).length"""
-        assert seen.page.evaluate(cut) == 0
+        assert printed(seen.page) > 20
         assert seen.complaints == []
 
 
@@ -494,8 +512,10 @@ def graded(shown, grade):
 
 def test_a_model_that_is_no_better_than_the_urdf_is_not_proposed_for_use(spring):
     shown = spring[1]
-    for diagnosis in (shown.diagnosis, None):
-        good, bad = (chapter("verdict", replace(graded(shown, g), diagnosis=diagnosis)) for g in "CF")
+    for diagnosis, proposed in ((shown.diagnosis, shown.proposed), (None, None)):
+        good, bad = (
+            chapter("verdict", replace(graded(shown, g), diagnosis=diagnosis, proposed=proposed)) for g in "CF"
+        )
         assert "Use the model:" in good
         assert "Do not use the model yet" in bad
         assert "Use the model:" not in bad
@@ -505,7 +525,46 @@ def test_a_model_that_is_no_better_than_the_urdf_is_not_proposed_for_use(spring)
 def test_a_forecast_is_called_one(spring):
     assert "forecast: with joint_spring" in chapter("verdict", spring[1])
     assert "Forecast: from cross-validation" in chapter("verdict", spring[1])
-    assert "orecast" not in chapter("verdict", replace(spring[1], diagnosis=None))
+    assert "orecast" not in chapter("verdict", replace(spring[1], diagnosis=None, proposed=None))
+
+
+def test_no_step_is_proposed_that_improve_would_refuse(spring, monkeypatch):
+    shown = spring[1]
+    steps, _ = improve(shown.model, shown.logs[:1], situation="always", max_steps=1)
+    assert [step.finding.effect for step in steps] == [shown.proposed.effect] == ["joint_spring"]
+    monkeypatch.setattr(improvement, "reason_against", lambda *_: "joint1 would become worse")
+    refused = study(shown.model, shown.logs, diagnosis=shown.diagnosis)
+    assert refused.proposed is None
+    assert "frischid</span> <span>add" not in chapter("verdict", refused)
+    assert "frischid</span> <span>add" in chapter("verdict", shown)
+    said = "frischid improve would not add joint_spring on joint2: joint1 would become worse."
+    assert said in chapter("missing", refused)
+    assert "would not add" not in chapter("missing", shown)
+
+
+def test_a_motion_that_separates_two_effects_is_proposed_once(spring):
+    shown = spring[1]
+    pairs = re.findall(r"--separate</span> <span>(.*?)</span>", chapter("missing", shown))
+    found = [frozenset(x.split("@")[0] for x in html.unescape(p).replace("<wbr>", "").split(",")) for p in pairs]
+    assert found
+    assert len(found) == len(set(found))
+
+
+def test_the_last_stair_is_the_error_at_the_top(spring, tmp_path):
+    """On the test logs where every step knows them; otherwise cross-validated, with the floor of those logs."""
+    model, logs = spring[1].model, spring[1].logs
+    first = identify(Robot.load("planar2"), logs[:1], valid=logs[1:], recursion="none").model
+    step = add(first, parse_effects("joint_spring@joint2"), logs[:1], valid=logs[1:])
+    shown = study(step.model, logs, diagnosed=False)
+    stairs, floor = figures.staircase(step.model, shown.headline).figure.select_traces({"mode": "lines"})
+    assert stairs.y[-1] == pytest.approx(shown.headline.nrmse)
+    assert floor.y[0] == shown.headline.noise_floor
+    assert "on the test logs" in chapter("history", shown)
+    untested = add(model, parse_effects("joint_spring@joint2"), logs[:1])
+    own = study(untested.model, logs[:1], diagnosed=False)
+    stairs, floor = figures.staircase(untested.model, own.headline).figure.select_traces({"mode": "lines"})
+    assert stairs.y[-1] == pytest.approx(own.headline.nrmse)
+    assert floor.y[0] == own.headline.noise_floor
 
 
 def test_the_ladder_shows_the_error_before_the_steps(spring):

@@ -16,7 +16,6 @@ HISTORY_HEADINGS = ("step", "action", "effects", "before", "after", "NRMSE measu
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
     """Values for the template."""
-    floor = study.headline.noise_floor
     rows = []
     for i, event in enumerate(study.model.history):
         errors = ["–" if x is None else f"{x:.4f}" for x in selection_errors(event)]
@@ -26,7 +25,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     caption = f"Steps of the model. {_shapes(study)}"
     return {
         "several": len(study.model.history) > 1,
-        "staircase": figures.staircase(study.model, floor),
+        "staircase": figures.staircase(study.model, study.headline),
         "steps": Table(HISTORY_HEADINGS, rows, words=3, caption=caption),
     }
 
@@ -42,4 +41,5 @@ def _shapes(study: Study) -> str:
     units: dict[str, str] = {}
     for effect in study.model.effects:
         units |= {name: unit for name in effect.parameters if (unit := effect.unit(name, robot))}
-    return f"In parentheses an effect's shape: {', '.join(f'{k} in {u}' for k, u in units.items())}" if units else ""
+    told = [f"{name} {unit if unit.startswith('per ') else 'in ' + unit}" for name, unit in units.items()]
+    return f"In parentheses an effect's shape: {', '.join(told)}" if told else ""

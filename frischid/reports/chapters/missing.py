@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from frischid.core.text import listed, sentence
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.effect_curves import shape_of
 from frischid.diagnosis.findings import HOW_RANKED, Finding
-from frischid.diagnosis.rivals import IN_WORDS
+from frischid.diagnosis.rivals import IN_WORDS, pair_of, sentence_of, separating_command
 from frischid.effects import EFFECTS
 from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
@@ -33,18 +34,22 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     if diagnosis is None:
         return {"diagnosis": None}
     significant = [f for f in diagnosis.findings if f.significant]
+    said, shared = missing(diagnosis), sentence_of(diagnosis.findings, diagnosis.probabilities)
+    pair = pair_of(diagnosis.findings, diagnosis.probabilities) if shared in diagnosis.notes else []
     contacts = [
         f"Contact in {Path(c.source).name} from {c.start:.2f} to {c.stop:.2f} s on {listed(c.joints)}: left out"
         for c in diagnosis.contacts
     ]
     return {
         "diagnosis": diagnosis,
-        "missing": missing(diagnosis),
+        "missing": said,
         "contacts": contacts,
         "chances": [f"{IN_WORDS.get(k, k)} {100 * p:.0f} %" for k, p in _likely(diagnosis)],
-        "notes": [sentence(note) for note in diagnosis.notes[1:] if f"; {note}" not in missing(diagnosis)],
+        "notes": [sentence(note) for note in diagnosis.notes[1:] if note != shared and f"; {note}" not in said],
+        "refused": [f"frischid improve would not add {r.finding.title}: {r.reason}" for r in study.refused],
+        "separate": separating_command(diagnosis.findings, diagnosis.probabilities) if pair else "",
         "how_ranked": HOW_RANKED if len(significant) > 1 else "",
-        "cards": [_card(study, finding) for finding in significant[:FINDING_CARDS]],
+        "cards": _cards(study, significant[:FINDING_CARDS], {frozenset(f.effect for f in pair)}),
         "ranking": Table(
             RANK_HEADINGS, [_row(f) for f in diagnosis.findings if f.members], words=2, caption=RANK_CAPTION
         ),
@@ -62,8 +67,18 @@ def _row(f: Finding) -> list[str]:
     return [f.effect, ", ".join(f.joints) or "robot", *evidence, ", ".join(f.confused_with) or "–"]
 
 
-def _card(study: Study, finding: Finding) -> dict[str, Any]:
-    """A finding; only its sentence where the catalogue has no such effect."""
+def _cards(study: Study, findings: Sequence[Finding], told: set[frozenset[str]]) -> list[dict[str, Any]]:
+    """The findings; a motion that separates two effects is proposed once, and not where `told` has the pair."""
+    cards = []
+    for finding in findings:
+        other = next((x for x in finding.confused_with if frozenset((finding.effect, x)) not in told), "")
+        told.add(frozenset((finding.effect, other)))
+        cards.append(_card(study, finding, other))
+    return cards
+
+
+def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
+    """A finding, and the effect from which a motion should tell it; only its sentence where no effect is known."""
     card: dict[str, Any] = {
         "sentence": opened(finding.sentence, finding.joints),
         "change": f"error {finding.change}",
@@ -77,7 +92,6 @@ def _card(study: Study, finding: Finding) -> dict[str, Any]:
     found = ", ".join(f"{k} = {number(x)} {unit}".rstrip() for k, x, unit in finding.found(study.model.robot))
     confused = listed(finding.confused_with) or "nothing on these logs"
     general = f" (in general: {listed(kind.confused_with)})" if kind.confused_with else ""
-    other = next(iter((*finding.confused_with, *kind.confused_with)), "")
     plan = f" To plan a motion that distinguishes it from {other}:" if other else ""
     evidence = (
         f"probability that this is the cause {100 * finding.probability:.0f} %; error {finding.change}, "

@@ -84,7 +84,8 @@ def _correlated(study: Study) -> str:
     order = np.argsort(-np.abs(rho[rows, columns]))
     names = [c.name for c in e.columns]
     pairs = [f"{names[rows[k]]} and {names[columns[k]]} ({rho[rows[k], columns[k]]:.2f})" for k in order[:PAIRS_NAMED]]
-    more = f" and {len(order) - PAIRS_NAMED} pairs more" if len(order) > PAIRS_NAMED else ""
+    left = len(order) - PAIRS_NAMED
+    more = f" and {left} more pair{'s' * (left > 1)}" if left > 0 else ""
     return f"The logs hardly distinguish these pairs, by the correlation of their errors: {', '.join(pairs)}{more}."
 
 

@@ -11,11 +11,11 @@ import numpy as np
 from markupsafe import Markup
 
 from frischid import figures
-from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.rivals import separating_command
 from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
 from frischid.model.events import selection_errors
 from frischid.model.headline import Headline, between, headline_of
+from frischid.model.model import Model
 from frischid.reports.study import Study, missing
 
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
@@ -30,7 +30,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     return {
         "error": study.headline,
         "ladder": _ladder(study),
-        "forecast": bool(_passing(study)),
+        "forecast": study.proposed is not None,
         "worst_condition": figures.failure.worst(study.comparison),
         "missing": "" if study.diagnosis is None else missing(study.diagnosis),
         "next": _next(study, model_path),
@@ -56,17 +56,17 @@ def _ladder(study: Study) -> list[dict[str, Any]]:
     """Errors from a constant torque down to the sensors' noise, with this model among them."""
     error = study.headline
     more = [(name, x, "other") for name, x in _before(study, error)]
-    passing = _passing(study)
-    if passing:
-        best = passing[0]
+    best = study.proposed
+    if best is not None:
         after = error.nrmse * best.error_after / best.error_before
         more.append((f"forecast: with {best.effect}", after, "later"))
-    return rungs(error, more, "URDF with this model's friction" if _steps(study) else URDF_RUNG)
+    return rungs(error, more, urdf_rung(study.model))
 
 
-def _steps(study: Study) -> bool:
-    """Whether effects were added: the URDF is then compared with these of them that are friction."""
-    return any(event["action"] == "add" for event in study.model.history)
+def urdf_rung(model: Model) -> str:
+    """Name of the URDF's error: it has the effects that were added too, fitted to its links."""
+    added = any(event["action"] == "add" for event in model.history)
+    return "URDF with this model's effects" if added else URDF_RUNG
 
 
 def rungs(error: Headline, more: Sequence[tuple[str, float, str]] = (), urdf: str = URDF_RUNG) -> list[dict[str, Any]]:
@@ -123,24 +123,18 @@ def _names(error: Headline) -> list[str]:
     return [Path(source).name for source in error.logs]
 
 
-def _passing(study: Study) -> list[Finding]:
-    """Findings that are called missing and can be added."""
-    return [] if study.diagnosis is None else [f for f in study.diagnosis.findings if f.significant and f.members]
-
-
 def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
     """At most three steps: the kind of each, and what its sentence needs."""
     given = shlex.quote(Path(model_path).name)
     better = "better.json" if given != "better.json" else "still-better.json"
     found: list[dict[str, Any]] = []
-    diagnosis, passing = study.diagnosis, _passing(study)
+    diagnosis, best = study.diagnosis, study.proposed
     separating = "" if diagnosis is None else separating_command(diagnosis.findings, diagnosis.probabilities)
     if diagnosis is not None and diagnosis.verdict == "unknown":
         found.append({"kind": "formula", "command": f"frischid studio {given} LOG..."})
     elif separating:
         found.append({"kind": "separate", "command": separating})
-    if passing and not (diagnosis is not None and diagnosis.verdict == "unknown"):
-        best = passing[0]
+    if best is not None:
         where = f" --joints {shlex.quote(','.join(best.joints))}" if best.joints else ""
         add = f"frischid add {given} {best.effect}{where} LOG... -o {better}"
         found.append({"kind": "add", "effect": best.effect, "change": best.change, "command": add})
@@ -153,8 +147,8 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "test", "command": f"frischid compare {given} NEW_LOG"})
     if study.headline.grade in NOT_FOR_USE:
         # The warning is one of the steps that are shown, whatever else there is to do.
-        again = f"frischid report {better} LOG..." if passing else "frischid check ROBOT LOG..."
-        found = [*found[: STEPS_PROPOSED - 1], {"kind": "wait", "added": bool(passing), "command": again}]
+        again = f"frischid report {better} LOG..." if best is not None else "frischid check ROBOT LOG..."
+        found = [*found[: STEPS_PROPOSED - 1], {"kind": "wait", "added": best is not None, "command": again}]
     else:
         found.append({"kind": "use", "command": f"frischid export {given} -o controller.c"})
     return found[:STEPS_PROPOSED]

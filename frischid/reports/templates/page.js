@@ -7,6 +7,9 @@
     "#a6d5f5": "#27567a", "#fdf1e3": "#33261b", "#fde0c0": "#5b3512", "#e8873a": "#d27427", "#8c3a00": "#ffd0a1", "#ffffff": "#14161a", "#009e73": "#3ecfa4"
   };
   const SHEET = 900; // pixels of A4 or Letter at the width of a page that is printed, with room for a title
+  // Height of a figure on paper over that on the screen; the first place that holds the figure decides.
+  const ON_PAPER = [["#torque .grid", 0.9], ["#torque", 0.8], ["#fails details", 0.68], ["#fails", 0.62],
+    ["#missing", 0.68], ["#parameters .grid", 0.75], ["#data", 0.8], ["body", 1]];
   const wanted = window.matchMedia("(prefers-color-scheme: dark)");
   const plots = [...document.querySelectorAll(".plot")];
   const data = new Map(plots.map((p) => [p, p.querySelector("script").textContent]));
@@ -69,10 +72,12 @@
       config.displayModeBar = false;
     }
     if (printing) {
-      // Two joints' curves or six residuals fit on one sheet, and so does a figure somewhat higher than one.
-      const high = spec.layout.height * (plot.closest("details, #torque") ? 0.85 : names ? 0.65 : 1);
+      // Two joints' curves or eight residuals fit on one sheet, and so does a figure somewhat higher than one.
+      const [, share] = ON_PAPER.find(([place]) => plot.closest(place));
+      const high = spec.layout.height * share;
       const fits = high > SHEET && high < 1.6 * SHEET ? SHEET / high : 1;
       spec.layout.height = high * fits;
+      spec.layout.font = { size: 10 };
       spec.data.forEach((trace) => { if (trace.line) trace.line.width *= fits; });
     }
     plot.style.height = spec.layout.height + "px";
