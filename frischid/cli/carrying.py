@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from frischid.cli.arguments import MapFiles, json_option, map_option
+from frischid.cli.arguments import MapFiles, json_option, map_option, torque_joints_option
 from frischid.cli.group import main
 from frischid.cli.inputs import model_of, opened
 from frischid.cli.output import show_page, working
@@ -20,6 +20,7 @@ from frischid.cli.paths import InputPath, OutputPath
 @click.option("--frame", help="Frame of the URDF in which the result is given; the flange by default.")
 @click.option("--carrier", help="Joint whose link carries the body; the last by default.")
 @map_option
+@torque_joints_option
 @click.option("-o", "--output", type=OutputPath(), help="Write the body here (JSON).")
 @json_option
 def payload(
@@ -28,6 +29,7 @@ def payload(
     frame: str | None,
     carrier: str | None,
     mapping: MapFiles,
+    torque_joints: str | None,
     output: str | None,
     as_json: bool,
 ) -> None:
@@ -40,7 +42,7 @@ def payload(
     from frischid.core.files import write_text
     from frischid.model.payload_identification import payload as run
 
-    loaded = model_of(model)
+    loaded = model_of(model, torque_joints)
     with working(as_json) as progress:
         progress("payload")
         found = run(loaded, opened(logs, loaded.robot, mapping), frame=frame, carrier=carrier)

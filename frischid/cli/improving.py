@@ -82,6 +82,7 @@ def diagnose(
 @valid_option
 @map_option
 @situation_option
+@torque_joints_option
 @click.option("-o", "--output", type=OutputPath(), required=True, help="Write the new model here (JSON).")
 @json_option
 def add(
@@ -92,6 +93,7 @@ def add(
     valid: tuple[str, ...],
     mapping: MapFiles,
     situation: Any,
+    torque_joints: str | None,
     output: str,
     as_json: bool,
 ) -> None:
@@ -107,7 +109,7 @@ def add(
 
     if joints is not None and "@" in effect:
         raise InputError(f"'{effect}' names its joints, and so does --joints {joints}; name them only once")
-    loaded = model_of(model)
+    loaded = model_of(model, torque_joints)
     names = matching(joints, loaded.robot.joints)
     with working(as_json) as progress:
         progress("refitting")
@@ -125,6 +127,7 @@ def add(
 @valid_option
 @map_option
 @situation_option
+@torque_joints_option
 @click.option("--max-steps", default=8, show_default=True, help="Largest number of effects to add.")
 @click.option("-o", "--output", type=OutputPath(), help="Write the final model here (JSON).")
 @json_option
@@ -134,6 +137,7 @@ def improve(
     valid: tuple[str, ...],
     mapping: MapFiles,
     situation: Any,
+    torque_joints: str | None,
     max_steps: int,
     output: str | None,
     as_json: bool,
@@ -145,7 +149,7 @@ def improve(
     from frischid.cli.pages import improving as show
     from frischid.diagnosis.improvement import improve as run
 
-    loaded = model_of(model)
+    loaded = model_of(model, torque_joints)
     with working(as_json) as progress:
         progress("reading logs")
         data, test = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)

@@ -319,11 +319,13 @@ def _jackknife(
         # The mean of δ_b δ_bᵀ for independent errors: H⁻¹ Var(Y_bᵀe_b) (H − H_b)⁻¹, as the fit makes residuals small.
         once = linalg.cho_solve((factor, lower), felt, check_finite=False)
         expected.append(np.diag(linalg.cho_solve(system.factor, once.T, check_finite=False)) * system.scale**2)
-    D, shares = np.array(changes), np.maximum(np.array(expected), 1e-300)
+    D, shares = np.array(changes), np.maximum(np.array(expected), 0.0)
     found = (len(blocks) - 1) / len(blocks) * D.T @ D
-    own = np.maximum(np.diag(found), 1e-300)
-    ratios = moderated(own / shares.sum(axis=0), satterthwaite(shares))
-    grow = np.sqrt(ratios * shares.sum(axis=0) / own)
+    own, usual = np.diag(found), shares.sum(axis=0)
+    said = (own > 0) & (usual > 0)  # the logs say nothing of the other parameters, and a prior alone holds them
+    grow = np.ones(len(own))
+    ratios = moderated(own[said] / usual[said], satterthwaite(shares[:, said] / usual[said]))
+    grow[said] = np.sqrt(ratios * usual[said] / own[said])
     return found * np.outer(grow, grow), ()
 
 

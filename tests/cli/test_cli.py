@@ -14,6 +14,7 @@ from frischid.effects import EFFECTS
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log, write_log
 from frischid.model.identification import identify
+from frischid.model.model import Model
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
@@ -534,3 +535,26 @@ def test_a_model_is_judged_on_the_joints_named(command, tmp_path):
     given += ["-o", tmp_path / "report.html"] if command == "report" else []
     data = data_of(*given)
     assert list(data["headline"]["joints"]) == ["joint2"]
+
+
+@pytest.mark.parametrize("command", ["add", "improve"])
+def test_a_model_is_fitted_again_to_the_joints_named(command, tmp_path):
+    robot = Robot.load("planar2")
+    log = simulate(robot, random_fourier(robot, 6.0, seed=1), rate=100.0, noise=Noise(tau=0.01), seed=2)
+    write_log(log, tmp_path / "log.parquet")
+    identify(robot, [log], effects=(), recursion="none").model.save(tmp_path / "model.json")
+    effect = ["viscous"] if command == "add" else []
+    given = [command, tmp_path / "model.json", *effect, tmp_path / "log.parquet", "--torque-joints", "joint2"]
+    data_of(*given, "-o", tmp_path / "new.json")
+    assert Model.load(tmp_path / "new.json").joints == ("joint2",)
+
+
+def test_a_payload_is_sought_in_the_torque_of_the_joints_named(tmp_path):
+    """Without the torque of joint 1 nothing shows the mass beyond joint 2: the first joint's torque tells it."""
+    robot = Robot.load("planar2")
+    log = simulate(robot, random_fourier(robot, 6.0, seed=1), rate=100.0, noise=Noise(tau=0.01), seed=2)
+    write_log(log, tmp_path / "log.parquet")
+    identify(robot, [log], recursion="none").model.save(tmp_path / "model.json")
+    given = ("payload", tmp_path / "model.json", tmp_path / "log.parquet")
+    assert data_of(*given)["bound_95"]["mass"] < 0.1
+    refused(["no body on the link of joint2", "± 4"], *given, "--torque-joints", "joint2")
