@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 from frischid.diagnosis.block_test import block_test, less_error
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator, Score
-from frischid.diagnosis.scored_candidate import ScoredCandidate, scored, usable_candidates
+from frischid.diagnosis.scored_candidate import ScoredCandidate, Watcher, scored, usable_candidates
 from frischid.diagnosis.shape_refinement import refined, with_refined_contenders
 from frischid.diagnosis.stepwise_selection import OwnPart, excluded, own_part, selected, with_all
 from frischid.diagnosis.symmetric_shifts import without_smoothing
@@ -95,7 +95,7 @@ def ranking(
     """Score every effect of some kinds that can act on this robot, and put them in order."""
     places = [alternatives for kind in kinds for alternatives in kind.candidates(validator.model.robot)]
     alone = (scored(validator, shapes) for shapes in usable_candidates(validator, places, progress) if shapes)
-    pool = [found for found in alone if found is not None]
+    pool = [_told(validator, found, progress) for found in alone if found is not None]
     tried = len(pool)
     pool, smoothing = without_smoothing(validator, pool)
     progress("comparing candidates")
@@ -115,6 +115,16 @@ def ranking(
     level = validator.criteria.significance
     effects.sort(key=lambda e: (not e.entered, -e.own.new, -e.own.unique, e.p_value > level, -e.explained, -e.gain))
     return Ranking(_with_rivals(validator, effects), full, with_all(validator, others), tuple(smoothing))
+
+
+def _told(
+    validator: CrossValidator, found: ScoredCandidate, progress: Callable[[str], None] | Watcher
+) -> ScoredCandidate:
+    """The same candidate, after a watcher has heard of it."""
+    if isinstance(progress, Watcher):
+        before, after = validator.base_nrmse().mean(), validator.nrmse(found.score.sse).mean()
+        progress.scored(found, float(after / before - 1.0) if before > 0 else 0.0)
+    return found
 
 
 def _best_places(places: Sequence[ScoredCandidate], smallest_error: float) -> list[ScoredCandidate]:

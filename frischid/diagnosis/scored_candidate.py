@@ -16,6 +16,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy import stats
@@ -24,6 +25,17 @@ from frischid.diagnosis.block_test import block_test
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator, Score
 from frischid.effects import Coulomb, Effect
+
+
+@runtime_checkable
+class Watcher(Protocol):
+    """A `progress` that also hears of every candidate as soon as the candidate is scored."""
+
+    def __call__(self, text: str, /) -> None:
+        """Hear what is being done."""
+
+    def scored(self, found: ScoredCandidate, change: float) -> None:
+        """Hear of a candidate, and of the relative change of the mean cross-validated NRMSE with this one alone."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,6 +123,7 @@ class Studio:
             waiting, self._waiting = list(self._waiting.values()), {}
         bench.listen(lambda: self._everywhere(lambda tab: tab.refresh()))
         bench.on_progress(lambda text, share: self._everywhere(lambda tab: tab.progress(text, share)))
+        bench.on_ranked(lambda ranking: self._everywhere(lambda tab: tab.findings.ranked(ranking)))
         if waiting:
             bench.look(delay=0.0)  # while the browser, another process, draws
         for frame in waiting:

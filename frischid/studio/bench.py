@@ -19,13 +19,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from frischid.effects import EFFECTS, Effect, effect_from_dict
+from frischid.effects import Effect, effect_from_dict
 from frischid.errors import FrischidError, InputError
 from frischid.logs.log import Log
 from frischid.model.comparison import Comparison, compare
 from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
 from frischid.model.prediction import Prediction, predict
+from frischid.studio.watch import Tried, Watch
 
 if TYPE_CHECKING:  # jobs import these modules themselves, so that the first picture does not wait
     from frischid.diagnosis.diagnosis import Diagnosis
@@ -110,6 +111,7 @@ class Bench:
         self._looking: list[threading.Timer] = []
         self._listeners: list[Callable[[], None]] = []
         self._progress: Callable[[str, float], None] = lambda _text, _share: None
+        self._ranked: Callable[[Sequence[Tried]], None] = lambda _ranking: None
         self.state = self._state(model, 0)
 
     def close(self) -> None:
@@ -133,6 +135,10 @@ class Bench:
     def on_progress(self, progress: Callable[[str, float], None]) -> None:
         """Call `progress` with the present work and the finished share; with an empty text when no work is done."""
         self._progress = progress
+
+    def on_ranked(self, ranked: Callable[[Sequence[Tried]], None]) -> None:
+        """Call `ranked` with the effects tried so far, best first, again and again while a diagnosis runs."""
+        self._ranked = ranked
 
     def _put(self, state: State, revision: int) -> None:
         """Show a new state that was computed from the state of `revision`, unless the model has changed since."""
@@ -244,22 +250,21 @@ class Bench:
         from frischid.diagnosis.diagnosis import diagnose
 
         state = self.state
-        tried: set[str] = set()
 
-        def progress(text: str) -> None:
+        def proceed() -> None:
             if self._closed or self.state.revision != state.revision:
                 raise SupersededError
-            name = text.removeprefix("trying ").partition(" (")[0]
-            tried.add(name)
-            self._progress(f"looking for missing effects: {name}", len(tried & EFFECTS.keys()) / len(EFFECTS))
+
+        def watch() -> Watch:
+            say = self._progress
+            return Watch(proceed, lambda name, share: say(f"looking for missing effects: {name}", share), self._ranked)
 
         try:
             if len(self.fit) > 1 and state.diagnosis is None:
                 shortest = min(self.fit, key=lambda log: float(log.t[-1] - log.t[0]))
-                self._put(replace(state, diagnosis=diagnose(state.model, [shortest], progress=progress),
-                                  first_look=True), state.revision)  # fmt: skip
-                tried.clear()
-            found = diagnose(state.model, self.fit, valid=self.valid, progress=progress)
+                first = diagnose(state.model, [shortest], progress=watch())
+                self._put(replace(state, diagnosis=first, first_look=True), state.revision)
+            found = diagnose(state.model, self.fit, valid=self.valid, progress=watch())
         except SupersededError:
             return
         finally:

@@ -14,6 +14,7 @@ from frischid import figures
 from frischid.core.text import listed
 from frischid.effects import EFFECTS
 from frischid.studio.bench import Bench, State
+from frischid.studio.watch import Tried
 from frischid.studio.words import plain
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 FINDINGS_IN_PANEL = 6
 NUMBERS = "On the buttons: change of the cross-validated error with the effect."
+SO_FAR = "Tried so far, each effect alone, by its evidence:"
 ASPECT = 0.66  # height of a shape's figure over its width
 
 
@@ -54,6 +56,7 @@ class Findings:
         self._add, self._attempt, self._lit = add, attempt, lit
         self._listed: list[Any] = []
         self._waiting: Any = None
+        self._so_far: Any = None
         self._drawn: Any = None
 
     def show(self, state: State) -> None:
@@ -63,12 +66,14 @@ class Findings:
 
         for handle in [*self._listed, *([] if self._drawn is None else [self._drawn])]:
             handle.remove()
-        self._listed, self._waiting, self._drawn = [], None, None
+        self._listed, self._waiting, self._so_far, self._drawn = [], None, None, None
         with self.folder:
             if state.diagnosis is None:
                 text = state.problem or self._plan()
                 self._listed = [self.gui.add_markdown(plain(text))]
-                self._waiting = None if state.problem else self._listed[0]
+                if not state.problem:
+                    self._waiting = self._listed[0]
+                    self._rank()
                 return
             passing = [f for f in state.diagnosis.findings if f.significant and f.members]
             rest = len(self.bench.fit) - 1
@@ -86,6 +91,19 @@ class Findings:
             self._listed.append(self.gui.add_markdown(plain(" ".join(filter(None, told)))))
             for finding in passing[:FINDINGS_IN_PANEL]:
                 self._offer(finding, state)
+            if state.first_look:
+                self._rank()
+
+    def _rank(self) -> None:
+        """Make the place of the ranking that grows while a diagnosis runs: below all buttons, so that none moves."""
+        self._so_far = self.gui.add_markdown("")
+        self._listed.append(self._so_far)
+
+    def ranked(self, ranking: Sequence[Tried]) -> None:
+        """Show the effects tried so far, best first."""
+        if self._so_far is not None and ranking:
+            lines = [f"{k}. {plain(tried.words)}" for k, tried in enumerate(ranking, start=1)]
+            self._so_far.content = f"{plain(SO_FAR)}\n\n" + "\n".join(lines)
 
     def progress(self, text: str) -> None:
         """Say what is being tried, while the findings are computed."""

@@ -33,6 +33,7 @@ from frischid.studio import Studio, studio
 from frischid.studio import bench as bench_module  # needs viser
 from frischid.studio import stage as stage_module
 from frischid.studio import tab as tab_module
+from frischid.studio import watch as watch_module
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import urdf_of
 from frischid.studio.colours import colour_of
@@ -299,6 +300,39 @@ def test_while_findings_are_computed_the_list_says_what_is_tried(bench):
     assert texts[0].content.endswith("Now: stribeck.")
     found.show(replace(bench.state, problem="no log"))
     found.progress("looking for missing effects: viscous")
+    assert texts[-1].content == "no log"
+
+
+def test_findings_stream_in_by_rank_while_they_are_computed(bench, monkeypatch):
+    """The effects tried so far, best first; the list that is complete begins with the finding."""
+    monkeypatch.setattr(watch_module, "PAUSE", 0.0)
+    rankings = []
+    bench.on_ranked(rankings.append)
+    bench.diagnose()
+    assert len(rankings) >= 2
+    for ranking in rankings:
+        assert [tried.gain for tried in ranking] == sorted((tried.gain for tried in ranking), reverse=True)
+        assert len({tried.effect for tried in ranking}) == len(ranking) <= watch_module.SHOWN
+    first = bench.state.diagnosis.findings[0]
+    assert first.effect in {tried.effect for tried in rankings[-1][:2]}
+    same = next(tried for tried in rankings[-1] if tried.effect == first.effect)
+    assert same.joints == first.joints
+    assert same.words.endswith(f"error {first.change}")
+
+    texts = []
+
+    class Gui:
+        def add_markdown(self, text):
+            texts.append(SimpleNamespace(content=text, remove=lambda: None))
+            return texts[-1]
+
+    found = Findings(Gui(), nullcontext(), bench, None, None, None)
+    found.show(replace(bench.state, diagnosis=None))
+    found.ranked(rankings[-1])
+    assert texts[-1].content.startswith("Tried so far")
+    assert f"1. {plain(rankings[-1][0].words)}" in texts[-1].content
+    found.show(replace(bench.state, problem="no log", diagnosis=None))
+    found.ranked(rankings[-1])
     assert texts[-1].content == "no log"
 
 
