@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 SHOWN = 6
 """Effects of the ranking that are shown."""
-PAUSE = 0.5
+RANKING_PAUSE = 0.5
 """Least time between two rankings, s: a browser without a GPU draws on the processor that computes."""
 
 
@@ -73,6 +73,6 @@ class Watch:
         new = Tried(effect.id, tuple(effect.joints or ()), found.gain, change)
         if new.gain > 0 and (effect.id not in self._best or new.gain > self._best[effect.id].gain):
             self._best[effect.id] = new
-            if time.monotonic() - self._shown > PAUSE:
+            if time.monotonic() - self._shown > RANKING_PAUSE:
                 self._shown = time.monotonic()
                 self._show(sorted(self._best.values(), key=lambda x: -x.gain)[:SHOWN])

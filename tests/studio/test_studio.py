@@ -305,7 +305,7 @@ def test_while_findings_are_computed_the_list_says_what_is_tried(bench):
 
 def test_findings_stream_in_by_rank_while_they_are_computed(bench, monkeypatch):
     """The effects tried so far, best first; the list that is complete begins with the finding."""
-    monkeypatch.setattr(watch_module, "PAUSE", 0.0)
+    monkeypatch.setattr(watch_module, "RANKING_PAUSE", 0.0)
     rankings = []
     bench.on_ranked(rankings.append)
     bench.diagnose()
