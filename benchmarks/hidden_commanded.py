@@ -113,7 +113,7 @@ def hidden(kind: str, world: Truth, rng: np.random.Generator) -> Hidden:
         lean = rng.uniform(0.08, 0.2) * np.array([np.cos(phase), np.sin(phase), 0.0])
         world.model.gravity = pin.Motion(pin.exp3(lean) @ world.model.gravity.linear, np.zeros(3))
         return Hidden((kind,), j)
-    if kind == "drive_gain":
+    if kind == "position_gain":
         return Hidden((kind,), j, gain=float(rng.choice([0.7, 1.4])))
     if kind == "command_delay":
         return Hidden((kind,), j, late=LATE + int(rng.integers(2, 5)))
@@ -135,7 +135,7 @@ def hidden(kind: str, world: Truth, rng: np.random.Generator) -> Hidden:
 
 KINDS = (
     "joint_spring", "stribeck", "quadratic_viscous", "asymmetric_viscous", "load_friction", "cogging", "gravity_tilt",
-    "drive_gain", "command_delay", "joint_coupling", "elasticity", "backlash",
+    "position_gain", "command_delay", "joint_coupling", "elasticity", "backlash",
 )  # fmt: skip
 
 

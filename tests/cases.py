@@ -112,7 +112,8 @@ ESTIMATOR_CASES = tuple(ESTIMATORS)
 
 def commands_of(machine, q):
     """Channels of a log of commands near the positions q (N, J)."""
-    return {f"controller_push_rate_{n}": 3.0 * np.cos(q[:, i]) for i, n in enumerate(machine.joints)}
+    kinds = ("push_rate", np.cos), ("rest", np.sin)
+    return {f"controller_{k}_{n}": 3.0 * f(q[:, i]) for k, f in kinds for i, n in enumerate(machine.joints)}
 
 
 def states(machine, count=6, seed=0):

@@ -1,19 +1,24 @@
-"""The age of a position controller's commands, where another age is known.
+"""What is known of a position controller, corrected: the age of its commands, and its position gain.
 
 A log of commands has the torque that the controller, as it is known, computes (`frischid.logs.controller`):
 
-    τ_computed,j = kp_j (c_j(t) − q_j) + …,      c_j(t) = q_cmd,j(t − d)
+    τ_computed,j = kp_j (c_j(t) − q_j) + r_j(t),      c_j(t) = q_cmd,j(t − d),      r_j = kd_j (v_cmd,j − q̇_j) + τ_ff,j
 
-If the commands act δ later than d, the torque at the joint is another one:
+*Delay.* If the commands act δ later than d, the torque at the joint is another one:
 
     τ_computed,j ≈ τ_j + δ · d/dt (kp_j c_j + …)
 
-The column needs the commands, so this effect is tried on logs of commands only. It is no torque of the robot, so
-exported code leaves it out; the table of drives has the corrected delay.
+*Position gain.* If the true gain is kp_j / (1 + g), the torque is τ_j = kp_j (c_j − q_j) / (1 + g) + r_j, so
 
-A wrong kp has no effect of its own. Its column would be the position error, of which the computed torque is a multiple:
-with any model error, least squares would find that kp is zero and that the robot weighs nothing. `drive_gain`, whose
-column is the torque of the reference parameters, finds a wrong kp.
+    τ_computed,j = τ_j + g (τ_j − r_j)
+
+The column is the torque of the reference parameters less r_j. The damping kd of the drive is not scaled. The position
+error itself is no column: the computed torque is a multiple of the position error, so with any model error, least
+squares would find that kp is zero and that the robot weighs nothing. The reference parameters were fitted with the
+wrong kp, so 1 + g is nearly the ratio of the gains: name the corrected kp and identify again.
+
+The columns need the commands, so these effects are tried on logs of commands only. They are no torques of the robot:
+exported code leaves them out, and the table of drives has the corrected delay and gain.
 
 Source: Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, 8th edition, Pearson.
 """
@@ -28,7 +33,7 @@ from frischid.core.types import Array
 from frischid.effects.base import Effect
 from frischid.effects.state import State, Term
 from frischid.errors import InputError
-from frischid.logs.controller import PUSH_RATE
+from frischid.logs.controller import PUSH_RATE, REST
 from frischid.robot.robot import Robot
 
 
@@ -71,6 +76,40 @@ class CommandDelay(Effect):
         if self.joints is not None:
             return self.per_joint(state, "late", "torque rate", lambda i: rates[i])
         return [Term(self.column("late", "s", state.robot.joints[0], ""), rates)]
+
+
+@dataclass(frozen=True)
+class PositionGain(Effect):
+    """A position gain that is not the controller's: the true kp is the known one over ``1 + soft``."""
+
+    id: ClassVar[str] = "position_gain"
+    title: ClassVar[str] = "another position gain of the controller"
+    equation: ClassVar[str] = "soft·(τ_model − rest)"
+    symbols: ClassVar[Mapping[str, str]] = {
+        "soft": "identified coefficient: the known kp over the true kp, less 1",
+        "rest": "torque of the controller that the position error does not cause, kd·(v_cmd − q̇) + τ_ff",
+    }
+    sentence: ClassVar[str] = (
+        "the kp of {joint} is not the one that the controller was given: it is the given one over 1 + soft (--kp)"
+    )
+    looks_like: ClassVar[str] = "the residual is a copy of the position error, on this joint only"
+    confused_with: ClassVar[tuple[str, ...]] = ("payload", "load_friction", "joint_spring")
+    confirmed_by: ClassVar[str] = (
+        "hang a known weight on the link, hold still, and read how far the joint stays behind its command"
+    )
+    reference: ClassVar[str] = "Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, Pearson"
+
+    of_controller: ClassVar[bool] = True
+    loaded: ClassVar[bool] = True
+
+    def channels(self, robot: Robot) -> tuple[str, ...]:
+        """``controller_rest_<joint>``, which a log of commands has."""
+        return tuple(REST + name for _, name, _ in self.acts_on(robot))
+
+    def terms(self, state: State) -> list[Term]:
+        """One column per joint: its torque less the controller's torque beside the position error."""
+        rest = {i: _channel(state, REST + name) for i, name, _ in self.acts_on(state.robot)}
+        return self.per_joint(state, "soft", "torque", lambda i: state.torque[:, i] - rest[i])
 
 
 def _channel(state: State, name: str) -> Array:

@@ -43,6 +43,7 @@ class DriveGain(Effect):
     confirmed_by: ClassVar[str] = "put a known weight on the link: the torque must change by the torque of that weight"
     reference: ClassVar[str] = "Gautier and Briot 2014, ASME J. Dynamic Systems, Measurement and Control 136(5)"
 
+    of_recording: ClassVar[bool] = True
     loaded: ClassVar[bool] = True
     code: ClassVar[Mapping[str, str]] = {"gain": "{torque}"}
 

@@ -31,6 +31,8 @@ from frischid.logs.log import GARBAGE, STANDSTILL_SPAN, Log
 
 PUSH_RATE = "controller_push_rate_"
 """Channel of a joint in a driven log: rate of the torque that follows from commands alone, N·m/s (N/s)."""
+REST = "controller_rest_"
+"""Channel of a joint in a driven log: torque that the position error does not cause, N·m (N)."""
 Gains = float | Mapping[str, float]
 """One value for all joints, or a value for each joint named."""
 MOST_DELAY_STEPS = 50
@@ -213,14 +215,15 @@ class PDController:
         band = self.values("dead_band", joints)
         error = np.sign(error) * np.maximum(np.abs(error) - band, 0.0)
         kp, kd, ahead = self.values("kp", joints), self.values("kd", joints), command("tauff")
-        torque, push = kp * error + ahead, kp * goal + ahead
+        rest, push = ahead, kp * goal + ahead
         if kd.any():
             wanted = kd * command("vcmd")
-            torque, push = torque + wanted - kd * velocity_of(log)[:, columns], push + wanted
+            rest, push = rest + wanted - kd * velocity_of(log)[:, columns], push + wanted
         limit = self.values("limit", joints)
         rate = np.gradient(push, log.t, axis=0)
         extra = {f"{PUSH_RATE}{j}": rate[:, k] for k, j in enumerate(joints)}
-        return np.asarray(np.clip(torque, -limit, limit)), extra
+        extra |= {f"{REST}{j}": rest[:, k] for k, j in enumerate(joints)}
+        return np.asarray(np.clip(kp * error + rest, -limit, limit)), extra
 
     def to_dict(self) -> dict[str, Any]:
         """The quantities that are not at their defaults, as plain JSON values."""

@@ -5,7 +5,7 @@
 Each value has one of five states. *identified*: the logs gave most of what is known, and the 95 % range excludes zero.
 *as a ratio*: the same holds of the value over the drive's gain, kp or the torque per ampere, where this gain was found
 from the URDF's masses; the value's own range also holds the doubt about the gain. A value over the torque per ampere is
-the value in amperes.
+the value in amperes. A gain that the model corrects (`position_gain`) is known as a ratio to the gains of other joints.
 *in a sum*: the logs show the value only together with others (``Izz1 + Ia1 + 0.25 m2``); the URDF divides the sum.
 *open*: otherwise; every value of the range explains the logs, so that the range is an honest domain to randomise over.
 *given*: the user named the value. Where a
@@ -39,6 +39,8 @@ NAMED_BY_USER = {"stiffness": "kp", "damping": "kd", "delay": "delay", "effort_l
 """Quantity -> field of the controller."""
 CORRECTIONS = {"command_delay": "delay"}
 """Effect of the model -> quantity that it corrects."""
+SOFTER = "position_gain"
+"""Effect of the model that corrects the position gain: kp is the named one over 1 + its parameter."""
 ALL_LATE = "late"
 """Parameter of `command_delay` for all joints together."""
 _Value = tuple[Column, float, float, float]
@@ -153,7 +155,7 @@ def _of_currents(model: Model, joint: str) -> list[DriveParameter]:
 def _of_controller(model: Model, joint: str, values: list[_Value]) -> list[DriveParameter]:
     """Gains and delay that the user named or that were found, and the URDF's limit where no other is known.
 
-    The model's effect `command_delay` corrects the delay that was named.
+    The model's effects `command_delay` and `position_gain` correct the delay and the kp that were named.
     """
     pd, robot = model.controller, model.robot
     if pd is None:
@@ -170,19 +172,23 @@ def _of_controller(model: Model, joint: str, values: list[_Value]) -> list[Drive
         value = float(pd.values(name, [joint])[0])
         if quantity == "effort_limit" and not np.isfinite(value):
             value = float(robot.limits.effort[robot.joints.index(joint)])
-        lower, upper = value, value
+        lower, upper, of = value, value, ""
         known: Known = "given"
         if quantity == "stiffness" and (doubt := pd.gain_doubt(joint)) > 0:  # κ = 1/kp has the symmetric range
             lower, upper, known = value / (1 + REACH * doubt), value / (1 - REACH * doubt), "identified"
         if quantity == "delay" and (doubt := float(pd.values("delay_doubt", [joint])[0])) > 0:
             (lower, upper), known = _range(value, doubt), "identified"
         for column, more, spread, _ in values:
+            if quantity == "stiffness" and column.effect == SOFTER and column.joint == joint:
+                softer = np.clip([1 + more + k * REACH * spread for k in (0, 1, -1)], 1e-3, None)
+                value, lower, upper = (float(value / x) for x in softer)
+                known, of = "as a ratio", "kp against the other joints' gains"
             if CORRECTIONS.get(column.effect) == quantity and (column.joint == joint or column.name == ALL_LATE):
                 value = value + more  # the doubt about the delay is the prior of its correction
                 lower, upper = _range(value, spread)
                 value, known = max(0.0, value), "identified"
         if np.isfinite(value):
-            found.append(DriveParameter(joint, quantity, units[quantity], value, lower, upper, known, ""))
+            found.append(DriveParameter(joint, quantity, units[quantity], value, lower, upper, known, of))
     return found
 
 

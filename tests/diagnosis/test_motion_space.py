@@ -56,14 +56,32 @@ def test_commands_that_act_late_are_named_and_correct_the_delay():
     assert all(x.lower <= 0.02 + 1e-3 and x.upper >= 0.02 - 1e-3 for x in delays)
 
 
-def test_another_gain_is_the_gain_of_a_drive():
-    logs = [commanded(seed, gain=1.3) for seed in (3, 4)]
+def test_another_gain_is_named_and_the_simulated_motion_agrees():
+    logs = [commanded(seed, gain=0.75) for seed in (5, 6)]
     model = identified(logs)
     found = fr.diagnose(model, logs)
-    first = found.findings[0]  # whether joint 2 is too strong or joint 1 too weak, only the masses tell
-    assert (found.verdict, first.effect) == ("effect", "drive_gain")
-    (gain,) = first.parameters.values()
-    assert 0.2 < abs(gain) < 0.35
+    first = found.findings[0]  # whether joint 2 is too weak or joint 1 too strong, only the masses tell
+    assert (found.verdict, first.effect) == ("effect", "position_gain")
+    assert not any(f.effect == "drive_gain" for f in found.findings)  # it would scale the drive's damping too
+    moved = fr.simulate_findings(model, found, logs)
+    assert moved.findings[0].ratio < 0.05
+    assert first.error_after < 0.1 * first.error_before
+
+
+def test_the_drive_of_a_corrected_gain_has_the_true_one():
+    logs = [commanded(seed, gain=1.3) for seed in (3, 4)]
+    model = identified(logs)
+    before = simulated_error(model, logs)
+    step = fr.add(model, parse_effects("position_gain@joint2"), logs)
+    after = simulated_error(step.model, logs)
+    assert max(after.values()) < 0.05 * max(before.values())
+    assert step.error_after < 0.05 * step.error_before
+    rows = {(x.joint, x.quantity): x for x in fr.drive_parameters(step.model)}
+    gain = rows["joint2", "stiffness"]
+    assert gain.value == pytest.approx(1.3 * KP, rel=0.02)
+    assert gain.known == "as a ratio"
+    assert rows["joint1", "stiffness"].known == "given"
+    assert rows["joint2", "viscous"].value == pytest.approx(0.4, abs=0.15)
 
 
 def test_the_simulated_motion_says_which_finding_mends_it(tmp_path):
