@@ -32,7 +32,7 @@ from typing import Any
 import hidden_cases
 import numpy as np
 import second_cases
-from common import parser, publish
+from common import parser, publish, record
 from hidden_cases import Case, Truth
 from hidden_unknown import UNKNOWN
 
@@ -149,8 +149,8 @@ def answer(row: dict[str, Any], weights: Weights) -> tuple[str, float, bool]:
     return name, float(chance[k]), name in row["right"]
 
 
-def report(paths: Sequence[Path], json_path: str | None) -> None:
-    """Reliability of the answers, by generator and together."""
+def report(paths: Sequence[Path], json_path: Path | None) -> None:
+    """Reliability of the answers, by generator and together; the file holds every case in one line."""
     rows, weights = read(paths), Weights.load()
     groups = {g: [r for r in rows if r["generator"] == g] for g in GENERATORS} | {"both": rows}
     table, kinds = [], []
@@ -158,8 +158,26 @@ def report(paths: Sequence[Path], json_path: str | None) -> None:
         answers = [answer(r, weights) for r in part]
         table += reliability(name, answers)
         kinds += by_kind(name, part, answers)
-    publish("probability said, and share that was right", table, json_path)
+    publish("probability said, and share that was right", table, None)
     publish("first answer right, by kind of case", kinds, None)
+    if json_path is not None:
+        lines = [flat(row, answer(row, weights)) for row in rows]
+        record("Answers of the diagnosis and their probabilities, case by case", lines, json_path)
+
+
+def flat(row: dict[str, Any], said: tuple[str, float, bool]) -> dict[str, Any]:
+    """A case in one line of plain values, from which every table can be counted again."""
+    keys = ("generator", "seed", "number", "kind", "effects", "grade", "background", "arm", "sensors", "right")
+    name, probability, correct = said
+    named, found, where = row.get("first") or [], row.get("ranking") or [], None
+    if row["kind"] == "single" and found and set(named) & set(row["effects"]):
+        where = sorted(found[0][1]) == sorted(row["joints"][0]) if row["joints"][0] else None
+    return (
+        {key: row[key] for key in keys}
+        | {"answer": name, "probability": probability, "correct": correct}
+        | {"verdict": row.get("verdict", "crash"), "named": named, "named right": bool(set(named) & set(row["right"]))}
+        | {"rules right": rules(row), "right joints": where}
+    )
 
 
 def reliability(name: str, answers: Sequence[tuple[str, float, bool]]) -> list[dict[str, Any]]:

@@ -165,6 +165,7 @@ def summary(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     error: Array = np.array([abs(x["value"] / x["truth"] - 1.0) for x in known] or [np.nan])
     return {
         "robot": name,
+        "first seed": min(x["seed"] for x in rows),
         "runs": len({x["seed"] for x in rows}),
         "values": len(rows),
         "identified": len(known) / len(rows),

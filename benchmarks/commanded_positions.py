@@ -93,7 +93,9 @@ def main() -> None:
         row: dict[str, Any] = {"model": name}
         for part, values in parts.items():
             row[f"{part} rad"] = float(np.sqrt(np.mean(np.square(values))))
-        row |= {f"held {joint} rad": x for joint, x in zip(figures["joints"], parts["held"], strict=True)}
+        for part, values in parts.items():
+            row |= {f"{part} {joint} rad": x for joint, x in zip(figures["joints"], values, strict=True)}
+        row["cross-validated"] = figures["cross_validated"].get(name)
         rows.append(row)
     first, *others = rows
     ratios = ", ".join(f"{row['model']} {first['held rad'] / row['held rad']:.2f}" for row in others)
@@ -103,10 +105,10 @@ def main() -> None:
         f"cross-validated NRMSE of the torque on the fitted part: commands {before:.4f}, angle {after:.4f}",
     ]
     publish("Closed-loop simulated positions, rms", rows, options.json, notes)
-    drives = [
-        {key: x[key] for key in ("joint", "quantity", "value", "lower", "upper", "known")} for x in figures["drives"]
-    ]
-    publish("Drives, with 95 % ranges", [x for x in drives if x["known"] != "given"], None)
+    keys = ("joint", "quantity", "value", "lower", "upper", "known")
+    drives = [{key: x[key] for key in keys} for x in figures["drives"] if x["known"] != "given"]
+    path_of_drives = options.json and options.json.with_stem(options.json.stem + "_drives")
+    publish("Drives, with 95 % ranges", drives, path_of_drives, notes[1:])
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # set before numpy is imported: several processes share the cores
 
-import json
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -26,11 +25,10 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-from common import parser, publish
+from common import parser, publish, record
 from hidden_cases import EFFECTS, Case, CaseSpec, Truth, build, cases
 from hidden_unknown import UNKNOWN
 
-from frischid.core.files import write_text
 from frischid.model.identification import identify
 
 STEPS = 3
@@ -194,6 +192,16 @@ def tables(rows: Rows) -> dict[str, list[dict[str, Any]]]:
     }
 
 
+def flat(row: dict[str, Any], seed: int) -> dict[str, Any]:
+    """A case in one line of plain values, from which every table can be counted again."""
+    truth, said, after = row["truth"], row["outcome"], row["after"]
+    keys = ("effects", "joints", "grade", "sizes", "background", "arm", "simulator")
+    result = {"seed": seed, "number": row["number"], "kind": row["kind"], **{key: truth[key] for key in keys}}
+    result |= {"said": row["said"], "first": row["first"], "top three": row["top"], "right joints": row["joints"]}
+    result |= {"error": said["error"], "after": after, "floor": said["floor"]}
+    return result | {"one": row.get("one"), "crash": row["error"]}
+
+
 def errors(rows: Rows) -> dict[str, str]:
     """Median cross-validated error before, with the right effect added, and the noise floor, in percent."""
     known = [r for r in rows if r["after"] is not None]
@@ -249,8 +257,8 @@ def main() -> None:
             print(f"case {row['number']} crashed: {row['error']}")
     print(f"{len(rows)} cases, seed {chosen.seed}, {time.perf_counter() - start:.0f} s")
     if chosen.json is not None:
-        content = {"schema": "frischid.hidden/1", "seed": chosen.seed, "tables": result, "cases": rows}
-        write_text(chosen.json, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+        notes = [f"{len(rows)} of the {len(cases(chosen.seed))} cases of seed {chosen.seed}"]
+        record("Hidden effects, case by case", [flat(row, chosen.seed) for row in rows], chosen.json, notes)
 
 
 if __name__ == "__main__":

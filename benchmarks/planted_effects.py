@@ -17,7 +17,6 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-import json
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -37,7 +36,6 @@ from real_robots import CASES, Case
 from scipy.signal import butter, sosfiltfilt
 
 import frischid as fr
-from frischid.core.files import write_text
 
 SMOOTH = 8.0
 """Hz. Of a measured motion, only lower frequencies count as motion."""
@@ -184,19 +182,21 @@ def main() -> None:
     options.add_argument("--size", type=float, default=0.12, help="share of the joint's torque")
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    options.add_argument("--robots", nargs="+", choices=[case.name for case in CASES], help="only these robots")
     chosen = options.parse_args()
     if data_folder() is None:
         sys.exit("set FRISCHID_DATA to the folder of the measured logs")
     jobs = [
         Job(robot, kind, situation, chosen.size, chosen.seed)
-        for robot in range(len(CASES))
+        for robot, case in enumerate(CASES)
+        if case.name in (chosen.robots or [case.name])
         for situation, kinds in SITUATIONS.items()
         for kind in kinds
     ]
     with ProcessPoolExecutor(chosen.workers) as pool:
         rows = list(pool.map(run, jobs))
     table, total = [], []
-    for case in CASES:
+    for case in (case for case in CASES if any(r["robot"] == case.name for r in rows)):
         for situation in SITUATIONS:
             here = [r for r in rows if r["robot"] == case.name and r["situation"] == situation]
             clean = next(r for r in here if r["kind"] == "none")
@@ -222,11 +222,9 @@ def main() -> None:
                 | {"said": "; ".join("/".join(names) for names in r["said"][:3]) or r["verdict"]}
                 for r in here
             ]
-    publish(f"effects of {chosen.size:.0%} planted in measured logs", table, None)
+    notes = [f"seed {chosen.seed}; {sum(r['kind'] != 'none' for r in rows)} planted effects, terms and contacts"]
+    publish(f"effects of {chosen.size:.0%} planted in measured logs", table, chosen.json, notes)
     publish("findings, planted effect by planted effect", total, None)
-    if chosen.json is not None:
-        content = {"schema": "frischid.planted/1", "size": chosen.size, "seed": chosen.seed, "cases": rows}
-        write_text(chosen.json, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
 
 if __name__ == "__main__":
