@@ -1,6 +1,6 @@
 """Every figure of the page on the paper, from one run of `frischid.reproduce_paper`. Needs FRISCHID_DATA.
 
-The authors' points are read from ``frisch_planar/exciting_points.csv``. One row of the JSON file per table of the paper:
+The authors' points are read from ``frisch_planar/exciting_points.csv``. The JSON file has one row per table of the paper:
 its figures in full precision, as `frischid paper` writes them too.
 """
 
