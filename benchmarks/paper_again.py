@@ -1,7 +1,7 @@
 """Every figure of the page on the paper, from one run of `frischid.reproduce_paper`. Needs FRISCHID_DATA.
 
-The authors' points are read from ``frisch_planar/exciting_points.csv``. The JSON file has one row per table of the paper:
-its figures in full precision, as `frischid paper` writes them too.
+The authors' points are read from ``frisch_planar/exciting_points.csv``. The JSON file has one row per table of the
+paper: its figures in full precision, as `frischid paper` writes them too.
 """
 
 from __future__ import annotations
