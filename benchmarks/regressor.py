@@ -1,6 +1,7 @@
 """Cost of the regressor and of its moments, as multiples of a bare Pinocchio loop that stores nothing.
 
-All variants run in turn, for several rounds, in one process; the figures are medians of the ratios within a round.
+All variants run in turn, for several rounds, in one process; the figures are medians of the ratios of processor time
+within a round.
 """
 
 from __future__ import annotations
@@ -53,9 +54,9 @@ def main() -> None:
     times: dict[str, list[float]] = {name: [] for name in variants}
     for _ in range(options.rounds + 1):
         for name, run in variants.items():
-            start = time.perf_counter()
+            start = time.process_time()
             run()
-            times[name].append(time.perf_counter() - start)
+            times[name].append(time.process_time() - start)
     rows = []
     for name, seconds in times.items():
         ratios = [x / b for x, b in zip(seconds[1:], times["bare Pinocchio loop"][1:], strict=True)]

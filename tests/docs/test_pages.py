@@ -35,6 +35,8 @@ def text_of(path):
 
 
 def script(name):
+    if str(DOCS) not in sys.path:
+        sys.path.insert(0, str(DOCS))  # the scripts import each other
     spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -52,11 +54,28 @@ def test_the_readme_has_two_commands():
 
 def test_tables_show_the_stored_results():
     tables = script("tables")
-    pages = [page for page in tables.pages() if "<!-- table:" in text_of(page)]
-    assert README in pages
-    assert len(pages) == 12, "README, paper, the robots' page, six robots, accuracy, simulated motion, export"
+    pages = [*tables.pages()]
+    assert {README, ROOT / "paper" / "paper.md", *(DOCS / "benchmarks").glob("*.md")} <= {*pages}
     for page in pages:
         assert text_of(page) == tables.filled(page), f"{name_of(page)}: run python docs/tables.py"
+        assert not re.search("^ *<!-- figure: ", text_of(page), flags=re.MULTILINE), "no line begins with a figure"
+
+
+def test_every_stored_result_is_on_a_page_and_every_table_is_used():
+    tables = script("tables")
+    marks = {name for page in tables.pages() for name in re.findall(r"<!-- (?:table|figure): (\w+) -->", text_of(page))}
+    assert {*tables.TABLES, *tables.FIGURES} <= marks
+    used = {made.result for made in tables.TABLES.values()} | {"six_robots"}
+    assert {path.stem for path in (DOCS / "data").glob("*.json")} == used
+    for made in tables.TABLES.values():
+        assert (ROOT / "benchmarks" / f"{made.script}.py").exists()
+
+
+@pytest.mark.parametrize("folder", ["benchmarks", "robots"])
+def test_no_table_of_figures_is_typed_by_hand(folder):
+    for page in sorted((DOCS / folder).glob("*.md")):
+        rest = re.sub(r"<!-- table: \w+ -->.*?<!-- end -->", "", text_of(page), flags=re.DOTALL)
+        assert not re.findall(r"^\|.*\d.*$", rest, flags=re.MULTILINE), f"{page.name}: make the table from JSON"
 
 
 def test_the_pages_on_bands_say_what_the_table_of_trust_holds():

@@ -1,0 +1,181 @@
+"""Tables of accuracy: standard errors, estimators, the paper, planned motions, physical links, simulated motion."""
+
+from __future__ import annotations
+
+import math
+
+from table_parts import Row, data, each, percent, rows_of, table
+
+
+def coverage() -> str:
+    """How often standard errors hold all true parameters at once."""
+    noises = {
+        "white": "white, 1 % of the torque",
+        "memory of 0.1 s": "torque noise with a memory of 0.1 s",
+        "quantised": "quantised encoders, 1.5e-5 rad",
+        "jitter": "time stamps off by 0.5 ms",
+        "all channels": "noise on all channels",
+    }
+    head = ("robot", "noise", "runs", "all parameters inside", "width", "least single parameter within 1.96 s.e.")
+    rows = [
+        (
+            row["robot"],
+            noises.get(row["noise"], row["noise"]),
+            str(row["runs"]),
+            f"{100 * row['cover']:.0f} %",
+            f"{row['width']:.2f}",
+            f"{100 * row['worst']:.0f} %",
+        )
+        for row in data("coverage")["rows"]
+    ]
+    return table(head, rows)
+
+
+def bbrf() -> str:
+    """Speed of the bounding-box recursion."""
+    head = ("arm", "parameters", "direct port, µs per window", "frischid, µs per window", "ratio")
+    keys = ("direct port, µs per window", "frischid, µs per window", "ratio")
+    rows = [(row["robot"], str(row["p"]), *(f"{row[key]:.3g}" for key in keys)) for row in data("bbrf")["rows"]]
+    return table(head, rows)
+
+
+def excitation_arms() -> str:
+    """Condition numbers of planned motions of whole arms."""
+    head = ("robot", "condition number", "over the best random motion", "processor time, s")
+    keys = ("condition", "ratio", "CPU s")
+    rows = data("excitation_arms")["rows"]
+    return table(head, [(row["robot"], *(f"{row[key]:.2g}" for key in keys)) for row in rows])
+
+
+def excitation() -> str:
+    """The paper's cost (19) of motions of the paper's arm."""
+    head = ("motion", "cost (19)", "the same with fresh noise", "evaluations")
+    rows = [
+        (
+            row["motion"],
+            f"{row['cost']:.2f}",
+            f"{row['fresh noise']:.1f}" if row["fresh noise"] else "–",
+            f"{row['evaluations']:,}",
+        )
+        for row in data("excitation")["rows"]
+    ]
+    return table(head, rows)
+
+
+def physical_export() -> str:
+    """What physically consistent links cost."""
+    head = ("robot", "links, base parameters", "all consistent", "χ²", "ratio", "truth in bounds")
+    return table(
+        head,
+        [
+            (
+                row["robot"],
+                f"{row['links']}, {row['p']}",
+                "yes" if row["all physical"] else "no",
+                f"{row['χ²']:.1f}",
+                f"{row['ratio']:.3f}",
+                row["truth in bounds"],
+            )
+            for row in data("physical_export")["rows"]
+        ],
+    )
+
+
+def simulated_motion() -> str:
+    """Error of the simulated position of the EMPS."""
+    head = ("effects", "parameters", "train, mm", "test_pulses, mm")
+    words = {"baseline": "viscous, Coulomb, offset", "published": "published (Janot, Gautier and Brunot 2019)"}
+    rows = [
+        (
+            words.get(row["model"], row["model"].replace("_", " ")),
+            words.get(row["parameters"], f"`{row['parameters']}`"),
+            f"{row['train mm']:.1f}",
+            f"{row['test mm']:.1f}",
+        )
+        for row in data("simulated_motion")["rows"]
+    ]
+    return table(head, rows)
+
+
+METHODS = {
+    "ols": "least squares ± Bonferroni t · s.e.",
+    "frisch box": "classical Frisch box",
+    "bbrf calibrated": "BBRF, calibrated (`--bbrf calibrated`)",
+    "sensor-wise": "**sensor-wise Frisch** (`--estimator sensorwise`)",
+    "eiv": "errors in variables ± Bonferroni t · s.e. (`--estimator eiv`)",
+}
+"""Method of `benchmarks/estimators.py` -> its name on the pages."""
+
+
+def method(name: str) -> list[Row]:
+    """Rows of a method on the planar arm, by rising noise."""
+    rows = [row for row in rows_of("estimators") if row["robot"] == "planar2" and row["method"] == name]
+    return sorted(rows, key=lambda row: float(row["σ_q"]))
+
+
+def estimators() -> str:
+    """Cover and width of bounds, and the error of the estimate, on the paper's arm."""
+    levels = [f"{row['σ_q']:.0e}".replace("e-0", "e-") for row in method("ols")]
+
+    def line(name: str) -> tuple[str, ...]:
+        rows = method(name)
+        cover = ", ".join(f"{row['cover %']:.0f} %" for row in rows)
+        width = ", ".join(f"{row['width']:.2g}" if math.isfinite(row["width"]) else "–" for row in rows)
+        error = ", ".join(f"{row['error']:.2f}" if math.isfinite(row["error"]) else "–" for row in rows)
+        return METHODS[name], cover, width, error
+
+    head = ("bounds", f"cover at σ_q = {', '.join(levels)}", "width", "error over least squares'")
+    words = f"{method('ols')[0]['runs']} runs per noise level, none discarded.\n"
+    return f"{table(head, [line(name) for name in METHODS])}\n{words}"
+
+
+def sensorwise_cover() -> str:
+    """Share of runs in which the sensor-wise bounds hold, at the least noise."""
+    return f"{method('sensor-wise')[0]['cover %']:.3g} %"
+
+
+def sensorwise_width() -> str:
+    """Their width for friction, over the true values."""
+    return f"{method('sensor-wise')[0]['width']:.2f}"
+
+
+def box_width() -> str:
+    """The width of the classical box."""
+    return f"{method('frisch box')[0]['width']:.0f}"
+
+
+def estimator_runs() -> str:
+    """Runs per noise level."""
+    return str(method("ols")[0]["runs"])
+
+
+def eiv_error() -> str:
+    """Error of `eiv` over that of least squares at the most noise."""
+    return f"{method('eiv')[-1]['error']:.2f}"
+
+
+def eiv_error_least() -> str:
+    """The same at the least noise."""
+    return f"{method('eiv')[0]['error']:.2f}"
+
+
+def commanded_mujoco() -> str:
+    """Drives from logs of positions and commands."""
+    head = ("robot", "seeds", "values", "called identified", "median error", "90 % of the errors below",
+            "within 5 %", "inside")  # fmt: skip
+
+    def line(row: Row) -> tuple[str, ...]:
+        first = row["first seed"]
+        shares = (percent(row[key]) for key in ("within 5 %", "inside, identified"))
+        errors = (f"{100 * row[key]:.1f} %" for key in ("median error", "90 % error"))
+        seeds = f"{first} to {first + row['runs'] - 1}"
+        return DRIVES[row["robot"]], seeds, str(row["values"]), percent(row["identified"]), *errors, *shares
+
+    return each(head, rows_of("commanded_mujoco"), line)
+
+
+DRIVES = {
+    "so101": "SO-101, 4096 counts per turn",
+    "go2": "a Go2's leg, 32768 counts",
+    "panda": "Panda, 524288 counts",
+}
