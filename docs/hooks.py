@@ -34,6 +34,34 @@ TITLES = {
     "errors": "Errors",
 }
 """Folder of the package -> title of its names; other folders have their own name."""
+RESULTS = (
+    "model.identify_options.IdentifyOptions",
+    "model.parameters.Parameter",
+    "estimators.least_squares.Estimate",
+    "estimators.frisch.Box",
+    "regression.base_parameters.Reduction",
+    "model.comparison.JointFit",
+    "model.alarms.Alarm",
+    "model.alarms.AlarmCriteria",
+    "model.drive_parameters.DriveParameter",
+    "model.own_logs.OwnLogs",
+    "checks.log_issue.LogReport",
+    "checks.log_issue.LogIssue",
+    "diagnosis.findings.Finding",
+    "diagnosis.improvement.Step",
+    "diagnosis.contacts.Contact",
+    "diagnosis.criteria.DiagnosisCriteria",
+    "diagnosis.motion_space.SimulatedFinding",
+    "effects.state.State",
+    "effects.state.Term",
+    "forward.forward_dynamics.SimulatedMotion",
+    "forward.motion_error.HorizonError",
+    "motions.limits.MotionLimits",
+    "reports.study.Study",
+    "errors.UnknownNameError",
+    "errors.IdentifiabilityError",
+)
+"""Objects that public functions take and return, by module."""
 SHIM = "https://unpkg.com/iframe-worker/shim"  # Material's search from the disk; docs/assets holds a copy
 
 
@@ -83,6 +111,10 @@ def name_lines() -> Iterator[str]:
     for folder in sorted(folders, key=lambda f: [*TITLES, f].index(f)):
         yield f"## {TITLES.get(folder, folder.capitalize())}\n"
         yield from (f"::: frischid.{m}.{name}\n" for m, name in found if m.split(".")[0] == folder)
+    yield "## Results and options\n"
+    yield "Objects that the functions above return or take. They are read, or imported from the module that is shown.\n"
+    for path in RESULTS:
+        yield f"::: frischid.{path}\n    options: {{show_root_full_path: true}}\n"
 
 
 def escaped(text: str) -> str:

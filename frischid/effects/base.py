@@ -131,7 +131,7 @@ class Effect(ABC):
 
     @property
     def reverse(self) -> Self | None:
-        """The effect with the opposite shift in time, if it is a shift: what both explain alike is no shift."""
+        """The opposite shift, if the effect is a shift in time: an error that both explain is not caused by a shift."""
         return None
 
     @property

@@ -43,10 +43,21 @@ def effect_from_dict(data: Mapping[str, Any]) -> Effect:
 def parse_effects(text: str) -> tuple[Effect, ...]:
     """Read effects from text, for example ``"viscous, coulomb(width=0.02), offset@joint1+joint2"``.
 
+    Parameters
+    ----------
+    text : str
+        Identifiers with commas between; shape parameters in brackets; after ``@`` the joints, all by default.
+
+    Returns
+    -------
+    tuple of Effect
+
     Raises
     ------
     InputError
-        The text is malformed; UnknownNameError when a name does not exist.
+        The text is malformed, or names an effect twice for the same joints.
+    UnknownNameError
+        The catalogue has no such effect, or the effect no such shape parameter.
 
     Examples
     --------

@@ -48,8 +48,9 @@ class Gains:
     channel : {"current", "tau"}
         Channel that the gains multiply: currents (N·m/A, N/A), or a torque channel with a wrong scale (1).
     gains, stderr : ndarray, shape (J,)
-        By the method *in amperes* of the module's text.
+        The gains to use and their standard errors, by maximum likelihood for noisy currents.
     total_least_squares, constrained : ndarray, shape (J,)
+        The gains by two other methods, for comparison: total least squares, and with links that can exist.
     given : ndarray, shape (J,), or None
         Gains to check.
     payload : Carried or None
@@ -106,7 +107,7 @@ def find_gains(
     robot : Robot
         Loaded with ``frames="joint"``.
     unloaded, loaded : sequence of Log
-        With currents, or with torques whose scale is to be checked.
+        With positions and currents (A), or with torques whose scale is to be checked.
     payload : KnownPayload
         What hangs there in the loaded logs.
     given : mapping of str to float, optional
@@ -114,6 +115,11 @@ def find_gains(
     effects : sequence of Effect
         Effects besides the links, assumed to be the same with and without the payload.
     cutoff : float, "auto" or None
+        Cut-off of the filter, Hz; None filters nothing.
+
+    Returns
+    -------
+    Gains
 
     Raises
     ------

@@ -107,6 +107,10 @@ def export(
     into : str or Path, optional
         The MJCF file that the robot was read from: the written file is this one with other numbers.
 
+    Returns
+    -------
+    Export
+
     Raises
     ------
     NotPhysicalError

@@ -75,7 +75,7 @@ class Starts:
     which : ndarray of int, shape (K,), optional
         Set of parameters of each robot; the first by default.
     remembered : sequence of ndarray, shape (K, J), optional
-        State of each effect with memory, from `ForwardDynamics.remembered`; by default, each joint comes a long way in
+        State of each effect with memory, from `ForwardDynamics.remembered`; by default, each joint has moved a long way in
         the direction of its speed.
 
     Examples
@@ -210,7 +210,8 @@ class ForwardDynamics:
     def acceleration(self, q: Array, v: Array, tau: Array, t: Array | None = None) -> Array:
         """Acceleration (N, J) that a torque (N, J) makes at states (N, J), with the first set of parameters.
 
-        A joint at standstill that dry friction can hold does not accelerate. Friction with memory has come a long way.
+        A joint at standstill that dry friction can hold does not accelerate. Friction with memory is that after a long
+        motion in the direction of the speed.
         """
         state = self._start(Starts(q, v, t))
         for _ in range(ACCELERATION_PASSES):

@@ -61,10 +61,11 @@ class OutputError(Shown):
         Rms error of the simulated positions on the fitted logs, over that of the linear answer; each
         joint by its own rms error.
     singular_values : ndarray
-        Of the scaled Jacobian, descending: standard errors of the linear answer over those of the motion alone, if its
-        errors were white.
+        Descending, one for each combination of parameters: its standard error in the linear answer, over the standard
+        error that the motion alone would give with white errors. Above 1, the motion knows more.
     kept : tuple of str
-        Parameters more than half of whose uncertainty is in directions that keep the linear answer.
+        Parameters that mostly keep their linear values: more than half of their uncertainty lies in combinations that
+        the motion does not determine.
     inflation : float
         Factor by which correlation of the errors in time inflates variances.
     tested : (MotionComparison, MotionComparison) or None

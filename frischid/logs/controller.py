@@ -53,7 +53,7 @@ class PDController:
     kd : float or mapping of str to float
         Torque per velocity error, N·m·s/rad (N·s/m).
     limit : float or mapping of str to float, optional
-        Largest torque, N·m (N); None: none.
+        Largest torque, N·m (N); None: no limit.
     dead_band : float or mapping of str to float
         Position error below which the servo does not push, rad (m).
     delay : float, mapping of str to float, or None
@@ -128,6 +128,7 @@ class PDController:
         Raises
         ------
         UnknownNameError
+            A gain, a limit or a delay names another joint; the message lists the robot's joints.
         """
         valid = list(joints)
         for rule in _numbers():

@@ -72,7 +72,7 @@ class Log:
     notes : tuple of str
         Conversions, and columns that were left out.
     file : LogFile or None
-        The file it can be read from again; None for samples of another origin, a part of a log for one.
+        The file from which the log can be read again; None for samples of another origin, such as a part of a log.
 
     Notes
     -----

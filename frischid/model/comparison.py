@@ -76,7 +76,7 @@ class Comparison(Shown):
     alarms : tuple of Alarm
         Reasons not to trust the model or these figures; none on the model's own logs.
     poses : int
-        Those of the samples that are poses of an arm at standstill: they compare gravity, up to the dry friction.
+        Number of the samples that are poses of an arm at standstill. They test gravity alone, up to the dry friction.
     not_compared : tuple of str
         Joints that never move in these logs, or whose torque never changes: no error of theirs can be measured.
     residuals : Residuals

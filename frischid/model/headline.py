@@ -134,7 +134,11 @@ class Headline:
 
     @property
     def grade(self) -> str:
-        """A to E: the fifth from the sensors' noise to the better of URDF and constant torque; F: beyond; or ``–``."""
+        """A to F, or ``–`` where a severe alarm stands.
+
+        The range from the sensors' noise to the better of URDF and constant torque has five parts, A to E. F: the error
+        is at least that of the better reference.
+        """
         if any(alarm.severity == "severe" for alarm in self.alarms):
             return "–"
         if self.nrmse <= AS_THE_SENSORS * self.noise_floor:  # also where the URDF is as good

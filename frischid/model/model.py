@@ -266,7 +266,7 @@ class Model(Shown):
         return self.evaluate(self.motions(logs))
 
     def evaluate(self, motions: Iterable[Motion]) -> Iterator[tuple[Block, Array]]:
-        """The same of motions that are prepared already."""
+        """As `blocks`, for logs that `motions` has prepared already."""
         regressor = Regressor(self.robot, self.effects, self.reference)
         for motion in motions:
             for block in regressor.blocks(motion, self.lowpass):

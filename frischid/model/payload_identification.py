@@ -64,8 +64,8 @@ class IdentifiedPayload:
     bound : dict of str to float
         Half width of the 95 % bound of ``mass``, ``x``, ``y``, ``z``, ``Ixx``, ..., ``Izz``.
     from_log : dict of str to float
-        How well the log determines each number, 0 to 1: one less its variance over that of a body of this mass whose
-        centre and radius of gyration are within `USUAL_REACH`.
+        How well the log determines each number, 0 to 1: 1 − its variance ÷ the variance without a log. Without a log,
+        the centre and the radius of gyration of a body of this mass are within `USUAL_REACH`.
     error, error_without : float
         Mean NRMSE of the joints with the body, and without it.
     notes : tuple of str

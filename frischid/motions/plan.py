@@ -119,6 +119,7 @@ class Plan(Shown):
         Raises
         ------
         InputError
+            The number is not positive, or the motion cannot be repeated without a jump.
         """
         check_runs(repeat)
         (start, *_), (end, *_) = (self.trajectory(np.array([when])) for when in (0.0, self.trajectory.duration))

@@ -205,7 +205,7 @@ class Robot:
 
     @cached_property
     def limits(self) -> JointLimits:
-        """URDF limits of the independent joints; infinite where the URDF gives none."""
+        """URDF limits of the independent joints, rad, rad/s, N·m (m, m/s, N); infinite where the URDF gives none."""
         return read_limits(self.model, [self.numbers[n] for n in self.joints])
 
     @cached_property
@@ -252,7 +252,7 @@ class Robot:
 
     @cached_property
     def nominal(self) -> Array:
-        """The URDF's own values of `all_names`, about the chosen frames."""
+        """The URDF's own values of `all_names`, about the chosen frames: kg, kg·m and kg·m², shape (10 L,)."""
         theta = np.stack([self.model.inertias[i].toDynamicParameters() for i in self.numbers.values()])
         if self.transforms is not None:
             theta = np.linalg.solve(self.transforms, theta[:, :, None])[:, :, 0]

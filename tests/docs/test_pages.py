@@ -124,8 +124,14 @@ def test_every_command_is_in_the_table_and_on_the_page():
 def test_every_public_name_is_in_the_reference():
     import frischid
 
-    lines = "".join(script("hooks").name_lines())
-    assert set(re.findall(r"::: [\w.]+\.(\w+)", lines)) == set(frischid.__all__) - {"__version__"}
+    hooks = script("hooks")
+    shown = re.findall(r"::: [\w.]+\.(\w+)", "".join(hooks.name_lines()))
+    results = [path.rpartition(".")[2] for path in hooks.RESULTS]
+    assert sorted(shown) == sorted([*(set(frischid.__all__) - {"__version__"}), *results])
+    for path in hooks.RESULTS:  # each says what it is, and what its fields are
+        module, _, name = path.rpartition(".")
+        words = getattr(importlib.import_module(f"frischid.{module}"), name).__doc__
+        assert words
 
 
 def toml_blocks():
