@@ -125,7 +125,14 @@ def record(title: str, rows: Sequence[Mapping[str, Any]], path: Path, notes: Seq
     """Write rows as JSON, with the machine and the version that made them; parameters as in `publish`."""
     project = (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
     version = tomllib.loads(project)["project"]["version"]  # of this checkout, whatever is installed
-    machine = {"python": platform.python_version(), "processor": platform.machine(), "cores": os.cpu_count()}
+    machine = {
+        "python": platform.python_version(),
+        "processor": platform.machine(),
+        "cores": os.cpu_count(),
+        "load": round(
+            os.getloadavg()[1], 1
+        ),  # of the last five minutes: above the cores, times are those of a busy machine
+    }
     content = {
         "schema": "frischid.benchmark/1",
         "title": title,

@@ -72,7 +72,9 @@ def machine(name: str, script: str | None = None) -> str:
     """Version and machine of a stored result, and the script that made it (by default called as the result)."""
     stored = data(name)
     computer = stored["machine"]
+    load = computer.get("load", 0.0)
+    busy = f", busy with other work (load {load})" if load > computer["cores"] + 0.5 else ""
     return (
         f"*Made by `benchmarks/{script or name}.py` with frischid {stored['frischid']}, Python {computer['python']}, "
-        f"{computer['cores']} cores ({computer['processor']}).*\n"
+        f"{computer['cores']} cores ({computer['processor']}){busy}.*\n"
     )

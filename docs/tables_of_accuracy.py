@@ -179,3 +179,39 @@ DRIVES = {
     "go2": "a Go2's leg, 32768 counts",
     "panda": "Panda, 524288 counts",
 }
+
+
+def numbers_of(title: str) -> Row:
+    """Figures of a table of the paper, computed again."""
+    return dict(next(row["numbers"] for row in rows_of("paper_again") if row["table"] == title))
+
+
+def paper_again() -> str:
+    """The paper's printed figures beside ours."""
+    design = numbers_of("Table 2")
+    lines = [
+        (f"Table 2, {name}", *(figure(design[kind].get(name)) for kind in ("printed", "as published", "as corrected")))
+        for name in design["printed"]
+    ]
+    fresh = (figure(design[kind]["fresh mean"]) for kind in ("as published", "as corrected"))
+    lines.append(("Table 2, cost (19), mean over fresh noise", "–", *fresh))
+    for title in ("Table 3", "Table 4"):
+        distances = numbers_of(title)["distances"]
+        words = f"each within {max(distances):.1f} standard errors"
+        lines.append((f"{title}, {2 * len(distances)} means", "", words, "another arm"))
+    return (
+        f"{table(('result', 'printed', 'as published', 'as corrected'), lines)}\n{data('paper_again')['notes'][0]}.\n"
+    )
+
+
+def figure(value: float | None) -> str:
+    """Four decimals, or that there is no figure."""
+    return "–" if value is None else f"{value:.4f}"
+
+
+def paper_claims() -> str:
+    """Each claim of the paper, what was found, and whether the claim holds."""
+    head = ("equation", "claim", "found", "holds")
+    return each(
+        head, numbers_of("Equations")["rows"], lambda row: (row["equation"], row["says"], row["found"], row["holds"])
+    )

@@ -82,7 +82,7 @@ def robot_page(row: Row) -> str:
         for name, j in row["joints"].items()
     ]
     parts = [
-        table(("", ""), facts),
+        table(("of the logs and the model", ""), facts),
         "**Error on the test log** (NRMSE, mean over the joints):\n",
         table(("model", "NRMSE"), [(name, f"{x:.4f}") for name, x in errors]),
         "**Effects added, in order.** The test log decides nothing, so a step may also raise its error:\n",

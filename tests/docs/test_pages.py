@@ -1,7 +1,6 @@
 """The README, the site and the stored results agree; every page leads on, and no link leads nowhere."""
 
 import importlib
-import importlib.util
 import json
 import re
 import subprocess
@@ -10,7 +9,7 @@ import tomllib
 import zipfile
 from html.parser import HTMLParser
 from pathlib import Path
-from urllib.parse import unquote
+from urllib.parse import unquote, urlsplit
 
 import pytest
 from browser import needs_browser, opened, violations
@@ -37,10 +36,7 @@ def text_of(path):
 def script(name):
     if str(DOCS) not in sys.path:
         sys.path.insert(0, str(DOCS))  # the scripts import each other
-    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return importlib.import_module(name)
 
 
 def test_the_readme_is_short():
@@ -107,6 +103,20 @@ def test_relative_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)\s]+)\)", text_of(page)):
         if not target.startswith(("http", "#")):
             assert (page.parent / target.split("#")[0]).exists(), target
+
+
+def test_links_to_other_sites_have_the_form_of_an_address():
+    """Whether the sites answer is the question of .github/workflows/links.yml."""
+    found = {link for page in TEXTS for link in re.findall(r"\]\((https?:[^)]*)\)", text_of(page))}
+    found |= set(re.findall(r"url = \{([^}]+)\}", text_of(ROOT / "paper" / "paper.bib")))
+    assert len(found) > 10
+    for link in found:
+        parts = urlsplit(link)
+        assert parts.scheme == "https", link
+        assert re.fullmatch(r"(?:[a-z0-9-]+\.)+[a-z]{2,}", parts.netloc), link
+        assert not re.search(r"[\s<>{}\"'`]|[.,;:]$", link), link
+        if parts.netloc == "github.com":
+            assert re.fullmatch(r"/[\w.-]+/[\w.-]+(?:/(?:tree|blob)/[\w./-]+)?", parts.path), link
 
 
 def test_every_page_is_in_the_navigation():
@@ -185,6 +195,26 @@ def test_the_paper_is_as_short_as_the_journal_asks():
     assert 250 <= len(body.split()) <= 1000
     for picture in re.findall(r"\]\((\S+\.(?:png|svg|webp))\)", body):
         assert any(Path(picture).name in text_of(script) for script in DOCS.glob("*.py")), f"no script draws {picture}"
+
+
+def test_pages_repeat_the_payload_that_the_guide_prints():
+    """tests/docs/test_text_blocks.py computes the guide's figure from the measured logs."""
+    printed = re.search(r"^mass +kg +(\d\.\d+) +(\d\.\d+)", text_of(DOCS / "guides" / "payload.md"), flags=re.MULTILINE)
+    mass, bound = (f"{float(x):.2f}" for x in printed.groups())
+    for page in (ROOT / "paper" / "paper.md", DOCS / "robots" / "ur10e.md", DOCS / "guides" / "payload.md"):
+        assert re.search(rf"{mass} ± {bound} kg", text_of(page)), page.name
+
+
+def test_words_about_the_six_robots_follow_from_the_stored_results():
+    rows = {row["key"]: row for row in json.loads(text_of(DOCS / "data" / "six_robots.json"))["rows"]}
+    coupling = rows["staubli_tx40"]["steps"][0]
+    assert coupling["effect"] == "joint_coupling"
+    assert 0.2 < coupling["test_after"] / coupling["test_before"] < 0.3  # "falls by three quarters"
+    assert rows["staubli_tx40"]["joints"]["joint_5"]["identified"] > 1.5  # "far worse than a constant torque"
+    assert 0.4 < rows["emps"]["improved"] / rows["emps"]["identified"] < 0.6  # "halves the NRMSE"
+    assert rows["ur10e"]["identified"] < 0.5 * rows["ur10e"]["urdf_with_friction"]  # "less than half"
+    assert rows["lbr_med7"]["identified"] < rows["lbr_med7"]["urdf_with_friction"]
+    assert rows["tiago"]["improved"] >= rows["tiago"]["identified"]  # "does not lower the error on the test log"
 
 
 def test_versions_agree():
