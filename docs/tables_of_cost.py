@@ -51,8 +51,10 @@ def mujoco_ratio() -> str:
 
 def startup() -> str:
     """Start-up of whole processes against the libraries that they need."""
-    head = ("process", "against", "ratio")
-    return each(head, rows_of("startup"), lambda row: (f"`{row['process']}`", row["against"], f"{row['ratio']:.2f}"))
+    rows = rows_of("startup")
+    return each(
+        ("process", "against", "ratio"), rows, lambda row: (row["process"], row["against"], f"{row['ratio']:.2f}")
+    )
 
 
 def regressor() -> str:
