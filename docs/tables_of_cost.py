@@ -12,6 +12,12 @@ def exported_code() -> str:
     return table(("ns per call", *robots), [(row["model"], *(f"{row[name]:.0f}" for name in robots)) for row in rows])
 
 
+def sentence(script: str, number: int) -> str:
+    """A note of a stored result, with a capital letter."""
+    note = str(data(script)["notes"][number])
+    return note[0].upper() + note[1:]
+
+
 def by(script: str, key: str, name: str) -> Row:
     """The row of a stored result whose `key` is `name`."""
     return next(row for row in rows_of(script) if row[key] == name)
@@ -22,7 +28,7 @@ def against_figaroh() -> str:
     head = ("program", "µs per sample", "over the bare loop", "over frischid")
     keys = ("µs per sample", "× bare loop", "× frischid")
     rows = rows_of("against_figaroh")
-    words = "; ".join(data("against_figaroh")["notes"][::3])
+    words = f"{sentence('against_figaroh', 0)}; {data('against_figaroh')['notes'][3]}"
     return each(head, rows, lambda row: (row["variant"], *(f"{row[key]:.3g}" for key in keys))) + f"\n{words}.\n"
 
 
@@ -40,13 +46,14 @@ def against_mujoco() -> str:
         errors = (f"{row[key]:.2g} %" for key in worst)
         return row["tool"], f"{row['samples']:,}", f"{row['seconds']:.2g}", f"{row['× frischid']:.2g}", *errors
 
-    return each(head, rows_of("against_mujoco"), line) + f"\n{data('against_mujoco')['notes'][0]}.\n"
+    return each(head, rows_of("against_mujoco"), line) + f"\n{sentence('against_mujoco', 0)}.\n"
 
 
 def mujoco_ratio() -> str:
     """Time of mujoco.sysid over that of frischid, least and most."""
     ratios = [row["× frischid"] for row in rows_of("against_mujoco") if row["tool"] != "frischid"]
-    return f"{min(ratios):.0f} to {max(ratios):.0f}"
+    least, most = (f"{x:.0f}" for x in (min(ratios), max(ratios)))
+    return least if least == most else f"{least} to {most}"
 
 
 def startup() -> str:
@@ -60,7 +67,7 @@ def startup() -> str:
 def regressor() -> str:
     """A row of the regressor, alone and streamed into moments."""
     rows = rows_of("regressor")
-    words = data("regressor")["notes"][0]
+    words = sentence("regressor", 0)
     return (
         each(("job", "over the bare loop"), rows, lambda row: (row["variant"], f"{row['ratio']:.2f}")) + f"\n{words}.\n"
     )
