@@ -67,7 +67,7 @@ def startup() -> str:
 def regressor() -> str:
     """A row of the regressor, alone and streamed into moments."""
     rows = rows_of("regressor")
-    words = sentence("regressor", 0)
+    words = data("regressor")["notes"][0]
     return (
         each(("job", "over the bare loop"), rows, lambda row: (row["variant"], f"{row['ratio']:.2f}")) + f"\n{words}.\n"
     )

@@ -49,7 +49,9 @@ class Estimate:
     columns : tuple of Column
         The estimated columns: names, units, joints, known signs.
     theta : ndarray, shape (p,)
+        Values, in the units of `columns`.
     covariance : ndarray, shape (p, p)
+        Of `theta`, in products of these units.
     joints : tuple of str
         Joints whose torque was fitted.
     sigma : ndarray, shape (J,)

@@ -38,10 +38,26 @@ from frischid.regression.regressor import nominal_parameters
 
 @dataclass(frozen=True)
 class JointFit:
-    """Errors of one joint; torques in N·m (N).
+    """Errors of one joint.
 
-    ``nominal`` and ``constant`` are the NRMSE of the two references. ``noise_floor`` is the NRMSE that the noise of the
-    sensors alone would make. ``expected`` is the NRMSE to expect from the model's own uncertainty.
+    Attributes
+    ----------
+    name : str
+        The joint.
+    rmse, bias, std : float
+        Rms, mean and standard deviation of the residual, N·m (N).
+    nrmse : float
+        Rms residual over the standard deviation of the measured torque.
+    fit : float
+        100 (1 − nrmse): 100 is perfect, 0 as good as the mean torque.
+    nominal, constant : float
+        NRMSE of the URDF's links with fitted friction, and of a constant torque.
+    noise_floor : float
+        NRMSE that the noise of the sensors alone would make.
+    expected : float
+        NRMSE to expect from the model's own uncertainty.
+    worst : Worst
+        The largest residual, N·m (N), and its time.
     """
 
     name: str

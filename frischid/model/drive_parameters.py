@@ -56,6 +56,7 @@ class DriveParameter:
     quantity : {"torque_per_ampere", "stiffness", "damping", "delay", "effort_limit", "armature", "viscous", "coulomb"}
     unit : str
     value : float
+        In `unit`.
     lower, upper : float
         Range that holds the true value in 95 % of cases, without impossible signs.
     known : {"identified", "as a ratio", "in a sum", "open", "given"}

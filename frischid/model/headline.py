@@ -88,6 +88,7 @@ class Headline:
     Attributes
     ----------
     nrmse : float
+        The rms error over the standard deviation of the measured torque, mean over the joints.
     measured : {"test", "cross-validated", "fitted"}
         ``"fitted"``: on the logs the model was fitted to, where nobody cross-validated it. This error is too small.
     noise_floor, urdf_nrmse, constant_nrmse : float

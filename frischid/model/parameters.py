@@ -10,7 +10,20 @@ from frischid.estimators.least_squares import Estimate
 
 
 class Parameter(NamedTuple):
-    """One base parameter: its value and standard error in `unit`, and the `expression` it stands for."""
+    """One base parameter.
+
+    Attributes
+    ----------
+    name : str
+        Short name, for example ``"mx1R"``.
+    expression : str
+        The sum of parameters that it stands for, for example ``"mx1 + 0.5 m2"``.
+    unit : str
+    joint, effect : str
+        Where it belongs; ``"rigid"`` is the effect of the links.
+    value, stderr : float
+        Value and standard error, in `unit`.
+    """
 
     name: str
     expression: str

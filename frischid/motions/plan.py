@@ -96,6 +96,7 @@ class Plan(Shown):
         Parameters
         ----------
         rate : float
+            Samples per second, Hz.
         repeat : int
             Runs of the motion, one after another without a pause: what differs between the runs is noise.
 

@@ -1,6 +1,7 @@
 """The README, the site and the stored results agree; every page leads on, and no link leads nowhere."""
 
 import importlib
+import inspect
 import json
 import re
 import subprocess
@@ -75,7 +76,9 @@ def test_no_table_of_figures_is_typed_by_hand(folder):
 
 
 def test_the_pages_on_bands_say_what_the_table_of_trust_holds():
-    share, pairs = re.search(r"at least (\d+ %).* on (\d+ of \d+) pairs", script("tables_of_robots").band_in_words()).groups()
+    share, pairs = re.search(
+        r"at least (\d+ %).* on (\d+ of \d+) pairs", script("tables_of_robots").band_in_words()
+    ).groups()
     for name in ("guides/identify.md", "understand/noise-floor.md"):
         words = " ".join(text_of(DOCS / name).split())
         assert f"the band holds at least {share} on {pairs} pairs of logs" in words
@@ -142,6 +145,30 @@ def test_every_public_name_is_in_the_reference():
         module, _, name = path.rpartition(".")
         words = getattr(importlib.import_module(f"frischid.{module}"), name).__doc__
         assert words
+
+
+def documented():
+    """Every object of the Python page, and the public methods of its classes."""
+    import frischid
+
+    paths = script("hooks").RESULTS
+    objects = [getattr(importlib.import_module(f"frischid.{m}"), n) for m, _, n in (p.rpartition(".") for p in paths)]
+    for found in (*(getattr(frischid, name) for name in frischid.__all__ if name != "__version__"), *objects):
+        yield found
+        for name, value in vars(found).items() if inspect.isclass(found) else ():
+            method = value.__func__ if isinstance(value, (classmethod, staticmethod)) else value
+            if inspect.isfunction(method) and not name.startswith("_"):
+                yield method
+
+
+def test_every_number_array_and_error_of_the_python_page_is_explained():
+    section = r"^(?:Parameters|Attributes|Returns|Raises)\n-+\n(.*?)(?=^\w[\w ]*\n-{3,}|\Z)"
+    for found in documented():
+        text = inspect.getdoc(found) or ""
+        for body in re.findall(section, text + "\n", flags=re.MULTILINE | re.DOTALL):
+            for head, words in re.findall(r"^(\S[^\n]*)\n((?: {4}[^\n]*\n?|\n)*)", body, flags=re.MULTILINE):
+                if re.search(r": (?:float|ndarray)|Error$", head):
+                    assert words.strip(), f"{getattr(found, '__qualname__', found)}: say what {head} is, with its unit"
 
 
 def toml_blocks():
