@@ -75,8 +75,8 @@ class Starts:
     which : ndarray of int, shape (K,), optional
         Set of parameters of each robot; the first by default.
     remembered : sequence of ndarray, shape (K, J), optional
-        State of each effect with memory, from `ForwardDynamics.remembered`; by default, each joint has moved a long way in
-        the direction of its speed.
+        State of each effect with memory, from `ForwardDynamics.remembered`; by default, each joint has moved a long
+        way in the direction of its speed.
 
     Examples
     --------
