@@ -23,7 +23,7 @@ import numpy as np
 from frischid.checks.check_criteria import CheckCriteria
 from frischid.checks.faults import Fault, cost
 from frischid.checks.position_faults import position_faults
-from frischid.checks.robot_faults import robot_faults
+from frischid.checks.robot_faults import robot_faults, shared_faults
 from frischid.checks.row_fits import RowFits, local_fits
 from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
@@ -77,7 +77,8 @@ def explain(sketch: Sketch) -> Explanation | None:
     found = _readings(sketch, ())
     for item in position_faults(sketch):
         found += _readings(item.sketch, (item.fault,))
-    found += _of_the_robot([null, *_best(found), *_readings(sketch, (), simple=True)])
+    starts = [null, *_alone(sketch, found[0]), *_best(found), *_readings(sketch, (), simple=True)]
+    found += [*_of_the_robot(starts), *_without_one_row(sketch)]
     if (top := max(found, key=_score)) and not (_is_enough(top, null) and _is_good(top)):
         for start in _best(found):
             for item in position_faults(start.sketch):
@@ -91,6 +92,8 @@ def explain(sketch: Sketch) -> Explanation | None:
     others = [h for h in [*found, null] if not h.key >= best.key]
     runner = max(others, key=_score, default=None)
     gap = np.inf if runner is None else best.score - runner.score
+    if gap < 0:
+        return None  # what explains the torques best is no fault that can be named: several gains, or too many faults
     return Explanation(best, float(1 / (1 + np.exp(np.clip(-gap, -50, 50)))), runner)
 
 
@@ -191,6 +194,33 @@ def _of_the_robot(starts: Iterable[Hypothesis]) -> list[Hypothesis]:
             errors = item.sketch.errors(item.sketch.nominal)
             score = fits.total(errors) - item.fault.cost - sum(f.cost for f in start.faults)
             found.append(Hypothesis((*start.faults, item.fault), score, errors, item.sketch))
+    return found
+
+
+def _alone(sketch: Sketch, reading: Hypothesis) -> list[Hypothesis]:
+    """Each fault of a reading of the torques without the others, which may be taking up a fault of the robot."""
+    rows = dict(zip(sketch.names, sketch.rows, strict=True))
+    found, fits, springs = [], RowFits(sketch), reading.sketch.nominal - sketch.nominal
+    for fault in reading.faults:
+        columns = [rows[name] for name in fault.where if name in rows]
+        tau, nominal = sketch.tau.copy(), sketch.nominal.copy()
+        tau[:, columns] = reading.sketch.tau[:, columns]
+        nominal[:, columns] += springs[:, columns]
+        read = replace(sketch, tau=tau, given_nominal=nominal)
+        errors = read.errors(nominal)
+        found.append(Hypothesis((fault,), fits.total(errors) - fault.cost, errors, read))
+    return found
+
+
+def _without_one_row(sketch: Sketch) -> list[Hypothesis]:
+    """Faults of the whole robot as the torques of all joints but one show them; then the best reading of all torques.
+
+    A spring hides a payload, and a payload a spring. But one wrong torque cannot hide what all others show.
+    """
+    found: list[Hypothesis] = []
+    for left_out in sketch.rows if len(sketch.rows) > 2 else ():
+        for item in shared_faults(replace(sketch, rows=sketch.rows[sketch.rows != left_out])):
+            found += _readings(replace(item.sketch, rows=sketch.rows), (item.fault,))
     return found
 
 

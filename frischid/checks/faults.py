@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from frischid.checks.check_criteria import CheckCriteria
+from frischid.core.types import Array
 
 Fix = tuple[str, str, Any]
 """Joint, key of its table in a mapping file, value."""
@@ -28,6 +29,8 @@ class Fault:
         Whether it has no number that is fitted: such a fault cannot explain an error by chance.
     fix : tuple of Fix
         Entries of a mapping file that undo it.
+    torque : ndarray, shape (M, J), optional
+        Torque of a body, which is compared with errors of the URDF's links.
     """
 
     kind: str
@@ -38,6 +41,7 @@ class Fault:
     blocks: bool = True
     discrete: bool = True
     fix: tuple[Fix, ...] = ()
+    torque: Array | None = field(default=None, compare=False, repr=False)
 
 
 def cost(criteria: CheckCriteria, kind: str, choices: int = 1, fitted: int = 0, samples: float = 1.0) -> float:

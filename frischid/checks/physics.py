@@ -65,8 +65,9 @@ def _say(found: Explanation, sketch: Sketch, notes: Notebook) -> Sketch:
         "runner_up": [] if found.runner_up is None else [[f.kind, list(f.where)] for f in found.runner_up.faults],
     }
     for fault in found.best.faults:
-        if fault.kind == "payload":
-            before = replace(found.best.sketch, given_nominal=None, rows=found.best.sketch.rows)
+        if fault.torque is not None:
+            # the other faults stay undone: a spring would hide the body
+            before = replace(found.best.sketch, given_nominal=found.best.sketch.nominal - fault.torque)
             if check_payload(before, notes) or not beats_links(before, payload_errors(before)):
                 continue  # said already, or no more than the errors that the URDF's links have anyway
         # Behind a fault without fitted numbers, one with fitted numbers may only take up what the URDF misses anyway.

@@ -28,15 +28,21 @@ def robot_faults(sketch: Sketch) -> Iterator[Moved]:
     """The sketch with one such cause explained, for every cause; the torques are right, up to this."""
     if not len(sketch.rows):
         return
+    yield from shared_faults(sketch)
+    yield from _couplings(sketch, float(RowFits(sketch).weight.mean()))
+
+
+def shared_faults(sketch: Sketch) -> Iterator[Moved]:
+    """The causes that all torques show: a tilted base, a body on the last link."""
     n = float(RowFits(sketch).weight.mean())
     yield from _mounting(sketch, n)
     body = payload_errors(sketch)
     if body.removed > 0 and body.torque is not None:
         what = f"a body of about {body.mass:.2g} kg on the last link that the URDF lacks"
         advice = "use a URDF with the payload if it belongs to the robot; take it off if it does not"
-        fault = Fault("payload", what, (body.joint,), advice, cost(sketch.criteria, "payload", 1, 10, n), False, False)
+        price = cost(sketch.criteria, "payload", 1, 10, n)
+        fault = Fault("payload", what, (body.joint,), advice, price, False, False, torque=body.torque)
         yield Moved(replace(sketch, given_nominal=sketch.nominal + body.torque), fault)
-    yield from _couplings(sketch, n)
 
 
 def _mounting(sketch: Sketch, n: float) -> Iterator[Moved]:

@@ -295,3 +295,45 @@ def test_only_the_torques_named_are_judged(log, tmp_path):
     others = CliRunner().invoke(main, [*given, "--torque-joints", "elbow*,wrist*,shoulder_pan*"])
     assert others.exit_code == 0, others.output
     assert "torque not judged: shoulder_lift_joint" in others.output
+
+
+def with_spring(log, j):
+    """A spring on joint j that is as strong as its load."""
+    tau, q = np.array(log.tau), log.q[:, j]
+    tau[:, j] += 1.5 * tau[:, j].std() * (q - q.mean()) / q.std()
+    return replace(log, tau=tau)
+
+
+def with_body(log, mass):
+    """A body on the last link."""
+    v = np.gradient(log.q, log.t, axis=0)
+    a = np.gradient(v, log.t, axis=0)
+    last = [k for k, column in enumerate(UR.columns) if column.joint == UR.joints[-1]]
+    Y = np.empty((len(log), len(UR.columns), len(UR.joints)))
+    UR.regressor(log.q, v, a, Y)
+    body = mass * np.array([1.0, 0.02, 0.0, 0.1, 0.02, 0, 0.02, 0, 0, 0.01])
+    return replace(log, tau=np.array(log.tau) + np.einsum("ncj,c->nj", Y[:, last], body))
+
+
+def test_a_spring_does_not_hide_a_payload(log):
+    found, _ = issues(with_spring(with_body(log, 5.0), 2))
+    assert set(found) >= {"payload", "spring"}
+    assert found["spring"].where == (UR.joints[2],)
+
+
+def test_a_spring_does_not_hide_a_tilted_base(log):
+    leaning = Robot.load("ur10", base_rpy=(0.3, 0.4, 0.0))
+    zero = np.zeros_like(log.q)
+    more = leaning.inverse_dynamics(log.q, zero, zero) - UR.inverse_dynamics(log.q, zero, zero)
+    found, _ = issues(with_spring(replace(log, tau=log.tau + more), 1))
+    assert set(found) >= {"mounting", "spring"}
+    assert found["spring"].where == (UR.joints[1],)
+
+
+def test_nothing_is_named_where_something_else_explains_more(log):
+    """Three wrong gains are no fault that is named; a likely story that explains less must not take their place."""
+    tau = np.array(log.tau)
+    tau[:, [0, 1, 2]] *= [5.0, 0.2, 7.0]
+    found, report = issues(replace(log, tau=tau))
+    assert report.facts.get("explanation", {"probability": 1.0})["probability"] >= 0.5
+    assert "unexplained torque" in found or "wrong robot" in found
