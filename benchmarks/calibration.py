@@ -167,11 +167,12 @@ def report(paths: Sequence[Path], json_path: Path | None) -> None:
 
 def flat(row: dict[str, Any], said: tuple[str, float, bool]) -> dict[str, Any]:
     """A case in one line of plain values, from which every table can be counted again."""
-    keys = ("generator", "seed", "number", "kind", "effects", "grade", "background", "arm", "sensors", "right")
+    keys = ("generator", "seed", "number", "kind", "effects", "grade", "background", "arm", "right")
     name, probability, correct = said
-    named, found, where = row.get("first") or [], row.get("ranking") or [], None
-    if row["kind"] == "single" and found and set(named) & set(row["effects"]):
-        where = sorted(found[0][1]) == sorted(row["joints"][0]) if row["joints"][0] else None
+    named, where = row.get("first") or [], None
+    if row["kind"] == "single" and row["joints"][0] and set(named) & set(row["effects"]):
+        joints = next((joints for effect, joints in row["ranking"] if effect == named[0]), [])
+        where = sorted(joints) == sorted(row["joints"][0])
     return (
         {key: row[key] for key in keys}
         | {"answer": name, "probability": probability, "correct": correct}

@@ -86,8 +86,8 @@ def scaling() -> str:
 
     start = middle(row["MiB at start"] for row in rows)
     words = (
-        f"`identify` and `compare`: time per sample, over that of the first row ({first['identify µs']:.3g} and "
-        f"{first['compare µs']:.3g} µs).\nThe process has {start:.0f} MiB before the first sample (median).\n"
+        f"*identify* and *compare*: time per sample, over that of the UR10 with {first['samples']:,} samples "
+        f"({first['identify µs']:.3g} and {first['compare µs']:.3g} µs).\nThe process has {start:.0f} MiB before the first sample (median).\n"
     )
     return f"{each(head, rows, line)}\n{words}"
 

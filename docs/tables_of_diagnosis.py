@@ -99,11 +99,18 @@ def sure_in_words(rows: Sequence[Row]) -> str:
     of = " and ".join(f"{len(part)} of the {g} generator (seed {s})" for g, s, part in parts)
     crashes = sum(row["answer"] == "crash" for row in rows)
     errors = " and ".join(f"{calibration_error(part):.2f} on the {g}" for g, _, part in parts)
+    wrong = [f"`{row['answer']}` for {cause(row)} ({row['arm']})" for row in sure if not row["correct"]]
+    misses = f" The others say {', '.join(wrong)}." if wrong else ""
     return (
         f"{len(rows)} cases: {of}; {crashes} crashed. Of the {len(sure)} answers with a probability of 0.9 or more, "
-        f"{sum(row['correct'] for row in sure)} are right.\nThe expected calibration error (mean distance between "
+        f"{sum(row['correct'] for row in sure)} are right.{misses}\n\nThe expected calibration error (mean distance between "
         f"stated probability and share of right answers) is {calibration_error(rows):.2f}: {errors} generator.\n"
     )
+
+
+def cause(row: Row) -> str:
+    """What a case hides."""
+    return " and ".join(row["effects"]) or f"a {row['kind']} robot"
 
 
 def calibration_error(rows: Sequence[Row]) -> float:
@@ -126,7 +133,11 @@ def found_by_background() -> str:
     lines.append(
         ("gears with play, with and without background", share(gears, "named right"), share(gears, "right joints"))
     )
-    head = ("background", "a true effect named first, or with it", "right joints, one effect hidden and named")
+    head = (
+        "background",
+        "a true effect named first, or with it",
+        "exactly the right joints, one effect hidden and named",
+    )
     return table(head, lines)
 
 
