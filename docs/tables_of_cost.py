@@ -85,9 +85,10 @@ def scaling() -> str:
         return row["robot"], *size, *ratios, f"{row['peak MiB']:.0f}"
 
     start = middle(row["MiB at start"] for row in rows)
+    own = f"({first['identify µs']:.3g} and {first['compare µs']:.3g} µs)"
     words = (
-        f"*identify* and *compare*: time per sample, over that of the UR10 with {first['samples']:,} samples "
-        f"({first['identify µs']:.3g} and {first['compare µs']:.3g} µs).\nThe process has {start:.0f} MiB before the first sample (median).\n"
+        f"*identify* and *compare*: time per sample, over that of the UR10 with {first['samples']:,} samples {own}.\n"
+        f"The process has {start:.0f} MiB before the first sample (median).\n"
     )
     return f"{each(head, rows, line)}\n{words}"
 

@@ -103,8 +103,9 @@ def sure_in_words(rows: Sequence[Row]) -> str:
     misses = f" The others say {', '.join(wrong)}." if wrong else ""
     return (
         f"{len(rows)} cases: {of}; {crashes} crashed. Of the {len(sure)} answers with a probability of 0.9 or more, "
-        f"{sum(row['correct'] for row in sure)} are right.{misses}\n\nThe expected calibration error (mean distance between "
-        f"stated probability and share of right answers) is {calibration_error(rows):.2f}: {errors} generator.\n"
+        f"{sum(row['correct'] for row in sure)} are right.{misses}\n\nThe expected calibration error (mean distance "
+        "between stated probability and share of right answers) "
+        f"is {calibration_error(rows):.2f}: {errors} generator.\n"
     )
 
 
