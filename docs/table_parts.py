@@ -30,7 +30,8 @@ def rows_of(script: str) -> list[Row]:
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
+    cells = [[cell.replace("|", "&#124;") for cell in row] for row in rows]
+    lines = [head, ["---"] * len(head), *cells]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
