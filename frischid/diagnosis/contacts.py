@@ -22,7 +22,9 @@ import numpy as np
 from scipy import ndimage
 
 from frischid.core.types import Array
+from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.candidate_columns import Candidate
+from frischid.diagnosis.contacts_that_return import returning_share
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.findings import Finding
@@ -170,19 +172,28 @@ def _at_reversals(energy: Array, speed: Array, criteria: DiagnosisCriteria) -> b
 # ---------------------------------------------------------------------- bursts without a contact
 
 
-def made_by_something_steady(validator: CrossValidator, rest: CrossValidator, findings: Sequence[Finding]) -> bool:
+def made_by_something_steady(
+    validator: CrossValidator, rest: CrossValidator, findings: Sequence[Finding], bursts: Sequence[Stretch]
+) -> bool:
     """Whether a term that acts all the time causes the bursts: an effect that was found, or one outside the catalogue.
+
+    The latter shows in bursts that return with the state of their joint (`contacts_that_return`), or in a term of
+    another joint's state that explains them.
 
     Parameters
     ----------
     validator, rest : CrossValidator
         Fits to all rows, and to the rows without the bursts.
     findings : sequence of Finding
+    bursts : sequence of (str, float, float)
+        Source, start and stop of each, s.
     """
     if any(_explains(validator, rest, validator.candidates(f.members)) for f in findings if f.significant):
         return True
+    if returning_share(validator, rest, bursts) > validator.criteria.returning_share:
+        return True
     worst = int(np.argmax(_error_of_bursts(validator, rest)))
-    term = best_unmodelled(validator, worst, jumping=False)
+    term = best_unmodelled(validator, worst, jumping=False, significant=False)
     return term is not None and _explains(validator, rest, [term.candidate])
 
 

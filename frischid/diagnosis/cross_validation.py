@@ -249,7 +249,7 @@ class CrossValidator:
 
     def _held_out(self, X: Moments, D: Moments, fit: CandidateFit, fold: int) -> Array:
         beta = fit.beta
-        d = np.append(self.fit.systems[fold][1] + fit.change, -1.0)
+        d = np.append(self.fit.systems[fold].theta + fit.change, -1.0)
         sse = np.einsum("a,jab,b->j", d, self.columns.gram[fold], d)
         for row in X:
             sse[row] += 2 * d @ X[row][fold] @ beta + beta @ D[row][fold] @ beta

@@ -302,7 +302,7 @@ def _stages(
     findings, ranking = find_effects(validator, floor, situation, effects, progress)
     if contacts:
         rest = validator.without(stretches(contacts))
-        if made_by_something_steady(validator, rest, findings):
+        if made_by_something_steady(validator, rest, findings, stretches(contacts)):
             contacts = []
         else:
             progress("again without the contacts")

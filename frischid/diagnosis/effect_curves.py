@@ -48,8 +48,6 @@ class Shape:
         Values of the variable: q, v, a in rad, rad/s, rad/s² (m, ...), load in N·m (N), t in s since the log began.
     residual, added : ndarray, shape (N,)
         Measured less predicted torque, and the change of the model's torque, N·m (N).
-    explained : float
-        Explained share of the joint's squared residual over all samples.
     stretch : str
         Name of the log, when only a stretch of that log is drawn; empty when all samples are drawn.
     """
@@ -60,7 +58,6 @@ class Shape:
     x: Array
     residual: Array
     added: Array
-    explained: float
     stretch: str = ""
 
 
@@ -99,14 +96,11 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
     # Everything in a slow motion is a function of time: time is the last resort.
     variable = physical if scores[physical] >= _LEAST_RATIO else _VARIABLES[-1]
     joint = validator.joints[row]
-    explained = 1.0 - float(((residual - added) ** 2).sum() / max(float((residual**2).sum()), 1e-300))
     if scores[variable] >= _LEAST_RATIO:
-        return Shape(finding.effect, joint, variable, columns[variable], residual, added, explained)
+        return Shape(finding.effect, joint, variable, columns[variable], residual, added)
     log, t = prediction.log[where], prediction.t[where]
     part, source = _best_stretch(log, t, residual**2 - (residual - added) ** 2)
-    return Shape(
-        finding.effect, joint, "t", t[part], residual[part], added[part], explained, prediction.sources[source]
-    )
+    return Shape(finding.effect, joint, "t", t[part], residual[part], added[part], prediction.sources[source])
 
 
 def _along(prediction: Prediction, sources: Collection[str]) -> Prediction:

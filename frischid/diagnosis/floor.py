@@ -43,7 +43,7 @@ def with_leverage(validator: CrossValidator, floor: Array) -> Array:
     gram = validator.columns.gram[:, :, :-1, :-1]  # (folds, J, p, p)
     variance = np.zeros(len(floor))
     for fold, moments in enumerate(gram):
-        factor, _ = validator.fit.systems[fold]
+        factor = validator.fit.systems[fold].factor
         variance += [float(np.trace(linalg.cho_solve(factor, G))) for G in moments]
     share = np.minimum(floor / np.maximum(validator.fit.sigma, 1e-300), 1.0) ** 2
     return np.asarray(np.sqrt(floor**2 + share * variance / validator.counts.sum(axis=0)))

@@ -11,8 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frischid.core.types import Array
 from frischid.diagnosis.cached_motion import JointData
@@ -49,6 +51,23 @@ class ModelColumns:
     def width(self) -> int:
         """Number of columns."""
         return int(self.gram.shape[-1]) - 1
+
+    @cached_property
+    def signs(self) -> NDArray[np.int_]:
+        """Known sign of each column's coefficient, (p,); 0 where unknown.
+
+        As in `identify`, parameters of links have none, and a rotor may be negative (behind a torque sensor). A model
+        without a prior was fitted without signs.
+        """
+        model = self.data.model
+        free = {"rigid", "rotor_inertia"} if model.prior is not None else {c.effect for c in model.estimate.columns}
+        own = [0 if c.effect in free else c.sign for c in model.estimate.columns]
+        return np.array([*own, *(sign for a in self.added for sign in a.signs)], dtype=int)
+
+    @cached_property
+    def bounded(self) -> NDArray[np.intp]:
+        """Positions of the columns of known sign."""
+        return np.flatnonzero(self.signs)
 
     def extended(self, candidate: Candidate) -> ModelColumns:
         """Add a candidate."""

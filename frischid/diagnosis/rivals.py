@@ -65,7 +65,11 @@ def shared(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> l
 
 def separating_command(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:
     """Command that plans a motion to separate the two most probable effects of `shared`; empty without two."""
-    pair = pair_of(findings, probabilities)
+    return command_for(pair_of(findings, probabilities))
+
+
+def command_for(pair: Sequence[Finding]) -> str:
+    """Command that plans a motion on which two findings act differently, at their joints; empty without two."""
     placed = ",".join(_placed(finding) for finding in pair)
     return f"frischid excite ROBOT --separate {shlex.quote(placed)} -o motion.csv" if len(pair) == 2 else ""
 

@@ -72,8 +72,10 @@ def unmodelled_term(ranking: Ranking, floor: Array) -> UnmodelledTerm | None:
     return UnmodelledTerm(row, words)
 
 
-def best_unmodelled(validator: CrossValidator, row: int, jumping: bool = True) -> ScoredCandidate | None:
-    """Best term outside the catalogue on one joint: a coupling to another joint, or jumps; None if none is significant.
+def best_unmodelled(
+    validator: CrossValidator, row: int, jumping: bool = True, *, significant: bool = True
+) -> ScoredCandidate | None:
+    """Best term outside the catalogue on one joint: a coupling to another joint, or jumps; None without any.
 
     Parameters
     ----------
@@ -82,12 +84,15 @@ def best_unmodelled(validator: CrossValidator, row: int, jumping: bool = True) -
         Position of the joint among the fitted ones.
     jumping : bool
         Whether to try jumps too.
+    significant : bool
+        Whether the term must be more than chance. Otherwise it must only explain the error over blocks of time: beside
+        a few bursts of error the residual has hardly any independent samples, and no term is significant.
     """
     criteria, joint = validator.criteria, validator.joints[row]
     terms = [Formula((joint,), e) for e in coupling_expressions(validator, joint)]
     found = [x for c in validator.candidates(terms) if c.columns and (x := scored(validator, [c])) is not None]
     found += [x for x in [gear_steps(validator, row) if jumping else None] if x is not None]
     best = min(found, key=lambda x: float(validator.nrmse(x.score.sse)[row]), default=None)
-    if best is None or best.p_value(len(found)) > criteria.significance:
+    if best is None or (significant and best.p_value(len(found)) > criteria.significance):
         return None
     return None if block_test(validator, best.candidate) > criteria.block_p_value else best

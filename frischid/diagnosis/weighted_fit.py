@@ -10,6 +10,10 @@ Numer. Anal. 10(2)), with D = Σ ω_j C_jᵀ C_j:
 
     A = Σ ω_j Y_jᵀ C_j,   β = (D − Aᵀ H⁻¹ A)⁻¹ (Σ ω_j C_jᵀ τ_j − Aᵀ θ),   θ' = θ − H⁻¹ A β.
 
+**Known signs are bounds.** Dry and viscous friction, a spring of memory and many other coefficients have a known sign.
+Where θ or β would have an impossible sign, both are corrected together (`sign_bounds`), for the model alone and with
+the candidate. So no candidate gains from other parameters that a refit would refuse.
+
 **Weights come from residuals, and residuals from weights.** This iteration can have two ends. If the URDF is far from
 the truth, a fit that believes the prior leaves a large and slow residual. Then the data get little weight, so the prior
 is believed again. From weights so large that the data alone decide, the iteration ends elsewhere. Both starts are
@@ -30,6 +34,7 @@ from frischid.core.types import Array
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.dataset import Moments
 from frischid.diagnosis.model_columns import ModelColumns
+from frischid.diagnosis.sign_bounds import multipliers
 from frischid.estimators.autocorrelation import Autocorrelation
 from frischid.estimators.least_squares import Prior
 
@@ -47,6 +52,30 @@ class CandidateFit(NamedTuple):
     gain: float
     beta: Array
     change: Array
+
+
+class System(NamedTuple):
+    """Normal equations of the parameters on some folds, solved.
+
+    Attributes
+    ----------
+    factor : (ndarray, bool)
+        Cholesky factor of H.
+    theta : ndarray, shape (p,)
+        Parameters, each of its known sign.
+    free : ndarray, shape (p,)
+        Parameters without regard to their signs.
+    toward : ndarray, shape (p, m)
+        Columns of H⁻¹ of the m parameters of known sign.
+    rise : float
+        Weighted squared error of `theta` above that of `free`.
+    """
+
+    factor: tuple[Array, bool]
+    theta: Array
+    free: Array
+    toward: Array
+    rise: float
 
 
 class EliminatedSystem(NamedTuple):
@@ -71,8 +100,8 @@ class WeightedFit:
     prior : Prior
     omega : ndarray, shape (J,)
         Weight of each joint's squared residual.
-    systems : list of (factor, ndarray of shape (p,))
-        Cholesky factor of H and parameters: without each fold in turn, then of everything.
+    systems : list of System
+        Without each fold in turn, then of everything.
     sigma : ndarray, shape (J,)
         Standard deviation of each joint's residual, N·m (N).
     correlation : ndarray, shape (J,)
@@ -82,7 +111,7 @@ class WeightedFit:
     columns: ModelColumns
     prior: Prior
     omega: Array
-    systems: list[tuple[tuple[Array, bool], Array]]
+    systems: list[System]
     sigma: Array
     correlation: Array
 
@@ -114,8 +143,8 @@ class WeightedFit:
         for _ in range(turns):
             omega = 1.0 / (np.maximum(sigma, 1e-9 * spread) ** 2 * correlation)
             folds = range(columns.data.folds)
-            systems = [_solved(columns.gram, omega, prior, f) for f in (*folds, None)]
-            left = [Autocorrelation.of(columns.residuals(row, systems[-1][1])) for row in range(len(spread))]
+            systems = [_solved(columns, omega, prior, f) for f in (*folds, None)]
+            left = [Autocorrelation.of(columns.residuals(row, systems[-1].theta)) for row in range(len(spread))]
             sigma, correlation = np.array([x.std for x in left]), np.array([x.time for x in left])
         return cls(columns, prior, omega, systems, sigma, correlation)
 
@@ -134,12 +163,12 @@ class WeightedFit:
     @property
     def theta(self) -> Array:
         """Parameters fitted on everything, (p,)."""
-        return self.systems[-1][1]
+        return self.systems[-1].theta
 
     @property
     def fold_theta(self) -> Array:
         """Parameters fitted without each fold in turn, (folds, p)."""
-        return np.stack([theta for _, theta in self.systems[:-1]])
+        return np.stack([system.theta for system in self.systems[:-1]])
 
     @property
     def information(self) -> Array:
@@ -162,14 +191,29 @@ class WeightedFit:
         if not keep.any():
             return None
         V = vectors[:, keep] / np.sqrt(values[keep])
-        beta = V @ (V.T @ system.right) / system.scale
-        if len(beta) == 1 and candidate.signs[0] * beta[0] < 0:
-            return CandidateFit(0.0, np.zeros(1), np.zeros(len(system.shift)))
-        return CandidateFit(float(((V.T @ system.right) ** 2).sum()), beta, -system.shift @ beta)
+        along = V.T @ system.right
+        beta = V @ along / system.scale
+        base = self.systems[-1 if left_out is None else left_out]
+        theta, gain = base.free - system.shift @ beta, float(along @ along) + base.rise
+        own, other = np.flatnonzero(candidate.signs), self.columns.bounded
+        signs = np.append(self.columns.signs[other], np.take(candidate.signs, own))
+        z = np.append(theta[other], beta[own])
+        if (signs * z < 0).any():
+            T = V / system.scale[:, None]  # (k, r): the covariance of β is T Tᵀ
+            G = system.shift @ T  # (p, r): that of θ is H⁻¹ + G Gᵀ, and between them −G Tᵀ
+            known = np.vstack([-G[other], T[own]])
+            C = known @ known.T
+            C[: len(other), : len(other)] += base.toward[other]
+            push = multipliers(z, C, signs)
+            theta = theta + base.toward @ push[: len(other)] - G @ (known.T @ push)
+            beta = beta + T @ (known.T @ push)
+            gain -= float(push @ C @ push)
+        return CandidateFit(gain, beta, theta - base.theta)
 
     def eliminated(self, X: Moments, D: Moments, candidate: Candidate, left_out: int | None) -> EliminatedSystem | None:
         """Normal equations of a candidate without the parameters, on all folds but one; None when a column is zero."""
-        factor, theta = self.systems[-1 if left_out is None else left_out]
+        system = self.systems[-1 if left_out is None else left_out]
+        factor, theta = system.factor, system.free
         train = [f for f in range(self.columns.data.folds) if f != left_out]
         k = len(candidate.signs)
         A, e, own = np.zeros((len(theta), k)), np.zeros(k), np.zeros((k, k))
@@ -193,11 +237,16 @@ def _eigen(matrix: Array) -> tuple[Array, Array]:
     return values, vectors
 
 
-def _solved(gram: Array, omega: Array, prior: Prior, left_out: int | None) -> tuple[tuple[Array, bool], Array]:
-    train = [f for f in range(len(gram)) if f != left_out]
-    M = np.einsum("j,fjab->ab", omega, gram[train])
+def _solved(columns: ModelColumns, omega: Array, prior: Prior, left_out: int | None) -> System:
+    train = [f for f in range(len(columns.gram)) if f != left_out]
+    M = np.einsum("j,fjab->ab", omega, columns.gram[train])
     H = M[:-1, :-1] + prior.precision
     b = M[:-1, -1] + prior.precision @ prior.mean
     H = H + _RIDGE * np.diag(np.diag(H) + 1e-300)
     factor = linalg.cho_factor(H)
-    return factor, linalg.cho_solve(factor, b)
+    free, known = linalg.cho_solve(factor, b), columns.bounded
+    toward, theta, rise = linalg.cho_solve(factor, np.eye(len(b))[:, known]), free, 0.0
+    if (columns.signs[known] * free[known] < 0).any():
+        push = multipliers(free[known], toward[known], columns.signs[known])
+        theta, rise = free + toward @ push, float(push @ toward[known] @ push)
+    return System(factor, theta, free, toward, rise)

@@ -51,10 +51,9 @@ def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = 
         if found.stretch
         else "Diamonds: residual; blue line: fitted effect (shaded: 90 % of its torque there). The nearer, the better"
     )
-    elsewhere = "" if not joints or found.joint in joints else f", more than of {listed(joints)}"
-    share = f"{100 * max(found.explained, 0.0):.0f} % of the squared residual of {found.joint}{elsewhere}"
+    elsewhere = "" if not joints or found.joint in joints else f", where it removes more than on {listed(joints)}"
     reading = (
-        f"{how}. {title[:1].upper()}{title[1:]}: on the logs that select, the model refitted with it removes {share}. "
+        f"{how}. Drawn on {found.joint}{elsewhere}: {title}, refitted with the model to all of the logs that select. "
         "The residual holds the sensors' noise and all other causes too."
     )
     where = (

@@ -68,6 +68,16 @@ def test_another_gain_is_named_and_the_simulated_motion_agrees():
     assert first.error_after < 0.1 * first.error_before
 
 
+def test_the_search_names_the_joint_whose_gain_is_wrong_and_add_agrees():
+    """A gain of joint 1 would need negative friction of joint 2, which no fit may have."""
+    logs = [commanded(seed, gain=1.3) for seed in (3, 4)]
+    model = identified(logs)
+    first = fr.diagnose(model, logs).findings[0]
+    assert (first.effect, first.joints) == ("position_gain", ("joint2",))
+    assert first.parameters["soft2"] == pytest.approx(1 / 1.3 - 1, abs=0.005)
+    assert fr.add(model, first.members, logs).error_after == pytest.approx(first.error_after, rel=0.2)
+
+
 def test_the_drive_of_a_corrected_gain_has_the_true_one():
     logs = [commanded(seed, gain=1.3) for seed in (3, 4)]
     model = identified(logs)

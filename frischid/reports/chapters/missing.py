@@ -11,7 +11,7 @@ from frischid.core.text import listed, sentence
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.effect_curves import shape_of
 from frischid.diagnosis.findings import HOW_RANKED, Finding
-from frischid.diagnosis.rivals import IN_WORDS, pair_of, sentence_of, separating_command
+from frischid.diagnosis.rivals import IN_WORDS, command_for, pair_of, sentence_of, separating_command
 from frischid.effects import EFFECTS
 from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
@@ -105,8 +105,9 @@ def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
         ("Could also be", f"{confused}{general}"),
         ("To be sure", f"{kind.confirmed_by}.{plan}"),
     ]
-    if other:
-        card["separate"] = f"frischid excite ROBOT --separate {finding.effect},{other} -o motion.csv"
+    if study.diagnosis is not None:
+        rival = [f for f in study.diagnosis.findings if f.effect == other and f.members]
+        card["separate"] = command_for([finding, *rival])
     shape = shape_of(study.diagnosis, finding, study.prediction) if study.diagnosis is not None else None
     if shape is not None:
         card["shape"] = figures.shape(shape, kind.title, finding.joints, study.sliding(shape.joint))

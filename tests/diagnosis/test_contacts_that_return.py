@@ -1,0 +1,48 @@
+"""Bursts that return with the state of their joint are no contacts, and bursts that come once are."""
+
+import numpy as np
+import pytest
+
+import frischid as fr
+from frischid.diagnosis.contacts_that_return import returning_share
+from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA
+from frischid.diagnosis.situation import cross_validator
+
+MACHINE = fr.Robot.load("planar2")
+BUMP = (4.0, 5.0)  # s
+
+
+def log_with(seed, torque):
+    """A log with a torque on joint 2 that depends on the log's number, on time and on the joint's position."""
+    motion = fr.random_fourier(MACHINE, 20, seed=seed)
+    log = fr.simulate(MACHINE, motion, rate=50, noise=fr.Noise(q=1e-6, tau=0.02), seed=seed)
+    tau = np.array(log.tau)
+    tau[:, 1] += torque(seed, log.t, log.q[:, 1])
+    return fr.Log(log.t, log.joints, log.q, tau=tau, source=f"log {seed}")
+
+
+def share_of(torque):
+    logs = [log_with(seed, torque) for seed in (1, 2)]
+    validator, _ = cross_validator(fr.identify(MACHINE, logs, recursion="none").model, logs)
+    bursts = [("log 1", *BUMP)]
+    return returning_share(validator, validator.without(bursts), bursts)
+
+
+def test_a_torque_that_depends_on_the_joint_returns_with_its_state():
+    q = log_with(1, lambda k, t, q: 0 * t).q[:, 1]
+    here = float(q[(np.linspace(0, 20, len(q)) > BUMP[0]) & (np.linspace(0, 20, len(q)) < BUMP[1])].mean())
+    assert share_of(lambda k, t, q: 3.0 * np.exp(-20 * (q - here) ** 2)) > 0.3
+
+
+@pytest.mark.parametrize("size", [1.0, 10.0])
+def test_a_push_does_not(size):
+    assert (
+        share_of(lambda k, t, q: size * ((t > BUMP[0] + 0.2) & (t < BUMP[1] - 0.2)) * (k == 1))
+        < DIAGNOSIS_CRITERIA.returning_share
+    )
+
+
+def test_without_bursts_nothing_returns():
+    logs = [log_with(1, lambda k, t, q: 0 * t)]
+    validator, _ = cross_validator(fr.identify(MACHINE, logs, recursion="none").model, logs)
+    assert returning_share(validator, validator, []) == 0.0
