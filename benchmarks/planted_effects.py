@@ -7,8 +7,10 @@ simulated benchmark, along the measured motion) is added to the measured torque,
 - *changed*: to the last log only. The model is identified from the other logs, and diagnosed on the last.
 
 Without a planted effect, the first finding is an effect of the robot itself. A planted effect counts as named when it
-is the first finding, or the second after that own one. Gears are left out, because they need a motion of their own. In
-the situation *always*, a payload, a tilt, a gain and a delay are left out too, because the model absorbs them.
+is the first finding, or the second after that own one. The answer is the most probable hypothesis; it counts as right
+when it is the planted effect or the robot's own first finding, because both are there. Gears are left out, because they
+need a motion of their own. In the situation *always*, a payload, a tilt, a gain and a delay are left out too, because
+the model absorbs them.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from calibration import reliability
 from common import data_folder, parser, publish
 from hidden_cases import EFFECTS
 from hidden_parts import CHANNELS, GEARS, LEAST_VISIBLE, TRIES, Baseline, acting
@@ -159,6 +162,8 @@ def run(job: Job) -> dict[str, Any]:
         "verdict": found.verdict,
         "said": said,
         "joints": [list(f.joints) for f in found.findings if f.significant or not f.members],
+        "answer": (best := max(found.probabilities, key=found.probabilities.__getitem__)),
+        "probability": found.probabilities[best],
         "error": found.error,
     }
 
@@ -175,6 +180,18 @@ def place(row: dict[str, Any], own: Sequence[str]) -> int | None:
             return before
         before += names[0] not in own
     return None
+
+
+def judged(rows: Sequence[dict[str, Any]]) -> list[tuple[str, float, bool]]:
+    """Robot, stated probability of the answer, and whether the answer is right, of every case with a planted effect."""
+    own = {(r["robot"], r["situation"]): names[0] for r in rows if r["kind"] == "none" for names in r["said"][:1]}
+    found = []
+    for row in rows:
+        truth = "outside" if row["truth"] == "unknown" else row["truth"]
+        right = {truth, own.get((row["robot"], row["situation"]), "")}
+        if row["kind"] != "none":
+            found.append((row["robot"], row["probability"], row["answer"] in right))
+    return found
 
 
 def main() -> None:
@@ -224,6 +241,10 @@ def main() -> None:
             ]
     notes = [f"seed {chosen.seed}; {sum(r['kind'] != 'none' for r in rows)} planted effects, terms and contacts"]
     publish(f"effects of {chosen.size:.0%} planted in measured logs", table, chosen.json, notes)
+    answers, reliable = judged(rows), list[dict[str, Any]]()
+    for name in [*dict.fromkeys(robot for robot, *_ in answers), "all"]:
+        reliable += reliability(name, [x for x in answers if name in (x[0], "all")])
+    publish("probability said, and share that was right", reliable, None)
     publish("findings, planted effect by planted effect", total, None)
 
 
