@@ -38,7 +38,7 @@ OF_THE_CACHE = {
     "folds_of_one_log", "max_folds", "block_seconds", "block_periods", "friction_prior_factor", "least_torque_limit",
 }  # fmt: skip
 """Constants that are used before the candidates' columns are computed."""
-OF_IMPROVE = {"harm_p_value", "harmless_rise", "sign_standard_errors"}
+OF_IMPROVE = {"harm_p_value", "harmless_rise"}
 """Constants that no diagnosis reads."""
 
 

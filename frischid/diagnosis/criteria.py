@@ -19,8 +19,6 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from frischid.model.comparison_criteria import COMPARISON_CRITERIA
-
 
 @dataclass(frozen=True)
 class DiagnosisCriteria:
@@ -190,9 +188,6 @@ class DiagnosisCriteria:
     harmless_rise: float = 0.01
     """Share of a joint's squared error. A smaller rise is no harm: half a percent of the rms error, which matters to no
     use of a model. By judgement."""
-    sign_standard_errors: float = 2.0
-    """Standard errors. A step is refused if a coefficient has an impossible sign by more than this. The usual level; a
-    report warns at the same level."""
 
     # ---------------------------------------------------------------- unmodelled terms and descriptions
 
@@ -215,9 +210,6 @@ class DiagnosisCriteria:
     formula_improvement: float = 0.95
     """Ratio of squared errors. A further term must bring the joint's error below this times the error before. By
     judgement."""
-    dependence_samples: int = COMPARISON_CRITERIA.dependence_samples
-    """Samples that are one correlation time apart, as in a comparison. With fewer samples the dependence of a residual
-    on a variable is not tested, because the asymptotic p value of Chatterjee's ξ is not valid."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values, field by field."""

@@ -291,7 +291,7 @@ def _reason_against_step(
     """Why a refitted model may not stay; empty where it may."""
     if step.error_after >= step.error_before:
         return "the error of the model does not fall after the refit"
-    impossible = impossible_coefficients(step.model, effects, criteria)
+    impossible = impossible_coefficients(step.model, effects)
     if impossible:
         return f"the sign of {listed(impossible)} is physically impossible"
     worse = worse_with_standstill(model, step.model, logs, criteria)

@@ -19,6 +19,7 @@ from scipy.interpolate import make_interp_spline
 from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.logs.repeated_motion import LEAST_OVERLAP, Repeat, repeat_of
+from frischid.model.comparison_criteria import COMPARISON_CRITERIA
 
 _MOST_MOTIONS = 8  # motions that are compared with one another: each pair costs a correlation
 
@@ -42,7 +43,7 @@ def measured_noise(validator: CrossValidator) -> MeasuredNoise | None:
     MeasuredNoise or None
         None where no motion comes again, or where a joint has too few samples in the repeated stretches.
     """
-    criteria, motions = validator.criteria, validator.data.cache.motions[:_MOST_MOTIONS]
+    motions = validator.data.cache.motions[:_MOST_MOTIONS]
     states = [validator.data.cache.state(motion) for motion in motions]
     squares, counts = np.zeros((2, len(validator.joints)))
     seconds = 0.0
@@ -61,7 +62,7 @@ def measured_noise(validator: CrossValidator) -> MeasuredNoise | None:
                 apart = _differences(validator, row, (n, m), found)
                 squares[row] += apart @ apart / 2
                 counts[row] += len(apart)
-    if not (counts / validator.fit.correlation >= criteria.dependence_samples).all():
+    if not (counts / validator.fit.correlation >= COMPARISON_CRITERIA.dependence_samples).all():
         return None
     said = (
         f"a motion comes again ({', '.join(dict.fromkeys(where))}; {seconds:.0f} s): the noise floor is measured, "

@@ -27,6 +27,7 @@ from frischid.diagnosis.gear_steps import evenly_spaced_jumps
 from frischid.diagnosis.residual_variables import MOST_ROWS, thinned, variables
 from frischid.diagnosis.scored_candidate import ScoredCandidate, scored
 from frischid.effects import Formula
+from frischid.model.comparison_criteria import COMPARISON_CRITERIA
 
 _KNEES = (0.03, 0.1, 0.3, 1.0)  # of a joint's torque (std): loads at which a torque may bend
 
@@ -71,7 +72,7 @@ def _dependence(validator: CrossValidator, row: int) -> dict[str, float]:
     criteria = validator.criteria
     count = int(validator.counts[:, row].sum())
     apart = max(1, round(validator.fit.correlation[row]), -(-count // MOST_ROWS))
-    if count // apart < criteria.dependence_samples:
+    if count // apart < COMPARISON_CRITERIA.dependence_samples:
         return {}
     tested = variables(validator, row, apart)
     residual = thinned(validator.residuals(row, validator.theta), apart)

@@ -107,22 +107,23 @@ def _named(joints: Sequence[str], rows: Sequence[int], before: Array, after: Arr
 # ---------------------------------------------------------------- the refitted model
 
 
-def impossible_coefficients(model: Model, effects: Sequence[Effect], criteria: DiagnosisCriteria) -> list[str]:
-    """Coefficients of some effects whose estimate has the impossible sign, by more than its standard errors allow.
+def impossible_coefficients(model: Model, effects: Sequence[Effect]) -> list[str]:
+    """Coefficients of some effects whose estimate has the impossible sign.
+
+    With a prior, known signs are bounds of the fit, so there is none.
 
     Parameters
     ----------
     model : Model
         With the effects.
     effects : sequence of Effect
-    criteria : DiagnosisCriteria
     """
     names = {column.name for effect in effects for column in effect.columns(model.robot)}
-    e, most = model.estimate, criteria.sign_standard_errors
+    e = model.estimate
     return [
         f"{column.name} = {x:.3g} ± {s:.2g}"
         for column, x, s in zip(e.columns, e.theta, e.stderr, strict=True)
-        if column.name in names and column.sign * x < -most * s
+        if column.name in names and column.sign * x < 0
     ]
 
 
