@@ -179,11 +179,12 @@ def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[S
     simpler = [r for r in rivals if r.kind.id in top.kind.generalises]
     first = simpler[0] if simpler else top
     names = {top.kind.id, *(r.kind.id for r in rivals)} - {first.kind.id}
-    result = [replace(first, rivals=tuple(sorted(names)), entered=True)]
+    result = [replace(first, rivals=tuple(sorted(names)), entered=True, own=top.own)]
     for e in found:
-        if e is not first:
-            alike = any(e is r for r in rivals) or (e is top and simpler)
-            result.append(replace(e, rivals=(first.kind.id,)) if alike else e)
+        if e is top and simpler:  # the simpler effect takes its place; beside that one nothing is its own
+            result.append(replace(e, rivals=(first.kind.id,), entered=False, own=OwnPart(0.0, 0.0)))
+        elif e is not first:
+            result.append(replace(e, rivals=(first.kind.id,)) if any(e is r for r in rivals) else e)
     return _with_as_good(validator, result)
 
 

@@ -19,7 +19,7 @@ from scipy import linalg, optimize
 
 from frischid.core.types import Array
 
-_RIDGE = 1e-9  # share of each variance that is added: two parameters that the data cannot tell apart have singular C
+_SAME = 1e-9  # share of each variance that is added: two parameters that the data cannot tell apart have singular C
 
 
 def multipliers(z: Array, covariance: Array, signs: NDArray[np.int_]) -> Array:
@@ -49,6 +49,6 @@ def multipliers(z: Array, covariance: Array, signs: NDArray[np.int_]) -> Array:
     """
     scale = signs / np.sqrt(covariance.diagonal())
     unit = covariance * np.outer(scale, scale)
-    factor = linalg.cholesky(unit + _RIDGE * np.eye(len(unit)))
+    factor = linalg.cholesky(unit + _SAME * np.eye(len(unit)))
     target = linalg.solve_triangular(factor, -z * scale, trans="T")
     return np.asarray(optimize.nnls(factor, target)[0] * scale)
