@@ -3,7 +3,8 @@
     q_cmd,j(t − d) − q_j = κ_j Y_j θ + noise,     κ_j = 1 / kp_j
 
 *Gains.* The URDF's links are the scale (`frischid.estimators.torque_scale`): a gain is known as well as the links are
-that move with its joint. Gains that the user named are a scale too.
+that move with its joint. Gains that the user named are a scale too, and so are torques of the controller beside the
+position error: feed-forward (`tauff`), and kd (v_cmd − q̇) with a kd that is named.
 
 *Delay.* A command that acts late shifts the signal. One delay d serves all joints. It minimises twice the negative log
 likelihood L(d) of the signals. Its variance is 2 / L''(d) + h² / 12 + (d − d_r)² / 1.96²: a log with the step h does
@@ -19,7 +20,7 @@ known to find kp.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -27,14 +28,15 @@ import numpy as np
 from scipy import optimize
 
 from frischid.effects import BASELINE
+from frischid.effects.commands import PositionGain
 from frischid.errors import InputError
 from frischid.estimators.torque_scale import TorqueScales, torque_scales
 from frischid.estimators.urdf_prior import urdf_prior
-from frischid.logs.controller import MOST_DELAY_STEPS, Gains, PDController
+from frischid.logs.controller import MOST_DELAY_STEPS, REST, Gains, PDController
 from frischid.logs.driven import driven
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
-from frischid.logs.recording import Motions, preview_of
+from frischid.logs.recording import Motions, Recording, preview_of
 from frischid.logs.summary import Data, held_by, summarise, torque_joints
 from frischid.model.drive_parameters import REACH
 from frischid.model.identify_options import IdentifyOptions
@@ -81,8 +83,8 @@ def known_controller(
     open_gains = [n for n in joints if not controller.knows_gain(n)]
     if not joints or not (open_gains or controller.delay is None):
         return controller
-    _refuse_torques_beside(controller, [preview_of(log) for log in logs], open_gains)
-    search = _Search(robot, tuple(logs), replace(options, controller=controller), tuple(open_gains))
+    beside = _torques_beside(controller, [preview_of(log) for log in logs], open_gains)
+    search = _Search(robot, tuple(logs), replace(options, controller=controller), tuple(open_gains), beside)
     delay: Gains = 0.0
     if controller.delay is None:
         found, stderr = search.delay()
@@ -107,28 +109,49 @@ def _commanded(robot: Robot, logs: Sequence[Data]) -> list[str]:
     return [n for n in robot.joints if n in there]
 
 
-def _refuse_torques_beside(controller: PDController, heads: Sequence[Log], joints: Sequence[str]) -> None:
-    """Refuse quantities in N·m beside a position error whose gain is unknown: they cannot be added to it."""
+def _torques_beside(controller: PDController, heads: Sequence[Log], joints: Sequence[str]) -> tuple[str, ...]:
+    """Joints with a torque of known size beside the position error: feed-forward, or damping about a velocity.
+
+    Raises
+    ------
+    InputError
+        A joint has an effort limit, which is no linear column.
+    """
     for name in joints:
-        damped = controller.values("kd", [name])[0] > 0
-        for head in heads:
-            column = head.joints.index(name) if name in head.joints else None
-            if column is None:
-                continue
-            beside = ["tauff"] if head.has("tauff")[column] else []
-            beside += ["vcmd"] if damped and head.has("vcmd")[column] else []
-            if beside:
-                raise InputError(
-                    f"{head.source}: {beside[0]}_{name} gives a torque beside kp · (q_cmd − q), so kp of {name} cannot "
-                    f"be found from the URDF's masses alone; give --kp {shlex.quote(f'{name}=VALUE')}, or leave the "
-                    "column out"
-                )
         if np.isfinite(controller.values("limit", [name])[0]):
             raise InputError(
                 f"the effort limit of {name} is in N·m (N) and needs its kp: give "
                 f"--kp {shlex.quote(f'{name}=VALUE')}, or leave "
                 "--effort-limit out where the drive does not reach its limit"
             )
+
+    def beside(head: Log, name: str) -> bool:
+        if name not in head.joints:
+            return False
+        column, damped = head.joints.index(name), controller.values("kd", [name])[0] > 0
+        return bool(head.has("tauff")[column] or (damped and head.has("vcmd")[column]))
+
+    return tuple(n for n in joints if any(beside(head, n) for head in heads))
+
+
+def _without_rest(log: Data, joints: Sequence[str]) -> Data:
+    """A driven log in which the signal of some joints is the position error alone."""
+    if isinstance(log, Recording):
+
+        def read(samples: int) -> Iterator[Log]:
+            return (_error_alone(chunk, joints) for chunk in log.read(samples))
+
+        return replace(log, read=read)
+    return _error_alone(log, joints)
+
+
+def _error_alone(log: Log, joints: Sequence[str]) -> Log:
+    assert log.tau is not None
+    tau = log.tau.copy()
+    for name in joints:
+        if REST + name in log.extra:
+            tau[:, log.joints.index(name)] -= log.extra[REST + name]
+    return replace(log, tau=tau)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +162,7 @@ class _Search:
     logs: tuple[Data, ...]
     options: IdentifyOptions
     open_gains: tuple[str, ...]
+    beside: tuple[str, ...] = ()
 
     @cached_property
     def held(self) -> Robot:
@@ -154,7 +178,8 @@ class _Search:
 
     @cached_property
     def columns(self) -> tuple[Regressor, Reduction]:
-        regressor = Regressor(self.held, BASELINE, self.options.reference)
+        known = [PositionGain(self.beside)] if self.beside else []
+        regressor = Regressor(self.held, [*BASELINE, *known], self.options.reference)
         return regressor, structure(regressor, self.joints)
 
     def _driven(self, delay: Gains) -> tuple[Data, ...]:
@@ -168,8 +193,10 @@ class _Search:
 
         known = [n for n in named if given.knows_gain(n)]
         gains = dict(zip(known, map(float, given.values("kp", known)), strict=True))
-        unit = replace(given, kp=gains | dict.fromkeys(self.open_gains, 1.0), kd=of("kd"), limit=None, delay=delay)
-        return driven(self.logs, replace(unit, limit={n: x for n, x in of("limit").items() if np.isfinite(x)} or None))
+        damping = of("kd") | {n: float(given.values("kd", [n])[0]) for n in self.beside}
+        unit = replace(given, kp=gains | dict.fromkeys(self.open_gains, 1.0), kd=damping, limit=None, delay=delay)
+        limited = replace(unit, limit={n: x for n, x in of("limit").items() if np.isfinite(x)} or None)
+        return tuple(_without_rest(log, self.beside) for log in driven(self.logs, limited))
 
     def at(self, delay: Gains) -> TorqueScales:
         """Gains at a delay."""
@@ -179,7 +206,9 @@ class _Search:
         whole = total(blocks.described(reduction.base_columns()))
         prior = urdf_prior(regressor, reduction, whole, self.options.prior_criteria)
         known = np.array([n not in self.open_gains for n in self.joints])
-        return torque_scales(whole, reduction.mapping, prior, known, self.options.prior_criteria.scale_rule)
+        of = {c.joint: k for k, c in enumerate(regressor.columns) if c.effect == PositionGain.id}
+        means = {j: of[n] for j, n in enumerate(self.joints) if n in of}
+        return torque_scales(whole, reduction.mapping, prior, known, self.options.prior_criteria.scale_rule, means)
 
     def delay(self) -> tuple[float, float]:
         """The delay of all joints and its standard error, s."""

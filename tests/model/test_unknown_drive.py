@@ -115,12 +115,33 @@ def test_a_gain_that_the_links_cannot_tell_is_named_with_what_to_do() -> None:
         fr.identify(robot, [noise], controller=fr.PDController(), recursion="none", force=True)
 
 
-def test_torques_beside_an_unknown_gain_are_refused() -> None:
-    log, robot = commanded(), fr.Robot.load("planar2")
-    with pytest.raises(InputError, match=r"servo: tauff_joint1 gives a torque .* --kp joint1=VALUE"):
-        fr.identify(robot, [replace(log, tauff=np.ones_like(log.q))], controller=fr.PDController())
+@pytest.mark.parametrize("what", ["vcmd", "tauff"])
+def test_a_torque_of_known_size_is_a_scale(what: str) -> None:
+    """The robot is half as heavy again as its URDF, and the gains are right all the same."""
+    robot, rng = fr.Robot.load("planar2"), np.random.default_rng(1)
+    truth = {"fv1": 0.5, "fv2": 0.3, "fc1": 0.8, "fc2": 0.4, "Ia1": 0.05, "Ia2": 0.03}
+    truth |= {n: 1.5 * x for n, x in zip(robot.all_names, map(float, robot.nominal), strict=True) if x}
+    log = fr.simulate(robot, fr.random_fourier(robot, 12.0, seed=1), rate=200.0, parameters=truth)
+    assert log.tau is not None
+    assert log.v is not None
+    kp, kd = (np.array([x[n] for n in robot.joints]) for x in (KP, KD))
+    wanted = fr.random_fourier(robot, 12.0, seed=2)(log.t)[1]
+    known = kd * (wanted - log.v) if what == "vcmd" else 4.0 * np.sin(np.outer(log.t, [5.0, 7.0]))
+    commands = log.q + (log.tau - known + (0.0 if what == "vcmd" else kd * log.v)) / kp
+    noisy = log.q + 1e-5 * rng.standard_normal(log.q.shape)
+    given = {"vcmd": wanted} if what == "vcmd" else {"tauff": known}
+    servo = fr.Log(log.t, robot.joints, q=noisy, qcmd=commands, source="servo", **given)
+    found = fr.identify(robot, [servo], controller=fr.PDController(kd=KD), recursion="none")
+    controller = found.model.controller
+    assert controller is not None
+    for joint, gain in KP.items():
+        assert abs(controller.gain(joint) / gain - 1) < 0.01
+        assert controller.gain_doubt(joint) < 0.01
+
+
+def test_an_effort_limit_needs_its_gain() -> None:
     with pytest.raises(InputError, match=r"effort limit of joint1 .* needs its kp"):
-        fr.identify(robot, [log], controller=fr.PDController(limit=5.0))
+        fr.identify(fr.Robot.load("planar2"), [commanded()], controller=fr.PDController(limit=5.0))
 
 
 def test_a_long_delay_is_refused() -> None:
