@@ -9,10 +9,13 @@ the simulated ones close the loop, so the simulated joint makes its own tracking
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from frischid.core.types import Array
+from frischid.effects import columns_of
+from frischid.effects.commands import PositionGain
 from frischid.forward.torque_sources import PositionController, RecordedTorque, TorqueSource
 from frischid.logs.controller import PDController, check_commands, check_delay, delayed
 from frischid.logs.log import Log
@@ -84,6 +87,20 @@ def commanded_source(controller: PDController, log: Log | Recording, joints: Seq
     )
 
 
+def _as_fitted(model: Model, source: PositionController) -> PositionController:
+    """The source of a model whose effect `position_gain` corrects a gain: τ + g r = Y θ + g τ_ref, with g r added here.
+
+    r is the controller's torque beside the position error, of the simulated speed. `ForwardDynamics` has g τ_ref.
+    """
+    columns = columns_of(model.robot, model.effects)
+    more = np.ones(len(model.robot.joints))
+    for c, soft in zip(columns, model.full_theta.tolist(), strict=True):
+        if c.effect == PositionGain.id:
+            more[model.robot.joints.index(c.joint)] += soft
+    ahead = None if source.feedforward is None else source.feedforward * more
+    return source if (more == 1.0).all() else replace(source, kd=source.kd * more, feedforward=ahead)
+
+
 def moved(
     model: Model, logs: Sequence[Log | Recording], sources: Sequence[TorqueSource] | None = None
 ) -> Iterator[tuple[Motion, TorqueSource]]:
@@ -100,6 +117,6 @@ def moved(
         source = None if sources is None else sources[number]
         if source is None and follows_commands(model.controller, log, model.robot.joints):
             assert model.controller is not None
-            source = commanded_source(model.controller, log, model.robot.joints)
+            source = _as_fitted(model, commanded_source(model.controller, log, model.robot.joints))
         for motion in model.motions([log]):
             yield motion, RecordedTorque(motion.t, motion.tau) if source is None else source

@@ -31,6 +31,7 @@ from frischid.errors import InputError
 from frischid.forward.effect_torques import DryFriction, EffectTorques
 from frischid.forward.stiction import solve, step_with_friction
 from frischid.forward.torque_sources import TorqueSource
+from frischid.logs.controller import REST
 from frischid.model.model import Model
 from frischid.robot.mass_matrix import MassMatrices
 
@@ -171,6 +172,9 @@ class ForwardDynamics:
         self.rigid = MassMatrices(robot, values[:, :rigid])
         self._extra, self._begin = dict(extra or {}), begin
         self._channels = sorted({c for e in model.effects for c in e.channels(robot)})
+        for name in self._channels:
+            if name.startswith(REST):  # the source has this torque, of the simulated speed
+                self._extra[name] = (np.zeros(1), np.zeros(1))
         for name in self._channels:
             if name not in self._extra:
                 raise InputError(f"an effect of the model reads the channel {name}, which the log does not have")
