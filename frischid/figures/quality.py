@@ -61,7 +61,9 @@ def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -
             marker={"color": COLOURS[1] if channel == "tau" else BLUE, "size": 9, "line": {"width": 1.5},
                     "symbol": "circle-open" if channel == "tau" else "diamond-open"},
         )  # fmt: skip
-    figure.update_xaxes(title_text=f"noise of the {word}, {unit}", rangemode="tozero", exponentformat="power")
+    figure.update_xaxes(
+        title_text=f"noise of the {word}, {unit}", rangemode="tozero", exponentformat="power", nticks=3, tickangle=0
+    )
     figure.update_yaxes(autorange="reversed", automargin=True)
     level = np.nanmedian([q.noise[channel] for q in logs], axis=0)
     k = int(np.nanargmax(level))

@@ -138,7 +138,7 @@ def measured(
         title_text=f"time, s{' (logs side by side)' if several else ''}", range=[first - margin, last + margin]
     )
     title = f"{joint}: measured and predicted torque{', and the motion' if motion else ''}"
-    return drawing(title, reading, figure, 500 if motion else 340)
+    return drawing(title, reading, figure, 470 if motion else 340)
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,7 +245,8 @@ def _worst(
         marker={"symbol": "x", "size": 9, "color": INK}, hoverinfo="skip",
     )  # fmt: skip
     j = prediction.joints.index(joint)
-    where = f" of {_name(prediction.sources[prediction.log[k]])}" if len(prediction.sources) > 1 else ""
+    source = _name(prediction.sources[prediction.log[k]])
+    where = f" of {source} ({x[k]:.2f} s in the figure)" if len(prediction.sources) > 1 else ""
     return (
         f"The rms error is {number(fit.rmse, 3)} {unit}, {100 * fit.nrmse:.1f} % of the torque's standard deviation "
         f"(sensors alone: {100 * fit.noise_floor:.1f} %). Worst at {prediction.t[k]:.2f} s{where}: measured "
