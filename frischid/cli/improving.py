@@ -129,6 +129,9 @@ def add(
 @situation_option
 @torque_joints_option
 @click.option("--max-steps", default=8, show_default=True, help="Largest number of effects to add.")
+@click.option(
+    "--exportable", type=click.Choice(["c", "mjcf", "urdf"]), help="Try only effects that such an export holds whole."
+)
 @click.option("-o", "--output", type=OutputPath(), help="Write the final model here (JSON).")
 @json_option
 def improve(
@@ -139,6 +142,7 @@ def improve(
     situation: Any,
     torque_joints: str | None,
     max_steps: int,
+    exportable: str | None,
     output: str | None,
     as_json: bool,
 ) -> None:
@@ -148,12 +152,16 @@ def improve(
     """
     from frischid.cli.pages import improving as show
     from frischid.diagnosis.improvement import improve as run
+    from frischid.export.reach import exportable as held_by
 
     loaded = model_of(model, torque_joints)
+    only = None if exportable is None else held_by(loaded, exportable)
     with working(as_json) as progress:
         progress("reading logs")
         data, test = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
-        steps, last = run(loaded, data, valid=test, situation=situation, max_steps=max_steps, progress=progress)
+        steps, last = run(
+            loaded, data, valid=test, situation=situation, max_steps=max_steps, effects=only, progress=progress
+        )
     final = steps[-1].model if steps else loaded
     if output:
         final.save(output)

@@ -113,7 +113,9 @@ def simulate(
 @click.option("--starts", default=1, show_default=True, help="Searches from different starts; the best is kept.")
 @scheduler_option
 @workers_option
-@click.option("--picture", type=OutputPath(), help="Draw the motion and the falling cost here (HTML).")
+@click.option(
+    "--picture", type=OutputPath(), help="Draw the moving robot, its curves and the falling cost here (HTML)."
+)
 @click.option(
     "--separate",
     metavar="A,B",
@@ -194,7 +196,7 @@ def excite(
     if picture:
         from frischid import figures
 
-        figures.save(figures.excitation(planned), picture)
+        figures.save(picture, figures.animated(planned, machine), figures.excitation(planned))
     show_page(show.excitation(planned, motion, output, picture, apart), as_json)
 
 

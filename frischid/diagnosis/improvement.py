@@ -150,6 +150,7 @@ def improve(
     valid: Sequence[Log | Recording] = (),
     situation: SituationOption = "auto",
     max_steps: int = 8,
+    effects: Sequence[str] | None = None,
     criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Step], Diagnosis]:
@@ -177,6 +178,8 @@ def improve(
         As in `diagnose`; decided once, for all steps.
     max_steps : int
         Most effects to add.
+    effects : sequence of str, optional
+        Identifiers to try, the whole catalogue by default.
     criteria : DiagnosisCriteria, optional
         Every threshold that decides the diagnoses and the steps.
     progress : callable
@@ -214,7 +217,7 @@ def improve(
         situation = cross_validator(model, logs, criteria=criteria)[1]
     while True:
         progress(f"diagnosis {len(steps) + 1}")
-        diagnosis = diagnose(model, logs, situation=situation, criteria=criteria, progress=progress)
+        diagnosis = diagnose(model, logs, situation=situation, effects=effects, criteria=criteria, progress=progress)
         step = next_step(model, diagnosis, logs, refused) if len(steps) < max_steps else None
         if step is None:
             notes = [f"{refusal.finding.title} was not added: {refusal.reason}" for refusal in refused.values()]

@@ -12,12 +12,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from frischid.effects import Effect, columns_of
+from frischid.effects import EFFECTS, Effect, columns_of
 from frischid.export.code_columns import CodeModel, NoCodeError
 from frischid.model.model import Model
 
 FORMAT_EFFECTS = {"MJCF": {"viscous", "coulomb", "rotor_inertia"}, "URDF": {"viscous", "coulomb"}}
 """Effects that a format has a place for; code has a place for all."""
+
+
+FORMATS = {"c": "code", "mjcf": "MJCF", "urdf": "URDF"}
+"""Formats by the names of the command line."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,37 @@ class Reach:
         """Plain JSON values."""
         kept = {"without": list(self.without), "refused": list(self.refused), "steps": self.steps}
         return {"whole": self.whole, **kept}
+
+
+def exportable(model: Model, kind: str) -> tuple[str, ...]:
+    """Effects of the catalogue that an export of a model holds whole.
+
+    Parameters
+    ----------
+    model : Model
+    kind : {"c", "mjcf", "urdf"}
+
+    Returns
+    -------
+    tuple of str
+        Identifiers.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> from frischid.export.reach import exportable
+    >>> robot = fr.Robot.load("planar2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
+    >>> model = fr.identify(robot, [log], recursion="none").model
+    >>> "hysteresis" in exportable(model, "c"), exportable(model, "urdf")
+    (True, ('viscous', 'coulomb', 'command_delay'))
+    """
+    held = []
+    for name, effect in EFFECTS.items():
+        place = next((places[0] for places in effect.candidates(model.robot) if places), None)
+        reach = () if place is None else reach_of(replace(model, effects=(place,)))
+        held += [name for found in reach if found.format == FORMATS[kind] and found.whole]
+    return tuple(held)
 
 
 def left_out(model: Model, kind: str) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ at `style.Drawing`.
 from frischid.figures.failure import against, matrix, plane
 from frischid.figures.history import staircase
 from frischid.figures.missing import shape
-from frischid.figures.motion import excitation
+from frischid.figures.motion import animated, excitation
 from frischid.figures.parameters import closing, intervals
 from frischid.figures.quality import noise, reach
 from frischid.figures.style import Drawing, save, short
@@ -17,6 +17,6 @@ from frischid.figures.torque import Overlay, measured
 from frischid.figures.two_logs import two_logs
 
 __all__ = [
-    "Drawing", "Overlay", "against", "closing", "excitation", "intervals", "matrix", "measured", "noise", "plane",
-    "reach", "save", "shape", "short", "staircase", "two_logs",
+    "Drawing", "Overlay", "against", "animated", "closing", "excitation", "intervals", "matrix", "measured", "noise",
+    "plane", "reach", "save", "shape", "short", "staircase", "two_logs",
 ]  # fmt: skip

@@ -1,17 +1,27 @@
-"""A planned motion."""
+"""A planned motion: its curves, and the robot that moves along it.
+
+The robot is drawn as lines between its joints (`frischid.robot.skeleton`), so the page needs no mesh and opens offline.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from frischid.figures.style import COLOURS, DASHES
+from frischid.core.types import Array
+from frischid.figures.style import BLUE, COLOURS, DASHES, VERMILION, plain
+from frischid.robot.skeleton import skeleton
 
 if TYPE_CHECKING:
     from frischid.motions.plan import Plan
+    from frischid.robot.robot import Robot
+
+POSES = 240
+"""Largest number of poses in the animation: 0.1 s apart in 24 s, and half a megabyte for a robot of seven joints."""
+TALL = 620  # pixels of the animation
 
 
 def excitation(plan: Plan, rate: float = 50.0) -> go.Figure:
@@ -47,3 +57,59 @@ def excitation(plan: Plan, rate: float = 50.0) -> go.Figure:
     figure.update_xaxes(title_text="evaluations", row=4, col=1)
     figure.update_layout(template="plotly_white", height=1100, margin={"l": 70, "r": 20, "t": 60, "b": 50})
     return figure
+
+
+def animated(plan: Plan, robot: Robot, rate: float = 50.0) -> go.Figure:
+    """The robot along a planned motion, with a button that plays it and a slider over the time.
+
+    Parameters
+    ----------
+    plan : Plan
+    robot : Robot
+        The robot of the plan.
+    rate : float
+        Samples per second, of which at most `POSES` are drawn.
+    """
+    log = plan.to_log(rate)
+    step = max(1, -(-len(log.t) // POSES))
+    poses = [_lines(robot, q) for q in log.q[::step]]
+    times, place = log.t[::step] - log.t[0], np.concatenate(poses)
+    middle = 0.5 * (np.nanmin(place, axis=0) + np.nanmax(place, axis=0))
+    half = 0.55 * float(np.nanmax(np.nanmax(place, axis=0) - np.nanmin(place, axis=0)))
+    figure = go.Figure(_robot(poses[0]))
+    figure.frames = [go.Frame(data=[_robot(pose)], name=f"{t:.2f}") for t, pose in zip(times, poses, strict=True)]
+    pace = {"frame": {"duration": 1000 * step / rate, "redraw": True}, "transition": {"duration": 0}}
+    still = {"frame": {"duration": 0, "redraw": True}, "mode": "immediate", "transition": {"duration": 0}}
+    buttons = [
+        {"label": "Play", "method": "animate", "args": [None, {**pace, "fromcurrent": True}]},
+        {"label": "Pause", "method": "animate", "args": [[None], still]},
+    ]
+    steps = [{"label": frame.name, "method": "animate", "args": [[frame.name], still]} for frame in figure.frames]
+    axes = {
+        f"{name}axis": {"title": f"{name}, m", "range": [float(m) - half, float(m) + half]}
+        for name, m in zip("xyz", middle, strict=True)
+    }
+    figure.update_layout(
+        template="plotly_white", height=TALL, margin={"l": 10, "r": 10, "t": 40, "b": 10}, title="the planned motion",
+        scene={**axes, "aspectmode": "cube", "camera": {"eye": {"x": 1.1, "y": 1.1, "z": 0.6}}}, showlegend=False,
+        updatemenus=[{"type": "buttons", "direction": "left", "x": 0, "y": 0, "xanchor": "left", "yanchor": "top",
+                      "buttons": buttons, "showactive": False, "pad": {"t": 30}}],
+        sliders=[{"steps": steps, "x": 0.16, "len": 0.84, "currentvalue": {"prefix": "time, s: "}, "ticklen": 0}],
+    )  # fmt: skip
+    return figure
+
+
+def _lines(robot: Robot, q: Array) -> Array:
+    """Ends of the robot's links, m, a row of NaN after each link, (3 L, 3)."""
+    points, parents, _, tips = skeleton(robot, q)
+    links = [(points[parents[k]], points[k]) for k in range(1, len(points))]
+    links += [(points[k], end) for k, end in tips.items()]
+    return np.array([row for start, end in links for row in (start, end, np.full(3, np.nan))])
+
+
+def _robot(lines: Array) -> Any:
+    x, y, z = (plain(column) for column in lines.T)
+    return go.Scatter3d(
+        x=x, y=y, z=z, mode="lines+markers", line={"color": BLUE, "width": 9}, hoverinfo="skip",
+        marker={"color": VERMILION, "size": 4},
+    )  # fmt: skip

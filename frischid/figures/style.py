@@ -219,6 +219,9 @@ def plain(x: Array) -> NDArray[np.float32]:
     return np.asarray(x, dtype=np.float32)
 
 
-def save(figure: go.Figure, path: str | Path) -> None:
-    """Write a figure as one HTML file that opens offline."""
-    write_text(Path(path), figure.to_html(include_plotlyjs=True, full_html=True))
+def save(path: str | Path, *figures: go.Figure) -> None:
+    """Write figures, one below the other, as one HTML file that opens offline."""
+    first, *others = figures
+    further = "".join(figure.to_html(include_plotlyjs=False, full_html=False, auto_play=False) for figure in others)
+    page = first.to_html(include_plotlyjs=True, full_html=True, auto_play=False)
+    write_text(Path(path), page.replace("</body>", f"{further}</body>"))

@@ -6,11 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from cases import robot
+from click.testing import CliRunner
 
 import frischid as fr
+from frischid.cli import main
 from frischid.cli.pages import improving
 from frischid.effects import EFFECTS, parse_effects
-from frischid.export.reach import in_words, reach_of
+from frischid.export.reach import exportable, in_words, reach_of
 
 
 @pytest.fixture(scope="module")
@@ -59,3 +61,24 @@ def test_a_class_without_code_is_named(fitted):
         assert "not with detent, whose class states no code" in in_words(reach_of(model))
     finally:
         fr.EFFECTS.remove("detent")
+
+
+def test_improve_searches_only_among_effects_that_an_export_holds(fitted, tmp_path, monkeypatch):
+    model = fitted[0]
+    assert set(exportable(model, "c")) == {name for name in EFFECTS if any(EFFECTS[name].candidates(model.robot))}
+    assert "joint_spring" not in exportable(model, "urdf")
+    hidden = parse_effects("viscous, coulomb, offset, rotor_inertia, joint_spring@joint2")
+    motion = fr.random_fourier(model.robot, 20.0, seed=3)
+    values = {"ks2": 4.0}
+    log = fr.simulate(model.robot, motion, rate=50.0, effects=hidden, parameters=values, noise=fr.Noise(tau=0.01))
+    monkeypatch.chdir(tmp_path)
+    fr.write_log(log, "log.csv")
+    fr.identify(model.robot, [log], recursion="none").model.save("model.json")
+    added = {}
+    for kind in ("c", "urdf"):
+        line = ["improve", "model.json", "log.csv", "--max-steps", "1", "--exportable", kind, "--json"]
+        done = CliRunner().invoke(main, line)
+        assert done.exit_code in (0, 1), done.output
+        added[kind] = [step["effect"] for step in json.loads(done.stdout)["steps"]]
+    assert added["c"] == ["joint_spring"]
+    assert not set(added["urdf"]) - set(exportable(model, "urdf"))

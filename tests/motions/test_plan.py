@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from cases import MIXED, joint, link, made, urdf
 
+from frischid import figures
 from frischid.effects import BASELINE, Coulomb, RotorInertia, Viscous
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.readers import read_log
@@ -20,6 +21,7 @@ from frischid.motions.plan import plan
 from frischid.motions.plan_options import PlanOptions
 from frischid.motions.trajectory import FAMILIES, Family, Fourier
 from frischid.robot.robot import Robot
+from frischid.robot.skeleton import skeleton
 
 BOX = '<collision><origin xyz="0 0 {z}"/><geometry><box size="0.06 0.06 {h}"/></geometry></collision>'
 LIMIT = '<limit lower="-3" upper="3" velocity="3" effort="500"/>'
@@ -315,3 +317,20 @@ def test_the_printed_cost_is_that_of_a_log_of_the_motion(criterion):
     fine = Cost(machine, BASELINE, log.t, criterion_of(criterion), 0)(np.stack([log.q, log.v, log.a]))
     assert found.cost == pytest.approx(fine, rel=0.01)
     assert found.cost != pytest.approx(found.history[-1, 1], rel=0.01)
+
+
+def test_the_picture_shows_the_robot_along_the_motion(tmp_path):
+    robot = Robot.load("planar2")
+    planned = plan(robot, options=PlanOptions(duration=4.0, budget=20, seed=0))
+    figure = figures.animated(planned, robot)
+    log = planned.to_log(50.0)
+    assert len(figure.frames) == len(log.t)
+    points, *_ = skeleton(robot, log.q[100])
+    drawn = np.column_stack([figure.frames[100].data[0][axis] for axis in "xyz"])
+    for point in points:
+        assert np.linalg.norm(drawn - point, axis=1)[~np.isnan(drawn[:, 0])].min() < 1e-6
+    figures.save(tmp_path / "page.html", figure, figures.excitation(planned))
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert text.count("Plotly.newPlot") >= 2
+    assert "Plotly.addFrames" in text
+    assert text.count("plotly.js v") < 3  # the library is there once
