@@ -20,7 +20,7 @@ FORMAT_EFFECTS = {"MJCF": {"viscous", "coulomb", "rotor_inertia"}, "URDF": {"vis
 """Effects that a format has a place for; code has a place for all."""
 
 
-FORMATS = {"c": "code", "mjcf": "MJCF", "urdf": "URDF"}
+REACH_FORMATS = {"c": "code", "mjcf": "MJCF", "urdf": "URDF"}
 """Formats by the names of the command line."""
 
 
@@ -82,7 +82,7 @@ def exportable(model: Model, kind: str) -> tuple[str, ...]:
     for name, effect in EFFECTS.items():
         place = next((places[0] for places in effect.candidates(model.robot) if places), None)
         reach = () if place is None else reach_of(replace(model, effects=(place,)))
-        held += [name for found in reach if found.format == FORMATS[kind] and found.whole]
+        held += [name for found in reach if found.format == REACH_FORMATS[kind] and found.whole]
     return tuple(held)
 
 
