@@ -71,6 +71,8 @@ TABLES = dict(
         table_of(diagnosis.hidden_effects),
         table_of(diagnosis.planted_effects),
         table_of(diagnosis.calibration),
+        table_of(diagnosis.calibration_later, script="calibration"),
+        table_of(diagnosis.found_later, "calibration_later", "calibration"),
         table_of(diagnosis.found_by_background, "calibration"),
         table_of(diagnosis.healthy, "calibration"),
         table_of(cost.exported_code),

@@ -80,7 +80,29 @@ EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 
 def calibration() -> str:
     """Reliability: stated probability against the share of right answers."""
-    rows = rows_of("calibration")
+    return reliability(rows_of("calibration"))
+
+
+def calibration_later() -> str:
+    """The same of a later version, on other seeds."""
+    return reliability(rows_of("calibration_later"))
+
+
+def found_later() -> str:
+    """True effects named first, and alarms on healthy robots, by the size of the background; of the later version."""
+    rows, lines = rows_of("calibration_later"), []
+    for name, low, high in BACKGROUNDS:
+        here = [row for row in rows if low <= row["background"] < high]
+        hidden = [row for row in here if row["kind"] in ("single", "pair")]
+        well = [row for row in here if row["kind"] == "healthy"]
+        alarms = sum(row["verdict"] != "none" and not row["rules right"] for row in well)
+        lines.append((name, share(hidden, "named right"), share(hidden, "right joints"), f"{alarms} of {len(well)}"))
+    head = ("background", "a true effect named first, or with it", "right joints", "alarms on healthy robots")
+    return table(head, lines)
+
+
+def reliability(rows: Sequence[Row]) -> str:
+    """Ranges of stated probability with the share of right answers."""
     lines = []
     for low, high in itertools.pairwise(EDGES):
         here = [row for row in rows if low <= row["probability"] < high or row["probability"] == high == 1.0]
