@@ -65,6 +65,7 @@ def picture() -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {LEFT + SIZE + 24} {TOP + SIZE + BOTTOM}" role="img">',
         "<title>Stated probability against the share of right answers</title>",
         f"<style>{STYLE}</style>",
+        '<rect width="100%" height="100%" fill="#fff"/>',
         f'<rect class="frame" x="{x(0)}" y="{y(1)}" width="{SIZE}" height="{SIZE}"/>',
         f'<line class="even" x1="{x(0)}" y1="{y(0)}" x2="{x(1)}" y2="{y(1)}"/>',
     ]
