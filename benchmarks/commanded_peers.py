@@ -3,10 +3,10 @@
 The robots and logs are those of `commanded_mujoco.py`: MuJoCo moves a robot whose links are 5 to 20 % off the URDF, and
 the log has commands and quantised positions. All three get the URDF, the servos' gains and the commands' delay.
 frischid solves one linear problem with bounds. mujoco.sysid fits the simulated motion of the whole log, from three
-times the true values: once with the URDF's links, and once with each link's mass and centre of mass as further
-parameters, within the bounds that the package proposes (at most 50 evaluations). The random search keeps the best of
-5,000 simulations of the log, with the URDF's links. Both look between a tenth and ten times the true values; no user
-knows that much.
+times the true values: once with the URDF's links, and with `--links` once more with each link's mass and centre of mass
+as further parameters, within the bounds that the package proposes (at most 50 evaluations). The random search keeps the
+best of 5,000 simulations of the log, with the URDF's links. Both look between a tenth and ten times the true values; no
+user knows that much.
 
 Error of the values: median and largest over all joints, of armature, viscous and Coulomb friction. Inside: share of the
 true values inside the tool's 95 % ranges. Simulated error: rms position error in MuJoCo along a motion that no tool has
@@ -103,8 +103,9 @@ def searched(robot: fr.Robot, log: fr.Log, gains: tuple[Array, Array], truth: Ar
     return best
 
 
-def compared(name: str, seed: int, python: str, simulations: int) -> list[dict[str, Any]]:
-    """Rows of one robot."""
+def compared(name: str, given: Any) -> list[dict[str, Any]]:
+    """Rows of one robot; `given` are the options of the command line."""
+    seed, simulations = given.seed, given.simulations
     robot, log, drive, controller = recorded(name, seed)
     test = recorded(name, seed, other=seed + 1000)[1]
     gains = (controller.values("kp", robot.joints), controller.values("kd", robot.joints))
@@ -134,13 +135,15 @@ def compared(name: str, seed: int, python: str, simulations: int) -> list[dict[s
         inputs = {"t": t, "control": control, "sensor": measured, "start": start, "optimizer": "scipy"}
         inputs |= {"guess": START * truth, "low": truth / SPREAD, "high": truth * SPREAD}
         np.savez(Path(folder) / "inputs.npz", **inputs)
-        with Worker(python, WORKER, folder, 'pip install "mujoco[sysid]"') as other:
-            for said in ("drives", "links"):
+        with Worker(given.python, WORKER, folder, 'pip install "mujoco[sysid]"') as other:
+            for said in ("drives", *["links"] * given.links):
                 answer = other.run(said)
                 found, half = np.array(answer["values"]), np.array(answer["half"])
                 moved = positions(answer["mjcf"], names, late(test), test.q[0])
                 tool = f"mujoco.sysid {answer['version']}{', with links' * (said == 'links')}"
                 row(tool, found, answer["seconds"], moved, (found - half, found + half))
+    if not simulations:
+        return rows
     begin = time.process_time()
     best = searched(robot, log, gains, truth, simulations)
     seconds = time.process_time() - begin
@@ -161,9 +164,10 @@ def main() -> None:
     options.add_argument("--python", default=sys.executable, help="interpreter that has mujoco.sysid")
     options.add_argument("--robots", nargs="+", choices=list(ROBOTS), default=list(ROBOTS))
     options.add_argument("--seed", type=int, default=900)
-    options.add_argument("--simulations", type=int, default=5000, help="of the random search")
+    options.add_argument("--simulations", type=int, default=5000, help="of the random search; 0: none")
+    options.add_argument("--links", action="store_true", help="mujoco.sysid also fits masses and centres of mass")
     given = options.parse_args()
-    rows = [r for n in given.robots for r in compared(n, given.seed, given.python, given.simulations)]
+    rows = [r for n in given.robots for r in compared(n, given)]
     publish("Drives from commanded positions, beside other tools", rows, given.json)
 
 

@@ -65,6 +65,7 @@ TABLES = dict(
         table_of(accuracy.physical_export),
         table_of(accuracy.simulated_motion),
         table_of(accuracy.commanded_mujoco),
+        table_of(accuracy.commanded_peers),
         table_of(accuracy.paper_again),
         table_of(accuracy.paper_claims, "paper_again"),
         table_of(diagnosis.hidden_commanded),

@@ -174,6 +174,20 @@ def commanded_mujoco() -> str:
     return each(head, rows_of("commanded_mujoco"), line)
 
 
+def commanded_peers() -> str:
+    """Drives from commands by frischid and by other tools."""
+    head = ("robot", "program", "processor time, s", "over frischid", "median error", "largest error",
+            "truth inside 95 % range", "simulated error, mrad")  # fmt: skip
+
+    def line(row: Row) -> tuple[str, ...]:
+        errors = (f"{row[key]:.2g} %" for key in ("median error %", "largest error %"))
+        inside, moved = f"{row['inside 95 % range %']:.0f} %", f"{row['simulated error mrad']:.2g}"
+        times = (f"{row['seconds']:.2g}", f"{row['× frischid']:.2g}")
+        return DRIVES[row["robot"]].partition(",")[0], row["tool"], *times, *errors, inside, moved
+
+    return each(head, rows_of("commanded_peers"), line)
+
+
 DRIVES = {
     "so101": "SO-101, 4096 counts per turn",
     "go2": "a Go2's leg, 32768 counts",
