@@ -168,7 +168,7 @@ def commanded_mujoco() -> str:
         first = row["first seed"]
         shares = (percent(row[key]) for key in ("within 5 %", "inside, identified"))
         errors = (f"{100 * row[key]:.1f} %" for key in ("median error", "90 % error"))
-        seeds = f"{first} to {first + row['runs'] - 1}"
+        seeds = f"{first} to {first + row['runs'] - 1}" if row["runs"] > 1 else str(first)
         return DRIVES[row["robot"]], seeds, str(row["values"]), percent(row["identified"]), *errors, *shares
 
     return each(head, rows_of("commanded_mujoco"), line)
