@@ -133,10 +133,10 @@ def filled(page: Path) -> str:
 
 
 def figure(name: str) -> str:
-    """The figure of a mark; empty without its stored result, and then the page keeps what it has."""
+    """The figure of a mark; empty where no result is stored, and then the page keeps what it has."""
     try:
         return FIGURES[name]()
-    except FileNotFoundError:
+    except (FileNotFoundError, IndexError):  # no such file, or no such method in it
         return ""
 
 
