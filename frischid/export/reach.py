@@ -76,7 +76,7 @@ def exportable(model: Model, kind: str) -> tuple[str, ...]:
     >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
     >>> model = fr.identify(robot, [log], recursion="none").model
     >>> "hysteresis" in exportable(model, "c"), exportable(model, "urdf")
-    (True, ('viscous', 'coulomb', 'command_delay'))
+    (True, ('viscous', 'coulomb', 'command_delay', 'position_gain'))
     """
     held = []
     for name, effect in EFFECTS.items():

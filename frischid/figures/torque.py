@@ -246,7 +246,8 @@ def _worst(
     )  # fmt: skip
     j = prediction.joints.index(joint)
     source = _name(prediction.sources[prediction.log[k]])
-    where = f" of {source} ({x[k]:.2f} s in the figure)" if len(prediction.sources) > 1 else ""
+    beside = f" ({x[k]:.2f} s in the figure)" if prediction.log[k] > 0 else ""
+    where = f" of {source}{beside}" if len(prediction.sources) > 1 else ""
     return (
         f"The rms error is {number(fit.rmse, 3)} {unit}, {100 * fit.nrmse:.1f} % of the torque's standard deviation "
         f"(sensors alone: {100 * fit.noise_floor:.1f} %). Worst at {prediction.t[k]:.2f} s{where}: measured "
