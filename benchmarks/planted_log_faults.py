@@ -3,22 +3,27 @@
 Arms of example-robot-data move with friction and with links that differ from their URDF's by `--urdf-error`. Each fault
 is planted at a random joint with a random size. Printed are, for each fault, the share of runs in which it is the first
 issue, with its joints; for pairs of faults the share in which both are named; the share of clean logs in which nothing
-is; and the share of right ones among all issues that are "certain".
+is; and the share of right ones among all issues that are "certain". With `--measured` the faults are planted in
+measured logs; what `check` says of such a log as it is does not count.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
 import numpy as np
-from common import parser, publish
+from common import data_folder, parser, publish
+from real_robots import TIAGO_ROWS
+from scipy import signal
+from scipy.spatial.transform import Rotation
+from trust import Part, read
 
-from frischid.checks import LogReport
+from frischid.checks.log_issue import LogIssue
 from frischid.core.types import Array
 from frischid.effects import BASELINE
 from frischid.logs.log import Log
@@ -52,13 +57,11 @@ class Case:
     said: list[tuple[str, tuple[str, ...] | None]]
     rng: np.random.Generator
     used: set[int]
+    judged: list[str] | None = None
 
     def joint(self) -> int:
         """A joint without a fault whose torque is not friction alone: otherwise most faults change nothing."""
-        zero = np.zeros_like(self.log.q)
-        rigid = self.robot.inverse_dynamics(
-            self.log.q, zero, np.gradient(np.gradient(self.log.q, axis=0), axis=0) * 1e4
-        )
+        rigid = self.robot.inverse_dynamics(self.log.q, np.zeros_like(self.log.q), self.derivative(2))
         share = rigid.std(axis=0) / np.asarray(self.log.tau).std(axis=0)
         free = [j for j in range(len(self.robot.joints)) if j not in self.used and share[j] > 0.3]
         if not free:
@@ -66,6 +69,12 @@ class Case:
         j = int(self.rng.choice(free))
         self.used.add(j)
         return j
+
+    def derivative(self, order: int) -> Array:
+        """Velocity (order 1) or acceleration (2) of the positions, through a window of 0.1 s at least five wide."""
+        step = float(np.median(np.diff(self.log.t)))
+        width = max(5, 2 * round(0.05 / step) + 1)
+        return np.asarray(signal.savgol_filter(self.log.q, width, 3, deriv=order, delta=step, axis=0))
 
     def column(self, channel: str, j: int, change: Callable[[Array], Array]) -> None:
         """Change one column."""
@@ -83,7 +92,7 @@ class Case:
 
 def all_signs(c: Case) -> None:
     c.log = replace(c.log, tau=-np.asarray(c.log.tau))
-    c.said.append(("torque sign", c.robot.joints))
+    c.said.append(("torque sign", tuple(c.judged or c.robot.joints)))
 
 
 def one_sign(c: Case) -> None:
@@ -104,14 +113,15 @@ def swapped_joints(c: Case) -> None:
     i, j = c.joint(), c.joint()
     order = np.arange(len(c.robot.joints))
     order[[i, j]] = j, i
-    c.log = replace(c.log, q=c.log.q[:, order], tau=np.asarray(c.log.tau)[:, order])
+    v = None if c.log.v is None else c.log.v[:, order]
+    c.log = replace(c.log, q=c.log.q[:, order], v=v, tau=np.asarray(c.log.tau)[:, order])
     c.said.append(("swapped joints", c.name(i, j)))
 
 
 def axis_reversed(c: Case) -> None:
     j = c.joint()
-    c.column("q", j, np.negative)
-    c.column("tau", j, np.negative)
+    for channel in ("q", "v", "tau"):
+        c.column(channel, j, np.negative)
     c.said.append(("position sign", c.name(j)))
 
 
@@ -150,7 +160,7 @@ def one_gain(c: Case) -> None:
 
 def unit(c: Case) -> None:
     c.log = replace(c.log, tau=1e3 * np.asarray(c.log.tau))
-    c.said.append(("torque scale", c.robot.joints))
+    c.said.append(("torque scale", tuple(c.judged or c.robot.joints)))
 
 
 def wrapped(c: Case) -> None:
@@ -165,7 +175,8 @@ def tilted(c: Case) -> None:
     """A base that is tilted: the torque changes by that of the other gravity."""
     axis = c.rng.normal(size=2)
     roll, pitch = c.rng.uniform(0.3, 0.8) * axis / np.linalg.norm(axis)
-    other = Robot.load(c.robot.source, **ROBOTS[c.robot.source], base_rpy=(float(roll), float(pitch), 0.0))
+    turned = Rotation.from_euler("xyz", [roll, pitch, 0.0]).inv().apply(c.robot.gravity)
+    other = Robot.from_dict({**c.robot.to_dict(), "gravity": turned.tolist()})
     zero = np.zeros_like(c.log.q)
     more = other.inverse_dynamics(c.log.q, zero, zero) - c.robot.inverse_dynamics(c.log.q, zero, zero)
     c.log = replace(c.log, tau=np.asarray(c.log.tau) + more)
@@ -173,8 +184,7 @@ def tilted(c: Case) -> None:
 
 
 def payload(c: Case) -> None:
-    q = c.log.q
-    v, a = np.gradient(q, c.log.t, axis=0), np.gradient(np.gradient(q, c.log.t, axis=0), c.log.t, axis=0)
+    q, v, a = c.log.q, c.derivative(1), c.derivative(2)
     last = [k for k, column in enumerate(c.robot.columns) if column.joint == c.robot.joints[-1]]
     Y = np.empty((len(q), len(c.robot.columns), len(c.robot.joints)))
     c.robot.regressor(q, v, a, Y)
@@ -196,11 +206,10 @@ def coupling(c: Case) -> None:
     """A motor that turns with two neighbouring joints."""
     i = int(c.rng.integers(0, len(c.robot.joints) - 1))
     c.used |= {i, i + 1}
-    q, tau = c.log.q, np.array(c.log.tau)
-    v = np.gradient(q, c.log.t, axis=0)
+    tau, v, a = np.array(c.log.tau), c.derivative(1), c.derivative(2)
     w = v[:, i] + v[:, i + 1]
     size = float(max(tau[:, i].std(), tau[:, i + 1].std()))
-    torque = size * (np.tanh(w / 0.05) + w / w.std() + 0.3 * np.gradient(w, c.log.t))
+    torque = size * (np.tanh(w / 0.05) + w / w.std() + 0.3 * (a[:, i] + a[:, i + 1]))
     tau[:, [i, i + 1]] += torque[:, None]
     c.log = replace(c.log, tau=tau)
     c.said.append(("motor coupling", c.name(i, i + 1)))
@@ -253,11 +262,34 @@ def clean(name: str, seed: int, urdf_error: float) -> Case:
     return Case(robot, log, [], rng, set())
 
 
-def named(report: LogReport, said: tuple[str, tuple[str, ...] | None], *, first: bool) -> bool:
+MEASURED = {
+    "ur10e": "ident_30s_12harm",
+    "panda": "ident_0_14s",
+    "tiago": "ident_0_48s",
+    "lbr_med7": "measurements",
+    "staubli_tx40": "ident_0_5s",
+}
+"""Measured logs in which faults are planted; those of one joint, and of commands alone, leave no choice of joints."""
+
+
+def measured(name: str, seed: int) -> Case:
+    """A measured log with the signs and gains of its card."""
+    folder = data_folder()
+    assert folder is not None
+    urdf = next(p for p in sorted(folder.joinpath(name).glob("*.urdf")) if "with_hand" not in p.name)
+    robot = Robot.load(urdf)
+    judged = list(TIAGO_ROWS) if name == "tiago" else None
+    log = read(folder, robot, name, Part(MEASURED[name]))
+    robot = robot.keep([joint for joint in robot.joints if joint in log.joints])
+    silent = set() if judged is None else {j for j, n in enumerate(robot.joints) if n not in judged}
+    return Case(robot, log, [], np.random.default_rng(seed), silent, judged)
+
+
+def named(issues: Sequence[LogIssue], said: tuple[str, tuple[str, ...] | None], *, first: bool) -> bool:
     """Whether a fault is among the issues (or the first), with its joints."""
-    issues = report.issues[:1] if first else report.issues
     kind, where = said
-    return any(i.kind == kind and (where is None or set(i.where) == set(where)) for i in issues)
+    found = issues[:1] if first else issues
+    return any(i.kind == kind and (where is None or set(i.where) == set(where)) for i in found)
 
 
 def main() -> None:
@@ -266,20 +298,31 @@ def main() -> None:
     options.add_argument("--runs", type=int, default=3, help="runs of each fault on each robot")
     options.add_argument("--pairs", type=int, default=40, help="pairs of faults in all")
     options.add_argument("--seed", type=int, default=1000)
-    options.add_argument("--robots", nargs="+", default=list(ROBOTS))
+    options.add_argument("--robots", nargs="+", help="all by default")
     options.add_argument("--faults", nargs="+", default=list(FAULTS))
     options.add_argument("--urdf-error", type=float, default=0.1, help="standard deviation of ln(mass of a link)")
+    options.add_argument("--measured", action="store_true", help="plant the faults in measured logs (FRISCHID_DATA)")
     options.add_argument("--verbose", action="store_true")
     given = options.parse_args()
     right: Counter[str] = Counter()
     runs: Counter[str] = Counter()
     certain: Counter[bool] = Counter()
+    robots = given.robots or list(MEASURED if given.measured else ROBOTS)
+    of_the_log: dict[str, set[Any]] = {}
 
-    def examine(label: str, case: Case, *, first: bool) -> None:
-        (report,) = check(case.robot, [case.log])
-        issues = [i for i in report.issues if i.kind != "weak excitation"]
-        report = replace(report, issues=tuple(issues))
-        ok = all(named(report, said, first=first) for said in case.said) if case.said else not issues
+    def start(name: str, seed: int) -> Case:
+        return measured(name, seed) if given.measured else clean(name, seed, given.urdf_error)
+
+    def issues_of(case: Case) -> list[LogIssue]:
+        (report,) = check(case.robot, [case.log], torque_joints=case.judged)
+        return [i for i in report.issues if i.kind != "weak excitation"]
+
+    def examine(label: str, name: str, case: Case, *, first: bool) -> None:
+        before = of_the_log.get(name, set())
+        if any((kind, where or ()) in before for kind, where in case.said):
+            return  # the log has this fault already
+        issues = [i for i in issues_of(case) if (i.kind, i.where) not in before]
+        ok = all(named(issues, said, first=first) for said in case.said) if case.said else not issues
         right[label] += ok
         runs[label] += 1
         for issue in issues:
@@ -287,28 +330,32 @@ def main() -> None:
                 true = any(issue.kind == k and (w is None or set(issue.where) <= set(w)) for k, w in case.said)
                 certain[true] += 1
         if given.verbose and not ok:
-            found = [(i.kind, i.where, i.sure) for i in report.issues]
-            print(label, case.robot.name, case.said, "->", found, flush=True)
+            print(label, name, case.said, "->", [(i.kind, i.where, i.sure) for i in issues], flush=True)
 
-    for name in given.robots:
+    for name in robots:
+        if given.measured:  # a measured log may have faults of its own
+            clean_issues = issues_of(start(name, 0))
+            of_the_log[name] = {(i.kind, i.where) for i in clean_issues}
+            print(name, "as measured:", [(i.kind, i.where, i.sure) for i in clean_issues], flush=True)
         for run in range(given.runs):
             seed = given.seed + 97 * run
             for fault in given.faults:
-                case = clean(name, seed, given.urdf_error)
+                case = start(name, seed)
                 with suppress(NoJointError):
                     FAULTS[fault](case)
-                    examine(fault, case, first=True)
-            for more in range(3):
-                examine("clean", clean(name, seed + 11 * more, given.urdf_error), first=True)
+                    examine(fault, name, case, first=True)
+            for more in range(0 if given.measured else 3):
+                examine("clean", name, start(name, seed + 11 * more), first=True)
     rng = np.random.default_rng(given.seed)
     pairs = [p for p in combinations(given.faults, 2) if not ALONE & set(p)]
     for n in range(given.pairs if pairs else 0):
         one, other = pairs[int(rng.integers(len(pairs)))]
-        case = clean(given.robots[n % len(given.robots)], given.seed + 31 * n, given.urdf_error)
+        name = robots[n % len(robots)]
+        case = start(name, given.seed + 31 * n)
         with suppress(NoJointError):
             for fault in sorted((one, other), key=PHYSICS.__contains__, reverse=True):
                 FAULTS[fault](case)
-            examine("two faults", case, first=False)
+            examine("two faults", name, case, first=False)
     rows = [{"fault": k, "right": right[k], "runs": runs[k], "share": right[k] / runs[k]} for k in runs]
     alone = [k for k in runs if k not in ("clean", "two faults")]
     total = sum(runs[k] for k in alone)

@@ -53,11 +53,16 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Explanation:
-    """The best hypothesis, its probability against the runner-up, and the runner-up."""
+    """The best hypothesis, its probability against the runner-up, the runner-up, and what the torques need.
+
+    The needed faults are those of the likeliest part of the best hypothesis with which the URDF explains every torque
+    as well as a log must be explained. The others improve a torque that is explained already.
+    """
 
     best: Hypothesis
     probability: float
     runner_up: Hypothesis | None
+    needed: Hypothesis
 
     @property
     def odds(self) -> str:
@@ -94,11 +99,16 @@ def explain(sketch: Sketch) -> Explanation | None:
     gap = np.inf if runner is None else best.score - runner.score
     if gap < 0:
         return None  # what explains the torques best is no fault that can be named: several gains, or too many faults
-    return Explanation(best, float(1 / (1 + np.exp(np.clip(-gap, -50, 50)))), runner)
+    needed = max((h for h in enough if h.key <= best.key and (h is best or _is_good(h))), key=_smallest)
+    return Explanation(best, float(1 / (1 + np.exp(np.clip(-gap, -50, 50)))), runner, needed)
 
 
 def _score(hypothesis: Hypothesis) -> float:
     return hypothesis.score
+
+
+def _smallest(hypothesis: Hypothesis) -> tuple[int, float]:
+    return -len(hypothesis.faults), hypothesis.score
 
 
 def _best(found: Iterable[Hypothesis]) -> list[Hypothesis]:

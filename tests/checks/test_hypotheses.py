@@ -1,5 +1,6 @@
 """Faults of logs against each other: the simplest that explains the torques is named, and a mapping file undoes it."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -337,3 +338,19 @@ def test_nothing_is_named_where_something_else_explains_more(log):
     found, report = issues(replace(log, tau=tau))
     assert report.facts.get("explanation", {"probability": 1.0})["probability"] >= 0.5
     assert "unexplained torque" in found or "wrong robot" in found
+
+
+@pytest.mark.skipif(not os.environ.get("FRISCHID_DATA"), reason="FRISCHID_DATA is not set")
+def test_a_fault_without_which_all_torques_are_explained_comes_last(monkeypatch):
+    """In mN·m, a measured UR10e has one fault; a reversed wrist makes a good fit a little better, and is a guess."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
+    from planted_log_faults import measured, unit
+
+    case = measured("ur10e", 100)
+    unit(case)
+    (report,) = check(case.robot, [case.log])
+    first, *others = report.issues
+    assert first.kind == "torque scale"
+    assert first.where == case.robot.joints
+    assert not any(issue.blocks for issue in others)
+    assert not any(key == "sign" for _, key, _ in report.fix)
