@@ -180,3 +180,24 @@ def healthy() -> str:
         alarms = sum(row["verdict"] != "none" and not row["rules right"] for row in here)
         lines.append((name, str(len(here)), str(alarms)))
     return table(("background of small effects", "healthy robots", "alarms"), lines)
+
+
+def planted_log_faults() -> str:
+    """Faults of a log: named first, named together, silent without one, certain and right; simulated and measured."""
+    found = {}
+    for name in ("planted_log_faults", "planted_measured_faults"):
+        rows = {row["fault"]: row for row in rows_of(name)}
+        for fault, row in rows.items():
+            if row["runs"]:
+                found.setdefault(fault, {})[name] = f"{row['right']} of {row['runs']}"
+    said = {
+        "alone, all": "one fault, named first",
+        "two faults": "two faults, both named",
+        "clean": "no fault: nothing is named",
+        "certain is right": "called certain, and right",
+    }
+    lines = [
+        (text, *(found[fault].get(name, "–") for name in ("planted_log_faults", "planted_measured_faults")))
+        for fault, text in said.items()
+    ]
+    return table(("", "six simulated arms, links off by 10 %", "logs of five measured arms"), lines)

@@ -8,7 +8,8 @@ because a spline across the gap would invent samples.
 **Stamps that jitter.** A controller often samples at a regular rate, but the stamps are made later, on a busy computer.
 An error ε of the stamp then looks like an error ``q̇ ε`` of the position. A position that moves smoothly tells the two
 cases apart: with the stamps, or with a regular clock, it has less noise. The clock counts steps and is fitted to the
-stamps, ``t_i ≈ t_0 + h k_i`` with k_i the steps so far, so lost samples stay lost.
+stamps, ``t_i ≈ t_0 + h k_i`` with k_i the steps so far, so lost samples stay lost. Each stretch without a gap has its
+own clock, and the longest stretch decides: across a gap there is no noise to compare, and no step to count.
 
 Source: C. de Boor, "A Practical Guide to Splines", 1978.
 """
@@ -16,6 +17,7 @@ Source: C. de Boor, "A Practical Guide to Splines", 1978.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +25,7 @@ from scipy.interpolate import make_interp_spline
 
 from frischid.core.types import Array
 from frischid.logs.filters import LowPass, noise_level
-from frischid.logs.log import Log
+from frischid.logs.log import FEWEST_SAMPLES, Log
 
 LEAST_JITTER = 1e-3
 """Jitter of the steps, share of the median step, below which stamps count as regular: rounding in a file."""
@@ -71,14 +73,25 @@ def retimed(log: Log) -> Log:
     steps = np.diff(log.t)
     if len(steps) < 2 or np.abs(steps / np.median(steps) - 1).max() < LEAST_JITTER:
         return log
-    counted = np.append(0.0, np.cumsum(np.maximum(np.round(steps / np.median(steps)), 1.0)))
-    regular = np.polynomial.Polynomial.fit(counted, log.t, 1)(counted)
     moving = np.ptp(log.q, axis=0) > 0
     if not moving.any():
         return log
-    stamped, clocked = (noise_level(uniform(t, log.q[:, moving])[1]) for t in (log.t, regular))
+    bounds = [*breaks_of(log, LowPass(None)).tolist(), len(log.t)]
+    stretches = [slice(a, b) for a, b in pairwise(bounds)]
+    regular = np.concatenate([_clock(log.t[stretch], float(np.median(steps))) for stretch in stretches])
+    longest = max(stretches, key=lambda stretch: stretch.stop - stretch.start)
+    q = log.q[longest][:, moving]
+    stamped, clocked = (noise_level(uniform(t[longest], q)[1]) for t in (log.t, regular))
     share = np.median(clocked**2 / np.maximum(stamped**2, 1e-300))
     return replace(log, t=regular) if share < 1 - CLOCK_NOISE else log
+
+
+def _clock(t: Array, step: float) -> Array:
+    """The regular clock nearest to the stamps of a stretch without a gap; lost samples are counted."""
+    if len(t) < FEWEST_SAMPLES:
+        return t
+    counted = np.append(0.0, np.cumsum(np.maximum(np.round(np.diff(t) / step), 1.0)))
+    return np.asarray(np.polynomial.Polynomial.fit(counted, t, 1)(counted))
 
 
 def uniform(t: Array, *channels: Array) -> tuple[Array, ...]:
