@@ -11,6 +11,7 @@ Open loop is a hard test: an error of the torque is integrated twice, and nothin
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -166,7 +167,7 @@ def compare_simulated(
     """
     if not logs:
         raise InputError("there is no log to simulate")
-    if not horizons or not all(h > 0 for h in horizons):
+    if not horizons or not all(0 < h < math.inf for h in horizons):
         raise InputError(f"horizons must be positive times in s, got {list(horizons)}")
     if sources is not None and len(sources) != len(logs):
         raise InputError(f"{len(sources)} sources of torque were given for {len(logs)} logs; give one per log")

@@ -11,6 +11,7 @@ Source: Bock 1983, "Recent advances in parameter identification techniques for O
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -74,8 +75,8 @@ class OutputErrorOptions:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not value > 0:
-                raise InputError(f"{name} of an output error fit must be positive, got {value}")
+            if not 0 < value < math.inf:
+                raise InputError(f"{name} of an output error fit must be positive and finite, got {value}")
 
 
 class Jacobian(NamedTuple):

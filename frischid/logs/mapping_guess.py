@@ -15,6 +15,7 @@ A proposal is for a person to read. Comments give the reason for each entry, and
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -46,8 +47,10 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     Raises
     ------
     InputError
-        The file cannot be read, or no column can be assigned to a joint of the robot.
+        The file cannot be read, or no column can be assigned to a joint of the robot; the rate is no positive number.
     """
+    if rate is not None and not 0 < rate < math.inf:
+        raise InputError(f"the rate must be a positive number of samples per second, got {rate}")
     path, found = Path(path), Proposal()
     table = table_of(path, robot, found)
     time = time_column(table, found)
