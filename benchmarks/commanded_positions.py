@@ -26,7 +26,7 @@ from frischid.core.types import Array
 from frischid.effects import columns_of
 from frischid.forward.forward_dynamics import ForwardDynamics, Starts
 from frischid.forward.torque_sources import PositionController
-from frischid.logs.controller import velocity_of
+from frischid.logs.delayed_commands import velocity_of
 from frischid.regression.regressor import nominal_parameters
 
 SPLIT = 15.7

@@ -19,7 +19,7 @@ from real_robots import TIAGO_ROWS
 from trust import FIVE, Part, read
 
 import frischid as fr
-from frischid.diagnosis.improvement import Step
+from frischid.diagnosis.step import Step
 
 EXAMPLES = "github.com/thanhndv212/figaroh-examples"
 

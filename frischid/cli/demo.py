@@ -13,7 +13,8 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
-from frischid.diagnosis.improvement import Step, add
+from frischid.diagnosis.improvement import add
+from frischid.diagnosis.step import Step
 from frischid.effects import BASELINE, parse_effects
 from frischid.logs.log import Log
 from frischid.model.identification import Identification, identify

@@ -16,8 +16,8 @@ Source: Chen, Billings and Luo 1989, Int. J. Control 50(5).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import Any
 
 from frischid.core.text import listed
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
@@ -25,62 +25,19 @@ from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.refit import check_formulas, fitted_error, known_error, refitted
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
+from frischid.diagnosis.step import Refusal, Step
 from frischid.diagnosis.step_acceptance import impossible_coefficients, reason_against, worse_with_standstill
 from frischid.effects import Effect, check_effects, columns_of
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.comparison import compare
-from frischid.model.headline import Headline, headline, headline_of
+from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
 from frischid.model.own_logs import fitted_entry, log_entry
 
 RISES_AT_STANDSTILL = "the error would rise when samples at standstill count too"
 """Reason to refuse a step."""
-
-
-class Refusal(NamedTuple):
-    """A finding that is called missing but may not become a step, and why."""
-
-    finding: Finding
-    reason: str
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """One effect added.
-
-    Attributes
-    ----------
-    model : Model
-        The model with the effect.
-    effect : Effect
-    error_before, error_after : float
-        Mean NRMSE on the logs that select, measured as `measured_on` says.
-    measured_on : str
-        How these errors are measured: cross-validated, or for a changed robot with the models before and after it.
-    finding : Finding or None
-        The finding that proposed it, where a diagnosis did.
-    test_before, test_after : float or None
-        Mean NRMSE on the test logs, which decide nothing; None without test logs.
-    """
-
-    model: Model
-    effect: Effect
-    error_before: float
-    error_after: float
-    measured_on: str
-    finding: Finding | None
-    test_before: float | None = None
-    test_after: float | None = None
-
-    def __repr__(self) -> str:
-        return f"Step({self.effect}: NRMSE {self.error_before:.4f} → {self.error_after:.4f}, {self.measured_on})"
-
-    @property
-    def headline(self) -> Headline | None:
-        """The new model's error: on the test logs, or cross-validated without any; None where it was not measured."""
-        return headline_of(self.model.history[-1])
 
 
 def add(

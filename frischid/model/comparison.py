@@ -24,9 +24,10 @@ from frischid.logs.recording import Recording
 from frischid.model.alarms import Alarm, AlarmCriteria, by_severity
 from frischid.model.comparison_alarms import Elsewhere, elsewhere
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA
-from frischid.model.error_sums import ErrorSums, Worst
+from frischid.model.error_sums import ErrorSums
 from frischid.model.events import cross_validated_nrmse
 from frischid.model.expected_error import ExpectedError
+from frischid.model.joint_fit import JointFit
 from frischid.model.kept_blocks import SAMPLES_KEPT, KeptBlocks
 from frischid.model.model import Model
 from frischid.model.noise_floor import NoiseFloor
@@ -34,43 +35,6 @@ from frischid.model.residual_conditions import Residuals
 from frischid.model.standstill_joints import STANDSTILL_LOG, rows_of
 from frischid.regression.block import Block
 from frischid.regression.regressor import nominal_parameters
-
-
-@dataclass(frozen=True)
-class JointFit:
-    """Errors of one joint.
-
-    Attributes
-    ----------
-    name : str
-        The joint.
-    rmse, bias, std : float
-        Rms, mean and standard deviation of the residual, N·m (N).
-    nrmse : float
-        Rms residual over the standard deviation of the measured torque.
-    fit : float
-        100 (1 − nrmse): 100 is perfect, 0 as good as the mean torque.
-    nominal, constant : float
-        NRMSE of the URDF's links with fitted friction, and of a constant torque.
-    noise_floor : float
-        NRMSE that the noise of the sensors alone would make.
-    expected : float
-        NRMSE to expect from the model's own uncertainty.
-    worst : Worst
-        The largest residual, N·m (N), and its time.
-    """
-
-    name: str
-    rmse: float
-    nrmse: float
-    fit: float
-    bias: float
-    std: float
-    nominal: float
-    constant: float
-    noise_floor: float
-    expected: float
-    worst: Worst
 
 
 @dataclass(frozen=True, eq=False)

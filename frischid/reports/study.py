@@ -13,9 +13,10 @@ from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import Finding
-from frischid.diagnosis.improvement import Refusal, next_step
+from frischid.diagnosis.improvement import next_step
 from frischid.diagnosis.rivals import cause_of
 from frischid.diagnosis.roles import diagnose_with, roles
+from frischid.diagnosis.step import Refusal
 from frischid.errors import FrischidError, InputError
 from frischid.export.consistency import Consistency, make_consistent
 from frischid.logs.driven import driven

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
-from frischid.logs.controller import delayed
+from frischid.logs.delayed_commands import delayed
 from frischid.logs.driven import driven
 
 T = np.arange(0.0, 6.0, 0.01)

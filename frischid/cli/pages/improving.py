@@ -9,9 +9,9 @@ from frischid.cli.pages.page import Page, change, headline_line, quantities, tab
 from frischid.core.text import sentence
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import HOW_RANKED
-from frischid.diagnosis.improvement import Step
 from frischid.diagnosis.motion_space import MotionDiagnosis
 from frischid.diagnosis.rivals import IN_WORDS
+from frischid.diagnosis.step import Step
 from frischid.effects import EFFECTS
 from frischid.export.reach import Reach, in_words, reach_of
 from frischid.model.headline import error_after, headline_of
