@@ -72,6 +72,7 @@ TABLES = dict(
         table_of(diagnosis.hidden_effects),
         table_of(diagnosis.planted_effects),
         table_of(diagnosis.planted_log_faults),
+        table_of(diagnosis.planted_measured_faults, script="planted_log_faults"),
         table_of(diagnosis.calibration),
         table_of(diagnosis.calibration_later, script="calibration"),
         table_of(diagnosis.found_later, "calibration_later", "calibration"),

@@ -183,21 +183,22 @@ def healthy() -> str:
 
 
 def planted_log_faults() -> str:
-    """Faults of a log: named first, named together, silent without one, certain and right; simulated and measured."""
-    found = {}
-    for name in ("planted_log_faults", "planted_measured_faults"):
-        rows = {row["fault"]: row for row in rows_of(name)}
-        for fault, row in rows.items():
-            if row["runs"]:
-                found.setdefault(fault, {})[name] = f"{row['right']} of {row['runs']}"
+    """Faults in simulated logs: named first, named together, silent without one, certain and right."""
+    return _planted_faults("planted_log_faults", "six simulated arms, links off by 10 %")
+
+
+def planted_measured_faults() -> str:
+    """The same in measured logs."""
+    return _planted_faults("planted_measured_faults", "logs of five measured arms")
+
+
+def _planted_faults(name: str, head: str) -> str:
     said = {
         "alone, all": "one fault, named first",
         "two faults": "two faults, both named",
         "clean": "no fault: nothing is named",
         "certain is right": "called certain, and right",
     }
-    lines = [
-        (text, *(found[fault].get(name, "–") for name in ("planted_log_faults", "planted_measured_faults")))
-        for fault, text in said.items()
-    ]
-    return table(("", "six simulated arms, links off by 10 %", "logs of five measured arms"), lines)
+    rows = {row["fault"]: row for row in rows_of(name) if row["runs"]}
+    lines = [(text, f"{rows[key]['right']} of {rows[key]['runs']}") for key, text in said.items() if key in rows]
+    return table(("", head), lines)

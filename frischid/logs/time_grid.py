@@ -8,8 +8,8 @@ because a spline across the gap would invent samples.
 **Stamps that jitter.** A controller often samples at a regular rate, but the stamps are made later, on a busy computer.
 An error ε of the stamp then looks like an error ``q̇ ε`` of the position. A position that moves smoothly tells the two
 cases apart: with the stamps, or with a regular clock, it has less noise. The clock counts steps and is fitted to the
-stamps, ``t_i ≈ t_0 + h k_i`` with k_i the steps so far, so lost samples stay lost. Each stretch without a gap has its
-own clock, and the longest stretch decides: across a gap there is no noise to compare, and no step to count.
+stamps, ``t_i ≈ t_0 + h k_i`` with k_i the steps so far, so lost samples stay lost. Each stretch without a long gap has
+its own clock, and the longest stretch decides: across such a gap there is no noise to compare, and no step to count.
 
 Source: C. de Boor, "A Practical Guide to Splines", 1978.
 """
@@ -31,6 +31,8 @@ LEAST_JITTER = 1e-3
 """Jitter of the steps, share of the median step, below which stamps count as regular: rounding in a file."""
 CLOCK_NOISE = 0.5
 """Share of the positions' noise power, in the median joint, that must vanish before a regular clock replaces stamps."""
+LONGEST_BURST = 100
+"""Mean steps. A busy computer stamps so many samples late, all at once; in a longer step nothing was sampled."""
 
 
 def largest_gap(step: float, lowpass: LowPass) -> float:
@@ -76,7 +78,7 @@ def retimed(log: Log) -> Log:
     moving = np.ptp(log.q, axis=0) > 0
     if not moving.any():
         return log
-    bounds = [*breaks_of(log, LowPass(None)).tolist(), len(log.t)]
+    bounds = [0, *(np.flatnonzero(steps > LONGEST_BURST * steps.mean()) + 1).tolist(), len(log.t)]
     stretches = [slice(a, b) for a, b in pairwise(bounds)]
     regular = np.concatenate([_clock(log.t[stretch], float(np.median(steps))) for stretch in stretches])
     longest = max(stretches, key=lambda stretch: stretch.stop - stretch.start)

@@ -209,7 +209,7 @@ def test_what_is_left_out_is_not_drawn_over(case):
 def a_shape():
     """A spring's, over the position."""
     q = np.linspace(-1.0, 1.0, 200)
-    return Shape("joint_spring", "joint1", "q", q, 2.0 * q, 2.0 * q, 1.0, "")
+    return Shape("joint_spring", "joint1", "q", q, 2.0 * q, 2.0 * q, "")
 
 
 def test_labels_of_the_bounds_reach_as_far_as_the_bars(case):
