@@ -44,7 +44,7 @@ def multipliers(z: Array, covariance: Array, signs: NDArray[np.int_]) -> Array:
     >>> import numpy as np
     >>> from frischid.diagnosis.sign_bounds import multipliers
     >>> z, C = np.array([1.0, -0.5]), np.array([[2.0, 1.0], [1.0, 1.0]])
-    >>> (z + C @ multipliers(z, C, np.array([1, 1]))).round(6)
+    >>> (z + C @ multipliers(z, C, np.array([1, 1]))).round(6) + 0.0
     array([1.5, 0. ])
     """
     scale = signs / np.sqrt(covariance.diagonal())

