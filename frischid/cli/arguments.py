@@ -125,6 +125,8 @@ def matching(text: str | None, valid: Sequence[str]) -> list[str] | None:
         if not names:
             raise UnknownNameError("joint", pattern, valid)
         found += [n for n in names if n not in found]
+    if not found:
+        raise InputError(f"'{text}' names no joint; the joints are {', '.join(valid)}")
     return found
 
 
