@@ -11,6 +11,10 @@ places for it, or if numbers are fitted (Schwarz 1978). The probability of the b
 
 Faults of positions (`position_faults`) and of the robot (`robot_faults`) give other rigid torques. For each of them the
 best faults of single torques follow row by row (`row_fits`). Two such faults together are tried from the best ones.
+
+A fault of one torque can hide a fault of the robot, and the reverse. So faults of the robot are also fitted beside each
+fault of a torque alone (`_alone`), and without each row in turn (`_without_one_row`). An answer is given only if no
+other combination explains more, and says which of its faults the torques need (`Explanation.needed`).
 """
 
 from __future__ import annotations
@@ -99,7 +103,7 @@ def explain(sketch: Sketch) -> Explanation | None:
     gap = np.inf if runner is None else best.score - runner.score
     if gap < 0:
         return None  # what explains the torques best is no fault that can be named: several gains, or too many faults
-    needed = max((h for h in enough if h.key <= best.key and (h is best or _is_good(h))), key=_smallest)
+    needed = max((h for h in enough if h.key <= best.key and (h is best or _is_good(h))), key=_fewest_faults)
     return Explanation(best, float(1 / (1 + np.exp(np.clip(-gap, -50, 50)))), runner, needed)
 
 
@@ -107,7 +111,7 @@ def _score(hypothesis: Hypothesis) -> float:
     return hypothesis.score
 
 
-def _smallest(hypothesis: Hypothesis) -> tuple[int, float]:
+def _fewest_faults(hypothesis: Hypothesis) -> tuple[int, float]:
     return -len(hypothesis.faults), hypothesis.score
 
 
@@ -229,7 +233,7 @@ def _without_one_row(sketch: Sketch) -> list[Hypothesis]:
     """
     found: list[Hypothesis] = []
     for left_out in sketch.rows if len(sketch.rows) > 2 else ():
-        for item in shared_faults(replace(sketch, rows=sketch.rows[sketch.rows != left_out])):
+        for item in shared_faults(RowFits(replace(sketch, rows=sketch.rows[sketch.rows != left_out]))):
             found += _readings(replace(item.sketch, rows=sketch.rows), (item.fault,))
     return found
 

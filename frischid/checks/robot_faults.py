@@ -28,13 +28,14 @@ def robot_faults(sketch: Sketch) -> Iterator[Moved]:
     """The sketch with one such cause explained, for every cause; the torques are right, up to this."""
     if not len(sketch.rows):
         return
-    yield from shared_faults(sketch)
-    yield from _couplings(sketch, float(RowFits(sketch).weight.mean()))
+    fits = RowFits(sketch)
+    yield from shared_faults(fits)
+    yield from _couplings(fits)
 
 
-def shared_faults(sketch: Sketch) -> Iterator[Moved]:
+def shared_faults(fits: RowFits) -> Iterator[Moved]:
     """The causes that all torques show: a tilted base, a body on the last link."""
-    n = float(RowFits(sketch).weight.mean())
+    sketch, n = fits.sketch, float(fits.weight.mean())
     yield from _mounting(sketch, n)
     body = payload_errors(sketch)
     if body.removed > 0 and body.torque is not None:
@@ -80,9 +81,9 @@ def gravity_of(sketch: Sketch) -> Array:
     return shared_fit(few, columns, few.tau - (few.nominal - own))[:3]
 
 
-def _couplings(sketch: Sketch, n: float) -> Iterator[Moved]:
+def _couplings(fits: RowFits) -> Iterator[Moved]:
     """A motor that turns with two neighbouring joints: its friction and inertia act on both."""
-    fits = RowFits(sketch)
+    sketch, n = fits.sketch, float(fits.weight.mean())
     pairs = [(a, b) for a, b in combinations(range(len(fits.rows)), 2) if fits.rows[b] - fits.rows[a] == 1]
     for a, b in pairs:
         i, k = fits.rows[a], fits.rows[b]

@@ -344,7 +344,8 @@ def test_nothing_is_named_where_something_else_explains_more(log):
 def test_a_fault_without_which_all_torques_are_explained_comes_last(monkeypatch):
     """In mN·m, a measured UR10e has one fault; a reversed wrist makes a good fit a little better, and is a guess."""
     monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
-    from planted_log_faults import measured, unit
+    from log_faults import unit
+    from planted_log_faults import measured
 
     case = measured("ur10e", 100)
     unit(case)
