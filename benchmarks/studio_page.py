@@ -120,7 +120,8 @@ def waits(browser: Any, arguments: list[str], port: int) -> dict[str, float]:
         page.wait_for_function(CURVES)
         found[DRAWN] = time.perf_counter() - start
         while shades(page.screenshot(clip=MIDDLE)) < SHADES:
-            pass
+            if time.perf_counter() - start > PATIENCE / 1000:
+                sys.exit("error: the page never draws the robot")
         found[ROBOT] = time.perf_counter() - start
         offer = page.get_by_role("button", name=OFFER).first
         offer.wait_for()
