@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import click
 
@@ -107,7 +107,7 @@ def identify(
     velocity: str,
     estimator: str,
     horizon: float | None,
-    prior: str | None,
+    prior: Literal["urdf", "none"] | None,
     bbrf: str,
     window: int | None,
     scheduler: str | None,
@@ -129,7 +129,7 @@ def identify(
                 "--controller; leave "
                 "these out, or identify on this machine without --scheduler"
             )
-        fleet = FleetArguments(effects, mapping, torque_joints, cutoff, velocity, output, scheduler)
+        fleet = FleetArguments(effects, mapping, torque_joints, cutoff, velocity, prior or "urdf", output, scheduler)
         run_fleet(robot, RobotArguments(**options), logs, fleet, as_json)
         return
     from frischid.cli.pages import fitting as show

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import click
 
@@ -42,6 +42,13 @@ DIAGNOSED = 20  # robots that are diagnosed by default, those that differ most f
     default="auto",
     help="Velocities as measured, or derived from the positions; auto: measured ones if they agree with the positions.",
 )
+@click.option(
+    "--prior",
+    type=click.Choice(["urdf", "none"]),
+    default="urdf",
+    show_default=True,
+    help="Use the URDF's links as a prior (urdf) or not (none).",
+)
 @scheduler_option
 @workers_option
 @click.option("--strict", is_flag=True, help="Stop at a log that cannot be used instead of skipping it.")
@@ -59,6 +66,7 @@ def fleet(
     torque_joints: str | None,
     cutoff: str,
     velocity: str,
+    prior: Literal["urdf", "none"],
     scheduler: str | None,
     workers: int | None,
     strict: bool,
@@ -75,7 +83,7 @@ def fleet(
     without folders, the file's name.
     """
     arguments = FleetArguments(
-        effects, mapping, torque_joints, cutoff, velocity, output, scheduler, workers, strict, diagnosed
+        effects, mapping, torque_joints, cutoff, velocity, prior, output, scheduler, workers, strict, diagnosed
     )
     run_fleet(robot, RobotArguments(**options), logs, arguments, as_json)
 
@@ -86,7 +94,7 @@ class FleetArguments:
 
     Attributes
     ----------
-    effects, mapping, torque_joints, cutoff, velocity, output
+    effects, mapping, torque_joints, cutoff, velocity, prior, output
         As for `identify`.
     scheduler : str or None
         Address of a Dask scheduler, ``local`` or ``none``.
@@ -103,6 +111,7 @@ class FleetArguments:
     torque_joints: str | None
     cutoff: str
     velocity: str
+    prior: Literal["urdf", "none"]
     output: str | None
     scheduler: str | None
     workers: int | None = None
@@ -134,6 +143,7 @@ def run_fleet(
             mapping=None if arguments.mapping is None else LogMap.of(arguments.mapping),
             strict=arguments.strict,
             diagnosed=arguments.diagnosed,
+            prior=arguments.prior,
         )
         result = identify_fleet(machine, found, wanted, workers=pool, progress=progress)
     if output:

@@ -31,8 +31,10 @@ import numpy as np
 from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.held_out import Fold, held_out_stretches, held_out_variance
+from frischid.estimators.least_squares import Estimate
 from frischid.estimators.map_problem import MapProblem, WeightedRows
 from frischid.estimators.parameter_prior import ParameterPrior, ScaleRule
+from frischid.estimators.precision import precision_of
 from frischid.regression.moments import Gram, total
 
 ROUNDS = 60
@@ -83,6 +85,31 @@ class MapEstimate:
     def from_log(self) -> Array:
         """Share of each parameter's knowledge that came from the log, 1 − posterior / prior variance, (C,)."""
         return np.asarray(np.clip(1.0 - np.diag(self.full_covariance) / self.prior.total_spread**2, 0.0, 1.0))
+
+    def base_estimate(self, whole: Gram, mapping: Array) -> Estimate:
+        """The base parameters of the fit, as an estimate.
+
+        Parameters
+        ----------
+        whole : Gram
+            Moments that were fitted.
+        mapping : ndarray, shape (p, C)
+            Regrouping of all parameters into base parameters.
+        """
+        before = np.einsum("pc,c,pc->p", mapping, self.prior.total_spread**2, mapping)
+        return Estimate(
+            whole.columns,
+            self.theta,
+            self.covariance,
+            whole.joints,
+            np.sqrt(self.variance),
+            1.0 / self.variance,
+            self.condition,
+            "map",
+            precision_of(self.covariance),
+            (),
+            np.clip(1.0 - np.diag(self.covariance) / before, 0.0, 1.0),
+        )
 
 
 def shapes(correlated: Array) -> float:

@@ -1,6 +1,7 @@
 """Whether one robot differs from the others, from moments alone.
 
-The parameters θ₀ and the joints' weights W are fitted to all *other* robots, with moments H₀ = Y₀ᵀWY₀. One robot's own
+The parameters θ₀ are fitted to all *other* robots, with moments H₀ = Y₀ᵀWY₀, W the joints' weights. A prior of the
+parameters acts like a further log of the others: its precision is part of H₀. One robot's own
 moments are H = YᵀWY. Its score s = YᵀW(τ − Yθ₀) gives the change of parameters that fits this robot best, δ = H⁺s. Its
 variance is that of the robot and that of the others, H⁺ + H₀⁻¹. So the statistic is
 
@@ -29,7 +30,7 @@ from scipy import linalg, stats
 
 from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
-from frischid.estimators.least_squares import Estimate, NormalEquations, wls
+from frischid.estimators.least_squares import Estimate, NormalEquations, Prior, wls
 from frischid.regression.moments import Gram, total
 
 EXCITED = 1e-8  # eigenvalue of the column-scaled moments over the largest, below which a direction was not excited
@@ -74,7 +75,42 @@ class Deviation:
     usual: float = np.nan
 
 
-def deviation(blocks: Sequence[Gram], fleet: Gram, theta: Array, weights: Array, included: bool) -> Deviation:
+@dataclass(frozen=True, eq=False)
+class Centre:
+    """What the robots of a fleet are compared with: parameters fitted to all of them.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (J,)
+        Weights of the joints.
+    belief : Prior or None
+        A prior of the parameters, which acts like one further log; None: the logs alone.
+    theta : ndarray, shape (p,)
+        Least squares of the whole fleet with both.
+    """
+
+    weights: Array
+    belief: Prior | None
+    theta: Array
+
+    @classmethod
+    def of(cls, whole: Gram, weights: Array, belief: Prior | None = None) -> Centre:
+        """Fit to the sum of all robots' moments.
+
+        Raises
+        ------
+        IdentifiabilityError
+            The logs, and the prior, do not determine the parameters.
+        """
+        return cls(weights, belief, _fitted(whole, weights, belief).theta)
+
+
+def _fitted(whole: Gram, weights: Array, belief: Prior | None) -> NormalEquations:
+    moments = whole.weighted(weights)
+    return NormalEquations(moments if belief is None else moments + belief.moments, whole.names)
+
+
+def deviation(blocks: Sequence[Gram], fleet: Gram, centre: Centre, included: bool) -> Deviation:
     """Compare a robot with the rest of its fleet.
 
     Parameters
@@ -83,22 +119,20 @@ def deviation(blocks: Sequence[Gram], fleet: Gram, theta: Array, weights: Array,
         The robot's moments, by stretches of time.
     fleet : Gram
         Sum over the fleet.
-    theta : ndarray, shape (p,)
-        Parameters fitted to `fleet`.
-    weights : ndarray, shape (J,)
-        Weights of the joints in that fit.
+    centre : Centre
+        Fitted to `fleet`.
     included : bool
         Whether the robot is part of the fleet's sum.
     """
-    whole = total(blocks)
+    whole, belief = total(blocks), centre.belief
     others = fleet - whole if included else fleet
-    theta0 = NormalEquations(others.weighted(weights), whole.names).theta if included else theta
-    own, reason = _own(blocks)
+    theta0 = _fitted(others, centre.weights, belief).theta if included else centre.theta
+    own, reason = _own(blocks, belief)
     spread = np.sqrt(np.maximum(whole.torque_ss() / np.maximum(whole.counts, 1), 1e-300))
-    shift, statistic, rank = _shift(whole, others, theta0, weights)
+    shift, statistic, rank = _shift(whole, others, theta0, centre)
     inflation = np.nan
     if own is not None:
-        plain = NormalEquations(whole.weighted(1.0 / own.sigma**2), whole.names).inverse
+        plain = _fitted(whole, 1.0 / own.sigma**2, belief).inverse
         inflation = float(np.median(np.diag(own.covariance) / np.diag(plain)))
     return Deviation(
         own,
@@ -109,25 +143,26 @@ def deviation(blocks: Sequence[Gram], fleet: Gram, theta: Array, weights: Array,
         shift,
         _rms(whole, theta0) / spread,
         _rms(whole, theta0 + shift) / spread,
-        theta - theta0,
+        centre.theta - theta0,
     )
 
 
-def _own(blocks: Sequence[Gram]) -> tuple[Estimate | None, str]:
+def _own(blocks: Sequence[Gram], belief: Prior | None) -> tuple[Estimate | None, str]:
     try:
-        return wls(blocks), ""
+        return wls(blocks, prior=belief), ""
     except IdentifiabilityError as error:
         return None, str(error)
 
 
-def usual_deviation(robots: Sequence[Gram], weights: Array) -> float:
+def usual_deviation(robots: Sequence[Gram], centre: Centre) -> float:
     """How much robots differ among themselves: the mean of Λ over its rank, each robot against the others.
 
     Parameters
     ----------
     robots : sequence of Gram
         At least two; otherwise the result is NaN.
-    weights : ndarray, shape (J,)
+    centre : Centre
+        Weights of the joints, and a prior.
     """
     if len(robots) < 2:
         return np.nan
@@ -135,17 +170,19 @@ def usual_deviation(robots: Sequence[Gram], weights: Array) -> float:
     for one in robots:
         others = whole - one
         try:
-            theta0 = NormalEquations(others.weighted(weights), others.names).theta
+            theta0 = _fitted(others, centre.weights, centre.belief).theta
         except IdentifiabilityError:  # the others' logs leave a parameter open
             continue
-        _, statistic, rank = _shift(one, others, theta0, weights)
+        _, statistic, rank = _shift(one, others, theta0, centre)
         found.append(statistic / max(rank, 1))
     return float(np.mean(found)) if found else np.nan
 
 
-def _shift(whole: Gram, others: Gram, theta0: Array, weights: Array) -> tuple[Array, float, int]:
+def _shift(whole: Gram, others: Gram, theta0: Array, centre: Centre) -> tuple[Array, float, int]:
     """δ = H⁺s, Λ and the rank of H, on columns scaled to unit norm."""
-    moments, known = whole.weighted(weights), others.weighted(weights)[:-1, :-1]
+    moments, known = whole.weighted(centre.weights), others.weighted(centre.weights)[:-1, :-1]
+    if centre.belief is not None:
+        known = known + centre.belief.precision
     scale = np.sqrt(np.diag(moments)[:-1])
     scale = 1.0 / np.where(scale > 0, scale, np.inf)
     H = moments[:-1, :-1] * np.outer(scale, scale)

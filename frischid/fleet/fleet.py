@@ -2,7 +2,8 @@
 
     every log → moments        (on the worker that reads the log; a log that cannot be read is skipped and named)
     logs of a robot → one sum  → its own parameters
-    robots → one sum           → the fleet's parameters, standard errors from leaving out one robot at a time
+    robots → five sums         → the fleet's parameters with the URDF as prior (`frischid.fleet.shared_fit`), standard
+                                 errors from leaving out one robot at a time
     robot against the others   → a p value (`frischid.fleet.deviation`); robots that differ leave the sum, and the
                                  comparison is repeated
     robots that differ         → the cause: parameters of the model that changed, or an effect that `diagnose` finds in
@@ -17,17 +18,19 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import groupby
 from typing import Any, Literal
 
 import numpy as np
 
 from frischid.core.parallel import Here, Workers
-from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError
-from frischid.estimators.least_squares import Estimate, wls
-from frischid.fleet.deviation import LEAST_ROBOTS, Deviation, Null, usual_deviation
+from frischid.estimators.held_out import FOLDS
+from frischid.estimators.least_squares import Estimate
+from frischid.estimators.urdf_prior import UrdfPrior
+from frischid.fleet.deviation import LEAST_ROBOTS, Centre, Deviation, Null, usual_deviation
 from frischid.fleet.jobs import (
     Explaining,
     Job,
@@ -47,6 +50,7 @@ from frischid.fleet.jobs import (
 )
 from frischid.fleet.log_paths import LogPath
 from frischid.fleet.results import SIGNIFICANCE, Fleet, Member
+from frischid.fleet.shared_fit import SharedFit, shared_fit, with_spread
 from frischid.logs.cutoff_choice import LogSpectra
 from frischid.logs.filters import LowPass
 from frischid.logs.mapping import LogMap
@@ -76,6 +80,8 @@ class FleetOptions:
         Whether to stop at a log that cannot be used instead of skipping it.
     diagnosed : int
         Most robots to diagnose for effects that the model lacks, of those that differ.
+    prior : {"urdf", "none"}
+        As for `frischid.model.identification.identify`: the URDF's links are a prior, or the logs alone decide.
     """
 
     effects: tuple[Effect, ...] = BASELINE
@@ -85,6 +91,7 @@ class FleetOptions:
     mapping: LogMap | None = None
     strict: bool = False
     diagnosed: int = 20
+    prior: Literal["urdf", "none"] = "urdf"
 
 
 def identify_fleet(
@@ -118,7 +125,7 @@ def identify_fleet(
     InputError
         No log can be used, or with `FleetOptions.strict` one log cannot be used.
     IdentifiabilityError
-        All logs together do not determine the parameters.
+        Without a prior, all logs together do not determine the parameters.
 
     Examples
     --------
@@ -144,10 +151,11 @@ def identify_fleet(
 
     progress("the fleet, and which robots differ from it")
     present = [k for k, one in enumerate(summaries) if one.addresses]
-    fleet, estimate, found, null, outside = _compared(pool, {k: handles[k] for k in present})
+    fitted = partial(shared_fit, regressor=tools(job.robot, job.effects)[1], reduction=reduction, prior=wanted.prior)
+    shared, found, null, outside = _compared(pool, {k: handles[k] for k in present}, fitted)
     members = [_member(summaries[k], found[k], null, len(present)) for k in present]
-    estimate = _with_spread(estimate, fleet, [found[k] for k in present if k not in outside], null)
-    model = _model(job, reduction, fleet, estimate, logs, members)
+    estimate = with_spread(shared, [found[k] for k in present if k not in outside], null)
+    model = _model(job, reduction, shared, estimate, logs, members)
     different = sorted((i for i, m in enumerate(members) if m.differs), key=lambda i: -members[i].excess)
     questions = [handles[present[i]] for i in different], [rank < wanted.diagnosed for rank in range(len(different))]
     answers = _explained(pool, questions, model, Explaining(job.mapping, null.scale), progress)
@@ -227,55 +235,45 @@ def _job(
     return job, reduction, [f"{filtering} ({lowpass.reason}), from {len(good)} logs spread over the fleet"]
 
 
-def _compared(pool: Workers, robots: Mapping[int, Any]) -> tuple[Gram, Estimate, dict[int, Deviation], Null, set[int]]:
+def _compared(
+    pool: Workers, robots: Mapping[int, Any], fitted: Callable[[Sequence[Gram]], SharedFit]
+) -> tuple[SharedFit, dict[int, Deviation], Null, set[int]]:
     """The fleet without the robots that differ, and the comparison of every robot with the rest of the fleet."""
     sums = dict(zip(robots, pool.map(moments, list(robots.values())), strict=True))
     small = dict(zip(robots, pool.gather(list(sums.values())), strict=True)) if len(robots) < LEAST_ROBOTS else {}
     outside: set[int] = set()
     for _ in range(_EXCLUSION_ROUNDS):
         inside = [k for k in robots if k not in outside]
-        handle = pool.tree(add, [sums[k] for k in inside])
-        (fleet,) = pool.gather([handle])
-        estimate = wls([fleet])
+        groups = np.array_split(np.array(inside), min(FOLDS, len(inside)))
+        parts = [pool.tree(add, [sums[k] for k in group]) for group in groups]
+        fit = fitted(pool.gather(parts))
         among = [len(inside) > 1 and k not in outside for k in robots]
         questions = pool.pairs(paired, list(robots.values()), among)
-        answers = pool.gather(pool.map(against, questions, handle, estimate.theta, estimate.weights))
+        answers = pool.gather(pool.map(against, questions, pool.tree(add, parts), fit.centre))
         found = dict(zip(robots, answers, strict=True))
         if small:
-            found = _with_usual(found, small, estimate.weights)
+            found = _with_usual(found, small, fit.centre)
         null = Null.of([found[k] for k in inside], len(robots))
         differ = {k for k, d in found.items() if null.p_value(d, len(robots)) < SIGNIFICANCE}
         # Most robots of a fleet are alike, so never half of them are taken out.
         if differ <= outside or len(differ | outside) * 2 >= len(robots):
             break
         outside |= differ
-    return fleet, estimate, found, null, outside
+    return fit, found, null, outside
 
 
-def _with_usual(found: Mapping[int, Deviation], sums: Mapping[int, Gram], weights: Array) -> dict[int, Deviation]:
+def _with_usual(found: Mapping[int, Deviation], sums: Mapping[int, Gram], centre: Centre) -> dict[int, Deviation]:
     """The same with the differences of all other robots among themselves, of a small fleet."""
     return {
-        k: replace(d, usual=usual_deviation([one for n, one in sums.items() if n != k], weights))
+        k: replace(d, usual=usual_deviation([one for n, one in sums.items() if n != k], centre))
         for k, d in found.items()
     }
-
-
-def _with_spread(estimate: Estimate, fleet: Gram, inside: Sequence[Deviation], null: Null) -> Estimate:
-    """Standard errors from leaving out one robot at a time, and the spread of the robots' own parameters."""
-    pulls = np.array([d.pull for d in inside])
-    R = len(pulls)
-    covariance = (R - 1) / R * pulls.T @ pulls if len(estimate.joints) < R else estimate.covariance
-    plain = fleet.weighted(1.0 / estimate.sigma**2)[:-1, :-1]
-    # Robots vary by (κ − κ_within) times the uncertainty of one robot's own data: the prior for any single robot.
-    information = plain / (null.scale + R * max(0.0, null.scale - null.within))
-    notes = () if len(estimate.joints) < R else ("too few robots: standard errors take residuals as uncorrelated",)
-    return replace(estimate, covariance=covariance, information=information, notes=notes)
 
 
 def _model(
     job: Job,
     reduction: Reduction,
-    fleet: Gram,
+    shared: SharedFit,
     estimate: Estimate,
     logs: Sequence[LogPath],
     members: Sequence[Member],
@@ -298,6 +296,9 @@ def _model(
         "notes": [],
         "warnings": [],
     }
+    prior = None if shared.posterior is None else UrdfPrior.of(shared.posterior)
+    if prior is not None:
+        event["prior"] = {key: prior.to_dict()[key] for key in ("kind", "rows", "scales")}
     return Model(
         kept,
         job.effects,
@@ -306,8 +307,9 @@ def _model(
         job.base,
         tuple(reduction.expressions()),
         replace(estimate, columns=columns),
-        fleet.sums[:, -1] / fleet.counts,
+        shared.whole.sums[:, -1] / shared.whole.counts,
         history=(event,),
+        prior=prior,
     )
 
 

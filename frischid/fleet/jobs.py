@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 
 from frischid.checks import inspect
-from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.effects import BASELINE, Effect
 from frischid.errors import FrischidError, InputError
-from frischid.fleet.deviation import Change, Deviation, changes, deviation
+from frischid.fleet.deviation import Centre, Change, Deviation, changes, deviation
 from frischid.fleet.log_paths import LogPath, local
 from frischid.logs.cutoff_choice import LogSpectra, spectra_of
 from frischid.logs.filters import LowPass
@@ -202,10 +201,10 @@ def add(a: Gram, b: Gram) -> Gram:
     return a + b
 
 
-def against(question: tuple[RobotMoments, bool], fleet: Gram, theta: Array, weights: Array) -> Deviation:
+def against(question: tuple[RobotMoments, bool], fleet: Gram, centre: Centre) -> Deviation:
     """Compare one robot with the others; the flag beside the robot says whether the fleet's sum includes it."""
     one, included = question
-    return deviation(one.blocks, fleet, theta, weights, included)
+    return deviation(one.blocks, fleet, centre, included)
 
 
 def paired(one: RobotMoments, flag: bool) -> tuple[RobotMoments, bool]:

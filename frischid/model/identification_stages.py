@@ -23,7 +23,6 @@ from frischid.estimators.friction_smoothing import baseline, dry_friction
 from frischid.estimators.least_squares import Estimate, ols, wls
 from frischid.estimators.map_estimate import MapEstimate, map_estimate
 from frischid.estimators.parameter_prior import ParameterPrior
-from frischid.estimators.precision import precision_of
 from frischid.estimators.urdf_prior import urdf_prior
 from frischid.logs.driven import driven
 from frischid.logs.filters import LowPass
@@ -310,24 +309,7 @@ def fit_parameters(given: PriorSet) -> Fit:
         return Fit(problem, _least_squares(problem), None)
     mapping = problem.reduction.mapping
     found = map_estimate(problem.blocks, mapping, given.prior, options.prior_criteria.scale_rule)
-    before = np.einsum("pc,c,pc->p", mapping, found.prior.total_spread**2, mapping)
-    return Fit(
-        problem,
-        Estimate(
-            problem.whole.columns,
-            found.theta,
-            found.covariance,
-            problem.whole.joints,
-            np.sqrt(found.variance),
-            1.0 / found.variance,
-            found.condition,
-            "map",
-            precision_of(found.covariance),
-            (),
-            np.clip(1.0 - np.diag(found.covariance) / before, 0.0, 1.0),
-        ),
-        found,
-    )
+    return Fit(problem, found.base_estimate(problem.whole, mapping), found)
 
 
 def _least_squares(problem: Problem) -> Estimate:

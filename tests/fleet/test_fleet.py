@@ -17,10 +17,11 @@ from frischid.core.parallel import Dask, Here, workers
 from frischid.core.types import Column
 from frischid.errors import InputError
 from frischid.estimators.least_squares import wls
-from frischid.fleet.deviation import Deviation, Null, changes, deviation, usual_deviation
-from frischid.fleet.fleet import FleetOptions, _with_spread, identify_fleet
+from frischid.fleet.deviation import Centre, Deviation, Null, changes, deviation, usual_deviation
+from frischid.fleet.fleet import FleetOptions, identify_fleet
 from frischid.fleet.log_paths import LogPath, find_logs, local, robot_of
 from frischid.fleet.results import SIGNIFICANCE
+from frischid.fleet.shared_fit import SharedFit, with_spread
 from frischid.regression.moments import Gram, total
 
 ROBOTS, SECONDS, RATE = 22, 20.0, 50.0
@@ -206,11 +207,33 @@ def test_a_fleets_model_weighs_what_one_robot_carries(folder, arm):
     assert found.bound["mass"] < 0.5
 
 
-def test_standard_errors_are_those_of_a_mean_over_robots(alone):
+def test_standard_errors_are_those_of_a_mean_over_robots(arm, folder, alone):
+    """With a prior, the model's own error is in them too, which all robots share."""
     alike = [m.deviation.own.theta for m in alone.members if not m.differs]
     spread = np.std(alike, axis=0, ddof=1) / np.sqrt(len(alike))
-    ratio = alone.model.estimate.stderr / spread
-    assert 0.7 < np.median(ratio) < 1.4
+    plain = identify_fleet(arm, find_logs([f"{folder}/**/*.parquet"]), FleetOptions(prior="none", diagnosed=0))
+    assert plain.model.prior is None
+    assert 0.7 < np.median(plain.model.estimate.stderr / spread) < 1.4
+    assert (alone.model.estimate.stderr > 0.7 * spread).all()
+
+
+def test_short_logs_of_a_fleet_lean_on_the_urdf(arm, folder, tmp_path):
+    """Three robots of 1.5 s: least squares predict another motion far worse than with the prior."""
+    for path in find_logs([f"{folder}/{{robot}}/log.parquet"])[:3]:
+        log = fr.read_log(path.address, arm.joints)
+        fr.write_log(log.slice(0, int(1.5 * RATE)), tmp_path / f"{path.robot}.parquet")
+    test = fr.read_log(folder / "r15" / "log.parquet", arm.joints)
+    found = {
+        prior: identify_fleet(arm, find_logs([f"{tmp_path}/*.parquet"]), FleetOptions(prior=prior, diagnosed=0))
+        for prior in ("urdf", "none")
+    }
+    error = {prior: fr.compare(fleet.model, [test]).nrmse for prior, fleet in found.items()}
+    assert error["urdf"] < 0.5 * error["none"]
+    assert error["urdf"] < 0.5
+    kept = found["urdf"].model
+    assert kept.prior.to_dict() == fr.Model.from_dict(kept.to_dict()).prior.to_dict()
+    assert kept.history[-1]["prior"]["kind"] == "urdf"
+    assert all(member.deviation.own is not None for member in found["urdf"].members)
 
 
 def moments_of(theta, seed, samples=2000):
@@ -238,8 +261,8 @@ def test_a_robot_is_compared_with_the_others_alone():
     theta = np.array([1.0, 2.0, 3.0])
     robots = [moments_of(theta + (k == 0), k) for k in range(5)]
     whole, others, weights = total(robots), total(robots[1:]), np.array([1e2])
-    inside = deviation([robots[0]], whole, wls([whole]).theta, weights, included=True)
-    outside = deviation([robots[0]], others, wls([others]).theta, weights, included=False)
+    inside = deviation([robots[0]], whole, Centre.of(whole, weights), included=True)
+    outside = deviation([robots[0]], others, Centre.of(others, weights), included=False)
     assert inside.statistic == pytest.approx(outside.statistic, rel=1e-6)
     assert inside.shift == pytest.approx(np.ones(3), abs=0.02)
 
@@ -264,11 +287,11 @@ def of_small_fleet(robots, seed, change=0.0):
     varied[0, 2] += change
     each = [moments_of(one, 1000 * seed + k, 500) for k, one in enumerate(varied)]
     whole = total(each)
-    fitted = wls([whole])
+    centre = Centre.of(whole, weights)
     found = [
         replace(
-            deviation([x], whole, fitted.theta, weights, included=True),
-            usual=usual_deviation([other for other in each if other is not x], weights),
+            deviation([x], whole, centre, included=True),
+            usual=usual_deviation([other for other in each if other is not x], centre),
         )
         for x in each
     ]
@@ -287,7 +310,7 @@ def test_robots_of_a_small_fleet_differ_as_much_as_they_usually_do(robots, chang
 
 
 def test_two_robots_leave_no_others_to_compare_with():
-    assert np.isnan(usual_deviation([moments_of(np.ones(3), 0)], np.array([1e2])))
+    assert np.isnan(usual_deviation([alone := moments_of(np.ones(3), 0)], Centre.of(alone, np.array([1e2]))))
 
 
 def same_motion(theta, samples=1000):
@@ -303,9 +326,9 @@ def test_the_spread_of_robots_that_move_alike_is_that_of_a_mean(robots):
     values = np.array([1.0, 2.0, 3.0]) + 0.1 * np.random.default_rng(1).normal(size=(robots, 3))
     each = [same_motion(theta) for theta in values]
     whole = total(each)
-    fitted = wls([whole])
-    found = [deviation([x], whole, fitted.theta, fitted.weights, included=True) for x in each]
-    spread = _with_spread(fitted, whole, found, Null.of(found, robots))
+    fit = SharedFit(whole, wls([whole]), None, np.eye(3))
+    found = [deviation([x], whole, fit.centre, included=True) for x in each]
+    spread = with_spread(fit, found, Null.of(found, robots))
     np.testing.assert_allclose(spread.covariance, np.cov(values.T) / robots, rtol=1e-6)
 
 
