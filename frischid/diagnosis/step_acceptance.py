@@ -38,6 +38,7 @@ from frischid.effects import Effect
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
+from frischid.regression.block import Block
 
 
 def reason_against(validator: CrossValidator, effects: Sequence[Effect]) -> str:
@@ -162,6 +163,20 @@ def _squares(
 ) -> Iterator[tuple[Array, Array]]:
     """Squared errors without and with the effects, (2, M, J), and the block of time of each sample, for each part."""
     index = before.torque_index
-    for (part, one), (_, other) in zip(before.blocks(logs), after.blocks(logs), strict=True):
+    for part, one, other in _predicted(before, after, logs):
         errors = np.stack([part.tau - one, part.tau - other])[:, :, index]
         yield errors**2, np.floor(part.t / seconds)
+
+
+def _predicted(before: Model, after: Model, logs: Sequence[Log | Recording]) -> Iterator[tuple[Block, Array, Array]]:
+    """Filtered samples with the torques (M, J) of both models; the columns they share are computed once."""
+    shared = len(before.effects)
+    loaded = any(effect.loaded for effect in after.effects)
+    if after.effects[:shared] != before.effects or (loaded and after.reference != before.reference):
+        for (part, one), (_, other) in zip(before.blocks(logs), after.blocks(logs), strict=True):
+            yield part, one, other
+        return
+    theta = np.zeros(len(after.full_theta))
+    theta[: len(before.full_theta)] = before.full_theta
+    for part, other in after.blocks(logs):
+        yield part, np.asarray(theta @ part.Y), other

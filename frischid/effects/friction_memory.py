@@ -42,16 +42,24 @@ def presliding(t: Array, v: Array, distance: float) -> Array:
     -------
     ndarray, shape (N,)
     """
+    if not len(v):
+        return np.zeros(0)
     moving = np.abs(v) > SIGN_WIDTH
     first = int(moving.argmax()) if moving.any() else len(v)
     path = 0.5 * (v[1:] + v[:-1]) * np.diff(t)
     path[:first] = 0.0
-    z = float(np.sign(v[first])) if moving.any() else 0.0
-    out = [z] * min(len(v), 1)
-    for side, kept in zip(np.sign(path).tolist(), np.exp(-np.abs(path) / distance).tolist(), strict=True):
-        z = side - (side - z) * kept
-        out.append(z)
-    return np.array(out)
+    begins = float(np.sign(v[first])) if moving.any() else 0.0
+    # While the direction s stays the same, s − z decays with the way covered: only the reversals need a loop.
+    side = np.sign(path)
+    turns = np.flatnonzero(np.diff(side, prepend=np.nan) != 0)
+    sizes = np.diff(turns, append=len(path))
+    way = np.concatenate([[0.0], np.cumsum(np.abs(path))])
+    kept = np.exp((np.repeat(way[turns], sizes) - way[1:]) / distance)
+    z, starts = begins, []
+    for s, at_end in zip(side[turns].tolist(), kept[turns + sizes - 1].tolist(), strict=True):
+        starts.append(z)
+        z = s - (s - z) * at_end
+    return np.concatenate([[begins], side - (side - np.repeat(starts, sizes)) * kept])
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.core.remembered import Remembered
 from frischid.core.types import Array
 from frischid.effects.state import SIGN_WIDTH, State
 
@@ -102,6 +103,9 @@ class _Road:
         return cls(state.t[grid], (at[1:] + at[:-1]) / 2)
 
 
+_ROADS = Remembered[_Road]()
+
+
 class _Steps(NamedTuple):
     """What drives links within each step of a road, (G - 1, ...): one column per link where many move together.
 
@@ -130,11 +134,17 @@ class _Steps(NamedTuple):
 def _travel_together(along: _Steps, links: Array) -> Array:
     """Deflection at the end of each step, and f − f_c sign(q̇_j) within the step, (G - 1, 2, links)."""
     deflection, rate, _, _, gap, dry = links
+    stops, against = bool(np.isfinite(gap).any()), -dry
     found = np.empty((len(along.h), 2, links.shape[1]))
     for n, (h, speed, push, inert, spring, held, back) in enumerate(zip(*along, strict=True)):
         pushed = push - inert * rate + spring * deflection
-        friction = np.maximum(np.minimum(pushed, dry), -dry)
-        wanted = speed - (pushed - friction) / held
+        friction = np.maximum(np.minimum(pushed, dry), against)
+        moved = speed - (pushed - friction) / held
+        if not stops:
+            deflection, rate = deflection + h * moved, 2 * moved - rate
+            found[n] = deflection, friction - back
+            continue
+        wanted = moved
         moved = np.maximum(np.minimum(wanted, (gap - deflection) / h), (-gap - deflection) / h)
         loose = moved == wanted
         deflection = deflection + h * moved
@@ -146,21 +156,23 @@ def _travel_together(along: _Steps, links: Array) -> Array:
 def _travel_alone(along: _Steps, number: int, link: Array) -> Array:
     """The same for one of the links, (G - 1, 2), as plain numbers: ten times as fast for one link."""
     deflection, rate, _, _, gap, dry = link.tolist()
-    places, frictions = [], []
-    columns = (x[:, min(number, x.shape[1] - 1)].tolist() for x in along)
-    for h, speed, push, inert, spring, held, back in zip(*columns, strict=True):
+    places, frictions, stopped = [], [], []
+    *columns, back = (x[:, min(number, x.shape[1] - 1)] for x in along)
+    for h, speed, push, inert, spring, held in zip(*(x.tolist() for x in columns), strict=True):
         pushed = push - inert * rate + spring * deflection
         friction = dry if pushed > dry else -dry if pushed < -dry else pushed
         moved = speed - (pushed - friction) / held
         after = deflection + h * moved
         if -gap <= after <= gap:
             deflection, rate = after, 2 * moved - rate
-            frictions.append(friction - back)
         else:
+            stopped.append(len(places))
             deflection, rate = (gap if after > gap else -gap), 0.0
-            frictions.append(0.0)
+        frictions.append(friction)
         places.append(deflection)
-    return np.array([places, frictions]).T
+    within = np.array(frictions) - back
+    within[stopped] = 0.0
+    return np.stack([places, within], axis=1)
 
 
 class Lag(NamedTuple):
@@ -203,7 +215,7 @@ def lags(state: State, gears: Sequence[Gear]) -> Iterator[Lag]:
     if count < 3:
         yield from (Lag(*np.zeros((4, count))) for _ in gears)
         return
-    road = _Road.of(state)
+    road = _ROADS.of(state, TRAVEL_STEP, lambda: _Road.of(state))
     many = max(1, NUMBERS_AT_ONCE // len(road.t))
     for first in range(0, len(gears), many):
         yield from _lags(state, road, gears[first : first + many])

@@ -140,7 +140,7 @@ class Regressor:
         none = np.zeros((len(t), len(self.robot.joints)))
         if self.loaded:
             self.robot.regressor(q, v, a, Y[:, :rigid])
-        load = np.einsum("ncj,c->nj", Y[:, :rigid], self.reference[:rigid]) if self.loaded else none
+        load = self.reference[:rigid] @ Y[:, :rigid] if self.loaded else none
         written: list[tuple[int, int, Array]] = []
         column = rigid
         for number, effect in enumerate(self.effects):
@@ -165,7 +165,7 @@ class Regressor:
     def _torque_of(self, Y: Array, written: Sequence[tuple[int, int, Array]], columns: int) -> Array:
         """Torque of the reference parameters over the rigid columns and the effects' columns before `columns`."""
         rigid = len(self.robot.columns)
-        torque = np.einsum("ncj,c->nj", Y[:, :rigid], self.reference[:rigid])
+        torque = self.reference[:rigid] @ Y[:, :rigid]
         for k, joint, values in written:
             if k < columns:
                 torque[:, joint] += self.reference[k] * values
@@ -173,9 +173,14 @@ class Regressor:
 
     def remember(self, motion: Motion) -> dict[int, list[dict[int, Array]]]:
         """Columns of effects with memory over a whole motion: position of the effect -> per column, joint -> values."""
-        if not any(effect.memory for effect in self.effects):
+        with_memory = [effect for effect in self.effects if effect.memory]
+        if not with_memory:
             return {}
-        state = self.state(motion)
+        if any(effect.loaded for effect in with_memory):
+            state = self.state(motion)
+        else:  # no torque is needed
+            none = np.zeros_like(motion.q)
+            state = self._state_of(Samples.of(motion), none, none, self.reference[: len(self.robot.columns)], self.dry)
         return {
             number: [dict(term.rows) for term in effect.terms(state)]
             for number, effect in enumerate(self.effects)
@@ -193,8 +198,8 @@ class Regressor:
         for start in range(0, len(motion.t), CHUNK_SAMPLES):
             s = slice(start, start + CHUNK_SAMPLES)
             Y = static.evaluate(samples.part(s))
-            load[s] = np.einsum("ncj,c->nj", Y[:, :rigid], static.reference[:rigid])
-            torque[s] = np.einsum("ncj,c->nj", Y, static.reference)
+            load[s] = static.reference[:rigid] @ Y[:, :rigid]
+            torque[s] = static.reference @ Y
         return self._state_of(samples, load, torque, static.reference[:rigid], self.dry)
 
     def _state_of(self, samples: Samples, load: Array, torque: Array, rigid: Array, dry: Array | None = None) -> State:
@@ -218,7 +223,7 @@ class Regressor:
             part = slice(start, min(start + CHUNK_SAMPLES, len(motion.t)))
             Z = np.empty((part.stop - start, len(self.columns) + COLUMNS_BESIDE_Y, motion.q.shape[1]))
             self._fill(motion, part, remembered, Z)
-            out[part] = np.einsum("ncj,c->nj", Z[:, :-COLUMNS_BESIDE_Y], theta) + Z[:, len(self.columns) + 2]
+            out[part] = theta @ Z[:, :-COLUMNS_BESIDE_Y] + Z[:, len(self.columns) + 2]
         return out
 
     def blocks(
