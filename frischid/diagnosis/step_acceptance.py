@@ -170,9 +170,8 @@ def _squares(
 
 def _predicted(before: Model, after: Model, logs: Sequence[Log | Recording]) -> Iterator[tuple[Block, Array, Array]]:
     """Filtered samples with the torques (M, J) of both models; the columns they share are computed once."""
-    shared = len(before.effects)
-    loaded = any(effect.loaded for effect in after.effects)
-    if after.effects[:shared] != before.effects or (loaded and after.reference != before.reference):
+    shared = after.effects[: len(before.effects)] == before.effects
+    if not shared or (after.reference != before.reference and any(effect.loaded for effect in after.effects)):
         for (part, one), (_, other) in zip(before.blocks(logs), after.blocks(logs), strict=True):
             yield part, one, other
         return

@@ -111,10 +111,10 @@ class State:
         InputError
             The times do not increase.
         """
-        degree = min(3, len(self.t) - 1)
-        if degree < 1:
+        if len(self.t) < 2:
             return x
-        return np.asarray(self._spline(x, degree)(np.clip(self.t - by, self.t[0], self.t[-1])))
+        spline = self._torque_spline if x is self.torque else self._spline(x, min(3, len(self.t) - 1))
+        return np.asarray(spline(np.clip(self.t - by, self.t[0], self.t[-1])))
 
     def require_times(self) -> None:
         """Raise InputError unless the times increase from sample to sample."""
@@ -122,6 +122,10 @@ class State:
             raise InputError(
                 "an effect needs the torque's past and its rate: give the samples' times, in increasing order"
             )
+
+    @cached_property
+    def _torque_spline(self) -> BSpline:
+        return self._spline(self.torque, min(3, len(self.t) - 1))  # once, for delays of every size
 
     def _spline(self, x: Array, degree: int) -> BSpline:
         self.require_times()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from frischid.diagnosis import improvement
+from frischid.diagnosis import improvement, step_acceptance
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.step_acceptance import reason_against, worse_joints, worse_with_standstill
 from frischid.effects import parse_effects
@@ -104,6 +104,7 @@ def models(before, after):
             joints=[f"joint{k}" for k in range(joints)],
             torque_index=np.arange(joints),
             blocks=lambda _: [(part, np.zeros_like(residual))],
+            effects=(object(),),  # no columns in common
         )
 
     # both must see the same measured torque: the second predicts the difference
@@ -117,6 +118,23 @@ def test_at_standstill_a_rise_in_every_block_is_harm_and_a_trifle_is_none(factor
     noise = 1.0 + 0.1 * np.random.default_rng(0).normal(size=(4000, 1))
     before = residuals([1.0, 5.0], seed=2)[:, :1].T * np.ones((4000, 1)) * noise
     assert worse_with_standstill(*models(before, factor * before), [None], CRITERIA) == worse
+
+
+def test_shared_columns_change_no_prediction():
+    robot = Robot.load("planar2")
+    motion = random_fourier(robot, 6.0, seed=1)
+    log = simulate(robot, motion, rate=100.0, noise=Noise(q=1e-5, tau=0.05))
+    model = identify(robot, [log], recursion="none").model
+    (more,) = parse_effects("hysteresis(distance=0.02)@joint1")
+    after = identify(robot, [log], effects=(*model.effects, more), cutoff=model.lowpass.cutoff, recursion="none").model
+    other = replace(after, effects=(more, *model.effects))  # other columns first: nothing is shared
+    found = list(step_acceptance._predicted(model, after, [log]))
+    alone = list(zip(model.blocks([log]), after.blocks([log]), strict=True))
+    assert len(found) == len(alone) > 0
+    for (_, one, two), ((_, first), (_, second)) in zip(found, alone, strict=True):
+        np.testing.assert_allclose(one, first, atol=1e-12)
+        np.testing.assert_allclose(two, second, atol=1e-12)
+    assert len(list(step_acceptance._predicted(model, other, [log]))) == len(alone)
 
 
 def test_at_standstill_a_rise_in_a_single_block_is_chance():

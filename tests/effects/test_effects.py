@@ -187,6 +187,19 @@ def test_presliding_loops_close_and_do_not_know_the_speed():
     assert np.abs(z).max() <= 1.0
 
 
+@pytest.mark.parametrize(("noise", "distance"), [(0.0, 0.0005), (1e-3, 0.002), (0.3, 0.02)])
+def test_presliding_is_the_recursion_sample_by_sample(noise, distance):
+    t = np.arange(4000) / 500
+    v = np.sin(3 * t) + noise * np.random.default_rng(0).normal(size=len(t))
+    v[1000:1500] = 0.0
+    z = [float(np.sign(v[np.abs(v) > SIGN_WIDTH][0]))]
+    started = np.argmax(np.abs(v) > SIGN_WIDTH)
+    for k, path in enumerate(0.5 * (v[1:] + v[:-1]) * np.diff(t)):
+        side = np.sign(path) if k >= started else 0.0
+        z.append(side - (side - z[-1]) * np.exp(-abs(path) * (k >= started) / distance))
+    np.testing.assert_allclose(presliding(t, v, distance), z, atol=1e-10)
+
+
 def test_presliding_is_dahls_solution():
     t = np.linspace(0.0, 2.0, 2001)
     v = np.where(t < 1.0, 0.1, -0.1)
