@@ -156,7 +156,9 @@ def _travel_together(along: _Steps, links: Array) -> Array:
 def _travel_alone(along: _Steps, number: int, link: Array) -> Array:
     """The same for one of the links, (G - 1, 2), as plain numbers: ten times as fast for one link."""
     deflection, rate, _, _, gap, dry = link.tolist()
-    places, frictions, stopped = [], [], []
+    places: list[float] = []
+    frictions: list[float] = []
+    stopped: list[int] = []
     *columns, back = (x[:, min(number, x.shape[1] - 1)] for x in along)
     for h, speed, push, inert, spring, held in zip(*(x.tolist() for x in columns), strict=True):
         pushed = push - inert * rate + spring * deflection
