@@ -9,9 +9,9 @@ number of rows of a joint counts as κ rows. The shapes are counted on the joint
 eigenvalues λ of their correlation, r = (Σ λ)² / Σ λ² (the participation ratio). κ uses the median joint's r.
 
 
-*Prior.* Each parameter has a mean μ and a standard deviation d. The scale s_l of a link says how good the prior is for
-this link. The data give the scale by evidence (automatic relevance determination): with posterior covariance C of the
-link's p_l parameters, ``s_l² = (Σ ((θ − μ)² + C_cc) / d² + ν) / (p_l + ν)``.
+*Prior.* Each parameter has a mean μ and a standard deviation d. The scale s_l of a link or a rotor says how good the
+prior is for it. The data give the scale by evidence (automatic relevance determination): with posterior covariance C of
+its p_l parameters, ``s_l² = (Σ ((θ − μ)² + C_cc) / d² + ν) / (p_l + ν)``.
 
 *Noise.* σ_j² is the residual variance, corrected for the γ_j of the κ rows that determine parameters. If a
 cross-validated fit has a smaller variance, with all links at scale 1 or at the widest scale, σ_j² is that variance.
@@ -212,7 +212,7 @@ def effects_alone(blocks: Sequence[Gram], mapping: Array, prior: ParameterPrior)
     -------
     ndarray, shape (p,)
     """
-    held = np.array([bool(g) for g in prior.group]) | (prior.negative > 0)
+    held = prior.of_links | (prior.negative > 0)
     spread = prior.spread * np.where(held, HELD, 1.0 / HELD)
     problem = MapProblem(total(blocks), mapping, replace(prior, spread=spread, negative=np.zeros(len(spread))))
     precision = problem.precision({})
@@ -289,7 +289,7 @@ def map_folds(blocks: Sequence[Gram], mapping: Array, estimate: MapEstimate) -> 
 
 
 def link_scales(prior: ParameterPrior, off: Array, known: Array, rule: ScaleRule) -> dict[str, float]:
-    """Scale of each link's prior by evidence.
+    """Scale of each link's and rotor's prior by evidence.
 
     Parameters
     ----------

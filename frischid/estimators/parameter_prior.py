@@ -1,6 +1,6 @@
-"""Prior of a robot's parameters before any log: independent normal distributions, with a scale for each link.
+"""Prior of a robot's parameters before any log: independent normal distributions, with a scale for each link and rotor.
 
-    θ_c ~ N(μ_c, s_l² d_c²),   θ_c ≥ 0 of known sign,   l the link of parameter c
+    θ_c ~ N(μ_c, s_l² d_c²),   θ_c ≥ 0 of known sign,   l the link or rotor of parameter c
 
 `frischid.estimators.urdf_prior` makes it from a URDF; `frischid.estimators.map_estimate` finds the scales.
 """
@@ -27,7 +27,7 @@ class ParameterPrior:
     spread : ndarray, shape (C,)
         Standard deviations d.
     group : tuple of str
-        Link whose scale the parameter shares; empty for a parameter without a scale of its own.
+        Link or rotor whose scale the parameter shares; empty for a parameter at scale 1.
     nonnegative : ndarray of bool, shape (C,)
         Parameters whose sign is known.
     negative : ndarray, shape (C,)
@@ -46,6 +46,11 @@ class ParameterPrior:
     scales: dict[str, float]
 
     @property
+    def of_links(self) -> NDArray[np.bool_]:
+        """Parameters of links, shape (C,)."""
+        return np.array([bool(g) and x == 0 for g, x in zip(self.group, self.negative, strict=True)])
+
+    @property
     def scaled_spread(self) -> Array:
         """Standard deviations at the groups' scales, shape (C,)."""
         return np.asarray(self.spread * [self.scales.get(g, 1.0) for g in self.group])
@@ -58,7 +63,7 @@ class ParameterPrior:
 
 @dataclass(frozen=True)
 class ScaleRule:
-    """Rule for the scale of a link's prior, given the data.
+    """Rule for the scale of a link's or a rotor's prior, given the data.
 
     Attributes
     ----------
@@ -66,10 +71,10 @@ class ScaleRule:
         ν, weight of the assumption that the scale is 1, as a number of parameters. It is four of a link's ten, so that
         a link that the log hardly moves keeps its scale.
     least, most : float
-        Bounds of the scale: no URDF has less than three percent, or more than a hundred times,
-        of the usual error; a URDF in which every mass is 1 g has a hundred times.
+        Bounds of the scale: no URDF has less than three percent of the usual error. A URDF in which every mass is 1 g
+        has a hundred times, and the rotor behind the gear of a finger's last link can have thousands of times.
     """
 
     freedom: float = 4.0
     least: float = 0.03
-    most: float = 100.0
+    most: float = 1e4

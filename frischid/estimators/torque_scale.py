@@ -108,7 +108,8 @@ def torque_scales(
     IdentifiabilityError
         The signals and the prior together leave a parameter undetermined.
     """
-    rule, links = rule or ScaleRule(), np.array([bool(g) for g in prior.group])
+    rule, links = rule or ScaleRule(), prior.of_links
+    prior = replace(prior, group=tuple(g if link else "" for g, link in zip(prior.group, links, strict=True)))
     means = means or {}
     only_means = np.isin(np.arange(len(links)), list(means.values()))  # these columns have no other coefficient than κ
     spread = np.where(links, prior.spread, np.where(only_means, _HELD, _FLAT) * prior.spread)

@@ -4,10 +4,11 @@
 
 with a = m / 2 + m_max / 10 and L = √(½ tr I / m), the root-mean-square distance of its mass from the joint. An effect
 has mean zero, because the damping in a URDF is not measured. Its standard deviation is the value at which the effect
-alone would cause the measured torque. A rotor's inertia on the joint's side is at most ten times the inertia of the
-links; a torque sensor behind the gear measures little of it, and possibly a small negative value.
+alone would cause the measured torque. A rotor's inertia on the joint's side is usually at most ten times the inertia of
+the links; a torque sensor behind the gear measures little of it, and possibly a small negative value. The fingers of a
+hand and small servos with high gear ratios have hundreds of times the links' inertia.
 
-`frischid.estimators.map_estimate` finds from the data how good this URDF is, link by link.
+`frischid.estimators.map_estimate` finds from the data how good this URDF is, link by link, and how large each rotor is.
 
 Source: Gautier, Janot and Vandanjon 2013, IEEE T-CST 21(2), on least squares for robots; Atkeson, An and Hollerbach
 1986, IJRR 5(3), on what of a link a motion shows.
@@ -50,13 +51,13 @@ class PriorCriteria:
         m. Bounds of a link's size L, for URDFs whose inertias are zero or impossible, of a robot of 1 m; a shorter
         robot's least and a longer robot's largest size are in proportion (`frischid.robot.scale`).
     rotor : float
-        Standard deviation of a rotor's inertia, as a multiple of the links' mean inertia about its joint.
+        Standard deviation of a rotor's inertia at scale 1, as a multiple of the links' mean inertia about its joint.
     rotor_opposite : float
         The same on the negative side, which only a sensor behind the gear can show.
     scale_freedom : float
-        Weight of the assumption that a link's scale is 1, as a number of parameters; a link has ten.
+        Weight of the assumption that a scale is 1, as a number of parameters; a link has ten, a rotor one.
     least_scale, largest_scale : float
-        Bounds of a link's scale.
+        Bounds of a scale.
     """
 
     mass_share: float = 0.5
@@ -67,7 +68,7 @@ class PriorCriteria:
     rotor_opposite: float = 0.3
     scale_freedom: float = 4.0
     least_scale: float = 0.03
-    largest_scale: float = 100.0
+    largest_scale: float = 1e4
 
     @property
     def scale_rule(self) -> ScaleRule:
@@ -184,7 +185,7 @@ def urdf_prior(
     Returns
     -------
     ParameterPrior
-        Of the C columns of `regressor`, every link at scale 1.
+        Of the C columns of `regressor`, every link and rotor at scale 1.
     """
     criteria = criteria or PriorCriteria()
     robot, columns = regressor.robot, regressor.columns
@@ -199,11 +200,16 @@ def urdf_prior(
         tuple(c.name for c in columns),
         np.where(rigid, nominal_parameters(robot, regressor.effects), 0.0),
         spread,
-        tuple(c.joint if c.effect == "rigid" else "" for c in columns),
+        tuple(_group(c) for c in columns),
         np.array([c.sign > 0 and c.effect != "rigid" for c in columns]),
         np.where(rotor, criteria.rotor_opposite * about, 0.0),
         {},
     )
+
+
+def _group(column: Column) -> str:
+    """Parameters that share a scale: those of a link; a rotor has a scale of its own."""
+    return {"rigid": column.joint, "rotor_inertia": f"rotor of {column.joint}"}.get(column.effect, "")
 
 
 def link_spread(regressor: Regressor, criteria: PriorCriteria | None = None) -> Array:

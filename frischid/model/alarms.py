@@ -134,37 +134,19 @@ def by_severity(alarms: Sequence[Alarm]) -> tuple[Alarm, ...]:
     return tuple(sorted(alarms, key=lambda alarm: alarm.severity != "severe"))
 
 
-def undetermined(disagreement: Array | None, joints: Sequence[str], criteria: AlarmCriteria) -> list[Alarm]:
+def undetermined(disagreement: Mapping[str, float], criteria: AlarmCriteria) -> list[Alarm]:
     """The logs alone do not determine the model.
 
     Parameters
     ----------
-    disagreement : ndarray, shape (J,), or None
-        Difference of the two fits' torques on the faster motion, over the torque's standard deviation; None: the logs
-        alone have no solution.
-    joints : sequence of str
+    disagreement : mapping of str to float
+        Joint -> difference of the two fits' torques on the faster motion, over the torque's standard deviation.
     criteria : AlarmCriteria
     """
-    remedy = (
-        "Trust the model only on motions like the fitted ones. Plan a motion that excites more (frischid excite), and "
-        "record it."
-    )
-    if disagreement is None:
-        return [
-            Alarm(
-                "log-leaves-open",
-                "severe",
-                "The logs do not determine the parameters: a fit without the URDF's values is not unique.",
-                remedy,
-                (),
-                None,
-                criteria.disagreement,
-            )
-        ]
-    middle = float(np.median(disagreement))
+    middle = float(np.median([*disagreement.values()])) if disagreement else 0.0
     if middle <= criteria.disagreement:
         return []
-    where = tuple(n for n, x in zip(joints, disagreement, strict=True) if x > criteria.disagreement)
+    where = tuple(n for n, x in disagreement.items() if x > criteria.disagreement)
     return [
         Alarm(
             "log-leaves-open",
@@ -172,7 +154,8 @@ def undetermined(disagreement: Array | None, joints: Sequence[str], criteria: Al
             f"The logs do not determine the model: on the same motion at {criteria.faster:g} times the speed, a fit "
             f"without the URDF and the fit with the URDF differ by {middle:.0%} of the torque's standard deviation "
             "(median joint). There the URDF decides, not the measurement.",
-            remedy,
+            "Trust the model only on motions like the fitted ones. Plan a motion that excites more (frischid excite), "
+            "and record it.",
             where,
             middle,
             criteria.disagreement,

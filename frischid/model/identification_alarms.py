@@ -1,7 +1,9 @@
 """Alarms of an identification, and the record of the fit that later alarms are held against.
 
 The two fits are compared along the fitted motion run faster by a factor f, ``(q, f q̇, f² q̈)``: with the least-squares
-parameters θ_LS of the logs alone and θ of the fit with the prior they differ by ``rms(Y (θ_LS − θ)) / std(τ)``.
+parameters θ_LS of the logs alone and θ of the fit with the prior they differ by ``rms(Y (θ_LS − θ)) / std(τ)``. Along
+directions in which the logs alone have no solution, θ_LS is taken to differ by one standard deviation of the prior: a
+direction counts by the torque that it has on the faster motion, and one that hardly acts on any motion hardly counts.
 """
 
 from __future__ import annotations
@@ -9,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy import linalg
 
 from frischid.core.types import Array
-from frischid.errors import IdentifiabilityError
-from frischid.estimators.least_squares import NormalEquations
+from frischid.estimators.least_squares import WORST_CONDITION
 from frischid.estimators.map_estimate import MapEstimate, effects_alone, map_estimate
+from frischid.estimators.urdf_prior import gaussian
 from frischid.model.alarms import (
     Alarm,
     AlarmCriteria,
@@ -54,7 +57,7 @@ def fit_alarms(fit: Fit) -> tuple[Alarm, ...]:
     found = [
         *gains_from_masses({} if currents is None else currents.doubt),
         *_gains(problem, criteria),
-        *undetermined(_disagreement(problem, posterior, criteria.faster), problem.data.joints, criteria),
+        *undetermined(_disagreement(problem, posterior, criteria.faster), criteria),
         *noisy_cutoff(problem.data.summary.spectra, problem.data.lowpass.cutoff, criteria),
         *too_short(problem.data.summary.seconds, criteria),
         *wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria),
@@ -85,20 +88,42 @@ def _posterior(fit: Fit) -> MapEstimate:
     return map_estimate(problem.blocks, problem.reduction.mapping, problem.urdf, rule)
 
 
-def _disagreement(problem: Problem, posterior: MapEstimate, factor: float) -> Array | None:
-    """Difference of the two fits on the faster motion, over the standard deviation of the torque, (J,)."""
-    whole = problem.whole
-    try:
-        alone = NormalEquations(whole.weighted(1.0 / posterior.variance), whole.names).theta
-    except IdentifiabilityError:
-        return None
+def _disagreement(problem: Problem, posterior: MapEstimate, factor: float) -> dict[str, float]:
+    """Joint -> difference of the two fits on the faster motion, over the standard deviation of the torque.
+
+    A joint that is always at standstill has no torque to compare with.
+    """
     index = [problem.data.robot.joints.index(n) for n in problem.data.joints]
+    steps = _steps_to_least_squares(problem, posterior)
     squares, count = np.zeros(len(index)), 0
     for Y in _faster(problem, factor):
-        difference = np.einsum("ncj,c->nj", Y[:, list(problem.reduction.base)][:, :, index], alone - posterior.theta)
-        squares, count = squares + (difference**2).sum(axis=0), count + len(difference)
-    spread = np.sqrt(np.maximum(whole.torque_ss(), 1e-300) / np.maximum(whole.counts, 1.0))
-    return np.asarray(np.sqrt(squares / max(count, 1)) / spread)
+        found = np.einsum("npj,pk->njk", Y[:, list(problem.reduction.base)][:, :, index], steps, optimize=True)
+        squares, count = squares + (found**2).sum(axis=(0, 2)), count + len(found)
+    whole, mean = problem.whole, squares / max(count, 1)
+    power = np.maximum(whole.torque_ss(), 1e-300) / np.maximum(whole.counts, 1.0)
+    return {
+        name: float(np.sqrt(mean[j] / power[j])) for j, name in enumerate(problem.data.joints) if whole.counts[j] > 0
+    }
+
+
+def _steps_to_least_squares(problem: Problem, posterior: MapEstimate) -> Array:
+    """Independent steps (p, 1 + k) from the fit with the prior to the fits of the logs alone.
+
+    The first leads to the least-squares solution along the directions that the logs determine, each of the others
+    along one of the k other directions, by one standard deviation of the prior.
+    """
+    mapping, prior, moments = problem.reduction.mapping, posterior.prior, problem.whole.weighted(1 / posterior.variance)
+    belief = gaussian(mapping @ prior.mean, mapping * prior.total_spread).precision
+    unit = np.sqrt(np.diag(moments)[:-1])
+    unit = np.where(unit > 0, unit, np.sqrt(np.diag(belief)))
+    values, axes = linalg.eigh(moments[:-1, :-1] / np.outer(unit, unit))
+    told = values > values[-1] / WORST_CONDITION**2
+    pull = (moments[:-1, -1] - moments[:-1, :-1] @ posterior.theta) / unit
+    certain = axes[:, told] @ ((axes[:, told].T @ pull) / values[told])
+    open_axes = axes[:, ~told]
+    precision = open_axes.T @ (belief / np.outer(unit, unit)) @ open_axes
+    free = open_axes @ np.linalg.inv(np.linalg.cholesky(precision)).T
+    return np.asarray(np.column_stack([certain, free]) / unit[:, None])
 
 
 def _faster(problem: Problem, factor: float) -> Iterator[Array]:

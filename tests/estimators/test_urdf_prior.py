@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from cases import joint, link, made, robot, urdf
 
+import frischid as fr
 from frischid.core.types import Column
 from frischid.effects import parse_effects
 from frischid.estimators.map_estimate import map_estimate
@@ -83,3 +84,26 @@ def test_a_parameter_that_is_added_keeps_its_known_sign_and_is_nearly_free():
     assert wider.names[-2:] == ("md2", "ks2")
     assert wider.nonnegative[-2:].tolist() == [True, False]
     np.testing.assert_allclose(wider.spread[-2:], [30.0, 20.0])
+
+
+@pytest.mark.parametrize("times", [3.0, 300.0, 30_000.0])
+def test_rotors_behind_high_gears_may_outweigh_the_links(times):
+    """Fingers and small servos: the rotor's inertia is hundreds of times that of the links. The prior does no harm."""
+    machine = fr.Robot.load("so101")
+    regressor, reduction, blocks, _ = problem(machine, "rotor_inertia")
+    prior = urdf_prior(regressor, reduction, total(blocks))
+    rotors = {n: times * s / 10 for n, s in zip(prior.names, prior.spread, strict=True) if n.startswith("Ia")}
+    logs = [
+        simulate(
+            machine,
+            random_fourier(machine, 20.0, seed=seed),
+            rate=100.0,
+            parameters=rotors,
+            noise=fr.Noise(q=1e-5, tau=0.01),
+            channels=(),
+            seed=seed,
+        )
+        for seed in (1, 2)
+    ]
+    found = fr.identify(machine, logs[:1], valid=logs[1:], recursion="none")
+    assert found.comparison.nrmse < 0.02
