@@ -78,7 +78,7 @@ def _standard(model: Model, criteria: DiagnosisCriteria) -> tuple[Array, Array, 
     regressor = Regressor(model.robot, model.effects, model.reference)
     mapping = _regrouping(model, regressor)
     nominal = np.asarray(nominal_parameters(model.robot, model.effects))
-    return mapping, nominal, _spread(model, regressor, criteria)
+    return mapping, nominal, _spread(model, regressor, mapping, criteria)
 
 
 def _regrouping(model: Model, regressor: Regressor) -> Array:
@@ -97,17 +97,28 @@ def _regrouping(model: Model, regressor: Regressor) -> Array:
     return np.asarray(np.linalg.pinv(mapping[:, model.base]) @ mapping)
 
 
-def _spread(model: Model, regressor: Regressor, criteria: DiagnosisCriteria) -> Array:
+def _spread(model: Model, regressor: Regressor, mapping: Array, criteria: DiagnosisCriteria) -> Array:
     """Standard deviation of each parameter from the URDF's value."""
     effort = model.robot.limits.effort[np.isfinite(model.robot.limits.effort)]
     largest = max(float(effort.max(initial=0.0)), criteria.least_torque_limit)
     others = np.full(len(regressor.columns), criteria.friction_prior_factor * largest)
-    others[[c.effect == "rotor_inertia" for c in regressor.columns]] = _inertia(model)
+    rotors = np.array([c.effect == "rotor_inertia" for c in regressor.columns], bool)
+    others[rotors] = np.maximum(_inertia(model), _identified(model, mapping)[rotors])
     links = link_spread(regressor)
     return np.where(np.isnan(links), others, links)
 
 
 def _inertia(model: Model) -> float:
-    """Largest typical inertia of the links about a joint, kg·m² (kg): hardly any rotor has more."""
+    """Largest typical inertia of the links about a joint, kg·m² (kg): most rotors have less."""
     slopes = RigidDynamics.of(model.robot, None).slopes(*random_states(model.robot, _STATES))
     return float(np.abs(np.einsum("njj->nj", slopes.acceleration)).mean(axis=0).max()) + 1e-9
+
+
+def _identified(model: Model, mapping: Array) -> Array:
+    """Largest value (C,) that each parameter can have by what was identified: that of a base parameter it is part of.
+
+    Behind a high gear, a rotor has hundreds of times the inertia of the links.
+    """
+    share = np.abs(mapping)
+    values = np.abs(model.estimate.theta)[:, None] / np.where(share > 0, share, np.inf)
+    return np.asarray(values.max(axis=0, initial=0.0))
