@@ -12,6 +12,9 @@ With `--delay-doubt`, the delay that frischid gets has a random error, and frisc
 
 With `--unknown`, neither gains nor delay are named: kp comes from the URDF's masses, the delay from the likelihood. A
 second table has their errors. A joint whose kp cannot be found gets the true one, and is counted.
+
+With `--open-damping`, the log has commanded velocities too, which the drives follow, and kd is not named: kd is one of
+the values of the table.
 """
 
 from __future__ import annotations
@@ -63,8 +66,13 @@ def drawn_drive(
     return drive, size, speed, size / jerk + drive.rotor
 
 
-def recorded(name: str, seed: int, other: int | None = None) -> tuple[fr.Robot, fr.Log, Drive, fr.PDController]:
-    """A log of commands and quantised positions, the true drives, and the controller; or of another motion."""
+def recorded(
+    name: str, seed: int, other: int | None = None, velocities: bool = False
+) -> tuple[fr.Robot, fr.Log, Drive, fr.PDController]:
+    """A log of commands and quantised positions, the true drives, and the controller; or of another motion.
+
+    With `velocities`, the log has commanded velocities too, and the drives follow them.
+    """
     import mujoco
     from mujoco import rollout
 
@@ -78,8 +86,11 @@ def recorded(name: str, seed: int, other: int | None = None) -> tuple[fr.Robot, 
     rule_of_motion = f'timestep="{STEP}" integrator="Euler"', f'timestep="{FINE_STEP}" integrator="RK4"'
     true = mujoco.MjModel.from_xml_string(text.replace(*rule_of_motion))
     if other is not None:
-        q = fr.random_fourier(robot, SECONDS, seed=other, harmonics=25, scale=0.8)(np.arange(len(q)) / rule["rate"])[0]
-    late = np.concatenate([q[:1], q[:1], q[:-2]])
+        q, v, _ = fr.random_fourier(robot, SECONDS, seed=other, harmonics=25, scale=0.8)(
+            np.arange(len(q)) / rule["rate"]
+        )
+    pushed = q + kd / kp * v if velocities else q
+    late = np.concatenate([pushed[:1], pushed[:1], pushed[:-2]])
     control = np.repeat(late, hold, axis=0)
     start = np.zeros(mujoco.mj_stateSize(true, mujoco.mjtState.mjSTATE_FULLPHYSICS))
     start[1 : 1 + J] = q[0]
@@ -91,6 +102,7 @@ def recorded(name: str, seed: int, other: int | None = None) -> tuple[fr.Robot, 
         robot.joints,
         q=np.round(moved / count) * count,
         qcmd=q,
+        vcmd=v if velocities else None,
         source=f"{name} {seed}",
     )
     named = {joint: float(x) for joint, x in zip(robot.joints, kp, strict=True)}
@@ -103,9 +115,12 @@ def recorded(name: str, seed: int, other: int | None = None) -> tuple[fr.Robot, 
     )
 
 
-def one(name: str, seed: int, doubt: float = 0.0) -> list[dict[str, Any]]:
+def one(name: str, seed: int, doubt: float = 0.0, open_damping: bool = False) -> list[dict[str, Any]]:
     """Every value of every drive of one run, beside the truth; `doubt` is that of the delay, in steps of the log."""
-    robot, log, drive, controller = recorded(name, seed)
+    robot, log, drive, controller = recorded(name, seed, velocities=open_damping)
+    damping = controller.values("kd", robot.joints)
+    if open_damping:
+        controller = replace(controller, kd=None)
     if doubt:
         s = doubt / log.rate
         told = float(controller.values("delay", robot.joints)[0]) + s * np.random.default_rng([seed, 3]).normal()
@@ -113,8 +128,9 @@ def one(name: str, seed: int, doubt: float = 0.0) -> list[dict[str, Any]]:
     model = fr.identify(robot, [log], controller=controller, recursion="none").model
     rows = []
     for x in fr.drive_parameters(model):
-        if x.quantity in TRUE:
-            truth = float(getattr(drive, TRUE[x.quantity])[robot.joints.index(x.joint)])
+        if x.quantity in TRUE or (open_damping and x.quantity == "damping"):
+            truths = getattr(drive, TRUE[x.quantity]) if x.quantity in TRUE else damping
+            truth = float(truths[robot.joints.index(x.joint)])
             rows.append({**x.to_dict(), "truth": truth, "inside": bool(x.lower <= truth <= x.upper), "seed": seed})
     return rows
 
@@ -185,6 +201,7 @@ def main() -> None:
     options.add_argument("--robots", nargs="+", choices=list(ROBOTS), default=list(ROBOTS))
     options.add_argument("--delay-doubt", type=float, default=0.0, help="standard error of the delay, steps of the log")
     options.add_argument("--unknown", action="store_true", help="find gains and delay too, and print their errors only")
+    options.add_argument("--open-damping", action="store_true", help="commanded velocities, and a kd that is not named")
     given = options.parse_args()
     seeds = range(given.first, given.first + given.runs)
     if given.unknown:
@@ -192,7 +209,8 @@ def main() -> None:
         publish("Gains and delay from commanded positions, neither of them named", found, given.json)
         return
     rows = [
-        summary(name, [row for seed in seeds for row in one(name, seed, given.delay_doubt)]) for name in given.robots
+        summary(name, [row for seed in seeds for row in one(name, seed, given.delay_doubt, given.open_damping)])
+        for name in given.robots
     ]
     publish("Drives from commanded positions, moved by MuJoCo", rows, given.json)
 

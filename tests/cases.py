@@ -112,7 +112,7 @@ ESTIMATOR_CASES = tuple(ESTIMATORS)
 
 def commands_of(machine, q):
     """Channels of a log of commands near the positions q (N, J)."""
-    kinds = ("push_rate", np.cos), ("rest", np.sin)
+    kinds = ("push_rate", np.cos), ("rest", np.sin), ("velocity_command", np.tanh)
     return {f"controller_{k}_{n}": 3.0 * f(q[:, i]) for k, f in kinds for i, n in enumerate(machine.joints)}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -74,16 +74,17 @@ class ControllerArguments:
         return found
 
 
-def _values(option: str, text: str, joints: Sequence[str]) -> float | dict[str, float] | None:
+def _values(option: str, text: str, joints: Sequence[str]) -> float | Mapping[str, float | None] | None:
     name = f"--{option.replace('_', '-')}"
-    if text == "auto" and option in ("kp", "delay"):
+    if text == "auto" and option in ("kp", "kd", "delay"):
         return None
     if "=" not in text:
         return number(name, text)
-    found: dict[str, float] = {}
+    found: dict[str, float | None] = {}
     for item in text.split(","):
         pattern, _, value = item.partition("=")
-        found |= dict.fromkeys(matching(pattern, joints) or [], number(f"{name} {pattern}", value))
+        given = None if value == "auto" and option == "kd" else number(f"{name} {pattern}", value)
+        found |= dict.fromkeys(matching(pattern, joints) or [], given)
     return found
 
 
@@ -110,7 +111,12 @@ def controller_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help=f"The controller's torque per position error, N·m/rad: {each} "
             "Gains that are left out are found from the URDF's masses.",
         ),
-        click.option("--kd", metavar="VALUES", help=f"The controller's torque per velocity error, N·m·s/rad: {each}"),
+        click.option(
+            "--kd",
+            metavar="VALUES",
+            help=f"The controller's torque per velocity error, N·m·s/rad: {each} auto, or JOINT=auto, finds kd beside "
+            "vcmd columns, and only its sum with viscous friction without them.",
+        ),
         click.option("--effort-limit", metavar="VALUES", help=f"The drive's largest torque, N·m: {each}"),
         click.option("--dead-band", metavar="VALUES", help=f"Position error below which the drive rests, rad: {each}"),
         click.option(

@@ -1,4 +1,4 @@
-"""What is known of a position controller, corrected: the age of its commands, and its position gain.
+"""What is known of a position controller, corrected: the age of its commands, its position gain and its damping.
 
 A log of commands has the torque that the controller, as it is known, computes (`frischid.logs.controller`):
 
@@ -17,6 +17,12 @@ error itself is no column: the computed torque is a multiple of the position err
 squares would find that kp is zero and that the robot weighs nothing. The reference parameters were fitted with the
 wrong kp, so 1 + g is nearly the ratio of the gains: name the corrected kp and identify again.
 
+*Damping.* If kd is not known, the computed torque is kp_j (c_j − q_j) + τ_ff,j, and kd_j is a coefficient of the fit:
+
+    τ_computed,j = τ_j + kd_j (q̇_j − v_c,j),      v_c,j(t) = v_cmd,j(t − d)
+
+Without commanded velocities, v_c = 0 and the column is that of viscous friction: only kd + fv is known.
+
 The columns need the commands, so these effects are tried on logs of commands only. They are no torques of the robot:
 exported code leaves them out, and the table of drives has the corrected delay and gain.
 
@@ -33,7 +39,7 @@ from frischid.core.types import Array
 from frischid.effects.base import Effect
 from frischid.effects.state import State, Term
 from frischid.errors import InputError
-from frischid.logs.controller import PUSH_RATE, REST
+from frischid.logs.controller import PUSH_RATE, REST, VELOCITY_COMMAND
 from frischid.robot.robot import Robot
 
 
@@ -110,6 +116,36 @@ class PositionGain(Effect):
         """One column per joint: its torque less the controller's torque beside the position error."""
         rest = {i: _channel(state, REST + name) for i, name, _ in self.acts_on(state.robot)}
         return self.per_joint(state, "soft", "torque", lambda i: state.torque[:, i] - rest[i])
+
+
+@dataclass(frozen=True)
+class VelocityGain(Effect):
+    """A damping gain that the controller's description leaves open."""
+
+    id: ClassVar[str] = "velocity_gain"
+    title: ClassVar[str] = "damping gain of the controller"
+    equation: ClassVar[str] = "kd·(v − v_cmd)"
+    symbols: ClassVar[Mapping[str, str]] = {
+        "kd": "identified coefficient: the drive's torque per velocity error",
+        "v_cmd": "commanded velocity, zero where the log has none",
+    }
+    sentence: ClassVar[str] = "the drive of {joint} damps the difference between its velocity and the commanded one"
+    looks_like: ClassVar[str] = "an error in proportion to the velocity less the commanded velocity"
+    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "command_delay", "time_delay")
+    confirmed_by: ClassVar[str] = "command the same positions with their velocities, then with the velocity zero"
+    reference: ClassVar[str] = "Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, Pearson"
+
+    of_controller: ClassVar[bool] = True
+    candidate: ClassVar = "never"  # a kd that is named is taken as known; identify adds this column where kd is open
+
+    def channels(self, robot: Robot) -> tuple[str, ...]:
+        """``controller_velocity_command_<joint>``, which a log of commands has where kd is open."""
+        return tuple(VELOCITY_COMMAND + name for _, name, _ in self.acts_on(robot))
+
+    def terms(self, state: State) -> list[Term]:
+        """One column per joint: its velocity less the commanded one."""
+        wanted = {i: _channel(state, VELOCITY_COMMAND + name) for i, name, _ in self.acts_on(state.robot)}
+        return self.per_joint(state, "kd", "rate", lambda i: state.v[:, i] - wanted[i], sign=1)
 
 
 def _channel(state: State, name: str) -> Array:

@@ -42,7 +42,12 @@ DECISIVE = 0.98  # a wider sign, or a lead, must lower the error of the simpler 
 
 
 def dry_friction(
-    robot: Robot, motions: Sequence[Motion], lowpass: LowPass, joints: Sequence[str], reduction: Reduction
+    robot: Robot,
+    motions: Sequence[Motion],
+    lowpass: LowPass,
+    joints: Sequence[str],
+    reduction: Reduction,
+    effects: Sequence[Effect] = BASELINE,
 ) -> Coulomb | None:
     """Dry friction with the width and lead that best predict data left out of the fit.
 
@@ -55,7 +60,9 @@ def dry_friction(
     joints : sequence of str
         Joints whose torque rows are used.
     reduction : Reduction
-        Base parameters under the baseline effects; they are the same for any width and lead.
+        Base parameters under the effects; they are the same for any width and lead.
+    effects : sequence of Effect
+        Effects of the robot, with dry friction among them.
 
     Returns
     -------
@@ -71,11 +78,11 @@ def dry_friction(
         [Coulomb(width=w, lead=lead) for w in WIDTHS_WITH_LEAD for lead in LEADS],
     )
     try:
-        known = _errors(robot, parts, lowpass, joints, reduction, [*simple, *ahead])
+        known = _errors(robot, parts, lowpass, joints, reduction, [*simple, *ahead], effects)
         best = _simplest(simple, known)
         best = _simplest([best, min(ahead, key=lambda c: known[c])], known)
         near = _near(best)
-        known |= _errors(robot, parts, lowpass, joints, reduction, near)
+        known |= _errors(robot, parts, lowpass, joints, reduction, near, effects)
     except IdentifiabilityError:
         return None  # later stages decide whether the whole logs suffice
     return _simplest([best, min(near, key=lambda c: known[c])], known)
@@ -130,10 +137,11 @@ def _errors(
     joints: Sequence[str],
     reduction: Reduction,
     members: Sequence[Coulomb],
+    effects: Sequence[Effect],
 ) -> dict[Coulomb, float]:
     """Geometric mean over the joints of the cross-validated NRMSE with each of some dry frictions."""
     several = _Several(members=tuple(members))
-    regressor = Regressor(robot, [several if isinstance(e, Coulomb) else e for e in BASELINE])
+    regressor = Regressor(robot, [several if isinstance(e, Coulomb) else e for e in effects])
     leading, described = [reduction.columns[k] for k in reduction.base], reduction.base_columns()
     base = {c.name for c in leading}
     kept = [k for k, c in enumerate(regressor.columns) if c.effect == Coulomb.id or c.name in base]

@@ -63,6 +63,8 @@ class TorqueScales:
         The same over the variance of the signal.
     rows : float
         Rows that each signal counts for.
+    others : ndarray, shape (C,)
+        δ and ψ: errors of the links in their units, and effects in units of the signal.
     """
 
     inverse: Array
@@ -71,6 +73,7 @@ class TorqueScales:
     variance: Array
     share: Array
     rows: float
+    others: Array
 
 
 def torque_scales(
@@ -146,7 +149,7 @@ def torque_scales(
         if np.allclose(inverse, before, rtol=_SETTLED_INVERSE):
             break
     power = np.maximum(whole.torque_ss() / problem.counts, 1e-300)
-    return TorqueScales(x[m:], stderr, most, variance, variance / power, rows)
+    return TorqueScales(x[m:], stderr, most, variance, variance / power, rows, x[:m])
 
 
 def _columns(problem: MapProblem, nominal: Array, scale: Array) -> tuple[Array, Array]:

@@ -26,13 +26,16 @@ from frischid.core.files import read_toml
 from frischid.core.text import shortened
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
+from frischid.logs.controller_values import check_limits, check_value, opened, shown_value
 from frischid.logs.delayed_commands import delayed, velocity_of
-from frischid.logs.log import GARBAGE, STANDSTILL_SPAN, Log
+from frischid.logs.log import STANDSTILL_SPAN, Log
 
 PUSH_RATE = "controller_push_rate_"
 """Channel of a joint in a driven log: rate of the torque that follows from commands alone, N·m/s (N/s)."""
 REST = "controller_rest_"
 """Channel of a joint in a driven log: torque that the position error does not cause, N·m (N)."""
+VELOCITY_COMMAND = "controller_velocity_command_"
+"""Channel of a joint whose kd is open, in a driven log: commanded velocity as it acts, rad/s (m/s); 0 without one."""
 Gains = float | Mapping[str, float]
 """One value for all joints, or a value for each joint named."""
 MOST_DELAY_STEPS = 50
@@ -50,8 +53,9 @@ class PDController:
     ----------
     kp : float, mapping of str to float, or None
         Torque per position error, N·m/rad (N/m); None: unknown, `frischid.identify` finds it.
-    kd : float or mapping of str to float
-        Torque per velocity error, N·m·s/rad (N·s/m).
+    kd : float, mapping of str to float or None, or None
+        Torque per velocity error, N·m·s/rad (N·s/m); None: unknown, `frischid.identify` finds it, or its sum with the
+        joint's viscous friction. The torque that `drive` computes lacks this part.
     limit : float or mapping of str to float, optional
         Largest torque, N·m (N); None: no limit.
     dead_band : float or mapping of str to float
@@ -62,6 +66,9 @@ class PDController:
         Standard error of a kp that was found, as a share of it; 0: the kp was given.
     delay_doubt : float or mapping of str to float
         Standard error of the delay, s; 0: the delay is exact.
+    kd_near : float or mapping of str to float
+        Where kd is open, its value in the torque that a doubtful delay shifts, N·m·s/rad (N·s/m); `frischid.identify`
+        finds it.
     held : bool
         Whether the drive keeps each command until the next one, over a step of the log. The delay is then that of the
         moment at which a command begins to act.
@@ -84,12 +91,13 @@ class PDController:
     """
 
     kp: Gains | None = None
-    kd: Gains = 0.0
+    kd: float | Mapping[str, float | None] | None = 0.0
     limit: Gains | None = None
     dead_band: Gains = 0.0
     delay: Gains | None = 0.0
     kp_doubt: Gains = 0.0
     delay_doubt: Gains = 0.0
+    kd_near: Gains = 0.0
     held: bool = False
 
     def __post_init__(self) -> None:
@@ -97,22 +105,28 @@ class PDController:
             raise InputError(f"the controller's held must be true or false, got {shortened(self.held)}")
         for rule in _numbers():
             given = getattr(self, rule.name)
-            if given is None and rule.name in ("kp", "limit", "delay"):
+            if given is None and rule.name in ("kp", "kd", "limit", "delay"):
                 continue
             values = dict(given) if isinstance(given, Mapping) else {"": given}
             for joint, value in values.items():
-                _check(rule.name, joint, value)
+                if value is not None or rule.name != "kd":
+                    check_value(rule.name, joint, value)
             object.__setattr__(self, rule.name, values if isinstance(given, Mapping) else float(given))
 
     def __str__(self) -> str:
         """The controller as the command line writes it."""
-        known = {name: x for name, x in self.to_dict().items() if name != "held" and not name.endswith("_doubt")}
-        shown = [f"{name} {_shown(x)}" for name, x in known.items()] + ["held commands"] * self.held
+        unsaid = ("held", "kp_doubt", "delay_doubt", "kd_near")
+        known = {name: x for name, x in self.to_dict().items() if name not in unsaid}
+        shown = [f"{name} {shown_value(x)}" for name, x in known.items()] + ["held commands"] * self.held
         return f"pd({', '.join(shown)})"
 
     def knows_gain(self, joint: str) -> bool:
         """Whether the kp of a joint is known, so that its commands become torques."""
         return self.kp is not None and (not isinstance(self.kp, Mapping) or joint in self.kp)
+
+    def knows_damping(self, joint: str) -> bool:
+        """Whether the kd of a joint is known; a joint that a mapping does not name has the kd 0."""
+        return self.kd is not None and (not isinstance(self.kd, Mapping) or self.kd.get(joint, 0.0) is not None)
 
     def gain(self, joint: str) -> float:
         """The kp of a joint, N·m/rad (N/m)."""
@@ -142,13 +156,13 @@ class PDController:
 
         Parameters
         ----------
-        name : {"kp", "kd", "limit", "dead_band", "delay", "kp_doubt", "delay_doubt"}
+        name : {"kp", "kd", "limit", "dead_band", "delay", "kp_doubt", "delay_doubt", "kd_near"}
         joints : sequence of str
 
         Raises
         ------
         InputError
-            kp is not known, or not known of one of the joints; or the delay is not known.
+            kp is not known, or not known of one of the joints; or the delay is not known. A kd that is not known is 0.
         """
         given, missing = getattr(self, name), {"limit": np.inf}.get(name, 0.0)
         if given is None and name == "delay":
@@ -163,7 +177,8 @@ class PDController:
                 f"the controller's kp of {', '.join(absent)} is not known: give --kp JOINT=VALUE (kp={{...}}) for each "
                 "joint that takes commands, or one value for all"
             )
-        return np.array([float(given.get(j, missing)) for j in joints])
+        found = [missing if (x := given.get(j, missing)) is None else float(x) for j in joints]
+        return np.array(found)
 
     def drive(self, log: Log) -> Log:
         """The log with the torque that the controller gives.
@@ -183,7 +198,8 @@ class PDController:
         Raises
         ------
         InputError
-            The commands never change, or the delay is longer than `MOST_DELAY_STEPS` steps.
+            The commands never change, or the delay is longer than `MOST_DELAY_STEPS` steps; or a joint has an effort
+            limit and an unknown kd.
         """
         columns = np.flatnonzero(log.has("qcmd") & ~log.has("tau")).tolist() if isinstance(log, Log) else []
         if not columns:
@@ -221,9 +237,15 @@ class PDController:
             wanted = kd * command("vcmd")
             rest, push = rest + wanted - kd * velocity_of(log)[:, columns], push + wanted
         limit = self.values("limit", joints)
+        extra = {f"{REST}{j}": rest[:, k] for k, j in enumerate(joints)}
+        open_damping = [k for k, j in enumerate(joints) if not self.knows_damping(j)]
+        if open_damping:
+            wanted = command("vcmd")
+            extra |= {f"{VELOCITY_COMMAND}{joints[k]}": wanted[:, k] for k in open_damping}
+            check_limits(limit[open_damping], [joints[k] for k in open_damping])
+            push = push + self.values("kd_near", joints) * wanted
         rate = np.gradient(push, log.t, axis=0)
-        extra = {f"{PUSH_RATE}{j}": rate[:, k] for k, j in enumerate(joints)}
-        extra |= {f"{REST}{j}": rest[:, k] for k, j in enumerate(joints)}
+        extra |= {f"{PUSH_RATE}{j}": rate[:, k] for k, j in enumerate(joints)}
         return np.asarray(np.clip(kp * error + rest, -limit, limit)), extra
 
     def to_dict(self) -> dict[str, Any]:
@@ -240,18 +262,22 @@ class PDController:
             A key is unknown, or a value is not usable.
         """
         known = [f.name for f in fields(cls)]
-        for key, value in data.items():
+        for key in data:
             if key not in known:
                 raise UnknownNameError("key", key, known, source)
+        values = {key: opened(key, value) for key, value in data.items()}
+        for key, value in values.items():
             if isinstance(value, str | list) or (isinstance(value, bool) and key != "held"):
                 raise InputError(
                     f"{source}: {key} = {shortened(value)}, expected a number, or a table with a number per joint"
                 )
-        return cls(**data)
+        return cls(**values)
 
     @classmethod
     def load(cls, path: str | Path) -> PDController:
         """Read a controller from a TOML file: ``kp = 20.0``, or a table ``[kp]`` with a line per joint.
+
+        ``kd = "auto"`` leaves kd open, and so does ``joint1 = "auto"`` in a table ``[kd]``.
 
         Raises
         ------
@@ -296,27 +322,3 @@ def check_delay(delay: Array, joints: Sequence[str], log: Log) -> None:
 def _numbers() -> list[Field[Any]]:
     """The quantities that are numbers, of all joints or by joint."""
     return [rule for rule in fields(PDController) if rule.name != "held"]
-
-
-def _check(name: str, joint: str, value: Any) -> None:
-    of = f" of {joint}" if joint else ""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < GARBAGE:
-        raise InputError(f"the controller's {name}{of} must be a number below {GARBAGE:g}, got {shortened(value)}")
-    if value < 0 or (value == 0 and name in ("kp", "limit")):
-        sign = "above 0" if name in ("kp", "limit") else "at least 0"
-        why = ": a drive pushes towards its command; is the sign of the command or of the position wrong?" * (
-            name in ("kp", "kd")
-        )
-        raise InputError(f"the controller's {name}{of} must be {sign}, got {value:g}{why}")
-
-
-def _shown(value: Any) -> str:
-    if value is None:
-        return "unknown"
-    if isinstance(value, Mapping):
-        same = set(value.values())
-        if len(same) == 1:
-            return f"{same.pop():.4g}"
-        shown = [f"{joint}={x:.4g}" for joint, x in value.items()]
-        return ", ".join(shown)
-    return f"{value:.4g}"

@@ -8,20 +8,23 @@ from the URDF's masses; the value's own range also holds the doubt about the gai
 the value in amperes. A gain that the model corrects (`position_gain`) is known as a ratio to the gains of other joints.
 *in a sum*: the logs show the value only together with others (``Izz1 + Ia1 + 0.25 m2``); the URDF divides the sum.
 *open*: otherwise; every value of the range explains the logs, so that the range is an honest domain to randomise over.
-*given*: the user named the value. Where a
-drive damps its own joint, logs show ``kd + fv`` only: fv is the rest after the kd that was named.
+*given*: the user named the value. Where a drive damps its own joint, logs show ``kd + fv`` only: fv is the rest after
+the kd that was named. Where kd was left open and no velocity is commanded, both are in this sum. The table then has
+kd = 0 and the sum as fv, which move the robot as any other division does. Commanded velocities tell kd from fv; a value
+that they leave open is in the known sum, too.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from frischid.core.types import Column
 from frischid.effects import columns_of
+from frischid.model.damping_sum import DampingSum, damping_sum
 from frischid.model.model import Model
 
 Known = Literal["identified", "as a ratio", "in a sum", "open", "given"]
@@ -35,6 +38,8 @@ DRIVE_EFFECTS = {
     "coulomb": ("coulomb", "fc"),
 }
 """Quantity -> effect and symbol of its parameter."""
+OPEN_DAMPING = ("velocity_gain", "kd")
+"""Effect and symbol of a kd that the user left open."""
 NAMED_BY_USER = {"stiffness": "kp", "damping": "kd", "delay": "delay", "effort_limit": "limit"}
 """Quantity -> field of the controller."""
 CORRECTIONS = {"command_delay": "delay"}
@@ -105,7 +110,8 @@ def drive_parameters(model: Model) -> tuple[DriveParameter, ...]:
     for joint in model.joints:
         found += [*_of_currents(model, joint), *_of_controller(model, joint, values)]
         doubt = _gain(model, joint)[2]
-        for quantity, (effect, symbol) in DRIVE_EFFECTS.items():
+        start = len(found)
+        for quantity, (effect, symbol) in {"damping": OPEN_DAMPING, **DRIVE_EFFECTS}.items():
             for column, value, spread, share in values:
                 if (column.joint, column.effect) != (joint, effect) or column.name.rstrip("0123456789") != symbol:
                     continue
@@ -116,7 +122,25 @@ def drive_parameters(model: Model) -> tuple[DriveParameter, ...]:
                     known, of = "as a ratio", _ratio(model, joint, quantity, value, spread)
                 lower, upper = _range(value, np.hypot(spread, doubt * value))
                 found.append(DriveParameter(joint, quantity, column.unit, max(0.0, value), lower, upper, known, of))
+        if (whole := damping_sum(model, joint)) is not None:
+            found[start:] = _in_damping_sum(model, joint, whole, found[start:])
     return tuple(found)
+
+
+def _in_damping_sum(model: Model, joint: str, whole: DampingSum, rows: list[DriveParameter]) -> list[DriveParameter]:
+    """Rows of a joint, with those of kd and viscous friction in their sum where it alone is known."""
+    found = [x for x in rows if x.quantity not in ("damping", "viscous")]
+    both = [x for x in rows if x.quantity in ("damping", "viscous")]
+    if not whole.apart:  # one column stands for both
+        both = [replace(x, lower=0.0, known="open") for x in both]
+        both += [replace(x, quantity="damping", value=0.0) for x in both]
+    if whole.value <= REACH * whole.stderr:
+        return [*found, *both]
+    name, gain, doubt = _gain(model, joint)
+    low, high = _range(whole.value / gain, whole.stderr / gain) if doubt else _range(whole.value, whole.stderr)
+    total, value = (f"(kd + viscous) / {name}", whole.value / gain) if doubt else ("kd + viscous", whole.value)
+    text = f"{total} = {value:.4g} ({low:.4g} … {high:.4g})"
+    return [*found, *(replace(x, known="in a sum", of=text) if x.known == "open" else x for x in both)]
 
 
 def _range(value: float, stderr: float) -> tuple[float, float]:
@@ -170,6 +194,8 @@ def _of_controller(model: Model, joint: str, values: list[_Value]) -> list[Drive
     }
     found = []
     for quantity, name in NAMED_BY_USER.items():
+        if quantity == "damping" and not pd.knows_damping(joint):
+            continue
         value = float(pd.values(name, [joint])[0])
         if quantity == "effort_limit" and not np.isfinite(value):
             value = float(robot.limits.effort[robot.joints.index(joint)])

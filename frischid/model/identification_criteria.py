@@ -21,6 +21,10 @@ class IdentificationCriteria:
     friction_pieces : int
         Motions of a recording, from its beginning, on which the width of dry friction's sign is chosen: reading all of
         a recording takes long, and four motions, of half a minute each at 1 kHz, have many reversals.
+    most_noise : float
+        Share of the column of an open damping gain, beside the other columns, that may be removed as noise of the
+        velocity. Encoders of 4096 counts per turn make up to half of it (`benchmarks/commanded_mujoco.py
+        --open-damping`); near 1, the difference of signal and noise is arbitrary.
     bbrf_rows : int
         Torque rows, at most, that the bounding-box recursion looks at: it holds them in memory and inverts a matrix
         per row.
@@ -35,6 +39,7 @@ class IdentificationCriteria:
     unexplained_nrmse: float = 0.8
     clear_rank_gap: float = 100.0
     friction_pieces: int = 4
+    most_noise: float = 0.9
     bbrf_rows: int = 100_000
     bbrf_window: int = 1000
     bbrf_rows_per_parameter: int = 20

@@ -17,9 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from frischid.effects import BASELINE, Effect, check_effects
+from frischid.effects import Effect, check_effects
 from frischid.errors import InputError
-from frischid.estimators.friction_smoothing import baseline, dry_friction
 from frischid.estimators.least_squares import Estimate, ols, wls
 from frischid.estimators.map_estimate import MapEstimate, map_estimate
 from frischid.estimators.parameter_prior import ParameterPrior
@@ -29,9 +28,12 @@ from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording, check_logs
 from frischid.logs.summary import Data, LogSummary, held_by, summarise, torque_joints
+from frischid.model.damping_noise import without_velocity_noise
+from frischid.model.default_effects import default_effects, with_damping
 from frischid.model.doubtful_delay import delay_effects, with_delay_prior
 from frischid.model.identify_options import IdentifyOptions
 from frischid.model.log_examination import check_cutoff, refuse_worthless, report_issues
+from frischid.model.unknown_damping import damping_notes, damping_warnings
 from frischid.model.unknown_drive import known_controller
 from frischid.model.unknown_gains import known_currents
 from frischid.regression.accumulation import accumulate, streaming_qr
@@ -255,10 +257,13 @@ def form_moments(data: LogData, effects: Sequence[Effect] | None) -> Problem:
     """
     if effects is not None:
         check_effects(effects)
-    chosen = _default_effects(data) if effects is None else tuple(effects)
+    chosen = default_effects(data) if effects is None else tuple(effects)
     if data.options.with_prior:
         chosen = delay_effects(data.options.controller, chosen, data.some_motions, data.robot.joints)
+    chosen = with_damping(data, chosen)
     journal = data.journal
+    journal.notes += damping_notes(data.options.controller, chosen, data.joints)
+    journal.warnings += damping_warnings(data.options.controller, chosen)
     journal.progress("regressor and moments")
     regressor = Regressor(data.robot, chosen, data.options.reference)
     reduction = structure(regressor, data.joints)
@@ -266,28 +271,15 @@ def form_moments(data: LogData, effects: Sequence[Effect] | None) -> Problem:
     blocks = accumulate(
         regressor, data.motions, data.lowpass, data.joints, seconds=seconds, base=reduction.base
     ).described(reduction.base_columns())
+    blocks = without_velocity_noise(
+        blocks, data.robot, data.some_motions, data.lowpass, data.options.criteria.most_noise
+    )
     journal.notes += data.preparation.notes
     if reduction.gap < data.options.criteria.clear_rank_gap:
         journal.warnings.append(
             f"the rank is not clear (gap {reduction.gap:.1f}): some base parameter hardly acts on the torque"
         )
     return Problem(data, chosen, regressor, reduction, blocks, total(blocks))
-
-
-def _default_effects(data: LogData) -> tuple[Effect, ...]:
-    """The baseline, with the smoothing of dry friction chosen by cross-validation."""
-    some = [motion for motion in data.some_motions if not motion.at_poses]
-    if not some:
-        return BASELINE
-    reduction = structure(Regressor(data.robot, BASELINE), data.joints)
-    dry = dry_friction(data.robot, some, data.lowpass, data.joints, reduction)
-    if dry is None:
-        return BASELINE
-    ahead = f", {1e3 * dry.lead:g} ms ahead of the motion" if dry.lead else ""
-    data.journal.notes.append(
-        f"dry friction changes its direction over ±{dry.width:g} rad/s (m/s){ahead}, chosen by cross-validation"
-    )
-    return baseline(dry)
 
 
 def set_prior(problem: Problem) -> PriorSet:

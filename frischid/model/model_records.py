@@ -116,12 +116,13 @@ class ControllerRecord(Struct, forbid_unknown_fields=True, frozen=True, omit_def
     """The controller that makes torques of commands: values of all joints, or by joint."""
 
     kp: float | dict[str, float] | None = None
-    kd: float | dict[str, float] = 0.0
+    kd: float | dict[str, float | None] | None = 0.0
     limit: float | dict[str, float] | None = None
     dead_band: float | dict[str, float] = 0.0
     delay: float | dict[str, float] = 0.0
     kp_doubt: float | dict[str, float] = 0.0
     delay_doubt: float | dict[str, float] = 0.0
+    kd_near: float | dict[str, float] = 0.0
     held: bool = False
 
 

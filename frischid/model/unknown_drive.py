@@ -14,7 +14,7 @@ delay at which the commands lie nearest to the positions, because the signal is 
 the model's error decides, not the log. A delay whose range reaches zero counts as none.
 
 Without commanded velocities, the drive's own damping kd q̇ and the joint's viscous friction are one: kd then need not be
-known to find kp.
+known to find kp. With them, an open kd is a column beside the others, with the coefficient κ_j kd_j = kd_j / kp_j.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ import numpy as np
 from scipy import optimize
 
 from frischid.effects import BASELINE
-from frischid.effects.commands import PositionGain
+from frischid.effects.commands import PositionGain, VelocityGain
 from frischid.errors import InputError
 from frischid.estimators.torque_scale import TorqueScales, torque_scales
 from frischid.estimators.urdf_prior import urdf_prior
@@ -40,6 +40,7 @@ from frischid.logs.recording import Motions, Recording, preview_of
 from frischid.logs.summary import Data, held_by, summarise, torque_joints
 from frischid.model.drive_parameters import REACH
 from frischid.model.identify_options import IdentifyOptions
+from frischid.model.unknown_damping import damping_effects, open_damping
 from frischid.regression.accumulation import accumulate
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import total
@@ -81,7 +82,9 @@ def known_controller(
         return None
     joints = _commanded(robot, logs)
     open_gains = [n for n in joints if not controller.knows_gain(n)]
-    if not joints or not (open_gains or controller.delay is None):
+    late = controller.delay is None or controller.values("delay_doubt", joints).any()
+    near = [n for n in open_damping(controller, joints) if late]
+    if not joints or not (open_gains or controller.delay is None or near):
         return controller
     beside = _torques_beside(controller, [preview_of(log) for log in logs], open_gains)
     search = _Search(robot, tuple(logs), replace(options, controller=controller), tuple(open_gains), beside)
@@ -95,6 +98,8 @@ def known_controller(
         controller = replace(controller, delay=delay, delay_doubt=stderr)
     else:
         delay = controller.delay
+    if near:
+        controller = replace(controller, kd_near=search.damping(delay))
     if open_gains:
         controller = _with_gains(controller, open_gains, search.at(delay), search.joints)
         each = ", ".join(f"{n} {controller.gain(n):.4g} ± {controller.gain_doubt(n):.0%}" for n in open_gains)
@@ -179,7 +184,9 @@ class _Search:
     @cached_property
     def columns(self) -> tuple[Regressor, Reduction]:
         known = [PositionGain(self.beside)] if self.beside else []
-        regressor = Regressor(self.held, [*BASELINE, *known], self.options.reference)
+        channels = [preview_of(log).extra for log in self._driven(0.0)]
+        effects = damping_effects(self.options.controller, [*BASELINE, *known], channels, self.held.joints)
+        regressor = Regressor(self.held, effects, self.options.reference)
         return regressor, structure(regressor, self.joints)
 
     def _driven(self, delay: Gains) -> tuple[Data, ...]:
@@ -193,7 +200,11 @@ class _Search:
 
         known = [n for n in named if given.knows_gain(n)]
         gains = dict(zip(known, map(float, given.values("kp", known)), strict=True))
-        damping = of("kd") | {n: float(given.values("kd", [n])[0]) for n in self.beside}
+        damping = {
+            **of("kd"),
+            **{n: float(given.values("kd", [n])[0]) for n in self.beside},
+            **dict.fromkeys(open_damping(given, self.robot.joints)),
+        }
         unit = replace(given, kp=gains | dict.fromkeys(self.open_gains, 1.0), kd=damping, limit=None, delay=delay)
         limited = replace(unit, limit={n: x for n, x in of("limit").items() if np.isfinite(x)} or None)
         return tuple(_without_rest(log, self.beside) for log in driven(self.logs, limited))
@@ -209,6 +220,13 @@ class _Search:
         of = {c.joint: k for k, c in enumerate(regressor.columns) if c.effect == PositionGain.id}
         means = {j: of[n] for j, n in enumerate(self.joints) if n in of}
         return torque_scales(whole, reduction.mapping, prior, known, self.options.prior_criteria.scale_rule, means)
+
+    def damping(self, delay: Gains) -> dict[str, float]:
+        """Open damping gains at a delay, near enough for the torque that a small error of the delay shifts."""
+        found, columns = self.at(delay), self.columns[0].columns
+        scale = dict(zip(self.joints, found.inverse.tolist(), strict=True))
+        values = zip(columns, found.others.tolist(), strict=True)
+        return {c.joint: x / scale[c.joint] for c, x in values if c.effect == VelocityGain.id and scale[c.joint] > 0}
 
     def delay(self) -> tuple[float, float]:
         """The delay of all joints and its standard error, s."""

@@ -1,0 +1,107 @@
+"""A damping gain kd that the user left open: one more column of the fit.
+
+    τ_computed = Y θ + kd (q̇ − v_cmd(t − d)),      τ_computed = kp (q_cmd(t − d) − q) + τ_ff(t − d)
+
+The sum of kd and the joint's viscous friction fv is the coefficient of q̇. Only commanded velocities tell one from the
+other. Without them, v_cmd = 0, the two columns are the same, and no column is added: fv then stands for kd + fv.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.effects import Effect, Viscous
+from frischid.effects.commands import CommandDelay, VelocityGain
+from frischid.errors import InputError
+from frischid.logs.controller import VELOCITY_COMMAND, PDController
+
+
+def open_damping(controller: PDController | None, joints: Sequence[str]) -> list[str]:
+    """The joints whose kd is not known."""
+    return [] if controller is None else [n for n in joints if not controller.knows_damping(n)]
+
+
+def damping_effects(
+    controller: PDController | None,
+    effects: Sequence[Effect],
+    channels: Sequence[Mapping[str, Array]],
+    joints: Sequence[str],
+) -> tuple[Effect, ...]:
+    """The effects of a model, and one for the damping gains that are open and that the logs tell from friction.
+
+    Parameters
+    ----------
+    controller : PDController or None
+    effects : sequence of Effect
+    channels : sequence of mapping of str to ndarray
+        Further channels of each log with the torque of the controller, or of its motions.
+    joints : sequence of str
+        All joints of the robot.
+
+    Returns
+    -------
+    tuple of Effect
+        `effects` alone where no kd is open, or where only its sum with viscous friction acts on the logs.
+
+    Raises
+    ------
+    InputError
+        Some logs have commands of a joint whose kd is open, and others have its torque.
+    """
+    found = []
+    rubs = {n for e in effects if e.id == Viscous.id for n in e.joints or joints}
+    for name in open_damping(controller, joints):
+        wanted = [extra.get(VELOCITY_COMMAND + name) for extra in channels]
+        known = [x for x in wanted if x is not None]
+        if known and len(known) < len(wanted):
+            raise InputError(
+                f"kd of {name} is open, and some logs have its torque in place of commands: give --kd, or leave these "
+                "logs out"
+            )
+        if any(bool(np.any(x)) for x in known) or (known and name not in rubs):
+            found.append(name)
+    if not found or any(effect.id == VelocityGain.id for effect in effects):
+        return tuple(effects)
+    return (*effects, VelocityGain(tuple(found)))
+
+
+def damping_warnings(controller: PDController | None, effects: Sequence[Effect]) -> list[str]:
+    """A sentence where kd and the delay are both fitted: dry friction that changes early or late resembles both.
+
+    Parameters
+    ----------
+    controller : PDController or None
+    effects : sequence of Effect
+        Of the model.
+    """
+    if controller is None or not {VelocityGain.id, CommandDelay.id} <= {e.id for e in effects}:
+        return []
+    return [
+        "kd, the delay and the moment at which dry friction changes its direction act nearly alike, and the ranges "
+        "ignore the doubt about this moment: those of viscous friction and armature may be too narrow; name kd (--kd) "
+        "or the exact delay (--delay without --delay-doubt)"
+    ]
+
+
+def damping_notes(controller: PDController | None, effects: Sequence[Effect], joints: Sequence[str]) -> list[str]:
+    """A sentence on the joints of which only the sum of kd and viscous friction is known.
+
+    Parameters
+    ----------
+    controller : PDController or None
+    effects : sequence of Effect
+        Of the model.
+    joints : sequence of str
+        Joints whose torque is fitted.
+    """
+    apart = {n for e in effects if e.id == VelocityGain.id for n in e.joints or joints}
+    summed = [n for n in open_damping(controller, joints) if n not in apart]
+    if not summed:
+        return []
+    return [
+        f"kd of {', '.join(summed)} is open and the logs command no velocity (vcmd_<joint>): only the sum of kd and "
+        "viscous friction is known, and viscous friction stands for this sum"
+    ]
