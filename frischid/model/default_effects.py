@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from frischid.effects import BASELINE, Effect
 from frischid.estimators.friction_smoothing import baseline, dry_friction
 from frischid.model.doubtful_delay import delay_effects
+from frischid.model.log_data import LogData
 from frischid.model.unknown_damping import damping_effects
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
-
-if TYPE_CHECKING:
-    from frischid.model.identification_stages import LogData
 
 
 def with_damping(data: LogData, effects: Sequence[Effect]) -> tuple[Effect, ...]:

@@ -35,8 +35,6 @@ from frischid.model.headline import Headline, from_fit
 from frischid.model.identification_alarms import fit_alarms, fit_record
 from frischid.model.identification_bounds import Bounds, bound_parameters, recursion_record
 from frischid.model.identification_stages import (
-    Journal,
-    LogData,
     Problem,
     fit_parameters,
     form_moments,
@@ -44,6 +42,7 @@ from frischid.model.identification_stages import (
     set_prior,
 )
 from frischid.model.identify_options import IdentifyChoices, IdentifyOptions
+from frischid.model.log_data import Journal, LogData
 from frischid.model.model import Model
 from frischid.model.own_logs import log_entry
 from frischid.model.residual_scores import ResidualScores

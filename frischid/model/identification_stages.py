@@ -9,13 +9,10 @@ progress line go to one `Journal`. The last two stages are in `frischid.model.id
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import islice
 from typing import Any
-
-import numpy as np
 
 from frischid.effects import Effect, check_effects
 from frischid.errors import InputError
@@ -27,11 +24,12 @@ from frischid.logs.driven import driven
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording, check_logs
-from frischid.logs.summary import Data, LogSummary, held_by, summarise, torque_joints
+from frischid.logs.summary import Data, held_by, summarise, torque_joints
 from frischid.model.damping_noise import without_velocity_noise
 from frischid.model.default_effects import default_effects, with_damping
 from frischid.model.doubtful_delay import delay_effects, with_delay_prior
 from frischid.model.identify_options import IdentifyOptions
+from frischid.model.log_data import Journal, LogData
 from frischid.model.log_examination import check_cutoff, refuse_worthless, report_issues
 from frischid.model.unknown_damping import damping_notes, damping_warnings
 from frischid.model.unknown_drive import known_controller
@@ -43,83 +41,6 @@ from frischid.regression.regressor import Regressor
 from frischid.regression.streaming_qr import SAFE_CONDITION
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
-
-
-@dataclass
-class Journal:
-    """Messages of the stages to the user.
-
-    Attributes
-    ----------
-    progress : callable
-        Called with a few words at each stage.
-    notes : list of str
-        Changes of the data.
-    warnings : list of str
-        Reasons to doubt the result.
-    """
-
-    progress: Callable[[str], None]
-    notes: list[str] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
-
-
-@dataclass(frozen=True, eq=False)
-class LogData:
-    """Stage 1: the logs, checked and filtered.
-
-    Attributes
-    ----------
-    robot : Robot
-        The robot, with the joints locked that some log does not hold.
-    logs, valid : tuple of Log or Recording
-        Logs to fit, and logs to measure the error on.
-    joints : tuple of str
-        Joints whose torque is fitted.
-    summary : LogSummary
-        Filter, samples and seconds of the logs.
-    motions : iterable of Motion
-        In memory; motions of recordings are read again in every iteration.
-    preparation : Motions
-        Its notes name the changes of the logs, after the first iteration over the motions.
-    options : IdentifyOptions
-    journal : Journal
-    """
-
-    robot: Robot
-    logs: tuple[Data, ...]
-    valid: tuple[Data, ...]
-    joints: tuple[str, ...]
-    summary: LogSummary
-    motions: Iterable[Motion]
-    preparation: Motions
-    options: IdentifyOptions
-    journal: Journal
-
-    @property
-    def lowpass(self) -> LowPass:
-        """Filter of torque and regressor."""
-        return self.summary.lowpass
-
-    @property
-    def streamed(self) -> bool:
-        """Whether some log is a recording, read anew each time."""
-        return any(isinstance(log, Recording) for log in self.logs)
-
-    @property
-    def some_motions(self) -> list[Motion]:
-        """All motions in memory; of recordings the first few."""
-        if isinstance(self.motions, list):
-            return self.motions
-        return list(islice(self.motions, self.options.criteria.friction_pieces))
-
-    @property
-    def independent_rows(self) -> float:
-        """Torque rows that are not copies of their neighbours: two per second, hertz of bandwidth and joint."""
-        if isinstance(self.motions, list) and all(motion.at_poses for motion in self.motions):
-            return float(sum(len(motion.t) for motion in self.motions) * len(self.joints))
-        rate = sum(self.summary.samples) / max(self.summary.seconds, 1e-9)
-        return 2.0 * min(self.lowpass.cutoff or np.inf, 0.5 * rate) * self.summary.seconds * len(self.joints)
 
 
 @dataclass(frozen=True, eq=False)
