@@ -35,10 +35,10 @@ from frischid.model.identification import identify
 from frischid.model.model import Model
 
 OF_THE_CACHE = {
-    "folds_of_one_log", "max_folds", "block_seconds", "block_periods", "friction_prior_factor", "least_torque_limit",
+    "folds_of_one_log", "max_folds", "block_seconds", "block_periods", "friction_prior_factor",
 }  # fmt: skip
 """Constants that are used before the candidates' columns are computed."""
-OF_IMPROVE = {"harm_p_value", "harmless_rise"}
+OF_IMPROVE = {"harmless_rise"}
 """Constants that no diagnosis reads."""
 
 

@@ -11,6 +11,10 @@ is the first finding, or the second after that own one. The answer is the most p
 when it is the planted effect or the robot's own first finding, because both are there. Gears are left out, because they
 need a motion of their own. In the situation *always*, a payload, a tilt, a gain and a delay are left out too, because
 the model absorbs them.
+
+`--rows FILE` writes each case as soon as it is done, with the evidence of its hypotheses, and reads the cases that are
+done already. `--minutes` ends the run when the time is over: the cases are in a random order, so a run cut short is a
+fair sample of them.
 """
 
 from __future__ import annotations
@@ -19,10 +23,12 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+import json
 import sys
+import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -154,6 +160,7 @@ def run(job: Job) -> dict[str, Any]:
         found = fr.diagnose(model, logs)
     said = [(f.effect, *f.confused_with) for f in found.findings if f.significant or not f.members]
     return {
+        "job": asdict(job),
         "robot": case.name,
         "situation": job.situation,
         "kind": job.kind,
@@ -165,6 +172,8 @@ def run(job: Job) -> dict[str, Any]:
         "answer": (best := max(found.probabilities, key=found.probabilities.__getitem__)),
         "probability": found.probabilities[best],
         "error": found.error,
+        "evidence": found.evidence.to_dict(),
+        "contacts": [vars(c) for c in found.contacts],
     }
 
 
@@ -194,11 +203,32 @@ def judged(rows: Sequence[dict[str, Any]]) -> list[tuple[str, float, bool]]:
     return found
 
 
+def collected(jobs: Sequence[Job], path: Path | None, workers: int, minutes: float) -> list[dict[str, Any]]:
+    """Rows of the jobs in their order, of a file and of new runs; jobs that start after `minutes` are left out."""
+    end = time.monotonic() + 60 * minutes
+    rows = [json.loads(line) for line in path.read_text().splitlines()] if path is not None and path.exists() else []
+    rows = [row for row in rows if Job(**row["job"]) in jobs]
+    done = [Job(**row["job"]) for row in rows]
+    missing = [job for job in jobs if job not in done]
+    with ProcessPoolExecutor(workers) as pool:
+        for start in range(0, len(missing), workers):
+            if time.monotonic() > end:
+                break
+            new = list(pool.map(run, missing[start : start + workers]))
+            rows += new
+            if path is not None:
+                with path.open("a") as file:
+                    file.writelines(json.dumps(row, ensure_ascii=False) + "\n" for row in new)
+    return rows
+
+
 def main() -> None:
     options = parser(__doc__)
     options.add_argument("--size", type=float, default=0.12, help="share of the joint's torque")
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    options.add_argument("--rows", type=Path, metavar="FILE", help="cases that are done, one a line")
+    options.add_argument("--minutes", type=float, default=float("inf"), help="start no case after this time")
     options.add_argument("--robots", nargs="+", choices=[case.name for case in CASES], help="only these robots")
     chosen = options.parse_args()
     if data_folder() is None:
@@ -210,8 +240,9 @@ def main() -> None:
         for situation, kinds in SITUATIONS.items()
         for kind in kinds
     ]
-    with ProcessPoolExecutor(chosen.workers) as pool:
-        rows = list(pool.map(run, jobs))
+    order = np.random.default_rng(chosen.seed).permutation(len(jobs))
+    jobs = sorted((jobs[int(k)] for k in order), key=lambda job: job.kind != "none")  # the robots' own findings first
+    rows = collected(jobs, chosen.rows, chosen.workers, chosen.minutes)
     table, total = [], []
     for case in (case for case in CASES if any(r["robot"] == case.name for r in rows)):
         for situation in SITUATIONS:
@@ -239,9 +270,15 @@ def main() -> None:
                 | {"said": "; ".join("/".join(names) for names in r["said"][:3]) or r["verdict"]}
                 for r in here
             ]
-    notes = [f"seed {chosen.seed}; {sum(r['kind'] != 'none' for r in rows)} planted effects, terms and contacts"]
-    publish(f"effects of {chosen.size:.0%} planted in measured logs", table, chosen.json, notes)
     answers, reliable = judged(rows), list[dict[str, Any]]()
+    sure = [right for _, p, right in answers if p >= 0.9]
+    notes = [
+        f"seed {chosen.seed}; {sum(r['kind'] != 'none' for r in rows)} planted effects, terms and contacts",
+        f"{np.mean([right for *_, right in answers]):.0%} of the most probable answers are right, "
+        f"{np.mean([p for _, p, _ in answers]):.0%} were stated; {reliability('all', answers)[-1]['said'][5:]}; "
+        f"{sum(sure)} of {len(sure)} answers with a probability of 0.9 or more are right",
+    ]
+    publish(f"effects of {chosen.size:.0%} planted in measured logs", table, chosen.json, notes)
     for name in [*dict.fromkeys(robot for robot, *_ in answers), "all"]:
         reliable += reliability(name, [x for x in answers if name in (x[0], "all")])
     publish("probability said, and share that was right", reliable, None)

@@ -71,7 +71,7 @@ def planted_effects() -> str:
         )
         for row in rows_of("planted_effects")
     ]
-    return f"{table(head, lines)}\n{data('planted_effects')['notes'][0]}.\n"
+    return f"{table(head, lines)}\n{'. '.join(data('planted_effects')['notes'])}.\n"
 
 
 EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)

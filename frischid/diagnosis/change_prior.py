@@ -34,6 +34,7 @@ from frischid.model.model import Model
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
 
+_UNSTATED = 10.0  # N·m (N): torque limit of a robot whose URDF states none
 _STATES = 16  # random configurations from which a joint's typical inertia is taken
 
 
@@ -100,7 +101,7 @@ def _regrouping(model: Model, regressor: Regressor) -> Array:
 def _spread(model: Model, regressor: Regressor, mapping: Array, criteria: DiagnosisCriteria) -> Array:
     """Standard deviation of each parameter from the URDF's value."""
     effort = model.robot.limits.effort[np.isfinite(model.robot.limits.effort)]
-    largest = max(float(effort.max(initial=0.0)), criteria.least_torque_limit)
+    largest = float(effort.max(initial=0.0)) or _UNSTATED
     others = np.full(len(regressor.columns), criteria.friction_prior_factor * largest)
     rotors = np.array([c.effect == "rotor_inertia" for c in regressor.columns], bool)
     others[rotors] = np.maximum(_inertia(model), _identified(model, mapping)[rotors])

@@ -4,13 +4,19 @@ A contact makes the residual e_j of joint j large for a few tenths of a second t
 otherwise explains. With u_j the robust standard deviation of e_j (from the median absolute deviation), the smoothed
 energy of the residual is
 
-    z_j(t) = mean of (e_j / u_j)² over 0.25 s around t.
+    z_j(t) = mean of e_j² / (u_j² + x_jᵀ H⁻¹ x_j) over 0.25 s around t,
+
+where x_j are the columns of the model at that time and H is the information of its parameters. The second term is the
+variance of a prediction: a fit that has not seen the fast part of a motion predicts it badly, and nothing has touched
+the robot there (a studentised residual).
 
 A *burst* is a stretch of time with z_j > 6 in which z_j exceeds 30 at least once. A contact also biases the parameters.
 So the parameters are fitted again without the bursts, and the bursts are searched again, until they stay the same (a
-trimmed estimate).
+trimmed estimate). A trimmed fit that leaves more error outside the bursts than the fit to all rows is refuted: then the
+latter counts.
 
-Source: Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, Wiley.
+Sources: Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, Wiley; Cook 1977, "Detection of influential
+observation in linear regression", Technometrics 19(1).
 """
 
 from __future__ import annotations
@@ -80,7 +86,7 @@ def find_contacts(validator: CrossValidator, floor: Array) -> list[Contact]:
     rest = validator
     for _ in range(_ROUNDS):
         new = _bursts(validator, rest, floor)
-        if not _few_and_short(validator, new):
+        if not _short(validator, new):
             return []
         if stretches(new) == stretches(found):
             break
@@ -90,60 +96,66 @@ def find_contacts(validator: CrossValidator, floor: Array) -> list[Contact]:
     return found if strongest > validator.criteria.strong_push or _stands_out(validator, rest, floor) else []
 
 
-def _few_and_short(validator: CrossValidator, found: Sequence[Contact]) -> bool:
-    """Whether the bursts of every log are few and short enough to be events."""
+def _short(validator: CrossValidator, found: Sequence[Contact]) -> bool:
+    """Whether the bursts of every log are short enough together to be events."""
     criteria, data = validator.criteria, validator.data
     for source in {c.source for c in found}:
         here = [c for c in found if c.source == source]
         length = sum(t[-1] - t[0] for s, t in zip(data.sources, data.times, strict=True) if s == source)
-        long = sum(c.stop - c.start for c in here) > criteria.max_contact_share * length
-        if len(here) > criteria.max_contacts or long:
+        if sum(c.stop - c.start for c in here) > criteria.max_contact_share * length:
             return False
     return bool(found)
 
 
 def _stands_out(validator: CrossValidator, rest: CrossValidator, floor: Array) -> bool:
-    """Whether the bursts hold a large and dense part of the error above the noise, with parameters fitted outside."""
+    """Whether the bursts hold half of the error above the noise, and more than an uncertain floor may hide."""
     criteria = validator.criteria
     whole = outside = 0.0
+    theta = _parameters(validator, rest)
     for row, spread in enumerate(validator.spread):
-        whole += validator.squares(row, rest.theta) / spread**2
-        outside += rest.squares(row, rest.theta) / spread**2
-    samples = int(validator.counts.sum()), int(rest.counts.sum())
+        whole += validator.squares(row, theta) / spread**2
+        outside += rest.squares(row, theta) / spread**2
     inside = whole - outside
     noise = float((validator.counts.sum(axis=0) * (floor / validator.spread) ** 2).sum())
-    density = inside / max(samples[0] - samples[1], 1)
-    least = max(criteria.contact_energy_share * (whole - noise), criteria.floor_uncertainty * noise)
-    return inside > least and density > criteria.contact_contrast * outside / samples[1]
+    return inside > max(criteria.half_explained * (whole - noise), (criteria.floor_tolerance - 1) * noise)
 
 
 def _bursts(validator: CrossValidator, rest: CrossValidator, floor: Array) -> list[Contact]:
-    """Bursts in all rows, with parameters fitted to `rest`; bursts much weaker than the strongest are dropped."""
-    criteria, data = validator.criteria, validator.data
-    scale = np.maximum(np.maximum(_robust_spread(rest), floor), criteria.smallest_error * validator.spread)
-    found: list[tuple[float, Contact]] = []
+    """Bursts in all rows, with parameters fitted to `rest`."""
+    criteria, data, theta = validator.criteria, validator.data, _parameters(validator, rest)
+    scale = np.maximum(np.maximum(_robust_spread(rest, theta), floor), criteria.smallest_error * validator.spread)
+    covariance = rest.fit.covariance
+    found: list[Contact] = []
     motions = zip(data.sources, data.times, speeds(validator), strict=True)
     for number, (source, t, speed) in enumerate(motions):
         z = np.zeros((len(t), len(scale)))
         for row, unit in enumerate(scale):
-            joint = data.of_motion(row, number)
-            z[joint.picked, row] = (joint.tau - validator.columns.predicted(joint, rest.theta)) / unit
+            joint, active = data.of_motion(row, number), data.cache.active[row]
+            variance = np.einsum("ni,ij,nj->n", joint.Y, covariance[np.ix_(active, active)], joint.Y, optimize=True)
+            error = joint.tau - validator.columns.predicted(joint, theta)
+            z[joint.picked, row] = error / np.sqrt(unit**2 + variance)
         found += _of_motion(source, t, z**2, speed, validator)
-    strongest = max((energy for energy, _ in found), default=0.0)
-    return [contact for energy, contact in found if energy > criteria.weak_burst_share * strongest]
+    return found
 
 
-def _robust_spread(rest: CrossValidator) -> list[float]:
+def _parameters(validator: CrossValidator, rest: CrossValidator) -> Array:
+    """Parameters fitted to `rest`, or those fitted to all rows where these leave less error in `rest`."""
+    trimmed, whole = (
+        sum(rest.squares(row, theta) / spread**2 for row, spread in enumerate(rest.spread))
+        for theta in (rest.theta, validator.theta)
+    )
+    return validator.theta if whole < trimmed else rest.theta
+
+
+def _robust_spread(rest: CrossValidator, theta: Array) -> list[float]:
     """Robust standard deviation of each joint's residual, from evenly spread rows."""
     every = [max(1, -(-n // MOST_ROWS)) for n in rest.counts.sum(axis=0).tolist()]
-    left = [thinned(rest.residuals(row, rest.theta), k) for row, k in enumerate(every)]
+    left = [thinned(rest.residuals(row, theta), k) for row, k in enumerate(every)]
     return [_MAD_TO_STD * float(np.median(np.abs(x))) for x in left]
 
 
-def _of_motion(
-    source: str, t: Array, squares: Array, speed: Array, validator: CrossValidator
-) -> list[tuple[float, Contact]]:
-    """Bursts of one motion with their energy; `squares` (N, J) in robust units, `speed` (N, J) over the rms speed."""
+def _of_motion(source: str, t: Array, squares: Array, speed: Array, validator: CrossValidator) -> list[Contact]:
+    """Bursts of one motion; `squares` (N, J) in robust units, `speed` (N, J) over the rms speed."""
     criteria, joints = validator.criteria, validator.joints
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
     smooth = ndimage.uniform_filter1d(squares, max(1, round(criteria.burst_seconds / step)), axis=0)
@@ -158,9 +170,10 @@ def _of_motion(
         if _at_reversals(energy, speed[where], criteria):
             continue
         touched = [joints[j] for j in np.flatnonzero(smooth[where].max(axis=0) > criteria.burst_edge).tolist()]
-        start, stop = float(t[where[0]]) - criteria.burst_margin, float(t[where[-1]]) + criteria.burst_margin
+        margin = criteria.burst_seconds / 2  # as far as the smoothing reaches
+        start, stop = float(t[where[0]]) - margin, float(t[where[-1]]) + margin
         strength = float(np.sqrt(total[where].max()))
-        found.append((float(energy.sum()) * step, Contact(source, start, stop, touched, strength)))
+        found.append(Contact(source, start, stop, touched, strength))
     return found
 
 

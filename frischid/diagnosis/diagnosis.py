@@ -35,7 +35,7 @@ from frischid.diagnosis.hypotheses import Evidence, evidence_of
 from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import Description, describe
 from frischid.diagnosis.rivals import suspected
-from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
+from frischid.diagnosis.situation import Situation, SituationOption, cross_validator, priors_of
 from frischid.diagnosis.unmodelled_terms import unmodelled_term
 from frischid.diagnosis.verdict import (
     StageResults,
@@ -247,7 +247,8 @@ def diagnose(
     parts = [excerpt(log) for log in in_motion(logs, model.robot.joints)]
     searched = [part.log for part in parts]
     validator, state = cross_validator(model, searched, situation, criteria=criteria, workers=workers)
-    results = _stages(validator, state, Floor.of(validator), effects, progress)
+    found_by = [_stages(v, state, Floor.of(v), effects, progress) for v in priors_of(validator, state)]
+    results = min(found_by, key=lambda r: float(r.ranking.full.base_nrmse().mean()))
     results = replace(results, contacts=(*results.contacts, *touched))
     verdict = decided(results)
     if state == "changed" and effects is None:

@@ -39,7 +39,7 @@ def gear_steps(validator: CrossValidator, row: int) -> ScoredCandidate | None:
     bent = [*_terms(validator, row, "{}", 1), *_terms(validator, row, "abs({})", criteria.max_jumps)]
     kinked = [c for c in validator.candidates(bent) if c.columns]
     line = _best(validator, row, [kinked] if kinked else [])
-    if best is None or (line is not None and _error(best, row) > criteria.far_better * _error(line, row)):
+    if best is None or (line is not None and _error(best, row) > criteria.half_explained * _error(line, row)):
         return None
     return best
 

@@ -25,7 +25,7 @@ from frischid.core.text import listed
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.gear_steps import evenly_spaced_jumps
 from frischid.diagnosis.residual_variables import MOST_ROWS, thinned, variables
-from frischid.diagnosis.scored_candidate import ScoredCandidate, scored
+from frischid.diagnosis.scored_candidate import ScoredCandidate, passes, scored
 from frischid.effects import Formula
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA
 
@@ -92,16 +92,12 @@ def _formula(validator: CrossValidator, row: int) -> tuple[list[str], float]:
     start = validator.base_nrmse()[row] ** 2
     now, chosen, error = validator, list[str](), start
     while len(chosen) < criteria.formula_terms:
-        found = [x for c in candidates if (x := scored(now, [c])) is not None and x.gain > 0]
-        passing = [x for x in found if x.p_value(len(candidates)) < criteria.significance]
-        if not passing:
-            break
-        best = max(passing, key=lambda x: x.explained)
-        after = float(now.nrmse(best.score.sse)[row] ** 2)
-        if after > criteria.formula_improvement * error:
+        found = [x for c in candidates if (x := scored(now, [c])) is not None]
+        best = max((x for x in found if passes(now, x, len(candidates))), key=lambda x: x.explained, default=None)
+        if best is None:
             break
         chosen.append(expression_of(best))
-        error, now = after, now.extended(best.candidate)
+        error, now = float(now.nrmse(best.score.sse)[row] ** 2), now.extended(best.candidate)
         candidates = [c for c in candidates if c is not best.candidate]
     return chosen, float(1 - error / start)
 

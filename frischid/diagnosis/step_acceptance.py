@@ -89,7 +89,7 @@ def worse_joints(rises: Sequence[Array], before: Array, after: Array, criteria: 
         Sums of squared errors.
     criteria : DiagnosisCriteria
     """
-    level = criteria.harm_p_value / len(rises)
+    level = criteria.block_p_value / len(rises)
     found = []
     for row, rise in enumerate(rises):
         rise = rise[rise != 0]
@@ -155,7 +155,7 @@ def worse_with_standstill(
     sums = np.maximum(sums, 1e-300)
     if not rises or np.log(sums[1] / sums[0]).mean() <= np.log1p(criteria.harmless_rise):
         return False
-    return p_value_of((np.concatenate(rises) / sums[0]).sum(axis=1)) < criteria.harm_p_value
+    return p_value_of((np.concatenate(rises) / sums[0]).sum(axis=1)) < criteria.block_p_value
 
 
 def _squares(

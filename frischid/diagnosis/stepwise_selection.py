@@ -27,7 +27,7 @@ class OwnPart(NamedTuple):
     """Error that only one candidate explains, in summed squared NRMSE.
 
     ``unique`` is all of this error; ``new`` is its part beyond the residual that was known before. ``new`` is zero
-    where no residual was known before, and where it would be only a small part of ``unique``.
+    where no residual was known before.
     """
 
     unique: float
@@ -124,4 +124,4 @@ def own_part(
     unique = float((before - after).sum())
     known = validator.known_residual**2
     new = float((np.maximum(before, known) - np.maximum(after, known)).sum()) if known.any() else 0.0
-    return OwnPart(unique, new if new > validator.criteria.new_share * unique else 0.0)
+    return OwnPart(unique, max(new, 0.0))

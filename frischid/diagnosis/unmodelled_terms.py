@@ -60,10 +60,10 @@ def unmodelled_term(ranking: Ranking, floor: Array) -> UnmodelledTerm | None:
     after, before = full.base_nrmse() ** 2, without.base_nrmse() ** 2
     row = int(np.argmax(before - after))
     noise = float(floor[row] / full.spread[row]) ** 2
-    most = full.criteria.far_better * (after[row] - noise)
+    most = full.criteria.half_explained * (after[row] - noise)
     if most < noise:
         return None
-    term = best_unmodelled(without, row, after[row] > full.criteria.jumps_worth_trying * before[row])
+    term = best_unmodelled(without, row)
     if term is None or without.nrmse(term.score.sse)[row] ** 2 - noise > most:
         return None
     words = f"'{expression_of(term)}'"

@@ -93,9 +93,6 @@ def decided(results: StageResults) -> Verdict:
     residual = full.base_nrmse()
     residual = np.minimum(residual, validator.base_nrmse())  # an effect may raise another joint's error
     asks = _asks_for_explanation(residual, noise, validator)
-    if sure:
-        where = np.array([not sure[0].joints or name in sure[0].joints for name in validator.joints])
-        asks |= where & (residual > criteria.smallest_error) & (residual > criteria.beside_floors * noise)
     asks &= ~only_at_reversals(full, results.floor)
     unexplained = float(np.where(asks, residual**2 - noise**2, 0.0).max())
     if not sure:
@@ -108,7 +105,7 @@ def decided(results: StageResults) -> Verdict:
 def _asks_for_explanation(residual: Array, noise: Array, validator: CrossValidator) -> NDArray[np.bool_]:
     """Joints whose error is large beside their torque and clearly above the sensor noise."""
     criteria = validator.criteria
-    return np.asarray((residual > criteria.unexplained_error) & (residual > criteria.clear_error * noise))
+    return np.asarray((residual > criteria.smallest_error) & (residual > criteria.clear_error * noise))
 
 
 def notes_on(

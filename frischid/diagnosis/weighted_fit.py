@@ -175,6 +175,12 @@ class WeightedFit:
         """Precision of the parameters given the data and the prior, (p, p)."""
         return np.asarray(np.einsum("j,fjab->ab", self.omega, self.columns.gram)[:-1, :-1] + self.prior.precision)
 
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the parameters given the data and the prior, (p, p): the inverse of H."""
+        factor = self.systems[-1].factor
+        return np.asarray(linalg.cho_solve(factor, np.eye(len(factor[0]))))
+
     def fit(self, X: Moments, D: Moments, candidate: Candidate, left_out: int | None) -> CandidateFit | None:
         """Fit a candidate beside the parameters, on all folds but one (None: on all).
 

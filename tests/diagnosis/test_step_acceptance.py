@@ -30,7 +30,7 @@ def rising(p_value, count=30, seed=0):
 @pytest.mark.parametrize(("share", "worse"), [(0.9, [0]), (1.1, [])])
 @pytest.mark.parametrize("joints", [1, 6])
 def test_the_level_of_harm_is_shared_by_the_joints(share, worse, joints):
-    rises = [rising(share * CRITERIA.harm_p_value / joints), *[np.zeros(30)] * (joints - 1)]
+    rises = [rising(share * CRITERIA.block_p_value / joints), *[np.zeros(30)] * (joints - 1)]
     before = np.full(joints, 10.0)
     assert worse_joints(rises, before, before + [r.sum() for r in rises], CRITERIA) == worse
 

@@ -1,0 +1,65 @@
+"""A stretch that a trimmed fit cannot predict is no contact: its residual has the variance of the prediction too."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy import special
+
+import frischid as fr
+from frischid.diagnosis.contacts import find_contacts
+from frischid.diagnosis.floor import Floor
+from frischid.diagnosis.situation import cross_validator
+from frischid.motions.trajectory import Fourier
+
+UR5 = fr.Robot.load("ur5")
+DRY = {f"{name}{i}": 0.5 for name in ("fv", "fc") for i in range(1, 7)}
+
+
+@dataclass(frozen=True)
+class Hurried:
+    """A motion that runs five times as fast for two seconds: time s(t) = t + 4 ∫ bell, with bell of width 0.8 s."""
+
+    path: Fourier
+    duration: float = 30.0
+
+    def __call__(self, t):
+        x = (t - 14.0) / 0.8
+        bell, area = np.exp(-(x**2)), 0.8 * np.sqrt(np.pi) / 2 * (special.erf(x) + 1)
+        q, v, a = self.path(t + 4 * area)
+        rate, slope = (1 + 4 * bell)[:, None], (-8 * x / 0.8 * bell)[:, None]
+        return q, v * rate, a * rate**2 + v * slope
+
+
+def bursts(effects, push=0.0, **values):
+    """Contacts that are found in two slow logs, one of which has a fast stretch."""
+    hidden = (*fr.BASELINE, *fr.parse_effects(effects)) if effects else fr.BASELINE
+    logs = []
+    for seed in (1, 2):
+        path = fr.random_fourier(UR5, 60, seed=seed)
+        motion = Hurried(path) if seed == 1 else path
+        log = fr.simulate(
+            UR5, motion, rate=100, effects=hidden, parameters=DRY | values, noise=fr.Noise(q=1e-5, tau=0.03), seed=seed
+        )
+        tau = np.array(log.tau)
+        tau += push * ((log.t > 20) & (log.t < 21) & (seed == 1))[:, None]
+        logs.append(fr.Log(log.t, log.joints, log.q, tau=tau, source=f"log {seed}"))
+    validator, _ = cross_validator(fr.identify(UR5, logs, recursion="none").model, logs)
+    return find_contacts(validator, Floor.of(validator).known)
+
+
+def test_a_spring_that_the_model_lacks_is_no_contact():
+    assert bursts("joint_spring@shoulder_lift_joint", ks2=2.0) == []
+
+
+@pytest.mark.parametrize(("effect", "name"), [("quadratic_viscous", "fvv2"), ("cubic_viscous", "fvvv2")])
+def test_a_fast_stretch_shows_only_on_the_joint_that_misses_something(effect, name):
+    """Its other joints are predicted as badly as the rows of the slow motion allow."""
+    found = bursts(f"{effect}@shoulder_lift_joint", **{name: 1.0})
+    assert {joint for contact in found for joint in contact.joints} <= {"shoulder_lift_joint"}
+
+
+def test_a_push_in_an_ordinary_stretch_is_one():
+    found = bursts("", push=3.0)
+    assert [(round(c.start), round(c.stop)) for c in found] == [(20, 21)]
+    assert len(found[0].joints) == 6

@@ -1,0 +1,63 @@
+"""Short new logs: what the identification knows of the robot is not thrown away."""
+
+from functools import cache
+
+import numpy as np
+
+import frischid as fr
+from frischid.diagnosis.change_prior import weak_urdf_prior
+from frischid.diagnosis.situation import cross_validator, priors_of
+
+UR5 = fr.Robot.load("ur5")
+DRY = {f"{name}{i}": 0.5 for name in ("fv", "fc") for i in range(1, 7)}
+
+
+def log_of(seed, seconds, effects="", **values):
+    hidden = (*fr.BASELINE, *fr.parse_effects(effects)) if effects else fr.BASELINE
+    motion = fr.random_fourier(UR5, seconds, seed=seed)
+    noise = fr.Noise(q=1e-5, tau=0.2)
+    return fr.simulate(UR5, motion, rate=100, effects=hidden, parameters=DRY | values, noise=noise, seed=seed)
+
+
+@cache
+def model():
+    return fr.identify(UR5, [log_of(seed, 40) for seed in (1, 2)], recursion="none").model
+
+
+def test_a_short_log_of_the_same_robot_is_judged_with_the_identification():
+    short = log_of(3, 8)
+    validator, situation = cross_validator(model(), [short])
+    alone, trained = priors_of(validator, situation)
+    assert situation == "always"
+    assert alone is validator
+    assert trained.base_nrmse().mean() < 0.8 * alone.base_nrmse().mean()
+    assert priors_of(validator, "changed") == [validator], "then it is the prior already"
+
+
+def test_a_small_effect_in_a_short_log_is_the_most_probable_cause():
+    """With the URDF as prior, a coupling of five joints was: the short log determines the parameters badly."""
+    found = fr.diagnose(model(), [log_of(3, 8, "cogging(order=9)@elbow_joint", A3=1.0)])
+    assert max(found.probabilities, key=found.probabilities.__getitem__) == "cogging"
+
+
+def test_own_logs_keep_the_prior_of_the_urdf():
+    logs = [log_of(seed, 40) for seed in (1, 2)]
+    validator, situation = cross_validator(model(), logs)
+    assert situation == "always"
+    assert priors_of(validator, situation) == [validator]
+    assert np.array_equal(validator.fit.prior.precision, weak_urdf_prior(model()).precision)
+
+
+def test_an_effect_that_was_always_missing_is_found_in_new_logs():
+    """The identification is biased by such an effect: with it as the prior, the spring explains half of its error."""
+    machine = fr.Robot.load("planar2")
+    hidden = (*fr.BASELINE, *fr.parse_effects("joint_spring@joint2"))
+    values = {"fv1": 0.5, "fv2": 0.3, "fc1": 0.5, "fc2": 0.3, "ks2": 1.5}
+    logs = [
+        fr.simulate(machine, fr.random_fourier(machine, 30, seed=seed), rate=50, effects=hidden, parameters=values,
+                    noise=fr.Noise(q=1e-5, tau=0.01), seed=seed)
+        for seed in (1, 2)
+    ]  # fmt: skip
+    found = fr.diagnose(fr.identify(machine, logs[:1], recursion="none").model, logs[1:], situation="always")
+    assert (found.verdict, found.findings[0].effect) == ("effect", "joint_spring")
+    assert found.findings[0].share > 0.95
