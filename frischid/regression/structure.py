@@ -14,7 +14,7 @@ are merged and left out as long as this costs no joint more than `MERGED_SHARE` 
 
     cost = max_j max( ‖W̃_j − W̃_j[:, base] K‖,  ‖(W_j − W_j[:, base] K) θ_URDF‖ / ‖W_j θ_URDF‖ )
 
-stays below that share.
+stays below that share, and for which the base columns W̃[:, base] are independent.
 
 Source: Gautier 1991, "Numerical calculation of the base inertial parameters of robots", J. Robotic Systems 8(4).
 """
@@ -68,10 +68,16 @@ def structure(
     for tol in TOLERANCES:
         found = reduce(root, regressor.columns, tol=tol)
         cost = _cost(W, nominal, found)
-        if cost <= MERGED_SHARE:
+        if cost <= MERGED_SHARE and _is_regular(root[:, list(found.base)], tol):
             break
     base = sizes[list(found.base)]
     return replace(found, mapping=base[:, None] * found.mapping / sizes, cost=cost)
+
+
+def _is_regular(base: Array, tol: float) -> bool:
+    """Whether base columns are independent. Columns that take part in a relation by less than its error can hide it."""
+    values = np.linalg.svd(base / np.linalg.norm(base, axis=0), compute_uv=False)
+    return bool(values[-1] > tol / 10.0 * values[0])
 
 
 def _random_rows(regressor: Regressor, joints: Sequence[str], scale: RobotScale, seed: int) -> Array:

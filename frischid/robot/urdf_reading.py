@@ -36,7 +36,8 @@ def robot_names() -> dict[str, Path]:
     files = [p for folder in own[:1] for p in sorted(folder.glob("*.urdf"))]
     try:
         share = metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")
-        files += sorted(Path(str(share)).rglob("*.urdf"))
+        # The data hold a file without a robot, which takes the name of the UR3.
+        files += [path for path in sorted(Path(str(share)).rglob("*.urdf")) if b"<link" in path.read_bytes()]
     except metadata.PackageNotFoundError:
         pass  # the robots shipped with frischid still load by name, and every path does
     stems = [p.stem for p in files]
@@ -67,11 +68,13 @@ def read_urdf(robot: str | Path) -> tuple[str, str]:
     """
     text = str(robot)
     path = Path(robot).expanduser()
-    if not path.exists() and not text.endswith((".urdf", ".xml", ".xacro")):
+    if not path.is_file() and not text.endswith((".urdf", ".xml", ".xacro")):
         names = robot_names()
+        if text not in names and path.is_dir():
+            raise InputError(f"{path} is a folder; give the .urdf file inside it")
         if text not in names:
             raise UnknownNameError("robot", text, names)
-        path = names[text]
+        path = names[text]  # a folder of that name, as in a ROS workspace, is no robot
     elif path.is_dir():
         raise InputError(f"{path} is a folder; give the .urdf file inside it")
     elif not path.exists():

@@ -124,6 +124,20 @@ def test_missing_file_and_folder(tmp_path):
     refused(["is a folder"], tmp_path)
 
 
+def test_a_folder_hides_no_robot_that_is_known_by_its_name(tmp_path, monkeypatch):
+    """A ROS workspace has a folder for each robot."""
+    (tmp_path / "planar2").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert len(Robot.load("planar2").joints) == 2
+
+
+def test_every_name_is_that_of_a_file_with_a_robot():
+    """example-robot-data has a ur3.urdf without a single link, which took the short name of ur3_robot.urdf."""
+    names = robot_names()
+    assert names["ur3"] == names["ur3_robot"]
+    assert Robot.load("ur3").joints[0] == "shoulder_pan_joint"
+
+
 @pytest.mark.parametrize("kind", ["floating", "planar"])
 def test_joints_of_several_degrees_of_freedom(tmp_path, kind):
     path = tmp_path / "free.urdf"
