@@ -7,6 +7,7 @@ at `style.Drawing`.
 """
 
 from frischid.figures.failure import against, matrix, plane
+from frischid.figures.ghost import ghost, position_error
 from frischid.figures.history import staircase
 from frischid.figures.missing import shape
 from frischid.figures.motion import animated, excitation
@@ -17,6 +18,6 @@ from frischid.figures.torque import Overlay, measured
 from frischid.figures.two_logs import two_logs
 
 __all__ = [
-    "Drawing", "Overlay", "against", "animated", "closing", "excitation", "intervals", "matrix", "measured", "noise",
-    "plane", "reach", "save", "shape", "short", "staircase", "two_logs",
+    "Drawing", "Overlay", "against", "animated", "closing", "excitation", "ghost", "intervals", "matrix", "measured",
+    "noise", "plane", "position_error", "reach", "save", "shape", "short", "staircase", "two_logs",
 ]  # fmt: skip

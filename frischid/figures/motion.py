@@ -72,7 +72,7 @@ def animated(plan: Plan, robot: Robot, rate: float = 50.0) -> go.Figure:
     """
     log = plan.to_log(rate)
     step = max(1, -(-len(log.t) // POSES))
-    poses = [_lines(robot, q) for q in log.q[::step]]
+    poses = [links_of(robot, q) for q in log.q[::step]]
     times, place = log.t[::step] - log.t[0], np.concatenate(poses)
     middle = 0.5 * (np.nanmin(place, axis=0) + np.nanmax(place, axis=0))
     half = 0.55 * float(np.nanmax(np.nanmax(place, axis=0) - np.nanmin(place, axis=0)))
@@ -99,7 +99,7 @@ def animated(plan: Plan, robot: Robot, rate: float = 50.0) -> go.Figure:
     return figure
 
 
-def _lines(robot: Robot, q: Array) -> Array:
+def links_of(robot: Robot, q: Array) -> Array:
     """Ends of the robot's links, m, a row of NaN after each link, (3 L, 3)."""
     points, parents, _, tips = skeleton(robot, q)
     links = [(points[parents[k]], points[k]) for k in range(1, len(points))]

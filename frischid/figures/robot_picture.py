@@ -87,8 +87,7 @@ def robot_picture(robot: Robot, q: Array, joints: Mapping[str, tuple[float, floa
 
 def _projected(points: Array) -> Array:
     """Points on the picture, (N, 2), seen from the side that spreads them most."""
-    views = [_view(points, angle) for angle in AZIMUTHS]
-    flat = max(views, key=lambda view: float(np.linalg.norm(view[:, None] - view[None], axis=2).sum()))
+    flat = view(points, best_view(points))
     low, high = flat.min(axis=0), flat.max(axis=0)
     room = np.array([WIDTH_PX - LABEL_PX - 2 * MARGIN_PX, HEIGHT_PX - 2 * MARGIN_PX])
     scale = float((room / np.maximum(high - low, 1e-9)).min())
@@ -116,7 +115,18 @@ def _heights(places: Mapping[str, Array]) -> dict[str, float]:
     return dict(sorted(found.items(), key=lambda item: item[1]))
 
 
-def _view(points: Array, azimuth: float) -> Array:
+def best_view(points: Array) -> float:
+    """The azimuth, rad, from which points (N, 3) lie farthest apart."""
+
+    def apart(azimuth: float) -> float:
+        seen = view(points, azimuth)
+        return float(np.linalg.norm(seen[:, None] - seen[None], axis=2).sum())
+
+    return float(max(AZIMUTHS, key=apart))
+
+
+def view(points: Array, azimuth: float) -> Array:
+    """Points (N, 3) as seen from an azimuth, rad: to the right and upwards, m, (N, 2)."""
     across = points @ np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     towards = points @ np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     return np.column_stack([across, np.cos(ELEVATION) * points[:, 2] - np.sin(ELEVATION) * towards])

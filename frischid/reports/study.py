@@ -19,6 +19,7 @@ from frischid.diagnosis.roles import diagnose_with, roles
 from frischid.diagnosis.step import Refusal
 from frischid.errors import FrischidError, InputError
 from frischid.export.consistency import Consistency, make_consistent
+from frischid.forward.simulated_beside import SimulatedBeside, simulated_beside
 from frischid.logs.driven import driven
 from frischid.logs.excerpt import as_recording, excerpt
 from frischid.logs.log import Log
@@ -77,6 +78,8 @@ class Study:
         The finding that `improve` would add next: not every effect that is called missing may become a step.
     refused : tuple of Refusal
         More probable findings that `improve` would not add.
+    simulated : SimulatedBeside, str or None
+        Simulated positions along a log of commands, held out if there is one; or why the model cannot be simulated.
     """
 
     model: Model
@@ -97,6 +100,7 @@ class Study:
     beside: SideBySide | None = None
     proposed: Finding | None = None
     refused: tuple[Refusal, ...] = ()
+    simulated: SimulatedBeside | str | None = None
 
     def sliding(self, joint: str) -> bool:
         """Whether a joint is prismatic."""
@@ -219,6 +223,7 @@ def study(
         model.check(logs)
     model = next(iter(named.values()))
     progress("comparing")
+    recorded = sorted(logs, key=model.made_from)
     logs = driven(logs, model.controller, model.currents)
     excerpts = [excerpt(log) for log in logs]
     shown, whole = [part.log for part in excerpts], [as_recording(log) for log in logs]
@@ -260,6 +265,7 @@ def study(
         side_by_side(named, whole) if further else None,
         None if step is None else step.finding,
         tuple(refused.values()),
+        simulated_beside(model, recorded),
     )
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from frischid import figures
 from frischid.core.text import listed
@@ -27,4 +30,15 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
             {"name": name, "nrmse": fit.nrmse, "depends_on": listed(on), "drawings": drawings, "open": name == worst}
         )
     mixed = 0 < len(study.held_out) < len(study.logs)
-    return {"mixed": mixed, "matrix": figures.matrix(shown), "joints": joints}
+    return {"mixed": mixed, "matrix": figures.matrix(shown), "joints": joints, **_simulated(study)}
+
+
+def _simulated(study: Study) -> dict[str, Any]:
+    """The simulated robot beside the measured one, for a model with a controller."""
+    beside, robot = study.simulated, study.model.robot
+    if beside is None or isinstance(beside, str):
+        return {"moved": None, "not_moved": beside, "moved_along": ""}
+    drawings = [figures.position_error(beside, robot)]
+    if np.isfinite(beside.simulated[:2]).all():
+        drawings.append(figures.ghost(beside, robot))
+    return {"moved": drawings, "not_moved": None, "moved_along": Path(beside.source).name}

@@ -83,7 +83,8 @@
     plot.style.height = spec.layout.height + "px";
     plot.querySelectorAll("script").forEach((s) => s.remove());
     Plotly.purge(plot); // one that is drawn again would keep its width, on paper too
-    Plotly.newPlot(plot, spec.data, spec.layout, config);
+    const frames = spec.frames || []; // of an animation: the poses of the robot
+    Plotly.newPlot(plot, spec.data, spec.layout, config).then(() => frames.length && Plotly.addFrames(plot, frames));
     // The figure's title and reading are text beside it; its own letters would be read one by one.
     plot.querySelectorAll("svg.main-svg").forEach((svg) => svg.setAttribute("aria-hidden", "true"));
     plot.dataset.drawn = dark ? "dark" : "light";

@@ -1,0 +1,132 @@
+"""The simulated robot beside the measured one, in the report on a model of commanded positions."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import needs_browser, opened
+
+import frischid as fr
+from frischid import figures
+from frischid.forward.simulated_beside import SHOWN_SECONDS, SimulatedBeside, simulated_beside
+from frischid.reports.chapters import CHAPTERS
+from frischid.reports.page import page
+from frischid.reports.study import Study, study
+
+KP, KD = 300.0, 9.0
+TRUTH = {"fv1": 0.5, "fv2": 0.3, "fc1": 0.8, "fc2": 0.4, "Ia1": 0.05, "Ia2": 0.03}
+
+
+def commanded(seed: int, seconds: float = 6.0) -> fr.Log:
+    robot = fr.Robot.load("planar2")
+    log = fr.simulate(robot, fr.random_fourier(robot, seconds, seed=seed), rate=100.0, parameters=TRUTH)
+    assert log.tau is not None
+    assert log.v is not None
+    return fr.Log(log.t, robot.joints, q=log.q, qcmd=log.q + (log.tau + KD * log.v) / KP, source=f"<b>{seed}.csv")
+
+
+@pytest.fixture(scope="module")
+def shown() -> Study:
+    fitted, held = commanded(1), commanded(2)
+    model = fr.identify(fr.Robot.load("planar2"), [fitted], controller=fr.PDController(KP, KD), recursion="none").model
+    return study(model, [fitted, held], diagnosed=False)
+
+
+def fails(found: Study) -> str:
+    (chapter,) = [c for c in CHAPTERS if c.anchor == "fails"]
+    return str(chapter.html(found))
+
+
+def test_the_held_out_log_is_simulated_along_its_commands(shown: Study) -> None:
+    beside = shown.simulated
+    assert isinstance(beside, SimulatedBeside)
+    assert beside.source == "<b>2.csv"
+    assert beside.measured.shape == beside.simulated.shape
+    assert (beside.rms < 0.01).all()
+    assert (beside.rms > 0).all()
+
+
+def test_a_wrong_model_moves_away(shown: Study) -> None:
+    model = shown.model
+    heavy = replace(model, estimate=replace(model.estimate, theta=1.3 * model.estimate.theta), standard=None)
+    wrong = simulated_beside(heavy, [commanded(2)])
+    assert isinstance(wrong, SimulatedBeside)
+    assert isinstance(shown.simulated, SimulatedBeside)
+    assert (wrong.rms > 3 * shown.simulated.rms).all()
+
+
+def test_only_the_beginning_of_a_long_log_is_simulated(shown: Study) -> None:
+    beside = simulated_beside(shown.model, [commanded(3, 1.5 * SHOWN_SECONDS)])
+    assert isinstance(beside, SimulatedBeside)
+    assert 0.9 * SHOWN_SECONDS < beside.t[-1] <= SHOWN_SECONDS
+
+
+def test_the_ghost_is_transparent_and_stands_at_the_simulated_positions(shown: Study) -> None:
+    beside = shown.simulated
+    assert isinstance(beside, SimulatedBeside)
+    apart = replace(beside, simulated=beside.simulated + 0.3)
+    figure = figures.ghost(apart, shown.model.robot).figure
+    measured, ghost = figure.frames[-1].data
+    assert measured.opacity > 2 * ghost.opacity
+    assert np.nanmax(np.hypot(measured.x - ghost.x, measured.y - ghost.y)) > 0.05
+    same = figures.ghost(replace(beside, simulated=beside.measured), shown.model.robot).figure
+    assert np.array_equal(same.data[0].x, same.data[1].x, equal_nan=True)
+    assert 50 <= len(figure.frames) <= 100
+
+
+def test_the_report_shows_both_figures_and_escapes_the_log(shown: Study) -> None:
+    text = fails(shown)
+    assert "Error of the simulated positions" in text
+    assert "The simulated robot beside the measured one" in text
+    assert "Along &lt;b&gt;2.csv" in text
+    specs = [json.loads(x) for x in re.findall(r'<script type="application/json">(.*?)</script>', text)]
+    assert sum(bool(spec.get("frames")) for spec in specs) == 1
+
+
+def test_a_model_of_torques_has_no_ghost(shown: Study) -> None:
+    robot = fr.Robot.load("planar2")
+    log = fr.simulate(robot, fr.random_fourier(robot, 4.0, seed=1), rate=100.0)
+    model = fr.identify(robot, [log], recursion="none").model
+    assert simulated_beside(model, [log]) is None
+    assert "simulated" not in fails(replace(shown, simulated=None))
+
+
+def test_a_model_that_cannot_be_simulated_says_why(shown: Study) -> None:
+    assert "The motion along the commands is not simulated: no second mass." in fails(
+        replace(shown, simulated="no second mass")
+    )
+
+
+def test_a_motion_that_runs_away_is_drawn_as_far_as_it_goes(shown: Study) -> None:
+    beside = shown.simulated
+    assert isinstance(beside, SimulatedBeside)
+    broken = beside.simulated.copy()
+    broken[100:] = np.nan
+    away = replace(beside, simulated=broken)
+    assert np.isinf(away.rms).all()
+    assert float(figures.ghost(away, shown.model.robot).figure.frames[-1].name) < beside.t[100]
+    assert "Rms, rad (m): joint1 –, joint2 –." in fails(replace(shown, simulated=away))
+
+
+@needs_browser
+def test_the_ghost_moves_in_the_browser(shown: Study, tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    path.write_text(page(shown))
+    with opened(path.as_uri()) as seen:
+        tab = seen.page
+        tab.locator("#fails").scroll_into_view_if_needed()
+        tab.wait_for_selector(".updatemenu-button")
+        plot = tab.locator(".plot", has=tab.locator(".updatemenu-button")).first
+        lines = "p => [...p.querySelectorAll('.scatterlayer path.js-line')].map(x => x.getAttribute('d')).join()"
+        tab.wait_for_function(
+            "p => p._transitionData && p._transitionData._frames.length > 50", arg=plot.element_handle()
+        )
+        before = plot.evaluate(lines)
+        plot.locator(".updatemenu-button").first.click()
+        tab.wait_for_function(f"([p, old]) => ({lines})(p) !== old", arg=[plot.element_handle(), before])
+    assert not seen.complaints
