@@ -195,7 +195,10 @@ def one(name: str, kind: str, seed: int) -> dict[str, Any]:
     robot, logs, controller, effect = case(name, kind, seed)
     model = fr.identify(robot, logs, controller=controller, recursion="none").model
     found = fr.diagnose(model, logs)
-    moved = fr.simulate_findings(model, found, logs)
+    try:
+        moved = fr.simulate_findings(model, found, logs).findings
+    except fr.InputError:  # the model without the effect cannot hold the robot: there is no motion to compare with
+        moved = ()
     first = found.findings[0] if found.findings else None
     said = (first.effect, *first.confused_with) if first is not None and found.verdict == "effect" else (found.verdict,)
     return {
@@ -210,8 +213,8 @@ def one(name: str, kind: str, seed: int) -> dict[str, Any]:
         "error": found.error,
         "after": float("nan") if first is None else first.error_after,
         "floor": found.noise_floor,
-        "simulated": moved.findings[0].ratio if moved.findings and not moved.findings[0].refused else float("nan"),
-        "least simulated": min(moved.findings, key=lambda f: f.ratio).finding.effect if moved.findings else "",
+        "simulated": moved[0].ratio if moved and not moved[0].refused else float("nan"),
+        "least simulated": min(moved, key=lambda f: f.ratio).finding.effect if moved else "",
     }
 
 

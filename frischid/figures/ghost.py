@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from frischid.forward.simulated_beside import SimulatedBeside
     from frischid.robot.robot import Robot
 
-POSES = 100
+GHOST_POSES = 100
 """Poses of the animation: 0.2 s apart in 20 s."""
 GHOST = 0.45
 """Opacity of the simulated robot."""
@@ -35,7 +35,7 @@ def ghost(beside: SimulatedBeside, robot: Robot) -> Drawing:
     robot : Robot
     """
     stable = np.flatnonzero(np.isfinite(beside.simulated).all(axis=1))
-    samples = stable[:: max(1, -(-len(stable) // POSES))]
+    samples = stable[:: max(1, -(-len(stable) // GHOST_POSES))]
     both = [[links_of(robot, q[k]) for q in (beside.measured, beside.simulated)] for k in samples]
     angle = best_view(np.concatenate([x[np.isfinite(x[:, 0])] for x in both[0]]))
     flat = [[view(x, angle) for x in pair] for pair in both]
