@@ -19,7 +19,7 @@ from frischid.logs.recording import Recording, chunks_of
 from frischid.logs.stretch import stretch
 from frischid.model.model import Model
 
-SHOWN_SECONDS = 20.0
+BESIDE_SECONDS = 20.0
 """s. Beginning of a log that is simulated: a reader follows no longer motion, and it takes one to three seconds."""
 
 
@@ -76,7 +76,7 @@ def simulated_beside(model: Model, logs: Sequence[Log | Recording]) -> Simulated
             continue
         head = next(chunks_of(log))
         try:
-            part = stretch(head, stop=SHOWN_SECONDS)
+            part = stretch(head, stop=BESIDE_SECONDS)
             motion, source = next(moved(model, [part]))
             extra = {name: (motion.t, values) for name, values in motion.extra.items()}
             forward = ForwardDynamics(model, extra=extra, begin=motion.start)

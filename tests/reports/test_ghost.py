@@ -13,7 +13,7 @@ from browser import needs_browser, opened
 
 import frischid as fr
 from frischid import figures
-from frischid.forward.simulated_beside import SHOWN_SECONDS, SimulatedBeside, simulated_beside
+from frischid.forward.simulated_beside import BESIDE_SECONDS, SimulatedBeside, simulated_beside
 from frischid.reports.chapters import CHAPTERS
 from frischid.reports.page import page
 from frischid.reports.study import Study, study
@@ -61,9 +61,9 @@ def test_a_wrong_model_moves_away(shown: Study) -> None:
 
 
 def test_only_the_beginning_of_a_long_log_is_simulated(shown: Study) -> None:
-    beside = simulated_beside(shown.model, [commanded(3, 1.5 * SHOWN_SECONDS)])
+    beside = simulated_beside(shown.model, [commanded(3, 1.5 * BESIDE_SECONDS)])
     assert isinstance(beside, SimulatedBeside)
-    assert 0.9 * SHOWN_SECONDS < beside.t[-1] <= SHOWN_SECONDS
+    assert 0.9 * BESIDE_SECONDS < beside.t[-1] <= BESIDE_SECONDS
 
 
 def test_the_ghost_is_transparent_and_stands_at_the_simulated_positions(shown: Study) -> None:
