@@ -18,7 +18,7 @@ from frischid.effects import BASELINE
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor, nominal_parameters
 
-_TORQUE_KINDS = ("late torque", "torque scale", "wrong robot", "unexplained torque")
+_TORQUE_KINDS = ("late torque", "early torque", "torque scale", "wrong robot", "unexplained torque")
 """Issues that are themselves a sufficient reason for a bad fit."""
 
 

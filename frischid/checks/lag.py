@@ -65,9 +65,9 @@ def _together(costs: Array) -> Array:
 
 def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, ...], sure: str) -> None:
     notes.add(
-        "late torque",
+        "late torque" if sign > 0 else "early torque",
         f"the torque {'lags the motion' if sign > 0 else 'runs ahead of the motion'} by {by.lstrip('-')}: "
-        f"shifting the torque back explains {gone:.0%} of the squared error of the URDF with fitted friction",
+        f"shifting the torque by this time explains {gone:.0%} of the squared error of the URDF with fitted friction",
         where,
         "likely" if sure == "likely" else "possible",
         "record both with one clock and one filter, shift the columns, or add time_delay (frischid effects time_delay)",

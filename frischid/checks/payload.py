@@ -112,7 +112,7 @@ def check_payload(sketch: Sketch, notes: Notebook) -> bool:
             f"absence {what}",
             (body.joint,),
             "likely",
-            "use the URDF of the robot without the hand (or tool) it was measured without",
+            "use a URDF without this hand or tool: the robot did not carry it",
         )
     return True
 

@@ -227,7 +227,8 @@ def _springs(fits: RowFits, k: int, tau: Array, spread: float, faults: tuple[Fau
             f"a torque of {np.ptp(torque) / 2:.3g} N·m (half its range) follows the joint's angle alone: {word} acts "
             "on it",
             (name,),
-            "add the effect (frischid effects joint_spring); it is physics of the robot, not a fault of the log",
+            "nothing is wrong with the log: identify, then frischid diagnose measures the spring and frischid improve "
+            "adds it to the model",
             cost(fits.criteria, "spring", R, X.shape[1], n),
             False,
             False,

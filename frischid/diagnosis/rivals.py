@@ -63,15 +63,20 @@ def shared(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> l
     return sorted([Rival(first.effect, first.probability), *others], key=lambda r: -r.probability)
 
 
-def separating_command(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:
+def separating_command(findings: Sequence[Finding], probabilities: Mapping[str, float], robot: str = "ROBOT") -> str:
     """Command that plans a motion to separate the two most probable effects of `shared`; empty without two."""
-    return command_for(pair_of(findings, probabilities))
+    return command_for(pair_of(findings, probabilities), robot)
 
 
-def command_for(pair: Sequence[Finding]) -> str:
-    """Command that plans a motion on which two findings act differently, at their joints; empty without two."""
+def command_for(pair: Sequence[Finding], robot: str = "ROBOT") -> str:
+    """Command that plans a motion on which two findings act differently, at their joints; empty without two.
+
+    `robot` is the file or the name that the robot was loaded by.
+    """
     placed = ",".join(_placed(finding) for finding in pair)
-    return f"frischid excite ROBOT --separate {shlex.quote(placed)} -o motion.csv" if len(pair) == 2 else ""
+    if len(pair) != 2:
+        return ""
+    return f"frischid excite {shlex.quote(robot)} --separate {shlex.quote(placed)} -o motion.csv"
 
 
 def pair_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> list[Finding]:
@@ -92,14 +97,16 @@ def cause_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) ->
     return f"{', '.join(told[:-1])} or {told[-1]}" if told else ""
 
 
-def sentence_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:
+def sentence_of(findings: Sequence[Finding], probabilities: Mapping[str, float], robot: str = "ROBOT") -> str:
     """A sentence on the hypotheses that share the probability; empty where the first finding is sure."""
     cause = cause_of(findings, probabilities)
     if not cause:
         return ""
     sentence = f"these logs alone cannot tell the cause: {cause}"
-    command = separating_command(findings, probabilities)
-    return f"{sentence}. This command plans a motion on which the first two differ: {command}" if command else sentence
+    command = separating_command(findings, probabilities, robot)
+    return (
+        f"{sentence}. This command plans a motion on which the first two differ: `{command}`" if command else sentence
+    )
 
 
 def suspected(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:

@@ -138,7 +138,7 @@ def notes_on(
             f"as much: that is no delay, but noise of the positions; identify with a lower cut-off than {cutoff:g} Hz "
             "(--cutoff)"
         )
-    shared = sentence_of(results.findings, probabilities)
+    shared = sentence_of(results.findings, probabilities, validator.model.robot.source)
     if shared and verdict != "contact":
         notes.append(shared)
     withheld = next((f for f in results.findings if f.sure and f.withheld), None)

@@ -120,7 +120,8 @@ def _positions(model: Model, data: bytes) -> list[tuple[int, int, str]]:
 
 def _values(model: Model, joint: str) -> dict[str, float]:
     found = {key: model.of_effect(*effect).get(joint) for key, effect in JOINT_EFFECTS.items()}
-    return {key: max(x, 0.0) for key, x in found.items() if x is not None}  # MuJoCo refuses negative values
+    # MuJoCo refuses negative values; the sum makes 0.0 of -0.0
+    return {key: max(x, 0.0) + 0.0 for key, x in found.items() if x is not None}
 
 
 def _spring(model: Model, joint: str, data: bytes) -> dict[str, float]:

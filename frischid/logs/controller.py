@@ -211,7 +211,7 @@ class PDController:
         late = float(self.values("delay", [log.joints[j] for j in columns]).max()) + self.held / log.rate
         early = log.t - late < log.t[0] - _ROUNDED_STEP / log.rate  # the commands that act there were not recorded
         whole = replace(log, tau=tau, extra={**log.extra, **extra}, sha256=log.identity, notes=(*log.notes, said))
-        return whole.slice(int(early.sum()))
+        return replace(whole.slice(int(early.sum())), file=log.file)  # the file gives these samples again
 
     def _torque(self, log: Log, columns: list[int]) -> tuple[Array, dict[str, Array]]:
         """Torque of the joints with these indices, and their channels for `frischid.effects.commands`."""

@@ -71,7 +71,10 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
         t = rate_of(table, rate, found)
     found.missing = tuple(j for j in robot.joints if j not in found.joints)
     if found.missing:
-        found.reasons.append(f"no position column found for {', '.join(found.missing)}: they would be locked")
+        found.reasons.append(
+            f"no position column found for {', '.join(found.missing)}: taken as standing still, at zero "
+            "(--lock JOINT=ANGLE sets another angle)"
+        )
     guess_gains(table, t, found)
     check_velocities(table, t, found)
     propose_degrees(table, robot, found)

@@ -52,6 +52,7 @@ class Proposal:
             lines += ["", "[current_gain]  # joint-side torque per ampere: tau = gain * current"]
             lines += [f"{quoted(joint)} = {gain}" for joint, gain in self.gains.items()]
         elif any("current" in c and "tau" not in c for c in self.joints.values()):
-            lines += ["", "# [current_gain]  # joint-side torque per ampere, from the data sheet: tau = gain * current"]
-            lines += [f"# {quoted(joint)} = 10.0" for joint, c in self.joints.items() if "current" in c]
+            lines += ["", "# Without gains every command works in amperes. If you know the gains, write them here:"]
+            lines += ["# [current_gain]  # joint-side torque per ampere, N·m/A (N/A): tau = gain * current"]
+            lines += [f"# {quoted(joint)} = GAIN" for joint, c in self.joints.items() if "current" in c]
         return "\n".join(lines) + "\n"

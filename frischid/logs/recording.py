@@ -217,11 +217,11 @@ def _end(log: Log, first: int) -> tuple[Log, int]:
 
 
 def brief(notes: Iterable[str], source: str) -> list[str]:
-    """Each note once; of a recording only the first few, and the number of the others."""
+    """Each note once; of a log only the first few, and the number of the others."""
     kept = list(dict.fromkeys(notes))
     if len(kept) <= NOTES_SHOWN + 1:
         return kept
-    return [*kept[:NOTES_SHOWN], f"{source}: {len(kept) - NOTES_SHOWN} more such notes on later chunks"]
+    return [*kept[:NOTES_SHOWN], f"{source}: {len(kept) - NOTES_SHOWN} more notes on this log"]
 
 
 def check_logs(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]) -> None:

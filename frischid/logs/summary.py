@@ -127,7 +127,7 @@ def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
     kept = robot.keep(held)
     by_angle: dict[str, list[str]] = {}
     for name, angle in kept.locked.items():
-        why = "" if name in robot.locked else ", which some log does not hold"
+        why = "" if name in robot.locked else " (not every log has the position; --lock JOINT=ANGLE sets another angle)"
         by_angle.setdefault(f"{angle:.4g} rad (m){why}", []).append(name)
     return kept, [f"locked at {angle}: {', '.join(names)}" for angle, names in by_angle.items()]
 

@@ -150,8 +150,8 @@ def body_boxes(robot: Robot) -> dict[str, tuple[Array, Array]]:
 
 
 def _body_of(robot: Robot, link: str) -> str:
-    model = robot.model
-    return str(model.names[model.frames[model.getFrameId(link)].parentJoint])
+    model = robot.model  # a fixed joint may have the name of a link, so the frame's kind is asked for too
+    return str(model.names[model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint])
 
 
 def _corners(shape: Any) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from frischid.core.types import Array
 
 LARGEST_LIMIT = 1e6
-"""A velocity (rad/s, m/s) or an effort (N·m, N) above this is a placeholder; no robot is so fast or strong."""
+"""A velocity (rad/s, m/s) or an effort (N·m, N) of this size or more is a placeholder; no robot has it."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,6 @@ def read_limits(model: Any, joints: Sequence[int]) -> JointLimits:
     effort = np.array([model.effortLimit[r.idx_v] for r in rows])
     unset = lower >= upper
     lower[unset], upper[unset] = -np.inf, np.inf
-    velocity[(velocity <= 0) | (velocity > LARGEST_LIMIT)] = np.inf
-    effort[(effort <= 0) | (effort > LARGEST_LIMIT)] = np.inf
+    velocity[(velocity <= 0) | (velocity >= LARGEST_LIMIT)] = np.inf
+    effort[(effort <= 0) | (effort >= LARGEST_LIMIT)] = np.inf
     return JointLimits(lower, upper, velocity, effort)

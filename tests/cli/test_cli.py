@@ -459,7 +459,7 @@ def test_panda_with_a_hand_that_no_log_holds(measured):
     data = data_of(
         *("identify", folder / "panda_with_hand.urdf", folder / "logs/ident_0_14s.parquet", "--bbrf", "none"),
     )
-    assert any("which some log does not hold" in n and "finger" in n for n in data["notes"])
+    assert any("not every log has the position" in n and "finger" in n for n in data["notes"])
 
 
 GAINS = {

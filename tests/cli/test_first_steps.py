@@ -23,12 +23,25 @@ def test_the_next_command_runs_as_it_is_printed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     robot = fr.Robot.load("planar2")
     log = fr.simulate(robot, fr.random_fourier(robot, 8, seed=1), rate=50, noise=fr.Noise(q=1e-5, tau=0.01))
-    fr.write_log(log, "log.csv")
-    table = (tmp_path / "log.csv").read_text(encoding="utf-8")
-    (tmp_path / "log.csv").write_text(table.replace("t,", "stamp,", 1), encoding="utf-8")
+    for name in ("log.csv", "second log.csv"):
+        fr.write_log(log.slice(0 if name == "log.csv" else 100), name)
+        table = (tmp_path / name).read_text(encoding="utf-8")
+        (tmp_path / name).write_text(table.replace("t,", "stamp,", 1), encoding="utf-8")
     (tmp_path / "my map.toml").write_text('[file]\ntime = "stamp"\n', encoding="utf-8")
-    words = ["identify", "planar2", "log.csv", "--map", "my map.toml", "--bbrf", "none", "-o", "model.json"]
+    words = [
+        "identify",
+        "planar2",
+        "log.csv",
+        "second log.csv",
+        "--map",
+        "my map.toml",
+        "--bbrf",
+        "none",
+        "-o",
+        "model.json",
+    ]
     printed = CliRunner().invoke(main, words).stdout
     line = printed.partition("next: ")[2].strip()
     assert "--map 'my map.toml'" in line
+    assert "..." not in line
     assert CliRunner().invoke(main, [*shlex.split(line)[1:], "--try", "joint_spring"]).exit_code in (0, 1)

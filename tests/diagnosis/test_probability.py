@@ -171,6 +171,9 @@ def test_below_four_fifths_the_rivals_are_told_with_the_motion_that_separates_th
     sentence = sentence_of(shared, chance)
     assert f"{first.effect} (60 %), {second.effect} (25 %) or several small effects" in sentence
     assert command in sentence
+    named = separating_command(shared, chance, "my arm.urdf")
+    assert named.startswith("frischid excite 'my arm.urdf' --separate ")  # the command works as printed
+    assert f"`{named}`" in sentence_of(shared, chance, "my arm.urdf")
     sure = [replace(first, probability=0.85), *shared[1:]]
     assert rivals(sure, {**chance, first.effect: 0.85}) == []
     assert sentence_of(sure, {**chance, first.effect: 0.85}) == ""

@@ -354,6 +354,20 @@ def test_commands(tmp_path):
     assert "consistency" not in json.loads(done.output)
     done = run(main, ["consistent", str(raw), "--box", "joint2=0,0,0:1,1,1", "--json"])
     assert json.loads(done.output)["boxes"]["joint2"] == [[0, 0, 0], [1, 1, 1]]
+    alarm = {
+        "id": "gains-from-masses",
+        "severity": "severe",
+        "sentence": "The gains follow from masses.",
+        "remedy": "Weigh.",
+    }
+    stored = json.loads(raw.read_text())
+    del stored["sha256"]
+    stored["history"][-1]["cross_validated"]["alarms"] = [alarm]
+    raw.write_text(json.dumps(stored))
+    for words in (["consistent", str(raw)], ["export", str(raw), "-o", str(path)]):  # both show it
+        done = run(main, words)
+        assert done.exit_code == 1, done.output
+        assert "ALARM gains-from-masses: The gains follow from masses." in done.output
     for wrong in (["--box", "joint2=0,0:1"], ["--box", "joint2=0,0,x:1,1,1"], ["--box", "joint9=0,0,0:1,1,1"]):
         done = run(main, ["consistent", str(raw), *wrong])
         assert done.exit_code == 2

@@ -174,6 +174,8 @@ def test_the_command_line(tmp_path, measured, robot, monkeypatch):
     assert done.exit_code == 0, done.output
     assert "by the controller pd(kp 400, kd 4)" in done.output
     assert fr.Model.load("model.json").controller.values("kp", JOINTS).tolist() == [400.0, 400.0]
+    # the model finds its log again and makes its torque again, so its logs are read as those of any other model
+    assert fr.Model.load("model.json").fitted_logs[0]["file"]["path"].endswith("servo.parquet")
     done = run("--controller", "pd", "--kp", "joint*=400", "--kd", "4", "--json")
     assert '"controller"' in done.output
     for words, message in [

@@ -265,6 +265,17 @@ def test_a_missing_mesh_is_said_and_no_failure():
     assert NO_SHAPES in Clearance.of(Robot.load("planar2")).notes[0]
 
 
+def test_boxes_where_a_link_has_the_name_of_a_fixed_joint():
+    # the Unitree Z1's gripper is such a link; its mesh is not found here, so its body has no box
+    text = """<robot name="arm"><link name="base"/>
+      <link name="hand"><collision><geometry><mesh filename="missing.stl"/></geometry></collision></link>
+      <link name="arm"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0"
+        iyz="0"/></inertial></link>
+      <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>
+      <joint name="hand" type="fixed"><parent link="arm"/><child link="hand"/></joint></robot>"""
+    assert body_boxes(Robot(name="arm", source="arm.urdf", urdf=text)) == {}
+
+
 def test_a_mesh_without_a_hull_is_taken_as_it_is():
     # Round caps, where more edges meet than Coal's convex hull can hold.
     boxes = body_boxes(Robot.load("TwoDofs"))

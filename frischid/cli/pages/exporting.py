@@ -12,6 +12,8 @@ from frischid.cli.pages.joint_drives import drives
 from frischid.cli.pages.page import Page, figure, table_of
 from frischid.export.consistency import Consistency, free_masses, free_parameters
 from frischid.export.urdf import Export
+from frischid.model.alarms import Alarm
+from frischid.model.headline import headline_of
 from frischid.model.model import Model
 
 
@@ -26,7 +28,14 @@ def consistency(found: Consistency, output: str | None) -> Page:
     ]
     if output:
         parts.append(f"model written to {output}")
-    return Page(consistency_data(found) | {"model": output}, parts)
+    alarms = alarms_of(found.model)
+    return Page(consistency_data(found) | {"model": output, "alarms": [a.to_dict() for a in alarms]}, parts, alarms)
+
+
+def alarms_of(model: Model) -> tuple[Alarm, ...]:
+    """The alarms at the last error that the model's file holds: whoever uses an export has to know them too."""
+    known = (headline_of(event) for event in reversed(model.history))
+    return next((found.alarms for found in known if found is not None), ())
 
 
 def consistency_data(found: Consistency) -> dict[str, Any]:
@@ -139,4 +148,6 @@ def export(done: Export) -> Page:
     parts += [*tables, *(f"  {escape(n)}" for n in done.notes)]
     if done.difference is not None:
         parts.append(f"loaded again: torque on 50 random states differs from the model's by {done.difference:.1e}")
-    return Page(data, [*parts, f"{done.format} written to {done.path}"])
+    alarms = alarms_of(done.model)
+    data["alarms"] = [alarm.to_dict() for alarm in alarms]
+    return Page(data, [*parts, f"{done.format} written to {done.path}"], alarms)

@@ -88,9 +88,8 @@ def _next(found: Identification, output: str) -> str:
     files = {x["file"]["mapping"]["path"] for x in found.model.fitted_logs if (x.get("file") or {}).get("mapping")}
     near = [min(path, os.path.relpath(path), key=len) for path in sorted(map(str, files))]
     maps = "".join(f" --map {shlex.quote(path)}" for path in near)
-    logs = " ".join(shlex.quote(x["source"]) for x in found.model.fitted_logs[:1])
-    more = " ..." if len(found.model.fitted_logs) > 1 else ""
-    return f"next: frischid diagnose {shlex.quote(output)} {logs}{more}{maps}"
+    logs = " ".join(shlex.quote(x["source"]) for x in found.model.fitted_logs)
+    return f"next: frischid diagnose {shlex.quote(output)} {logs}{maps}"
 
 
 def identified(found: Identification) -> dict[str, Any]:

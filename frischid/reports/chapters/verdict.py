@@ -129,7 +129,8 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
     better = "better.json" if given != "better.json" else "still-better.json"
     found: list[dict[str, Any]] = []
     diagnosis, best = study.diagnosis, study.proposed
-    separating = "" if diagnosis is None else separating_command(diagnosis.findings, diagnosis.probabilities)
+    robot = study.model.robot.source
+    separating = "" if diagnosis is None else separating_command(diagnosis.findings, diagnosis.probabilities, robot)
     if diagnosis is not None and diagnosis.verdict == "unknown":
         found.append({"kind": "formula", "command": f"frischid studio {given} LOG..."})
     elif separating:
@@ -140,7 +141,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "add", "effect": best.effect, "change": best.change, "command": add})
     if study.weak:
         more = " …" * (len(study.weak) > LISTED)
-        plan = "frischid excite ROBOT -o motion.csv"
+        plan = f"frischid excite {shlex.quote(robot)} -o motion.csv"
         names = ", ".join(study.weak[:LISTED]) + more
         found.append({"kind": "excite", "count": len(study.weak), "names": names, "command": plan})
     if not study.held_out:
