@@ -31,6 +31,7 @@ from frischid.studio.watch import Tried, Watch
 if TYPE_CHECKING:  # jobs import these modules themselves, so that the first picture does not wait
     from frischid.diagnosis.diagnosis import Diagnosis
     from frischid.diagnosis.findings import Finding
+    from frischid.forward.simulated_beside import SimulatedBeside
 
 DIAGNOSIS_DELAY = 0.05  # s before a diagnosis begins in the background
 
@@ -58,6 +59,8 @@ class State:
         Why the diagnosis failed; empty otherwise.
     before : State or None
         State before the last step, for `undo`; None where that state has to be computed.
+    beside : SimulatedBeside or None
+        Simulated positions along a log of commands, a test log if there is one; None where nothing is simulated.
     """
 
     revision: int
@@ -69,6 +72,7 @@ class State:
     first_look: bool = False
     problem: str = ""
     before: State | None = None
+    beside: SimulatedBeside | None = None
 
 
 class SupersededError(Exception):
@@ -280,7 +284,18 @@ class Bench:
         held_out = [b for part in evaluated[len(self.fit) :] for b in part]
         tested = compare(model, self.valid, held_out) if self.valid else comparison
         error = headline(model, self.valid or self.fit, tested)
-        return State(revision, model, predict(model, logs, evaluated), comparison, error)
+        beside = _beside(model, [*self.valid, *self.fit])
+        return State(revision, model, predict(model, logs, evaluated), comparison, error, beside=beside)
+
+
+def _beside(model: Model, logs: Sequence[Log]) -> SimulatedBeside | None:
+    """Simulated positions of a model with a controller, which can be simulated."""
+    if model.controller is None:
+        return None
+    from frischid.forward.simulated_beside import simulated_beside
+
+    found = simulated_beside(model, logs)
+    return None if isinstance(found, str) else found
 
 
 def _by_role(model: Model, logs: Sequence[Log]) -> tuple[list[Log], list[Log], str]:

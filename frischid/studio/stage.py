@@ -20,6 +20,7 @@ from frischid.robot.robot import Robot
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import thickness_of, urdf_of
 from frischid.studio.colours import LIT, colour_of
+from frischid.studio.ghost import Ghost
 from frischid.studio.track import Track
 
 Colouring = Literal["over all logs", "at this moment"]
@@ -59,6 +60,7 @@ class Stage:
         robot: Robot = bench.state.model.robot
         self.urdf = urdf_of(robot)
         self.drawn = ViserUrdf(client, self.urdf, root_node_name="/robot")
+        self.ghost = Ghost(client, bench, self._drawn_at)
         self.top = max(0.02, max(j.nrmse for j in bench.state.comparison.joints.values()))
         self._names = tuple(self.urdf.actuated_joint_names)
         self._fixed = {**dict.fromkeys(self._names, 0.0), **robot.locked}
@@ -141,6 +143,7 @@ class Stage:
         errors = self.errors(x, colouring)
         with self.client.atomic():
             self.drawn.update_cfg(self._configuration(x))
+            self.ghost.show(x)
             for (name, marker), pose in zip(self.markers.items(), self._poses(), strict=True):
                 marker.position = tuple(pose[:3, 3])
                 marker.wxyz = tf.SO3.from_matrix(pose[:3, :3] @ self.turns[name]).wxyz
@@ -161,7 +164,10 @@ class Stage:
         return "bottom-right" if place + half > self._free[0] else "bottom-center"
 
     def _configuration(self, x: float) -> Array:
-        values = self._fixed | dict(zip(self.bench.state.model.robot.joints, self.track.at(x), strict=True))
+        return self._drawn_at(self.track.at(x))
+
+    def _drawn_at(self, q: Array) -> Array:
+        values = self._fixed | dict(zip(self.bench.state.model.robot.joints, q, strict=True))
         return np.array([values[n] for n in self._names])
 
     def errors(self, x: float, colouring: Colouring) -> dict[str, float]:
