@@ -201,17 +201,26 @@ class PDController:
             The commands never change, or the delay is longer than `MOST_DELAY_STEPS` steps; or a joint has an effort
             limit and an unknown kd.
         """
+        unmoved = self._unmoved_by_delay(log) if isinstance(log, Log) else {}
         columns = np.flatnonzero(log.has("qcmd") & ~log.has("tau")).tolist() if isinstance(log, Log) else []
         if not columns:
-            return log
+            return replace(log, extra={**log.extra, **unmoved}, sha256=log.identity) if unmoved else log
         check_commands(log)
         tau = np.full(log.q.shape, np.nan) if log.tau is None else log.tau.copy()
         tau[:, columns], extra = self._torque(log, columns)
         said = f"torque of {len(columns)} joints from their commands by the controller {self}"
         late = float(self.values("delay", [log.joints[j] for j in columns]).max()) + self.held / log.rate
         early = log.t - late < log.t[0] - _ROUNDED_STEP / log.rate  # the commands that act there were not recorded
-        whole = replace(log, tau=tau, extra={**log.extra, **extra}, sha256=log.identity, notes=(*log.notes, said))
+        whole = replace(
+            log, tau=tau, extra={**log.extra, **unmoved, **extra}, sha256=log.identity, notes=(*log.notes, said)
+        )
         return replace(whole.slice(int(early.sum())), file=log.file)  # the file gives these samples again
+
+    def _unmoved_by_delay(self, log: Log) -> dict[str, Array]:
+        """Channels of joints whose torque was measured: a delay of commands, where it is in doubt, changes nothing."""
+        doubts = self.values("delay_doubt", log.joints)
+        measured = [n for n, tau, s in zip(log.joints, log.has("tau"), doubts, strict=True) if tau and s > 0]
+        return {PUSH_RATE + n: np.zeros(len(log)) for n in measured if PUSH_RATE + n not in log.extra}
 
     def _torque(self, log: Log, columns: list[int]) -> tuple[Array, dict[str, Array]]:
         """Torque of the joints with these indices, and their channels for `frischid.effects.commands`."""

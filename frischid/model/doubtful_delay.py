@@ -44,7 +44,9 @@ def delay_effects(
     doubts = _doubts(controller, joints)
     if not doubts or any(effect.id == CommandDelay.id for effect in effects):
         return tuple(effects)
-    driven = [n for n in doubts if all(PUSH_RATE + n in motion.extra for motion in motions)]
+    seen = list(motions)
+    there = [n for n in doubts if all(PUSH_RATE + n in motion.extra for motion in seen)]
+    driven = [n for n in there if any(motion.extra[PUSH_RATE + n].any() for motion in seen)]
     if not driven:
         return tuple(effects)
     one = len(driven) == len(joints) and len({doubts[n] for n in driven}) == 1

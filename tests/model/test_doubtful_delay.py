@@ -80,6 +80,19 @@ def test_a_model_with_a_doubtful_delay_is_simulated_and_diagnosed() -> None:
     assert fr.Model.from_dict(model.to_dict()).controller == told
 
 
+def test_a_model_with_a_doubtful_delay_takes_logs_of_torques() -> None:
+    """A measured torque does not depend on the delay of commands."""
+    robot, told = fr.Robot.load("planar2"), fr.PDController(KP, KD, delay=LATE + 0.001, delay_doubt=0.001)
+    model = fr.identify(robot, [commanded()], controller=told, recursion="none").model
+    truth = {"fv1": 0.5, "fv2": 0.3, "fc1": 0.8, "fc2": 0.4, "Ia1": 0.05, "Ia2": 0.03}
+    measured = fr.simulate(robot, fr.random_fourier(robot, 8.0, seed=5), rate=200.0, parameters=truth)
+    assert fr.compare(model, [measured]).nrmse < 0.01
+    both = fr.identify(robot, [commanded(), measured], controller=told, recursion="none").model
+    (late,) = (effect for effect in both.effects if effect.id == "command_delay")
+    assert late.joints is None
+    assert fr.compare(both, [measured, commanded(2)]).nrmse < 0.01
+
+
 @pytest.mark.parametrize("value", [-1.0, float("nan")])
 def test_an_impossible_doubt_is_refused(value: float) -> None:
     with pytest.raises(fr.InputError, match="delay_doubt must be"):
