@@ -321,6 +321,12 @@ def check_torque(log: Log, joints: Sequence[str] | None = None) -> None:
             hint += (
                 "; commanded positions become torques by --controller pd --kp ... (controller=frischid.PDController)"
             )
+        elif any(name.startswith("ctrl_") for name in log.extra):
+            hint += (
+                "; MuJoCo's ctrl is a commanded position with position actuators (qcmd = 'ctrl_{joint}' under "
+                "[default] in a mapping file, and --controller pd --kp ...), and a torque only with motors of gear 1 "
+                "(tau = 'ctrl_{joint}'); qfrc_actuator is the torque with every actuator"
+            )
         raise InputError(
             f"{log.source}: no torque column (tau_<joint>) for {', '.join(wanted)}{hint}; "
             f"the log has {', '.join(log.to_table())}"

@@ -4,12 +4,14 @@ import json
 import os
 from importlib import metadata
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from frischid.cli import main
+from frischid.cli.pages import comparing
 from frischid.effects import EFFECTS
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log, write_log
@@ -197,6 +199,17 @@ def test_compare(fitted, logs):
     text = run("compare", path, logs / "valid.npz").stdout
     assert "NRMSE" in text
     assert "joint2" in text
+
+
+def test_a_coloured_residual_at_the_noise_floor_is_no_reason_to_search():
+    found = SimpleNamespace(depends_on={"q": 0.001}, white=True)
+    errors = {
+        name: SimpleNamespace(nrmse=nrmse, noise_floor=0.01) for name, nrmse in (("joint1", 0.011), ("joint2", 0.1))
+    }
+    result = SimpleNamespace(residuals=SimpleNamespace(structure=lambda: dict.fromkeys(errors, found)), joints=errors)
+    first, second = comparing._residual_error(result)
+    assert first == "joint1: the residual is not independent of q (the error is that of the sensors: little to gain)"
+    assert second == "joint2: the residual is not independent of q"
 
 
 @pytest.mark.parametrize("suffix", ["parquet", "csv", "npz"])

@@ -128,6 +128,12 @@ def test_without_a_controller_the_error_names_one(robot, measured):
     assert not report.issues
 
 
+def test_what_ctrl_of_mujoco_means_is_said_where_no_torque_is_known(robot, measured):
+    log = replace(measured[1], qcmd=None, extra={"ctrl_joint1": measured[1].q[:, 0]})
+    with pytest.raises(fr.InputError, match=r"qcmd = 'ctrl_\{joint\}' under .* qfrc_actuator is the torque"):
+        fr.identify(robot, [log])
+
+
 @pytest.mark.parametrize(
     ("values", "words"),
     [

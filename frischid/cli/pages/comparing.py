@@ -10,7 +10,7 @@ import numpy as np
 from frischid.cli.pages.page import Page, depends, figure, headline_line, table_of
 from frischid.forward.motion_error import MotionComparison
 from frischid.model.comparison import Comparison
-from frischid.model.headline import Headline
+from frischid.model.headline import AS_THE_SENSORS, Headline
 from frischid.model.residual_conditions import CONDITION_ORDER
 from frischid.model.standstill_joints import pose_note, standstill_note
 
@@ -104,5 +104,9 @@ def _residual_error(result: Comparison) -> list[str]:
                 if found.white
                 else f"correlated over {found.correlation_time:.2g} s (noise: {found.white_time:.2g} s)"
             )
-            lines.append(f"{joint}: the residual is {' and '.join(filter(None, (colour, depends(on))))}")
+            error = result.joints[joint]
+            small = " (the error is that of the sensors: little to gain)" * (
+                error.nrmse <= AS_THE_SENSORS * error.noise_floor
+            )
+            lines.append(f"{joint}: the residual is {' and '.join(filter(None, (colour, depends(on))))}{small}")
     return lines

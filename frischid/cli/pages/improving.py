@@ -26,7 +26,8 @@ def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
     for c in result.contacts:
         parts.append(f"contact in {c.source} from {c.start:.2f} to {c.stop:.2f} s on {', '.join(c.joints)}; left out")
     table = table_of("effect", "where", "error", "explains", "gain", "probability", "confused with")
-    for f in result.findings[:10]:
+    effects = [f for f in result.findings if f.effect != result.verdict]  # the first line has the verdict
+    for f in effects[:10]:
         where = ", ".join(f.joints) or "robot"
         evidence = (f.change, f"{f.share:.0%}", f"{f.gain:.1f}", f"{f.probability:.0%}")
         table.add_row(f.effect, where, *evidence, ", ".join(f.confused_with))

@@ -16,7 +16,9 @@ from frischid.paper.reproduction import Reproduction
 
 def reproduction(found: Reproduction, written: Sequence[Path]) -> Page:
     """Every table with its notes, and where the page is."""
-    parts: list[Any] = [f"points: {escape(found.source)}; {found.runs} runs of each study"]
+    published = any("published" in heading for table in found.tables for heading in table.headings)
+    replaced = "; as published, each run that the authors' rules discard is replaced, and the equations count both"
+    parts: list[Any] = [f"points: {escape(found.source)}; {found.runs} runs of each study{replaced * published}"]
     if not found.authors:
         parts.append("[yellow]warning:[/yellow] this is not the authors' motion: nothing can be compared")
     for table in found.tables:
