@@ -76,15 +76,21 @@ def numpy_source(model: Model) -> str:
         As for `c_source`.
     """
     code = CodeModel.of(model)
-    values = {
+    return _whole(code, NumPy(), "control_py.txt", "txt", python_values(code, NumPy()))
+
+
+def python_values(code: CodeModel, language: Language) -> dict[str, object]:
+    """What every generated Python file has: joints, bodies, tables of links, and sizes of the state."""
+    robot = code.model.robot
+    return {
         "head": _head(code, ""),
-        "joints": ascii(model.robot.joints),
-        "up": _list(-np.array(model.robot.gravity)),
-        "bodies": "\n".join(_python_body(b) for b in bodies_of(model.robot)),
+        "imports": "import numpy as np",
+        "joints": ascii(robot.joints),
+        "up": _list(-np.array(robot.gravity)),
+        "bodies": "\n".join(_python_body(b) for b in bodies_of(robot)),
         "links": "\n".join(_python_links(name, links) for name, links in _tables(code)),
-        **_state(code, NumPy()),
+        **_state(code, language),
     }
-    return _whole(code, NumPy(), "control_py.txt", "txt", values)
 
 
 def _whole(code: CodeModel, language: Language, frame: str, suffix: str, values: dict[str, object]) -> str:
@@ -96,9 +102,15 @@ def _whole(code: CodeModel, language: Language, frame: str, suffix: str, values:
         "friction": "\n".join(body.lines("friction")),
     }
     needed = set(body.parts) - ({"sign"} if suffix == "txt" else set())
-    parts = [_read(f"{part}.{suffix}") for part in PARTS if part in needed] + [_read(f"{entry}.{suffix}")]
-    text = _read(frame).replace("@functions@", ("\n\n" if suffix == "c" else "\n\n\n").join(parts)) + "\n"
-    return re.sub(r"@(\w+)@", lambda m: str((values | filled)[m[1]]), text)
+    names = [*(part for part in PARTS if part in needed), entry]
+    return filled_in(frame, [f"{name}.{suffix}" for name in names], values | filled)
+
+
+def filled_in(frame: str, parts: Sequence[str], values: dict[str, object]) -> str:
+    """A frame with functions of some templates, and values in the places that templates name between two ``@``."""
+    between = "\n\n" if frame.endswith(".c") else "\n\n\n"
+    text = _read(frame).replace("@functions@", between.join(map(_read, parts))) + "\n"
+    return re.sub(r"@(\w+)@", lambda m: str(values[m[1]]), text)
 
 
 def _read(template: str) -> str:

@@ -83,6 +83,8 @@ class CodeColumn:
     Attributes
     ----------
     effect : Effect
+    name : str
+        Of the coefficient.
     rows : dict of int to str
         Index of a joint -> expression of the torque on it per unit of the coefficient.
     theta, reference : float
@@ -92,6 +94,7 @@ class CodeColumn:
     """
 
     effect: Effect
+    name: str
     rows: dict[int, str]
     theta: float
     reference: float
@@ -124,15 +127,21 @@ class CodeModel:
     slope_links: Array
 
     @classmethod
-    def of(cls, model: Model) -> CodeModel:
+    def of(cls, model: Model, payload_in_links: bool = True) -> CodeModel:
         """Write the columns of a model's effects.
+
+        Parameters
+        ----------
+        model : Model
+        payload_in_links : bool
+            Whether payloads become part of the links; otherwise they are columns as all other effects.
 
         Raises
         ------
         NoCodeError
             An effect of another package states no code for its columns.
         """
-        robot, writer = model.robot, _Writer(model)
+        robot, writer = model.robot, _Writer(model, payload_in_links)
         columns = [column for effect in model.effects for column in writer.columns(effect)]
         rigid = dict(zip((c.name for c in robot.columns), writer.values[: len(robot.columns)], strict=True))
         loads = np.array([rigid.get(name, 0.0) for name in robot.all_names])
@@ -167,8 +176,8 @@ def _joint_frames(robot: Robot, links: Array) -> Array:
 class _Writer:
     """Writes the columns of a model's effects, one effect after the other."""
 
-    def __init__(self, model: Model) -> None:
-        self.model, self.robot = model, model.robot
+    def __init__(self, model: Model, payload_in_links: bool) -> None:
+        self.model, self.robot, self.payload_in_links = model, model.robot, payload_in_links
         self.regressor = Regressor(model.robot, model.effects, model.reference)
         self.values = self.regressor.reference
         self.reference = dict(zip((c.name for c in self.regressor.columns), self.values, strict=True))
@@ -184,7 +193,7 @@ class _Writer:
         return write(self, effect)
 
     def _column(self, effect: Effect, name: str, rows: dict[int, str], *made: Made) -> CodeColumn:
-        return CodeColumn(effect, rows, self.model.parameter(name), float(self.reference[name]), made)
+        return CodeColumn(effect, name, rows, self.model.parameter(name), float(self.reference[name]), made)
 
     def _quantity(self, kind: str, joint: int, *values: float) -> Made:
         """The quantity of this kind; the same for equal values."""
@@ -248,16 +257,19 @@ class _Writer:
         return found
 
     def _payload(self, effect: Effect) -> list[CodeColumn]:
-        """A payload is added to the model's links; it gives columns only where later effects read the torque."""
+        """A payload that is added to the model's links gives columns only where later effects read the torque."""
         found = []
         for column in effect.columns(self.robot):
             body, place = self.robot.bodies.index(column.joint), LINK_PARAMETERS.index(self._symbol(column.name)[1:])
-            self.payload[body, place] += self.model.parameter(column.name)
-            if reference := float(self.reference[column.name]):
+            value, reference = self.model.parameter(column.name), float(self.reference[column.name])
+            if self.payload_in_links:
+                self.payload[body, place] += value
+                value = 0.0
+            if value or reference:
                 unit = np.zeros_like(self.payload)
                 unit[body, place] = 1.0
                 extra = self._quantity("extra", body, *_joint_frames(self.robot, unit)[body])
-                found.append(CodeColumn(effect, self._rows(extra), 0.0, reference, (extra,)))
+                found.append(CodeColumn(effect, column.name, self._rows(extra), value, reference, (extra,)))
         return found
 
     def _tilt(self, effect: Effect) -> list[CodeColumn]:

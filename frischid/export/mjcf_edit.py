@@ -19,14 +19,12 @@ import pinocchio as pin
 
 from frischid.core.types import Array
 from frischid.errors import InputError
-from frischid.export.mjcf import actuators, position_attributes
+from frischid.export.mjcf import actuators, position_attributes, tendons
+from frischid.export.mjcf_share import Share, share_of
 from frischid.export.names import number
-from frischid.export.reach import mjcf_springs
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
 from frischid.robot.urdf_edit import end_of_tag
-
-JOINT_EFFECTS = {"armature": ("rotor_inertia", "Ia"), "damping": ("viscous", "fv"), "frictionloss": ("coulomb", "fc")}
 
 
 @dataclass
@@ -72,7 +70,7 @@ def edited_mjcf(model: Model, path: Path) -> str:
         raise InputError(f'{path}: inertiafromgeom="true" makes MuJoCo ignore inertials; set it to "auto" first')
     places = _bodies(data, str(path))
     own = pin.buildModelFromMJCF(str(path))
-    links = model.links if robot.transforms is None else (robot.transforms @ model.links[:, :, None])[:, :, 0]
+    share = share_of(model)
     changes: list[tuple[int, int, str]] = []
     for i, joint in enumerate(robot.bodies):
         if joint not in places:
@@ -80,16 +78,18 @@ def edited_mjcf(model: Model, path: Path) -> str:
                 f"{path}: no body with a joint '{joint}' stands in this file itself (included files do not count)"
             )
         body = places[joint]
-        new = _body_inertia(own, joint, body.tag.name, links[i])
+        new = _body_inertia(own, joint, body.tag.name, share.links[i])
         if not is_physical(new):
             raise InputError(f"{path}: the bodies welded to '{body.tag.name}' weigh more than its identified link")
         changes.append(_inertial(data, body, new))
         assert body.joint is not None
         if joint in robot.joints:
-            values = _values(model, joint) | _spring(model, joint, data)
-            changes.append(_joint(data, body.joint, values))
+            changes.append(_joint(data, body.joint, _values(model, joint, share, data)))
     if model.controller is not None:
         changes += _positions(model, data)
+    if lines := tendons(share.tendons):
+        last = _last_tag(data)
+        changes.append((last, last, "\n".join([*lines, ""])))
     for start, end, text in sorted(changes, reverse=True):
         data = data[:start] + text.encode() + data[end:]
     return data.decode("utf-8")
@@ -118,22 +118,25 @@ def _positions(model: Model, data: bytes) -> list[tuple[int, int, str]]:
     return changes
 
 
-def _values(model: Model, joint: str) -> dict[str, float]:
-    found = {key: model.of_effect(*effect).get(joint) for key, effect in JOINT_EFFECTS.items()}
-    # MuJoCo refuses negative values; the sum makes 0.0 of -0.0
-    return {key: max(x, 0.0) + 0.0 for key, x in found.items() if x is not None}
-
-
-def _spring(model: Model, joint: str, data: bytes) -> dict[str, float]:
-    """A linear spring of the joint, its angle in the file's unit: degrees, unless the compiler says radian."""
-    found = mjcf_springs(model).get(joint)
-    if found is None:
-        return {}
-    stiffness, place = found
-    robot = model.robot
-    turns = not robot.prismatic[robot.joints.index(joint)]
+def _values(model: Model, joint: str, share: Share, data: bytes) -> dict[str, float]:
+    """Attributes of a joint; the angle of its spring in the file's unit: degrees, unless the compiler says radian."""
+    values, robot = dict(share.joints[joint]), model.robot
     radian = re.search(rb"<compiler[^>]*\bangle\s*=\s*[\"']radian", data) is not None
-    return {"stiffness": stiffness, "springref": float(np.rad2deg(place)) if turns and not radian else place}
+    if "springref" in values and not radian and not robot.prismatic[robot.joints.index(joint)]:
+        values["springref"] = float(np.rad2deg(values["springref"]))
+    return values
+
+
+def _last_tag(data: bytes) -> int:
+    """Place of the end tag of the whole file."""
+    parser, last = expat.ParserCreate(), [0]
+
+    def end(_: str) -> None:
+        last[0] = parser.CurrentByteIndex
+
+    parser.EndElementHandler = end
+    parser.Parse(data, True)
+    return last[0]
 
 
 def _body_inertia(own: pin.Model, joint: str, body: str, total: Array) -> Array:

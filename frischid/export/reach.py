@@ -1,7 +1,8 @@
 """What a model can be exported to, and which of its effects each format leaves out.
 
-    C, NumPy: every effect whose class states its columns (all of the catalogue);   MJCF, URDF: friction and armature;
-    MJCF: linear springs too, with the joint's torque offset as the angle without torque
+    C, NumPy: every effect whose class states its columns (all of the catalogue);   URDF: viscous and Coulomb friction
+    MJCF: as C, what the XML has no place for in a Python file beside it (`frischid.export.mjcf_effects`), but neither
+    elasticity nor backlash
 
 Code of a model with memory is a step function: it must be called at every sample, see `frischid.export.code_columns`.
 """
@@ -12,12 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from frischid.effects import EFFECTS, Effect, columns_of
+from frischid.effects import EFFECTS, Backlash, Effect, Elasticity, columns_of
 from frischid.export.code_columns import CodeModel, NoCodeError
+from frischid.export.mjcf_share import forces, share_of
 from frischid.model.model import Model
 
-FORMAT_EFFECTS = {"MJCF": {"viscous", "coulomb", "rotor_inertia"}, "URDF": {"viscous", "coulomb"}}
-"""Effects that a format has a place for; code has a place for all."""
+URDF_EFFECTS = frozenset({"viscous", "coulomb"})
+"""Effects that a URDF has a place for; code has a place for all, and MJCF with the Python file beside it too."""
 
 
 REACH_FORMATS = {"c": "code", "mjcf": "MJCF", "urdf": "URDF"}
@@ -35,6 +37,8 @@ class Reach:
         Effects that the format leaves out.
     refused : tuple of str
         Effects without which the model could be written in this format; it cannot be written as it is.
+    beside : tuple of str
+        Effects that are in a Python file beside the file: of MJCF.
     steps : bool
         Whether the code must be called at every sample, because the torque depends on the past.
     """
@@ -43,6 +47,7 @@ class Reach:
     without: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
     steps: bool = False
+    beside: tuple[str, ...] = ()
 
     @property
     def whole(self) -> bool:
@@ -51,7 +56,8 @@ class Reach:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        kept = {"without": list(self.without), "refused": list(self.refused), "steps": self.steps}
+        kept: dict[str, Any] = {"without": list(self.without), "refused": list(self.refused), "steps": self.steps}
+        kept["beside"] = list(self.beside)
         return {"whole": self.whole, **kept}
 
 
@@ -87,37 +93,41 @@ def exportable(model: Model, kind: str) -> tuple[str, ...]:
 
 
 def left_out(model: Model, kind: str) -> tuple[str, ...]:
-    """Effects of a model that a written MJCF or URDF file leaves out."""
-    held = mjcf_springs(model) if kind == "MJCF" else {}
-    found = []
-    for effect in model.effects:
-        if effect.of_controller:  # no torque of the robot, and no format has a delay
-            continue
-        if effect.id in FORMAT_EFFECTS[kind] and not effect.parameters.get("coupled"):
-            continue
-        joints = [name for _, name, _ in effect.acts_on(model.robot)] if effect.id in ("joint_spring", "offset") else []
-        rest = [name for name in joints if name not in held]
-        if not joints or len(rest) == len(joints):
-            found.append(str(effect))
-        elif rest:
-            found.append(str(replace(effect, joints=tuple(rest))))
+    """Effects of a model that a written MJCF (with the file beside it) or URDF file leaves out."""
+    torques = [e for e in model.effects if not e.of_controller]  # no torque of the robot, and no format has a delay
+    if kind == "MJCF":
+        filled = _filled(model)
+        return tuple(str(e) for e in torques if isinstance(e, Elasticity | Backlash) or not _writable(filled, e))
+    return tuple(str(e) for e in torques if e.id not in URDF_EFFECTS)
+
+
+def beside(model: Model) -> tuple[str, ...]:
+    """Effects of a model that an MJCF file has no place for, so that they are in the Python file beside it."""
+    filled, found = _filled(forces(model)), []
+    lost = left_out(model, "MJCF")
+    written = [e for e in filled.effects if str(e) not in lost]
+    held = share_of(replace(filled, effects=tuple(written))).held
+    for effect in written:
+        columns = effect.columns(model.robot)
+        rest = [c.joint for c in columns if c.name not in held]
+        part = len(rest) < len(columns) and len({c.joint for c in columns}) == len(columns)
+        if rest:
+            found.append(str(replace(effect, joints=tuple(rest)) if part else effect))
     return tuple(found)
 
 
-def mjcf_springs(model: Model) -> dict[str, tuple[float, float]]:
-    """Joint -> stiffness and angle without torque of its linear spring: ``τ = ks q + off = ks (q − springref)``.
-
-    MuJoCo refuses a negative stiffness, so a spring that pushes away from its place is not among them.
-    """
-    offsets, springs = (_values(model, *of) for of in (("offset", "off"), ("joint_spring", "ks")))
-    return {joint: (ks, -offsets.get(joint, 0.0) / ks) for joint, ks in springs.items() if ks > 0}
-
-
-def _values(model: Model, effect: str, symbol: str) -> dict[str, float]:
-    """Values of an effect's parameter by joint, of base parameters alone too."""
+def _filled(model: Model) -> Model:
+    """The model with a value for every parameter: of base parameters alone those of the effects, otherwise zero."""
+    columns = columns_of(model.robot, model.effects)
+    standard = dict.fromkeys((*model.robot.all_names, *(c.name for c in columns)), 0.0)
     if model.standard is not None:
-        return model.of_effect(effect, symbol)
-    return {x.joint: x.value for x in model.parameters if x.effect == effect and x.name.startswith(symbol)}
+        return replace(model, standard={**standard, **model.standard})
+    values = {(x.joint, x.effect): x for x in model.parameters}
+    for c in columns:
+        x = values.get((c.joint, c.effect))
+        if x is not None and x.name.startswith(c.name):
+            standard[c.name] = x.value
+    return replace(model, standard=standard)
 
 
 def reach_of(model: Model) -> tuple[Reach, ...]:
@@ -130,16 +140,19 @@ def reach_of(model: Model) -> tuple[Reach, ...]:
     >>> robot = fr.Robot.load("planar2")
     >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
     >>> model = fr.identify(robot, [log], recursion="none", effects=fr.parse_effects("viscous, hysteresis")).model
-    >>> [(x.format, x.without, x.steps) for x in reach_of(model)]
-    [('code', (), True), ('MJCF', ('hysteresis(distance=0.006, width=0.005)',), False), \
-('URDF', ('hysteresis(distance=0.006, width=0.005)',), False)]
+    >>> [(x.format, x.without, x.beside) for x in reach_of(model)]
+    [('code', (), ()), ('MJCF', (), ('hysteresis(distance=0.006, width=0.005)',)), \
+('URDF', ('hysteresis(distance=0.006, width=0.005)',), ())]
     """
-    return _code(model), *(Reach(kind, left_out(model, kind)) for kind in FORMAT_EFFECTS)
+    return (
+        _code(model),
+        Reach("MJCF", left_out(model, "MJCF"), beside=beside(model)),
+        Reach("URDF", left_out(model, "URDF")),
+    )
 
 
 def _code(model: Model) -> Reach:
-    columns = columns_of(model.robot, model.effects)
-    filled = replace(model, standard={**dict.fromkeys(model.robot.all_names, 0.0), **{c.name: 0.0 for c in columns}})
+    filled = _filled(model)
     try:
         return Reach("code", steps=CodeModel.of(filled).remembers)
     except NoCodeError:
@@ -166,5 +179,10 @@ def in_words(reach: Sequence[Reach]) -> str:
 
 
 def _less(reach: Reach) -> str:
-    ids = dict.fromkeys(text.partition("(")[0].partition("@")[0] for text in reach.without)
-    return f"without {', '.join(ids)}" if ids else "whole"
+    if reach.without:
+        return f"without {_ids(reach.without)}"
+    return f"whole, with {_ids(reach.beside)} in a Python file beside the XML" if reach.beside else "whole"
+
+
+def _ids(effects: Sequence[str]) -> str:
+    return ", ".join(dict.fromkeys(text.partition("(")[0].partition("@")[0] for text in effects))

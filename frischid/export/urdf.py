@@ -1,7 +1,8 @@
 """Export of a model as a URDF, an MJCF file, or code for a control loop.
 
 A file is checked before it appears: a URDF is loaded again and must give the model's rigid torque. The export's notes
-name every effect that a format cannot hold (rotors in a URDF, a Stribeck curve in a URDF or MJCF).
+name every effect that a format cannot hold (rotors in a URDF). Effects for which an MJCF file has no place are in a
+Python file beside it; both files are written, or none.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from frischid.core.files import check_writable, write_text
+from frischid.core.files import check_writable, write_text, written
 from frischid.core.types import Array
 from frischid.errors import FrischidError, InputError, UnknownNameError
 from frischid.export.actuators import actuators_csv, actuators_json
@@ -21,8 +22,10 @@ from frischid.export.code_columns import CodeModel
 from frischid.export.consistency import Box, Consistency, as_identified, make_consistent
 from frischid.export.mjcf import mjcf_source
 from frischid.export.mjcf_edit import edited_mjcf
+from frischid.export.mjcf_effects import MARK, effects_source
+from frischid.export.mjcf_share import delays, forces
 from frischid.export.proofread import proofread
-from frischid.export.reach import FORMAT_EFFECTS, left_out
+from frischid.export.reach import URDF_EFFECTS, beside, left_out
 from frischid.model.model import Model
 from frischid.robot.inertia import is_physical, pseudo_inertia, redistributed
 from frischid.robot.kinematic_tree import links_of
@@ -58,6 +61,8 @@ class Export:
         Relative difference of the written URDF's torque from the model's rigid part, on random states.
     notes : tuple of str
         Effects and values that the format cannot hold.
+    effects_path : Path or None
+        Python file beside an MJCF file, with the effects for which the XML has no place; None where the XML has all.
 
     Examples
     --------
@@ -80,6 +85,7 @@ class Export:
     consistency: Consistency | None
     difference: float | None
     notes: tuple[str, ...]
+    effects_path: Path | None = None
 
 
 def export(
@@ -93,6 +99,7 @@ def export(
 ) -> Export:
     """Write a model to a file; the suffix chooses the format: .urdf, .xml (MJCF), .c or .py (NumPy only).
 
+    Effects for which MJCF has no place go to a Python file beside the XML, ``robot_effects.py`` beside ``robot.xml``.
     With .json or .csv, the file is a table of the drives, with ranges (`frischid.export.actuators`).
 
     Parameters
@@ -116,7 +123,8 @@ def export(
     NotPhysicalError
         No robot has these parameters within their bounds, and `force` is not given.
     InputError
-        The suffix is unknown, the file cannot be written, or the text for it is malformed.
+        The suffix is unknown, the file cannot be written, or the text for it is malformed; or a file stands where the
+        Python file beside an MJCF file would be written, and that file is not from frischid.
 
     Examples
     --------
@@ -156,8 +164,38 @@ def export(
     else:
         text = {"MJCF": mjcf_source, "C": c_source, "NumPy": numpy_source}[kind](physical)
     proofread(text, kind, str(target))
-    write_text(target, text)
-    return Export(target, kind, physical, consistency, difference, tuple(_notes(physical, kind)))
+    other = _written_beside(physical, target, text) if kind == "MJCF" else None
+    if other is None:
+        write_text(target, text)
+    return Export(target, kind, physical, consistency, difference, tuple(_notes(physical, kind)), other)
+
+
+def effects_path(path: Path) -> Path:
+    """Name of the Python file beside an MJCF file: ``robot.xml`` -> ``robot_effects.py``."""
+    return path.with_name(f"{path.stem}_effects.py")
+
+
+def _written_beside(model: Model, target: Path, text: str) -> Path | None:
+    """Write the MJCF file with the Python file of the effects that it lacks; None where it lacks none."""
+    source, other = effects_source(model), effects_path(target)
+    old = other.is_file() and MARK in other.read_text(encoding="utf-8", errors="replace")[:200]
+    if source is None:
+        if old:
+            raise InputError(
+                f"{other}: this file of an earlier export has effects that the new {target.name} has itself, so MuJoCo "
+                "would apply them twice; remove it, or give the new file another name"
+            )
+        return None
+    if other.exists() and not old:
+        raise InputError(
+            f"{other} was not written by frischid, and would be overwritten by the effects that {target.name} lacks; "
+            "nothing was done, give the MJCF file another name"
+        )
+    proofread(source, "NumPy", str(other))
+    with written(target) as xml, written(other) as python:
+        xml.write_text(text, encoding="utf-8")
+        python.write_text(source, encoding="utf-8")
+    return other
 
 
 def _physical(
@@ -241,26 +279,45 @@ def _notes(model: Model, kind: str) -> list[str]:
     """Notes on effects and values that the format cannot hold."""
     if kind in ("C", "NumPy"):
         return [STEP_FUNCTION] if CodeModel.of(model).remembers else []
-    held, notes = FORMAT_EFFECTS[kind], []
+    notes = []
     if left := left_out(model, kind):
         notes.append(f"left out of the {kind} file: {', '.join(left)}")
-    symbols = {"viscous": "fv", "coulomb": "fc", "rotor_inertia": "Ia"}
+    if kind == "MJCF":
+        return notes + _notes_of_pair(model)
+    symbols = {"viscous": "fv", "coulomb": "fc"}
     negative = [
         f"{symbols[e]} of {joint} ({x:.3g})"
-        for e in sorted(held)
+        for e in sorted(URDF_EFFECTS)
         for joint, x in model.of_effect(e, symbols[e]).items()
         if x < 0
     ]
     if negative:
         notes.append(f"written as zero because they are negative: {', '.join(negative)}")
-    several = _of_several_links(model.robot) if kind == "URDF" else []
+    several = _of_several_links(model.robot)
     if several:
         notes.append(
             f"the bodies behind {', '.join(several)} have several links with an inertial; the links of a body were "
             "changed by one affine map, so that together they have the identified inertia"
         )
-    if kind == "URDF" and model.robot.locked:
+    if model.robot.locked:
         notes.append(f"identified with {', '.join(model.robot.locked)} held still: valid at those positions")
+    return notes
+
+
+def _notes_of_pair(model: Model) -> list[str]:
+    """Which effects are in the XML, which are in the Python file, and what is no force."""
+    rest, late = beside(model), delays(model)
+    out = (*rest, *left_out(model, "MJCF"))
+    ids = dict.fromkeys(e.id for e in forces(model).effects if str(e) not in out)
+    notes = [f"in the XML: {', '.join(ids) or 'no effect'}"]
+    if rest:
+        notes.append(f"in the Python file beside it: {', '.join(rest)}")
+    if late:
+        said = ", ".join(f"{name} {1e3 * x:.1f} ms" for name, x in late.items())
+        notes.append(
+            f"in neither file, because a late record of the torque is no force on the robot: {said}; to replay "
+            "a recorded torque, read the record ahead by this time"
+        )
     return notes
 
 

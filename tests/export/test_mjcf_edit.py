@@ -112,7 +112,7 @@ def test_mujoco_has_the_torque_of_a_linear_spring(tmp_path, unit, into):
     log = simulate(robot, random_fourier(robot, 20, seed=1), rate=100, effects=effects, parameters=truth)
     model = identify(robot, [log], effects=effects, recursion="none").model
     done = export(model, tmp_path / "new.xml", into=tmp_path / "arm.xml" if into else None)
-    assert any(note == "left out of the MJCF file: offset@shoulder" for note in done.notes)
+    assert "in the Python file beside it: offset@shoulder" in done.notes
     compiled = mujoco.MjModel.from_xml_path(str(tmp_path / "new.xml"))
     data = mujoco.MjData(compiled)
     for q in (-0.5, 0.0, 0.7):
@@ -124,12 +124,12 @@ def test_mujoco_has_the_torque_of_a_linear_spring(tmp_path, unit, into):
         assert data.qfrc_passive[0] == 0
 
 
-def test_a_spring_that_pushes_away_is_left_out(tmp_path, path):
+def test_a_spring_that_pushes_away_is_in_the_python_file(tmp_path, path):
     robot = Robot.load(path)
     effects = parse_effects("viscous, coulomb, rotor_inertia, joint_spring@elbow")
     log = simulate(robot, random_fourier(robot, 20, seed=1), rate=100, effects=effects, parameters={"ks2": -3.0})
     done = export(identify(robot, [log], effects=effects, recursion="none").model, tmp_path / "new.xml")
-    assert "left out of the MJCF file: joint_spring(form=linear)@elbow" in done.notes
+    assert "in the Python file beside it: joint_spring(form=linear)@elbow" in done.notes
     assert "stiffness" not in (tmp_path / "new.xml").read_text()
 
 

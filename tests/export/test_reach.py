@@ -14,6 +14,8 @@ from frischid.cli.pages import improving
 from frischid.effects import EFFECTS, parse_effects
 from frischid.export.reach import exportable, in_words, reach_of
 
+XML_ALONE = ("viscous", "coulomb", "rotor_inertia", "joint_coupling", "payload")
+
 
 @pytest.fixture(scope="module")
 def fitted():
@@ -29,7 +31,9 @@ def test_every_effect_of_the_catalogue_can_be_code(fitted):
         code, mjcf, urdf = reach_of(model)
         assert code.whole, name
         of_controller = fr.EFFECTS[name].of_controller
-        assert mjcf.whole == (of_controller or name in ("viscous", "coulomb", "rotor_inertia"))
+        assert mjcf.whole == (name not in ("elasticity", "backlash"))
+        inside = (*XML_ALONE, "time_delay")
+        assert (mjcf.beside == ()) == (of_controller or not mjcf.whole or name in inside), name
         assert urdf.whole == (of_controller or name in ("viscous", "coulomb"))
 
 
@@ -37,9 +41,10 @@ def test_add_says_what_the_model_can_be_exported_to(fitted):
     model, log = fitted
     step = fr.add(model, parse_effects("hysteresis"), [log])
     page = improving.added(step, "model.json")
-    assert page.data["exports"]["code"] == {"whole": True, "without": [], "refused": [], "steps": True}
+    assert page.data["exports"]["code"] == {"whole": True, "without": [], "refused": [], "steps": True, "beside": []}
     assert any("C and NumPy: whole, as a step function" in str(part) for part in page.parts)
-    assert "MJCF: without offset, hysteresis" in in_words(reach_of(step.model))
+    assert "MJCF: whole, with offset, hysteresis in a Python file beside the XML" in in_words(reach_of(step.model))
+    assert page.data["exports"]["MJCF"]["beside"] == ["offset", "hysteresis(distance=0.006, width=0.005)"]
     json.dumps(page.data)
 
 
@@ -66,6 +71,7 @@ def test_a_class_without_code_is_named(fitted):
 def test_improve_searches_only_among_effects_that_an_export_holds(fitted, tmp_path, monkeypatch):
     model = fitted[0]
     assert set(exportable(model, "c")) == {name for name in EFFECTS if any(EFFECTS[name].candidates(model.robot))}
+    assert set(exportable(model, "mjcf")) == set(exportable(model, "c")) - {"elasticity", "backlash"}
     assert "joint_spring" not in exportable(model, "urdf")
     hidden = parse_effects("viscous, coulomb, offset, rotor_inertia, joint_spring@joint2")
     motion = fr.random_fourier(model.robot, 20.0, seed=3)

@@ -150,4 +150,12 @@ def export(done: Export) -> Page:
         parts.append(f"loaded again: torque on 50 random states differs from the model's by {done.difference:.1e}")
     alarms = alarms_of(done.model)
     data["alarms"] = [alarm.to_dict() for alarm in alarms]
-    return Page(data, [*parts, f"{done.format} written to {done.path}"], alarms)
+    said = [f"{done.format} written to {done.path}"]
+    if done.format == "MJCF":
+        data["effects_file"] = None if done.effects_path is None else str(done.effects_path)
+    if done.effects_path is not None:
+        said.append(
+            f"effects that the XML lacks written to {done.effects_path}: import the file, and call attach(model) "
+            "before you simulate"
+        )
+    return Page(data, [*parts, *said], alarms)
