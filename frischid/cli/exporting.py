@@ -72,7 +72,8 @@ def export(
     """Write a model as URDF, MJCF, or C or NumPy code.
 
     The code is a function for a control loop, without further dependencies. A model with memory (presliding, backlash,
-    a delay) becomes a function that is called at every sample, with a state. JSON and CSV hold a table of the drives
+    a delay) becomes a function that is called at every sample, with a state. Effects for which MJCF has no place go to
+    robot_effects.py beside robot.xml: its attach(model) applies them in MuJoCo. JSON and CSV hold a table of the drives
     (stiffness, damping, armature, friction, effort limit, delay) with ranges, for simulators.
 
     Links that are not physical are made physical first (see `frischid consistent`); the changes are printed.

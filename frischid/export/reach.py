@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from frischid.effects import EFFECTS, Backlash, Effect, Elasticity, columns_of
+from frischid.effects import EFFECTS, Backlash, Effect, Elasticity, JointSpring, columns_of
 from frischid.export.code_columns import CodeModel, NoCodeError
 from frischid.export.mjcf_share import forces, share_of
 from frischid.model.model import Model
@@ -117,17 +117,20 @@ def beside(model: Model) -> tuple[str, ...]:
 
 
 def _filled(model: Model) -> Model:
-    """The model with a value for every parameter: of base parameters alone those of the effects, otherwise zero."""
-    columns = columns_of(model.robot, model.effects)
-    standard = dict.fromkeys((*model.robot.all_names, *(c.name for c in columns)), 0.0)
+    """The model with a value for every parameter: of base parameters alone those with their names, else the URDF's."""
+    robot, columns = model.robot, columns_of(model.robot, model.effects)
+    standard = dict.fromkeys((c.name for c in columns), 0.0) | dict(
+        zip(robot.all_names, map(float, robot.nominal), strict=True)
+    )
     if model.standard is not None:
         return replace(model, standard={**standard, **model.standard})
-    values = {(x.joint, x.effect): x for x in model.parameters}
-    for c in columns:
-        x = values.get((c.joint, c.effect))
+    known = {x.name: x.value for x in model.parameters if x.name in standard}
+    springs = {(x.joint, x.effect): x for x in model.parameters if x.effect == JointSpring.id}
+    for c in columns:  # a spring may be one of a sum
+        x = springs.get((c.joint, c.effect))
         if x is not None and x.name.startswith(c.name):
-            standard[c.name] = x.value
-    return replace(model, standard=standard)
+            known[c.name] = x.value
+    return replace(model, standard={**standard, **known})
 
 
 def reach_of(model: Model) -> tuple[Reach, ...]:

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -280,7 +281,10 @@ def test_names_of_other_people_are_no_code(tmp_path):
 
 def test_the_command_writes_and_names_both_files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    arm("cogging").save("model.json")
+    machine, effects = fr.Robot.load("planar2"), parse_effects("viscous, coulomb, cogging")
+    values = {"fv1": 1.0, "fv2": 1.0, "fc1": 0.5, "fc2": 0.5, "A1": 0.3, "B2": 0.2}
+    log = fr.simulate(machine, fr.random_fourier(machine, 10, seed=1), rate=100, effects=effects, parameters=values)
+    fr.identify(machine, [log], effects=effects, recursion="none").model.save("model.json")
     done = CliRunner().invoke(main, ["export", "model.json", "-o", "robot.xml", "--force", "--json"])
     assert done.exit_code == 0, done.output
     found = json.loads(done.stdout)
@@ -314,3 +318,10 @@ def test_the_users_own_file_gets_tendons_and_the_same_forces(tmp_path):
     one = np.ones((1, 2))
     # MuJoCo's friction constraint of a moving joint is at its level
     np.testing.assert_allclose(data.qfrc_inverse, done.model.inverse_dynamics(0 * one, one, one)[0], rtol=1e-6)
+
+
+def test_the_lines_of_the_guide_run(tmp_path):
+    export(arm("hysteresis"), tmp_path / "identified.xml", force=True)
+    guide = (Path(__file__).parents[2] / "docs/guides/export.md").read_text(encoding="utf-8")
+    (lines,) = re.findall(r"```text\n(import mujoco.*?)```", guide, re.DOTALL)
+    subprocess.run([sys.executable, "-c", lines], check=True, cwd=tmp_path)
