@@ -21,9 +21,13 @@ from frischid.robot.inertia import is_physical
 
 LEAST_LOSS = 1e-9
 """N·m (N). Dry friction of a joint whose friction is in the other file: MuJoCo makes no constraint for zero."""
-ROUNDING = 1e-9
+FIT_ROUNDING = 1e-9
 """A coefficient above minus this is zero in the XML: a negative value so small is rounding of the fit."""
-OF_JOINT = {"armature": ("rotor_inertia", "Ia"), "damping": ("viscous", "fv"), "frictionloss": ("coulomb", "fc")}
+JOINT_ATTRIBUTES = {
+    "armature": ("rotor_inertia", "Ia"),
+    "damping": ("viscous", "fv"),
+    "frictionloss": ("coulomb", "fc"),
+}
 """Attribute of a joint -> effect and symbol of its value."""
 
 
@@ -128,8 +132,32 @@ def delays(model: Model) -> dict[str, float]:
 def _of_joints(model: Model, effect: Effect, joints: dict[str, dict[str, float]]) -> set[str]:
     """Fill in the attributes of the joints of one effect; the names of the parameters that they have."""
     numbers, held = model.robot.numbers, set()
-    for key, (own, symbol) in OF_JOINT.items():
+    for key, (own, symbol) in JOINT_ATTRIBUTES.items():
         if effect.id == own:
             for joint, x in model.of_effect(own, symbol).items():
                 joints[joint][key] = max(x, 0.0) + 0.0  # the sum makes 0.0 of -0.0
-                held |= {f"{symbol}{numbers[joint]}"} if x >= -ROUNDING else set()
+                held |= {f"{symbol}{numbers[joint]}"} if x >= -FIT_ROUNDING else set()
+    if isinstance(effect, JointSpring):
+        offsets = model.of_effect(Offset.id, "off")
+        for joint, x in model.of_effect(effect.id, "ks").items():
+            if x > 0:
+                joints[joint] |= {"stiffness": x, "springref": -offsets.get(joint, 0.0) / x}
+                held |= {f"ks{numbers[joint]}"} | ({f"off{numbers[joint]}"} if joint in offsets else set())
+    return held
+
+
+def _tendons(model: Model, effect: JointCoupling) -> list[Tendon]:
+    robot, found = model.robot, []
+    for first, second in effect.pairs(robot):
+        number = f"{robot.numbers[first]}_{robot.numbers[second]}"
+        symbols = {"damping": "fvm", "frictionloss": "fcm", "armature": "Iam"}
+        values = {key: model.parameter(f"{symbol}{number}") for key, symbol in symbols.items()}
+        found.append(
+            Tendon(first, second, effect.ratio, {key: max(x, 0.0) for key, x in values.items() if x >= -FIT_ROUNDING})
+        )
+    return found
+
+
+def _links(model: Model, payloads: tuple[Effect, ...]) -> Array:
+    """Inertial parameters about the joints' frames, (L, 10), with payloads."""
+    return CodeModel.of(replace(model, effects=payloads, reference=None)).links
