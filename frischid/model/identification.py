@@ -43,9 +43,11 @@ from frischid.model.identification_stages import (
 )
 from frischid.model.identify_options import IdentifyChoices, IdentifyOptions
 from frischid.model.log_data import Journal, LogData
+from frischid.model.lag_sums import LagSums
 from frischid.model.model import Model
 from frischid.model.own_logs import log_entry
 from frischid.model.residual_scores import ResidualScores
+from frischid.model.torque_lag import TorqueLag, described, torque_lag
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Gram
 from frischid.robot.robot import Robot
@@ -83,6 +85,8 @@ class Identification(Shown):
         Friction, rotor inertia and gravity in A of the joints whose logs hold currents and no torque.
     alarms : tuple of Alarm
         Of the fit, and of the model on the validation logs; most severe first.
+    torque_lag : TorqueLag or None
+        Lag of the torque behind the motion; None where the model has a delay of its own, or the logs are too short.
 
     Examples
     --------
@@ -109,6 +113,7 @@ class Identification(Shown):
     warnings: tuple[str, ...]
     alarms: tuple[Alarm, ...]
     amperes: tuple[JointCurrents, ...] = ()
+    torque_lag: TorqueLag | None = None
 
     def __repr__(self) -> str:
         error = "" if self.headline is None else f", NRMSE {self.headline.nrmse:.4f} {self.headline.where}"
@@ -204,7 +209,9 @@ def assess(bounds: Bounds) -> Identification:
     cross_validation = dict(zip(data.joints, _nrmse(whole, variance), strict=True))
     journal.progress("comparison")
     before = fit_alarms(fit)
-    model, there = _measured(bounds, ResidualScores(problem, folds, bounds.estimate))
+    lags = LagSums(problem, bounds.estimate)
+    model, there = _measured(bounds, ResidualScores(problem, folds, bounds.estimate), lags)
+    lag = torque_lag(problem, bounds.estimate, lags)
     own = None if there is None else from_fit(there, dict(zip(data.joints, np.sqrt(variance), strict=True)), before)
     event = _event(data, problem.effects, cross_validation, own)
     comparison = compare(replace(model, history=(event,)), data.valid) if data.valid else None
@@ -213,11 +220,14 @@ def assess(bounds: Bounds) -> Identification:
     at_rest = there is not None and there.poses == there.samples
     journal.notes += [_held(there)] if there is not None and at_rest else []
     doubts = [] if at_rest else _unexplained(cross_validation, limit)
-    warnings = tuple(dict.fromkeys([*doubts, *journal.warnings]))
+    journal.notes += described(lag)
+    late = [] if lag is None or not lag.significant else [lag.warning]
+    warnings = tuple(dict.fromkeys([*doubts, *late, *journal.warnings]))
     notes = tuple(dict.fromkeys(journal.notes))
     if comparison is not None and headline is not None:
         event |= {"test": headline.to_dict(), "test_logs": [log_entry(log) for log in data.valid]}
     event |= {"notes": list(notes), "warnings": list(warnings)}
+    event |= {} if lag is None else {"torque_lag": lag.to_dict()}
     if model.prior is not None:
         kept = model.prior.to_dict()
         event["prior"] = {key: kept[key] for key in ("kind", "rows", "scales")}
@@ -236,6 +246,7 @@ def assess(bounds: Bounds) -> Identification:
         warnings=warnings,
         alarms=before if headline is None else headline.alarms,
         amperes=in_amperes(model, data.motions),
+        torque_lag=lag,
     )
 
 
@@ -283,14 +294,15 @@ def _held(poses: Comparison) -> str:
     )
 
 
-def _measured(bounds: Bounds, scores: ResidualScores) -> tuple[Model, Comparison | None]:
+def _measured(bounds: Bounds, scores: ResidualScores, lags: LagSums) -> tuple[Model, Comparison | None]:
     """The model with its record, and its comparison with its own logs; None where no torque changes."""
     fit, data, record = bounds.fit, bounds.fit.problem.data, fit_record(bounds.fit)
     model = _model(bounds, record)
     errors = ModelErrors(model, residuals_kept=1)
-    for block, fitted in model.evaluate(errors.noise.watch(data.motions)):
+    for block, fitted in model.evaluate(lags.watch(errors.noise.watch(data.motions))):
         errors.add(block, fitted)
         scores.add(block)
+        lags.add(block)
     record = replace(record, scores=scores.quantiles())
     try:
         there = errors.comparison(tuple(log.source for log in data.logs))

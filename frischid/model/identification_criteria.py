@@ -34,6 +34,23 @@ class IdentificationCriteria:
         Rows of a recursion window per parameter, at least, unless half the rows are fewer.
     bbrf_steps_kept : int
         Steps of the recursion that are stored with the model, for the picture of how the bounds closed in.
+    lag_p_value : float
+        Largest p-value of a lag of the torque that counts. The errors of the models of six measured robots imitate lags
+        with p-values down to 4e-4 (UR10e); half a sample step of simulated logs has 1e-5 or less.
+    lag_differs_p_value : float
+        Level, shared by all joints, at which a joint's lag differs from that of all joints.
+    lag_differs_share : float
+        Difference, as a share of the lag of all joints, from which a joint's lag is another one: simulated logs with
+        one lag of half a step reach 0.25 on a joint, the UR10e's measured joints 2 and more.
+    lag_likely_p_value : float
+        p-value below which a lag is estimated again with corrected parameters.
+    lag_least_steps : float
+        Smallest lag that counts, in sample steps: time stamps are rounded.
+    lag_sampling_steps : float
+        Longest lag, in sample steps, that sampling and held commands explain: a held command acts half a step late on
+        average, and its record may be a step late.
+    lag_stretches : int
+        Stretches of time, at least, that give the lag's standard error.
     """
 
     unexplained_nrmse: float = 0.8
@@ -44,6 +61,13 @@ class IdentificationCriteria:
     bbrf_window: int = 1000
     bbrf_rows_per_parameter: int = 20
     bbrf_steps_kept: int = 40
+    lag_p_value: float = 1e-4
+    lag_differs_p_value: float = 0.01
+    lag_differs_share: float = 0.5
+    lag_likely_p_value: float = 0.05
+    lag_least_steps: float = 0.1
+    lag_sampling_steps: float = 1.5
+    lag_stretches: int = 6
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""

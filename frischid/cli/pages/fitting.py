@@ -131,6 +131,7 @@ def identified(found: Identification) -> dict[str, Any]:
         "cross_validation": found.cross_validation,
         "comparison": None if found.comparison is None else found.comparison.to_dict(),
         "alarms": [alarm.to_dict() for alarm in found.alarms],
+        "torque_lag": None if found.torque_lag is None else found.torque_lag.to_dict(),
         "notes": list(found.notes),
         "warnings": list(found.warnings),
     }

@@ -1,0 +1,171 @@
+"""The lag of the measured torque behind the measured motion, estimated with every fit.
+
+A torque that is recorded d seconds late is the torque of an earlier state, τ(t) = Y(t − d) θ. To first order the
+residuals of the fit hold the time derivative of the fitted torque,
+
+    e_j(t) = −d · d/dt s_j(t)  −  d_j · d/dt f_j(t)  +  Y_j(t) δ,
+
+where s is the fitted torque without dry friction, f its dry friction, and δ the correction of the parameters. The lag d
+is taken from s alone: friction with memory, elastic gears and a wrong smoothing of dry friction imitate a delay, but
+only where dry friction changes its sign, and each joint has its own d_j there. The derivative is antisymmetric in time.
+So a smoothed torque, which is symmetric, is no lag.
+
+Standard errors are those of an infinitesimal jackknife over stretches of a second or more. A lag of the recording is
+the same on all joints; a model's error is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from frischid.core.types import Array
+from frischid.estimators.least_squares import Estimate
+from frischid.model.identification_criteria import IdentificationCriteria
+from frischid.model.identification_stages import Problem
+from frischid.model.lag_sums import LagSums
+
+
+@dataclass(frozen=True)
+class JointLag:
+    """Lag of one joint's torque and its standard error, s; whether it is more than chance."""
+
+    name: str
+    lag: float
+    error: float
+    significant: bool
+
+
+@dataclass(frozen=True)
+class TorqueLag:
+    """Lag of the torque behind the motion.
+
+    Attributes
+    ----------
+    lag, error : float
+        Of all joints together, and its standard error, s.
+    step : float
+        Time between the samples of the logs, s; the longest of several.
+    p_value : float
+        Of no lag.
+    joints : tuple of JointLag
+        Each joint alone.
+    differing : tuple of str
+        Joints whose lag differs significantly from that of all joints: a delay of the recording would be the same.
+    significant : bool
+        Whether all joints agree on a lag that is neither chance nor the rounding of a time stamp.
+    sampling_steps : float
+        Longest lag that sampling and held commands explain, in sample steps.
+    """
+
+    lag: float
+    error: float
+    step: float
+    p_value: float
+    joints: tuple[JointLag, ...]
+    differing: tuple[str, ...]
+    significant: bool
+    sampling_steps: float
+
+    @property
+    def sampling(self) -> bool:
+        """Whether sampling and holding explain the lag: it is positive and not too long."""
+        return self.significant and 0 < self.lag <= self.sampling_steps * self.step
+
+    @property
+    def warning(self) -> str:
+        """One sentence with the remedy; empty where no lag is significant."""
+        if not self.significant:
+            return ""
+        alike = ", the same on all joints" if len(self.joints) > 1 else ""
+        way = "behind" if self.lag > 0 else "ahead of"
+        cause = (
+            "as sampling and held commands make it"
+            if self.sampling
+            else "which is no effect of sampling: compare the clocks and filters of both channels"
+        )
+        return (
+            f"the torque is {1e3 * abs(self.lag):.3g} ± {1e3 * self.error:.2g} ms {way} the motion "
+            f"({abs(self.lag) / self.step:.2g} sample steps){alike}, {cause}. Parameters are biased "
+            "by this lag: add time_delay (frischid add MODEL time_delay LOGS -o NEW)"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {**asdict(self), "sampling": self.sampling, "warning": self.warning}
+
+
+def torque_lag(problem: Problem, estimate: Estimate, sums: LagSums) -> TorqueLag | None:
+    """The lag from the sums of a pass over the logs.
+
+    Where a lag is likely, the parameters are wrong by it, and a second pass is made with corrected ones: the standard
+    error of the first pass is then too large.
+
+    Parameters
+    ----------
+    problem : Problem
+    estimate : Estimate
+        The fit.
+    sums : LagSums
+        Of this fit, after the pass.
+
+    Returns
+    -------
+    TorqueLag or None
+        None where the logs are too short, or where the model has a delay of its own.
+    """
+    data, criteria = problem.data, problem.data.options.criteria
+    found = _lag(sums, data.joints, criteria)
+    if found is None or found[0].p_value > criteria.lag_likely_p_value:
+        return None if found is None else found[0]
+    again = LagSums(problem, estimate, found[1])
+    for motion in again.watch(data.motions):
+        for block in problem.regressor.blocks(motion, data.lowpass):
+            again.add(block)
+    better = _lag(again, data.joints, criteria)
+    return (better or found)[0]
+
+
+def described(lag: TorqueLag | None) -> Iterator[str]:
+    """A note where joints disagree about a lag that is significant on some of them."""
+    own = [] if lag is None else [j for j in lag.joints if j.significant and j.name in lag.differing]
+    if lag is None or not own:
+        return
+    said = [f"{j.name} {1e3 * j.lag:.3g} ± {1e3 * j.error:.2g} ms" for j in own]
+    yield (
+        f"the torque seems to lag the motion by {1e3 * lag.lag:.3g} ± {1e3 * lag.error:.2g} ms, but not on all joints "
+        f"alike ({', '.join(said)}): friction, elasticity or a torque filter of single drives, not a delay of the log"
+    )
+
+
+def _lag(sums: LagSums, names: Sequence[str], criteria: IdentificationCriteria) -> tuple[TorqueLag, Array] | None:
+    """The lag with the corrected parameters (p,); None where too little was recorded."""
+    sums.finish()
+    J, freedom = len(names), sums.stretches - 1
+    if not sums.wanted or sums.stretches < criteria.lag_stretches or not sums.step:
+        return None
+    one = sums.solved(np.zeros(J, int), np.arange(1, J + 1))
+    each = sums.solved(np.arange(J), np.arange(J, 2 * J))
+    lag, error = float(one.value[0]), float(one.error[0])
+    if not error > 0:
+        return None
+    p_value = float(2 * stats.t.sf(abs(lag) / error, freedom))
+    # the doubt about the difference itself, because a joint's lag and that of all joints share their errors
+    doubt = np.sqrt(np.square(each.influence[:, :J] - one.influence[:, :1]).sum(axis=0))
+    bar = stats.t.isf(criteria.lag_differs_p_value / (2 * J), freedom) * doubt
+    bar = np.maximum(bar, criteria.lag_differs_share * abs(lag))
+    own = 2 * stats.t.sf(np.abs(each.value[:J]) / np.maximum(each.error[:J], 1e-300), freedom)
+    joints = tuple(
+        JointLag(n, float(x), float(s), bool(p < criteria.lag_p_value / J))
+        for n, x, s, p in zip(names, each.value, each.error, own, strict=False)
+    )
+    differing = tuple(j.name for j, most in zip(joints, bar, strict=True) if abs(j.lag - lag) > most)
+    known = abs(lag) > criteria.lag_least_steps * sums.step and p_value < criteria.lag_p_value
+    limit = criteria.lag_sampling_steps
+    return TorqueLag(lag, error, sums.step, p_value, joints, differing, known and not differing, limit), (
+        sums.theta + one.change
+    )
