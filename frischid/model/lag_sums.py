@@ -27,7 +27,7 @@ from frischid.regression.block import Block
 
 Indices = NDArray[np.intp]
 EDGE = 6  # samples at the ends of a stretch where the derivative of a spline is not sure
-PIECE = 64  # filtered samples that are evaluated together
+EVALUATED_TOGETHER = 64  # filtered samples that are evaluated together
 GROUP_SECONDS = 1.0  # shortest stretch of the jackknife, s: errors of a model last as long as a reversal
 FEWEST_ROWS = 8  # filtered samples of a stretch of the jackknife
 MOST_GROUPS = 40  # above this number, neighbouring stretches are added
@@ -117,7 +117,7 @@ class LagSums:
             self._pending = []
         self._source = block.source
         self._pending.append(_Stretch(block.t, Y.copy(), smooth, dry, e, block.used[:, self._index].astype(float)))
-        if sum(len(part.t) for part in self._pending) >= PIECE + 2 * EDGE:
+        if sum(len(part.t) for part in self._pending) >= EVALUATED_TOGETHER + 2 * EDGE:
             self._close(whole=False)
 
     def _follows(self, block: Block) -> bool:
