@@ -42,8 +42,8 @@ from frischid.model.identification_stages import (
     set_prior,
 )
 from frischid.model.identify_options import IdentifyChoices, IdentifyOptions
-from frischid.model.log_data import Journal, LogData
 from frischid.model.lag_sums import LagSums
+from frischid.model.log_data import Journal, LogData
 from frischid.model.model import Model
 from frischid.model.own_logs import log_entry
 from frischid.model.residual_scores import ResidualScores
