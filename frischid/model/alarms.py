@@ -143,7 +143,7 @@ def undetermined(disagreement: Mapping[str, float], criteria: AlarmCriteria) -> 
         Joint -> difference of the two fits' torques on the faster motion, over the torque's standard deviation.
     criteria : AlarmCriteria
     """
-    middle = float(np.median([*disagreement.values()])) if disagreement else 0.0
+    middle = float(np.median([*disagreement.values()]))
     if middle <= criteria.disagreement:
         return []
     where = tuple(n for n, x in disagreement.items() if x > criteria.disagreement)

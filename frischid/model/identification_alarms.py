@@ -91,7 +91,7 @@ def _posterior(fit: Fit) -> MapEstimate:
 def _disagreement(problem: Problem, posterior: MapEstimate, factor: float) -> dict[str, float]:
     """Joint -> difference of the two fits on the faster motion, over the standard deviation of the torque.
 
-    A joint that is always at standstill has no torque to compare with.
+    Of a joint that is always at standstill, the logs know nothing: it counts as 1.
     """
     index = [problem.data.robot.joints.index(n) for n in problem.data.joints]
     steps = _steps_to_least_squares(problem, posterior)
@@ -101,9 +101,8 @@ def _disagreement(problem: Problem, posterior: MapEstimate, factor: float) -> di
         squares, count = squares + (found**2).sum(axis=(0, 2)), count + len(found)
     whole, mean = problem.whole, squares / max(count, 1)
     power = np.maximum(whole.torque_ss(), 1e-300) / np.maximum(whole.counts, 1.0)
-    return {
-        name: float(np.sqrt(mean[j] / power[j])) for j, name in enumerate(problem.data.joints) if whole.counts[j] > 0
-    }
+    ratio = np.where(whole.counts > 0, np.sqrt(mean / power), 1.0)
+    return dict(zip(problem.data.joints, ratio.tolist(), strict=True))
 
 
 def _steps_to_least_squares(problem: Problem, posterior: MapEstimate) -> Array:

@@ -76,7 +76,6 @@ def test_a_joint_that_holds_nothing_but_noise_is_no_alarm():
 
 def test_alarms_of_a_fit():
     assert undetermined({"a": 0.1, "b": 0.2, "c": 0.25}, CRITERIA) == []
-    assert undetermined({}, CRITERIA) == []
     (open_,) = undetermined({"a": 0.1, "b": 0.5, "c": 0.6}, CRITERIA)
     assert open_.joints == ("b", "c")
     assert open_.severity == "severe"
