@@ -36,7 +36,8 @@ class IdentificationCriteria:
         Steps of the recursion that are stored with the model, for the picture of how the bounds closed in.
     lag_p_value : float
         Largest p-value of a lag of the torque that counts. The errors of the models of six measured robots imitate lags
-        with p-values down to 4e-4 (UR10e); half a sample step of simulated logs has 1e-5 or less.
+        with p-values down to 4e-4 (Stäubli TX40); half a sample step of simulated logs has 1e-5 or less. The UR10e's
+        1e-5 is not one lag: its joints differ.
     lag_differs_p_value : float
         Level, shared by all joints, at which a joint's lag differs from that of all joints.
     lag_differs_share : float
