@@ -190,7 +190,7 @@ class AsymmetricCoulomb(Effect):
 
     units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS}
 
-    width: float = SIGN_WIDTH
+    width: float = 0.05
 
     def __post_init__(self) -> None:
         self.require_positive(width="speed in rad/s (m/s)")

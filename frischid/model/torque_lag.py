@@ -96,7 +96,8 @@ class TorqueLag:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return {**asdict(self), "sampling": self.sampling, "warning": self.warning}
+        kept = {**asdict(self), "joints": [asdict(joint) for joint in self.joints], "differing": list(self.differing)}
+        return {**kept, "sampling": self.sampling, "warning": self.warning}
 
 
 def torque_lag(problem: Problem, estimate: Estimate, sums: LagSums) -> TorqueLag | None:
