@@ -16,7 +16,7 @@ from bad_input_texts import controllers, formulas, mappings, models, robots
 import frischid as fr
 from frischid.cli import main as frischid
 from frischid.logs.readers import write_log
-from frischid.logs.tables import write_table
+from frischid.logs.table_writing import write_table
 
 FORMATS = ("csv", "parquet", "npz")
 Table = dict[str, np.ndarray]
@@ -152,8 +152,9 @@ def files(folder: Path) -> Iterator[Row]:
 
 
 LOSSLESS = {("npz", "a byte flipped"), ("parquet", "a byte flipped"), ("tsv", "a byte flipped"), ("tsv", "half"),
-            ("tsv", "cut by one byte"), ("tsv", "twice"), ("npz", "twice"), ("parquet", "twice")}  # fmt: skip
-"""Damage that may leave a readable file."""
+            ("tsv", "cut by one byte"), ("tsv", "twice"), ("npz", "twice"), ("parquet", "twice"),
+            ("csv", "utf-16"), ("tsv", "utf-16")}  # fmt: skip
+"""Damage that may leave a readable file. UTF-16 is another way to write text."""
 
 
 # ---- arguments

@@ -73,29 +73,18 @@ def recorded(
 
     With `velocities`, the log has commanded velocities too, and the drives follow them.
     """
-    import mujoco
-    from mujoco import rollout
-
     rng, rule, robot = np.random.default_rng(seed), ROBOTS[name], load(name)
-    J, hold = len(robot.joints), round(1.0 / rule["rate"] / FINE_STEP)
+    hold = round(1.0 / rule["rate"] / FINE_STEP)
     motion = fr.random_fourier(robot, SECONDS, seed=seed, harmonics=25, scale=0.8)
     q, v, a = motion(np.arange(0.0, SECONDS, hold * FINE_STEP))
     drive, _, _, inertia = drawn_drive(robot, (q, v, a), 0.4, rng)
     kp, kd = inertia * BANDWIDTH**2, 1.4 * inertia * BANDWIDTH
     text = mjcf(perturbed(robot.model, rng), drive, kp, kd, stiff=True)
-    rule_of_motion = f'timestep="{STEP}" integrator="Euler"', f'timestep="{FINE_STEP}" integrator="RK4"'
-    true = mujoco.MjModel.from_xml_string(text.replace(*rule_of_motion))
     if other is not None:
         q, v, _ = fr.random_fourier(robot, SECONDS, seed=other, harmonics=25, scale=0.8)(
             np.arange(len(q)) / rule["rate"]
         )
-    pushed = q + kd / kp * v if velocities else q
-    late = np.concatenate([pushed[:1], pushed[:1], pushed[:-2]])
-    control = np.repeat(late, hold, axis=0)
-    start = np.zeros(mujoco.mj_stateSize(true, mujoco.mjtState.mjSTATE_FULLPHYSICS))
-    start[1 : 1 + J] = q[0]
-    states, _ = rollout.rollout(true, mujoco.MjData(true), start[None], control[None])
-    moved = np.concatenate([start[None], np.asarray(states)[0]])[:-1:hold, 1 : 1 + J]
+    moved = followed(text, q + kd / kp * v if velocities else q, hold)
     count = 2 * np.pi / rule["counts"]
     log = fr.Log(
         np.arange(len(q)) * hold * FINE_STEP,
@@ -113,6 +102,25 @@ def recorded(
         drive,
         fr.PDController(named, damping, delay=2.0 * hold * FINE_STEP, held=True),
     )
+
+
+def followed(text: str, pushed: Array, hold: int) -> Array:
+    """Positions (N, J) at the log's samples; the commands (N, J) act two samples late, and are held for `hold` steps.
+
+    `text` is the robot's MJCF.
+    """
+    import mujoco
+    from mujoco import rollout
+
+    J = pushed.shape[1]
+    rule_of_motion = f'timestep="{STEP}" integrator="Euler"', f'timestep="{FINE_STEP}" integrator="RK4"'
+    true = mujoco.MjModel.from_xml_string(text.replace(*rule_of_motion))
+    late = np.concatenate([pushed[:1], pushed[:1], pushed[:-2]])
+    control = np.repeat(late, hold, axis=0)
+    start = np.zeros(mujoco.mj_stateSize(true, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    start[1 : 1 + J] = pushed[0]
+    states, _ = rollout.rollout(true, mujoco.MjData(true), start[None], control[None])
+    return np.concatenate([start[None], np.asarray(states)[0]])[:-1:hold, 1 : 1 + J]
 
 
 def one(name: str, seed: int, doubt: float = 0.0, open_damping: bool = False) -> list[dict[str, Any]]:

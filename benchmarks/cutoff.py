@@ -67,6 +67,8 @@ class Sensors:
         Fastest harmonic of the motion, Hz.
     velocity : float
         Noise of a measured velocity, share of its spread; 0: not measured.
+    pink : bool
+        Whether the noise of the torque has a power of 1/f, as that of drives.
     """
 
     name: str
@@ -78,6 +80,7 @@ class Sensors:
     pauses: int = 0
     bandwidth: float = 0.5
     velocity: float = 0.0
+    pink: bool = False
 
 
 KINDS = (
@@ -91,6 +94,7 @@ KINDS = (
     Sensors("long rests", 250.0, bits=14, pauses=4),
     Sensors("measured velocity", 250.0, bits=14, velocity=0.01),
     Sensors("fast motion", 500.0, bits=15, bandwidth=2.0, memory=0.1),
+    Sensors("1/f noise, coarse, long rests", 250.0, bits=13, pauses=6, pink=True),
 )
 
 
@@ -121,6 +125,10 @@ def recorded(true: World, sensors: Sensors, seed: int) -> fr.Log:
     if sensors.memory:
         pole = np.exp(-step / sensors.memory)
         noise = signal.lfilter([np.sqrt(1 - pole**2)], [1, -pole], noise, axis=0)
+    if sensors.pink:
+        spectrum = np.fft.rfft(noise, axis=0) / np.sqrt(np.maximum(np.arange(len(noise) // 2 + 1), 1))[:, None]
+        noise = np.fft.irfft(spectrum, len(noise), axis=0)
+        noise /= noise.std(axis=0)
     return fr.Log(
         nominal + 0.9 * shift,
         true.robot.joints,

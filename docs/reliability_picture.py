@@ -1,9 +1,8 @@
 """Draw docs/benchmarks/reliability.svg: stated probability against the share of right answers.
 
-The answers come from docs/data/calibration.json (circles) and calibration_later.json (squares), which
-`benchmarks/calibration.py --report` writes. A mark stands for the answers with a probability in one range. Its bar is
-the 90 % interval of Wilson 1927 (J. Am. Stat. Assoc. 22) for the share of right answers, and the number is that of the
-cases. On the diagonal, answers are as sure as they are right.
+The answers come from docs/data/calibration.json, which `benchmarks/calibration.py --report` writes. A mark stands for
+the answers with a probability in one range. Its bar is the 90 % interval of Wilson 1927 (J. Am. Stat. Assoc. 22) for
+the share of right answers, and the number is that of the cases. On the diagonal, answers are as sure as they are right.
 
 Run `python docs/reliability_picture.py` after the benchmark; a test compares the file with the data.
 """
@@ -16,8 +15,6 @@ import math
 from pathlib import Path
 
 DATA = Path(__file__).with_name("data")
-SERIES = ("calibration", "calibration_later")
-"""Results that are drawn, older first."""
 TARGET = Path(__file__).with_name("benchmarks") / "reliability.svg"
 EDGES = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 """Limits of the ranges of probability."""
@@ -26,8 +23,7 @@ REACH = 1.645
 SIZE, LEFT, TOP, BOTTOM = 300, 64, 14, 48
 STYLE = (
     "text{font-family:sans-serif;font-size:12px;fill:#1d2733}.frame{fill:none;stroke:#8895a7}"
-    ".even{stroke:#8895a7;stroke-dasharray:4 4}.bar0{stroke:#4a6fa5}.mark0{fill:#4a6fa5}.bar1{stroke:#a5501c}"
-    ".mark1{fill:#a5501c}"
+    ".even{stroke:#8895a7;stroke-dasharray:4 4}.bar{stroke:#4a6fa5}.mark{fill:#4a6fa5}"
     ".middle{text-anchor:middle}.end{text-anchor:end}"
 )
 
@@ -40,9 +36,9 @@ def interval(right: int, cases: int) -> tuple[float, float]:
     return middle - half, middle + half
 
 
-def points(name: str) -> list[tuple[float, int, int]]:
-    """Mean stated probability, right answers and cases of each range that has any, of one result."""
-    rows = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))["rows"]
+def points() -> list[tuple[float, int, int]]:
+    """Mean stated probability, right answers and cases of each range that has any."""
+    rows = json.loads((DATA / "calibration.json").read_text(encoding="utf-8"))["rows"]
     found = []
     for low, high in itertools.pairwise(EDGES):
         here = [r for r in rows if low <= r["probability"] < high or r["probability"] == high == 1.0]
@@ -75,18 +71,11 @@ def picture() -> str:
     lines.append(f'<text class="middle" x="{x(0.5)}" y="{y(0) + 38}">stated probability</text>')
     middle = f"{x(0) - 44} {y(0.5)}"
     lines.append(f'<text class="middle" transform="translate({middle}) rotate(-90)">share of right answers</text>')
-    for number, name in enumerate(SERIES):
-        for said, right, cases in points(name):
-            low, high = interval(right, cases)
-            at, up = round(x(said) + 3 * (2 * number - 1), 1), y(right / cases)
-            lines.append(f'<line class="bar{number}" x1="{at}" y1="{y(low)}" x2="{at}" y2="{y(high)}"/>')
-            mark = f'<circle class="mark{number}" cx="{at}" cy="{up}" r="4"/>'
-            square = (
-                f'<rect class="mark{number}" x="{round(at - 3.5, 1)}" y="{round(up - 3.5, 1)}" width="7" height="7"/>'
-            )
-            lines.append(square if number else mark)
-            below = y(low) + 13 if number == 0 else y(high) - 5
-            lines.append(f'<text class="middle" x="{at}" y="{round(below, 1)}">{cases}</text>')
+    for said, right, cases in points():
+        low, high = interval(right, cases)
+        lines.append(f'<line class="bar" x1="{x(said)}" y1="{y(low)}" x2="{x(said)}" y2="{y(high)}"/>')
+        lines.append(f'<circle class="mark" cx="{x(said)}" cy="{y(right / cases)}" r="4"/>')
+        lines.append(f'<text class="middle" x="{x(said)}" y="{round(y(low) + 13, 1)}">{cases}</text>')
     return "\n".join([*lines, "</svg>"]) + "\n"
 
 

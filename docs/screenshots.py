@@ -70,7 +70,7 @@ def main() -> None:
                 seen.page.get_by_role("button", name=f"Add {best.effect}").click()
                 seen.page.wait_for_selector("text=Last step,")
                 _close_notice(seen.page)
-                while running.bench.state.diagnosis is None:
+                while running.bench.state.diagnosis is None or running.bench.state.first_look:
                     time.sleep(0.2)
                 seen.page.wait_for_timeout(4000)
                 keep(seen.page.screenshot(timeout=120_000), "studio.webp")

@@ -177,15 +177,42 @@ def commanded_mujoco() -> str:
 def commanded_peers() -> str:
     """Drives from commands by frischid and by other tools."""
     head = ("robot", "program", "processor time, s", "over frischid", "median error", "largest error",
-            "truth inside 95 % range", "simulated error, mrad")  # fmt: skip
+            "truth inside 95 % range", "simulated error, mrad", "with fine steps, mrad")  # fmt: skip
 
     def line(row: Row) -> tuple[str, ...]:
-        errors = (f"{row[key]:.2g} %" for key in ("median error %", "largest error %"))
-        inside, moved = f"{row['inside 95 % range %']:.0f} %", f"{row['simulated error mrad']:.2g}"
-        times = (f"{row['seconds']:.2g}", f"{row['× frischid']:.2g}")
-        return DRIVES[row["robot"]].partition(",")[0], row["tool"], *times, *errors, inside, moved
+        errors = [
+            f"{x:.2g} %" if (x := row[key]) < 99.5 else f"{x:.0f} %" for key in ("median error %", "largest error %")
+        ]
+        share = row["inside 95 % range %"]
+        inside = "no range" if share is None else f"{share:.0f} %"
+        moved = (f"{row[key]:.2g}" for key in ("simulated error mrad", "with fine steps mrad"))
+        times = (
+            ("", "")
+            if not row["seconds"]
+            else (f"{row['seconds']:.{'0f' if row['seconds'] > 99 else '2g'}}", f"{row['× frischid']:.3g}")
+        )
+        return DRIVES[row["robot"]].partition(",")[0], row["tool"], *times, *errors, inside, *moved
 
     return each(head, rows_of("commanded_peers"), line)
+
+
+def drive_excitation() -> str:
+    """Ranges of the drives' values after planned commands and after other motions of the same length."""
+    names = {
+        "random": "25 random harmonics",
+        "plain": "`excite`",
+        **{x: f"`excite --drives --family {x}`" for x in ("fourier", "steps", "chirps", "steps+chirps")},
+    }
+    late = ", delay in doubt"
+    keys = ("armature", "viscous", "coulomb", f"delay{late}", f"armature{late}", f"viscous{late}", f"coulomb{late}")
+    head = ("robot", "motion", *keys, "truth inside")
+
+    def line(row: Row) -> tuple[str, ...]:
+        widths = (f"{x:.2g} %" if (x := row[f"{key} %"]) < 99.5 else f"{x:.0f} %" for key in keys)
+        robot = DRIVES[row["robot"]].partition(",")[0]
+        return robot, names[row["motion"]], *widths, f"{row['inside']} of {row['ranges']}"
+
+    return each(head, rows_of("drive_excitation"), line)
 
 
 DRIVES = {

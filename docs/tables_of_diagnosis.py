@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from table_parts import Row, data, middle, rows_of, share, table
+from table_parts import Row, data, rows_of, share, table
 
 
 def hidden_commanded() -> str:
@@ -20,41 +20,6 @@ def hidden_commanded() -> str:
         lines.append((f"`{kind}`", str(len(mine)), str(sum(row["hit"] for row in mine)), fall))
     lines.append(("all", str(len(rows)), str(sum(row["hit"] for row in rows)), ""))
     return table(("hidden effect", "cases", "named first", "simulated error with it"), lines)
-
-
-def hidden_effects() -> str:
-    """Shares of right answers, by kind of case."""
-    rows = rows_of("hidden_effects")
-    kinds = {kind: [row for row in rows if row["kind"] == kind] for kind in dict.fromkeys(row["kind"] for row in rows)}
-    single = kinds.get("single", [])
-    clean = [row for row in single if not row["background"]]
-    dirty = [row for row in single if row["background"]]
-    strong = [row for row in dirty if min(row["sizes"]) >= 2 * row["background"]]
-    weak = [row for row in dirty if min(row["sizes"]) < 2 * row["background"]]
-    healthy = kinds.get("healthy", [])
-    right = [row for row in clean if row["after"] is not None]
-    lines = [
-        ("one effect, no background: named first, grades 1 and 2", share(row for row in clean if row["grade"] < 3)),
-        ("the same, grade 3", share(row for row in clean if row["grade"] == 3)),
-        ("one effect at least twice its background: named first", share(strong)),
-        ("one effect smaller than twice its background: named first", share(weak)),
-        ("right joints, where the effect is right", share(single, "right joints")),
-        ("two effects, both added by `improve` in three steps", share(kinds.get("pair", []))),
-        ("healthy, no background: no alarm", share(row for row in healthy if not row["background"])),
-        ("healthy, with a background: no wrong name", share(row for row in healthy if row["background"])),
-        (
-            "contact, or something outside the catalogue: recognised",
-            share(kinds.get("contact", []) + kinds.get("unknown", [])),
-        ),
-        ("error over noise floor with the right effect added, median, no background", over_floor(right)),
-    ]
-    seeds = ", ".join(dict.fromkeys(str(row["seed"]) for row in rows))
-    return table((f"{len(rows)} cases of seed {seeds}", "share, and cases"), lines)
-
-
-def over_floor(rows: Sequence[Row]) -> str:
-    """Median ratio of the error with the right effect and the noise floor."""
-    return f"{middle(row['after'] / row['floor'] for row in rows):.2f}" if rows else "–"
 
 
 def planted_effects() -> str:
@@ -83,24 +48,6 @@ def calibration() -> str:
     return reliability(rows_of("calibration"))
 
 
-def calibration_later() -> str:
-    """The same of a later version, on other seeds."""
-    return reliability(rows_of("calibration_later"))
-
-
-def found_later() -> str:
-    """True effects named first, and alarms on healthy robots, by the size of the background; of the later version."""
-    rows, lines = rows_of("calibration_later"), []
-    for name, low, high in BACKGROUNDS:
-        here = [row for row in rows if low <= row["background"] < high]
-        hidden = [row for row in here if row["kind"] in ("single", "pair")]
-        well = [row for row in here if row["kind"] == "healthy"]
-        alarms = sum(row["verdict"] != "none" and not row["rules right"] for row in well)
-        lines.append((name, share(hidden, "named right"), share(hidden, "right joints"), f"{alarms} of {len(well)}"))
-    head = ("background", "a true effect named first, or with it", "right joints", "alarms on healthy robots")
-    return table(head, lines)
-
-
 def reliability(rows: Sequence[Row]) -> str:
     """Ranges of stated probability with the share of right answers."""
     lines = []
@@ -116,11 +63,12 @@ def reliability(rows: Sequence[Row]) -> str:
 def sure_in_words(rows: Sequence[Row]) -> str:
     """Number of cases, sure answers, and the calibration error."""
     sure = [row for row in rows if row["probability"] >= 0.9]
-    seeds = dict.fromkeys((row["generator"], row["seed"]) for row in rows)
-    parts = [(g, s, [row for row in rows if (row["generator"], row["seed"]) == (g, s)]) for g, s in seeds]
-    of = " and ".join(f"{len(part)} of the {g} generator (seed {s})" for g, s, part in parts)
+    parts = [
+        (g, [row for row in rows if row["generator"] == g]) for g in dict.fromkeys(row["generator"] for row in rows)
+    ]
+    of = " and ".join(f"{len(part)} of the {g} generator ({seeds_in_words(part)})" for g, part in parts)
     crashes = sum(row["answer"] == "crash" for row in rows)
-    errors = " and ".join(f"{calibration_error(part):.2f} on the {g}" for g, _, part in parts)
+    errors = " and ".join(f"{calibration_error(part):.2f} on the {g}" for g, part in parts)
     wrong = [f"`{row['answer']}` for {cause(row)} ({row['arm']})" for row in sure if not row["correct"]]
     misses = f" The others say {', '.join(wrong)}." if wrong else ""
     return (
@@ -129,6 +77,12 @@ def sure_in_words(rows: Sequence[Row]) -> str:
         "between stated probability and share of right answers) "
         f"is {calibration_error(rows):.2f}: {errors} generator.\n"
     )
+
+
+def seeds_in_words(rows: Sequence[Row]) -> str:
+    """Seeds of some cases."""
+    seeds = sorted({str(row["seed"]) for row in rows})
+    return f"seed{'s' if len(seeds) > 1 else ''} {' and '.join(seeds)}"
 
 
 def cause(row: Row) -> str:

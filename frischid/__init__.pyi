@@ -41,6 +41,8 @@ from .logs.recording import Recording as Recording
 from .logs.stretch import stretch as stretch
 from .model.comparison import Comparison as Comparison
 from .model.comparison import compare as compare
+from .model.drive_excitation import DrivePlan as DrivePlan
+from .model.drive_excitation import plan_for_drives as plan_for_drives
 from .model.drive_parameters import drive_parameters as drive_parameters
 from .model.headline import Headline as Headline
 from .model.headline import headline as headline

@@ -1,10 +1,13 @@
-"""Hypothesis draws the same examples on every CI run, and new ones on a developer's machine."""
+"""Hypothesis draws the same examples on every CI run, and new ones on a developer's machine; Ctrl-C works."""
 
 import os
+import signal
 
 from hypothesis import settings
 
 os.environ.pop("COLUMNS", None)  # a narrow terminal leaves columns out
+# A shell lets its background jobs ignore Ctrl-C, and every process that they start. Tests of Ctrl-C run there too.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 settings.register_profile("here", deadline=None)  # a busy machine is slow, not wrong
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "here")

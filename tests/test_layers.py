@@ -44,6 +44,7 @@ NUMERIC = (
     "regression.base_parameters",
     "estimators.autocorrelation",
     "estimators.least_squares",
+    "estimators.normal_equations",
     "estimators.frisch",
     "estimators.sensorwise",
     "estimators.bbrf",

@@ -195,6 +195,28 @@ def _held(x: Array, criteria: CheckCriteria) -> int:
     return usual if usual > 1 and steps > criteria.held_jump and rhythm > criteria.held_rhythm else 1
 
 
+def check_jumps(log: Log, notes: Notebook) -> bool:
+    """Report positions that jump as no joint can move: values that stand for a lost reading."""
+    criteria = notes.criteria
+    speed = np.abs(np.diff(log.q, axis=0)) / np.diff(log.t)[:, None]
+    usual = np.percentile(speed, criteria.jump_percentile, axis=0)
+    jumps = (speed > criteria.jump_speed) & (speed > criteria.jump_ratio * usual)
+    if not jumps.any():
+        return False
+    row, column = np.argwhere(jumps)[0]
+    where = np.asarray(jumps.any(axis=0))
+    notes.add(
+        "position jumps",
+        f"the positions jump {span(jumps.sum(axis=0)[where].astype(float))} times as no joint can move, first "
+        f"after sample {row + 1}: from {log.q[row, column]:.4g} to {log.q[row + 1, column]:.4g}",
+        notes.which(where),
+        "certain",
+        "values such as -9999 or 0 that stand for a lost reading: remove these rows",
+        blocks=True,
+    )
+    return True
+
+
 def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
     """Report positions that cannot be in radians.
 
@@ -219,6 +241,20 @@ def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
     fast = (typical > criteria.degree_speed * limits.velocity) & (np.ptp(log.q, axis=0) > criteria.degree_range)
     found = (fast | far | turns) & ~robot.prismatic
     if not found.any():
+        return
+    as_degrees = np.deg2rad(log.q)
+    over = limited & ((as_degrees > upper + room) | (as_degrees < lower - room)).any(axis=0)
+    if over[found].any():
+        notes.add(
+            "unit of positions",
+            "the positions are far outside the URDF's limits, as radians and as degrees: "
+            f"{span(np.abs(log.q[:, found]).max(axis=0))}",
+            notes.which(found),
+            "certain",
+            "encoder counts? set gear_ratio = counts per radian for each joint in a mapping file (and torque_factor = "
+            "1/gear_ratio where the torques are those of the joints); angles of the motors? set gear_ratio",
+            blocks=True,
+        )
         return
     evidence = "far outside the URDF's limits" if (far | fast).any() else "several full turns"
     notes.add(

@@ -146,6 +146,14 @@ class CheckCriteria:
     held_rhythm: float = 0.8
     """Share of the changes that must follow the same rhythm. (planted: held; clean)"""
 
+    # ---- positions that jump
+    jump_speed: float = 100.0
+    """rad/s (m/s). No joint of a robot moves faster. (planted: -9999)"""
+    jump_ratio: float = 50.0
+    """Multiple of the joint's usual speed. Positions in degrees are fast, but do not jump. (planted: degrees, -9999)"""
+    jump_percentile: float = 95.0
+    """Percentile of the speed that counts as usual. (planted: -9999 in one sample of twenty at most)"""
+
     # ---- positions in degrees, without any torque
     degree_samples: int = 10
     """Samples. A joint's speed is taken over so many, because stamps of arrival may be next to one another. (bursts)"""
@@ -230,9 +238,6 @@ class CheckCriteria:
     share; correcting the true mistake explains nearly all. (planted: signs, exchanges, degrees, payloads)"""
     nrmse_cap: float = 2.0
     """NRMSE. Larger errors count as this one, so that one joint does not outvote all others. (planted: torque scale)"""
-    gravity_tolerance: float = 0.15
-    """Relative difference. A fitted direction of gravity is accepted only if its length is this near to 9.81 m/s²; the
-    fit itself leaves the length free. (planted: mounting)"""
     rigid_share: float = 0.05
     """Share of the squared error. The URDF's inertial parameters are judged only if freely fitted ones explain at least
     this share. (real: TIAGo's torso)"""

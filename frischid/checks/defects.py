@@ -17,10 +17,12 @@ import numpy as np
 
 from frischid.checks.log_issue import LogReport, Notebook
 from frischid.errors import InputError
+from frischid.logs.csv_layout import Layout, csv_layout
+from frischid.logs.csv_text import is_number
 from frischid.logs.layouts import layout_of
 from frischid.logs.log import GARBAGE
 from frischid.logs.mapping import TICKS_PER_SECOND, LogMap
-from frischid.logs.tables import CSV, Layout, csv_layout
+from frischid.logs.tables import CSV
 
 
 def defects(path: Path, form: LogMap) -> LogReport | None:
@@ -79,15 +81,24 @@ class _Scan:
 def _scan(path: Path, layout: Layout, time: int | None) -> _Scan:
     """Look at every line once."""
     found = _Scan()
-    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-        for number, row in enumerate(csv.reader(file, delimiter=layout.delimiter), start=1):
+    encoding = "utf-8-sig" if layout.encoding == "utf-8" else layout.encoding
+    texts: set[int] = set()  # columns that are no numbers from the first row on: dates, names of states
+    with path.open(newline="", encoding=encoding, errors="replace") as file:
+        text = (" ".join(line.split()) if layout.delimiter == " " else line for line in file)
+        for number, row in enumerate(csv.reader(text, delimiter=layout.delimiter), start=1):
             if number <= layout.skip or not row:
                 continue
             found.last = number, len(row)
             if len(row) != len(layout.names):
                 found.ragged.append(number)
                 continue
-            values = _numbers(row)
+            if not found.lines and not found.garbage:
+                texts = {
+                    k
+                    for k, cell in enumerate(row)
+                    if k != time and cell and not is_number(cell, comma=layout.decimal_comma)
+                }
+            values = _numbers(["0" if k in texts else cell for k, cell in enumerate(row)], layout.decimal_comma)
             if not (np.abs(values) <= GARBAGE).all():
                 found.garbage.append(number)
             elif time is not None:
@@ -96,9 +107,9 @@ def _scan(path: Path, layout: Layout, time: int | None) -> _Scan:
     return found
 
 
-def _numbers(row: Sequence[str]) -> np.ndarray:
+def _numbers(row: Sequence[str], comma: bool) -> np.ndarray:
     try:
-        return np.array(row, dtype=float)
+        return np.array([cell.replace(",", ".") for cell in row] if comma else row, dtype=float)
     except ValueError:
         return np.full(len(row), np.nan)
 

@@ -14,18 +14,24 @@ best faults of single torques follow row by row (`row_fits`). Two such faults to
 
 A fault of one torque can hide a fault of the robot, and the reverse. So faults of the robot are also fitted beside each
 fault of a torque alone (`_alone`), and without each row in turn (`_without_one_row`). An answer is given only if no
-other combination explains more, and says which of its faults the torques need (`Explanation.needed`).
+other combination without it explains more, and says which of its faults the torques need (`Explanation.needed`).
+
+The likeliest hypothesis may hold more faults than can be named. Each part of it is judged by itself (`_parts`). A part
+is named if it explains most of the error of its rows. Fitted numbers that explain a smaller share must be a better
+explanation than errors of the URDF's links, which every URDF has (`_beats_links`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from frischid.checks.check_criteria import CheckCriteria
 from frischid.checks.faults import Fault, cost
+from frischid.checks.payload import LEAST_ERROR, evidence
 from frischid.checks.position_faults import position_faults
 from frischid.checks.robot_faults import robot_faults, shared_faults
 from frischid.checks.row_fits import RowFits, local_fits
@@ -33,7 +39,10 @@ from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
 
 POSITION_KINDS = ("position sign", "swapped positions", "swapped joints", "joint zero", "degrees")
-ROBOT_KINDS = ("mounting", "payload", "motor coupling")
+SHARED_KINDS = ("mounting", "payload")
+ROBOT_KINDS = (*SHARED_KINDS, "motor coupling")
+LINK_ERRORS = (0.1, 0.2, 0.4)
+"""Errors of links' masses in URDFs, standard deviations: the likeliest of them is the rival of fitted numbers."""
 WIDE_BEAM = 24
 """Hypotheses about positions to which faults of the robot are added."""
 BEAM = 3
@@ -68,15 +77,14 @@ class Explanation:
     runner_up: Hypothesis | None
     needed: Hypothesis
 
-    @property
-    def odds(self) -> str:
-        """The probability in words."""
+    def odds(self, said: int) -> str:
+        """The probability in words, beside how many faults that are named."""
         if self.runner_up is None or not self.runner_up.faults:
             against = "no fault"
         else:
             against = " and ".join(f"{f.kind} of {', '.join(f.where) or 'the robot'}" for f in self.runner_up.faults)
         odds = f"probability {min(self.probability, 0.99):.2f} against {against}"
-        return f"with the other faults named here: {odds} alone" if len(self.best.faults) > 1 else odds
+        return f"with the other faults named here: {odds} alone" if said > 1 else odds
 
 
 def explain(sketch: Sketch) -> Explanation | None:
@@ -88,22 +96,25 @@ def explain(sketch: Sketch) -> Explanation | None:
         found += _readings(item.sketch, (item.fault,))
     starts = [null, *_alone(sketch, found[0]), *_best(found), *_readings(sketch, (), simple=True)]
     found += [*_of_the_robot(starts), *_without_one_row(sketch)]
+    found += _of_the_robot(h for h in found if len(h.faults) == 1 and h.faults[0].kind in SHARED_KINDS)
     if (top := max(found, key=_score)) and not (_is_enough(top, null) and _is_good(top)):
         for start in _best(found):
             for item in position_faults(start.sketch):
                 found += _readings(item.sketch, (*start.faults, item.fault))
         by_position = [h for h in found if h.faults and not _has_robot_fault(h)]
         found += _of_the_robot([*_different(by_position), *_best(h for h in found if _has_robot_fault(h))])
-    enough = sorted((h for h in found if _is_enough(h, null)), key=_score, reverse=True)
+        found += _of_the_robot(_best(h for h in found if len(h.faults) == 2 and _has_robot_fault(h)))
+    likeliest = max([*found, null], key=_score)
+    found += [h for h in _parts(likeliest) if h.faults]
+    enough = sorted((h for h in found if h.key <= likeliest.key and _is_enough(h, null)), key=_score, reverse=True)
     if not enough:
-        return None
+        return None  # what explains the torques best is no fault that can be named: several gains, or too many faults
     best = enough[0]
     others = [h for h in [*found, null] if not h.key >= best.key]
     runner = max(others, key=_score, default=None)
-    gap = np.inf if runner is None else best.score - runner.score
-    if gap < 0:
-        return None  # what explains the torques best is no fault that can be named: several gains, or too many faults
+    gap = np.inf if runner is None else likeliest.score - runner.score
     needed = max((h for h in enough if h.key <= best.key and (h is best or _is_good(h))), key=_fewest_faults)
+    best = replace(best, faults=_by_evidence(best))
     return Explanation(best, float(1 / (1 + np.exp(np.clip(-gap, -50, 50)))), runner, needed)
 
 
@@ -226,6 +237,29 @@ def _alone(sketch: Sketch, reading: Hypothesis) -> list[Hypothesis]:
     return found
 
 
+def _parts(hypothesis: Hypothesis) -> list[Hypothesis]:
+    """A hypothesis without some of the torques that it adds: each may take up what the URDF misses anyway."""
+    added, found = [f for f in hypothesis.faults if f.torque is not None], []
+    for n in range(1, len(added) + 1):
+        for dropped in combinations(added, n):
+            kept = tuple(f for f in hypothesis.faults if f not in dropped)
+            nominal = hypothesis.sketch.nominal - sum(f.torque for f in dropped if f.torque is not None)
+            read = replace(hypothesis.sketch, given_nominal=nominal)
+            errors = read.errors(nominal)
+            found.append(Hypothesis(kept, RowFits(read).total(errors) - sum(f.cost for f in kept), errors, read))
+    return found
+
+
+def _by_evidence(hypothesis: Hypothesis) -> tuple[Fault, ...]:
+    """Its faults, first those without fitted numbers, then those without which the torques are explained worst."""
+    without = {frozenset(h.key): h.score for h in _parts(hypothesis)}
+
+    def left(fault: Fault) -> float:
+        return without.get(hypothesis.key - {(fault.kind, fault.where)}, -np.inf)
+
+    return tuple(sorted(hypothesis.faults, key=left))
+
+
 def _without_one_row(sketch: Sketch) -> list[Hypothesis]:
     """Faults of the whole robot as the torques of all joints but one show them; then the best reading of all torques.
 
@@ -252,8 +286,23 @@ def _is_enough(hypothesis: Hypothesis, null: Hypothesis) -> bool:
         return False
     changed = np.abs(before - after) > criteria.changed_nrmse
     removed = 1 - float(np.sum(after[changed] ** 2)) / max(float(np.sum(before[changed] ** 2)), 1e-12)
-    share = criteria.discrete_share if all(f.discrete for f in hypothesis.faults) else criteria.explained_share
-    return bool(changed.any()) and removed > share
+    if not changed.any() or removed <= criteria.discrete_share:
+        return False
+    if removed > criteria.explained_share or all(f.discrete for f in hypothesis.faults):
+        return True
+    return _beats_links(hypothesis, null)
+
+
+def _beats_links(hypothesis: Hypothesis, null: Hypothesis) -> bool:
+    """Whether a hypothesis is better than none if the URDF's links have errors in both cases.
+
+    The size of these errors is unknown: in each case the likeliest counts (empirical Bayes).
+    """
+    criteria, noise = null.sketch.criteria, np.maximum(hypothesis.errors, LEAST_ERROR)
+    with_faults, without = (
+        max(evidence(h.sketch, noise, spread, criteria.nrmse_cap) for spread in LINK_ERRORS) for h in (hypothesis, null)
+    )
+    return bool(with_faults - without > sum(f.cost for f in hypothesis.faults) + np.log(criteria.least_odds))
 
 
 def _is_good(hypothesis: Hypothesis) -> bool:

@@ -30,7 +30,7 @@ class Fault:
     fix : tuple of Fix
         Entries of a mapping file that undo it.
     torque : ndarray, shape (M, J), optional
-        Torque of a body, which is compared with errors of the URDF's links.
+        Torque that a fault of the robot adds along the sketch.
     """
 
     kind: str

@@ -130,12 +130,28 @@ def beats_links(sketch: Sketch, body: Body) -> bool:
     if body.torque is None:
         return False
     with_body = np.maximum(sketch.errors(sketch.nominal + body.torque), LEAST_ERROR)
-    links = _link_torques(sketch)
-    scales, volume = _scales(sketch, links, fits.weight / with_body**2, criteria.link_error)
-    behind = np.maximum(sketch.errors(sketch.nominal + links @ scales), LEAST_ERROR)
-    gain = float(np.sum(fits.weight * np.log(behind / with_body)))
-    unlikely = float(scales @ scales) / (2 * criteria.link_error**2)
-    return gain + unlikely + volume > cost(criteria, "payload", 1, 10, float(fits.weight.mean()))
+    gain = -evidence(sketch, with_body, criteria.link_error) - float(np.sum(fits.weight * np.log(with_body)))
+    return gain > cost(criteria, "payload", 1, 10, float(fits.weight.mean()))
+
+
+def evidence(sketch: Sketch, noise: Array, spread: float, cap: float = np.inf) -> float:
+    """Log marginal likelihood of a sketch whose URDF has errors of its links.
+
+    Parameters
+    ----------
+    sketch : Sketch
+        Of at most `CheckCriteria.few_samples` samples.
+    noise : ndarray, shape (R,)
+        NRMSE of the rows' own noise.
+    spread : float
+        Standard deviation s of the links' errors.
+    cap : float
+        Larger errors count as this one.
+    """
+    weight, links = RowFits(sketch).weight, _link_torques(sketch)
+    scales, volume = _scales(sketch, links, weight / noise**2, spread)
+    behind = np.clip(sketch.errors(sketch.nominal + links @ scales), LEAST_ERROR, cap)
+    return -float(np.sum(weight * np.log(behind))) - float(scales @ scales) / (2 * spread**2) - volume
 
 
 def _link_torques(sketch: Sketch) -> Array:

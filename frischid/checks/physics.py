@@ -65,20 +65,26 @@ def _say(found: Explanation, sketch: Sketch, notes: Notebook) -> Sketch:
         "runner_up": [] if found.runner_up is None else [[f.kind, list(f.where)] for f in found.runner_up.faults],
     }
     needed = [f for f in found.best.faults if (f.kind, f.where) in found.needed.key]
+    faults, corrected = [], found.best.sketch
     for fault in [*needed, *(f for f in found.best.faults if f not in needed)]:
-        if fault.torque is not None:
+        if fault.kind == "payload" and fault.torque is not None:
             # the other faults stay undone: a spring would hide the body
             before = replace(found.best.sketch, given_nominal=found.best.sketch.nominal - fault.torque)
-            if check_payload(before, notes) or not beats_links(before, payload_errors(before)):
-                continue  # said already, or no more than the errors that the URDF's links have anyway
+            if check_payload(before, notes):
+                continue  # said already
+            if not beats_links(before, payload_errors(before)):
+                corrected = before  # no more than the errors that the URDF's links have anyway
+                continue
+        faults.append(fault)
+    for fault in faults:
         # Behind a fault without fitted numbers, one with fitted numbers may only take up what the URDF misses anyway.
         behind = fault not in needed or (not fault.discrete and any(f.discrete for f in found.best.faults))
-        certainty = "visible only after the other faults are corrected: then check again" if behind else found.odds
-        what = f"{fault.what} ({certainty})"
+        unseen = "visible only after the other faults are corrected: then check again"
+        what = f"{fault.what} ({unseen if behind else found.odds(len(faults))})"
         blocks = fault.blocks and fault in needed
         notes.add(fault.kind, what, fault.where, "possible" if behind else sure, fault.advice, blocks=blocks)
         notes.fix += fault.fix if fault in needed else ()
-    return found.best.sketch
+    return corrected
 
 
 def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebook) -> None:

@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from frischid.checks.channels import check_channels, check_degrees
+from frischid.checks.channels import check_channels, check_degrees, check_jumps
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.clock import check_clock
 from frischid.checks.excitation import FreeFit, check_excitation, free_fit
@@ -103,6 +103,8 @@ def inspect(
             "certain",
             "name the controller that turns commands into torque: --controller pd --kp ... --kd ...",
         )
+    if check_jumps(log, notes):
+        return notes.report(log.source)
     still = is_static(log)
     check_clock(log, notes, still=still)
     check_channels(robot, log, notes, figures=not brief, still=still)

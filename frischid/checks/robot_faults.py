@@ -23,6 +23,9 @@ from frischid.core.types import Array
 from frischid.effects.state import SIGN_WIDTH
 from frischid.robot.robot import Robot
 
+SPHERE_STEPS = 3
+"""Gauss-Newton steps of the direction of gravity; the first is within a degree."""
+
 
 def robot_faults(sketch: Sketch) -> Iterator[Moved]:
     """The sketch with one such cause explained, for every cause; the torques are right, up to this."""
@@ -48,12 +51,10 @@ def shared_faults(fits: RowFits) -> Iterator[Moved]:
 
 def _mounting(sketch: Sketch, n: float) -> Iterator[Moved]:
     robot = sketch.robot
-    gravity = gravity_of(sketch)
     length = float(np.linalg.norm(robot.gravity))
-    # The fit leaves the length of the vector free: a direction is accepted when the length is that of gravity.
-    if not length or abs(np.linalg.norm(gravity) / length - 1) >= sketch.criteria.gravity_tolerance:
+    if not length:
         return
-    turned = gravity / np.linalg.norm(gravity) * length
+    turned = gravity_of(sketch)
     other = Robot.from_dict({**robot.to_dict(), "gravity": turned.tolist()})
     at = ", ".join(f"{x:.3g}" for x in np.round(turned, 2) + 0.0)
     angle = np.rad2deg(np.arccos(np.clip(turned @ np.asarray(robot.gravity) / length**2, -1, 1)))
@@ -62,23 +63,36 @@ def _mounting(sketch: Sketch, n: float) -> Iterator[Moved]:
         "model explains the torques"
     )
     advice = "state how the base is mounted (--base-rpy or --gravity)"
-    fault = Fault("mounting", what, (), advice, cost(sketch.criteria, "mounting", 1, 2, n), False, False)
-    same = np.asarray(sketch.nominal - robot.inverse_dynamics(sketch.q, sketch.v, sketch.a))
-    new = other.inverse_dynamics(sketch.q, sketch.v, sketch.a)
-    yield Moved(replace(sketch, robot=other, given_nominal=new + same), fault)
+    more = np.asarray(
+        other.inverse_dynamics(sketch.q, sketch.v, sketch.a) - robot.inverse_dynamics(sketch.q, sketch.v, sketch.a)
+    )
+    price = cost(sketch.criteria, "mounting", 1, 2, n)
+    fault = Fault("mounting", what, (), advice, price, False, False, torque=more)
+    yield Moved(replace(sketch, robot=other, given_nominal=sketch.nominal + more), fault)
 
 
 def gravity_of(sketch: Sketch) -> Array:
-    """Gravity in the base frame that fits best together with friction, for the nominal inertias, m/s²."""
+    """Gravity in the base frame that fits best together with friction, for the nominal inertias, m/s².
+
+    Its length is that of the URDF's gravity. From a free fit on, each step moves gravity along two directions e₁, e₂ at
+    right angles to it (Gauss-Newton on the sphere): masses that are wrong must not pass for another length.
+    """
     few = sketch.thinned(sketch.criteria.few_samples)
     zero = np.zeros_like(few.q)
     pull = []
     for axis in np.eye(3):
         robot = Robot.from_dict({**few.robot.to_dict(), "gravity": axis.tolist()})
         pull.append(robot.inverse_dynamics(few.q, zero, zero))
-    own = np.einsum("i,inj->nj", few.robot.gravity, np.array(pull))
-    columns = {int(j): np.column_stack([x[:, j] for x in pull]) for j in few.rows}
-    return shared_fit(few, columns, few.tau - (few.nominal - own))[:3]
+    force = np.array(pull)
+    own, length = np.asarray(few.robot.gravity), float(np.linalg.norm(few.robot.gravity))
+    rest = few.tau - (few.nominal - np.einsum("i,inj->nj", own, force))
+    gravity = shared_fit(few, {int(j): force[:, :, j].T for j in few.rows}, rest)[:3]
+    for _ in range(SPHERE_STEPS):
+        gravity = gravity * length / max(float(np.linalg.norm(gravity)), 1e-12)
+        across = np.linalg.svd(gravity[None, :])[2][1:]
+        columns = {int(j): force[:, :, j].T @ across.T for j in few.rows}
+        gravity = gravity + across.T @ shared_fit(few, columns, rest - np.einsum("i,inj->nj", gravity, force))[:2]
+    return np.asarray(gravity * length / max(float(np.linalg.norm(gravity)), 1e-12))
 
 
 def _couplings(fits: RowFits) -> Iterator[Moved]:
@@ -109,5 +123,6 @@ def _couplings(fits: RowFits) -> Iterator[Moved]:
             cost(sketch.criteria, "motor coupling", len(pairs), 8, n),
             False,
             False,
+            torque=extra,
         )
         yield Moved(replace(sketch, given_nominal=sketch.nominal + extra), fault)

@@ -232,6 +232,7 @@ def _springs(fits: RowFits, k: int, tau: Array, spread: float, faults: tuple[Fau
             cost(fits.criteria, "spring", R, X.shape[1], n),
             False,
             False,
+            torque=torque[:, None] * np.eye(fits.sketch.tau.shape[1])[j],
         )
         score = fits.value(k, rms / spread) - fault.cost - sum(f.cost for f in faults)
         found.append(Option(score, rms / spread, (*faults, fault), whole, torque))

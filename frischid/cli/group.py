@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from frischid.cli.output import prepare_streams
-from frischid.cli.paths import Command
+from frischid.cli.paths import Command, options_of_the_output
 from frischid.core.text import printable
 from frischid.errors import FrischidError
 
@@ -32,6 +32,10 @@ class _Commands(click.Group):
     """Turns errors of the input, of a file and of memory into one line on stderr and exit code 2; Ctrl-C into 130."""
 
     command_class = Command
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        """The options of the output, then the group's own."""
+        return [*options_of_the_output(), *super().get_params(ctx)]
 
     def main(self, *args: Any, **options: Any) -> Any:
         """Run the command line."""

@@ -105,9 +105,15 @@ def simulate(
 @click.option(
     "--repeat", default=1, show_default=True, help="Runs of the motion; the difference between two runs is noise."
 )
-@click.option("--family", default="fourier", show_default=True, help="fourier, bspline, or points (quintics).")
-@click.option("--criterion", default="condition", show_default=True, help="condition, d_optimal, or paper (eq. 19).")
+@click.option(
+    "--family",
+    help="fourier (default), bspline, points (quintics), chirps (default with --drives), steps, or steps+chirps.",
+)
+@click.option("--criterion", help="condition (default), d_optimal, or paper (eq. 19).")
 @click.option("--limits", default=0.9, show_default=True, help="Share of the URDF's limits to use.")
+@click.option(
+    "--floor", default="0", show_default=True, help="Height of the floor above the base, m; none: the base hangs."
+)
 @click.option("--budget", default=30_000, show_default=True, help="Evaluations of the criterion.")
 @click.option("--seed", default=0, show_default=True, help="The same seed gives the same motion.")
 @click.option("--starts", default=1, show_default=True, help="Searches from different starts; the best is kept.")
@@ -121,6 +127,11 @@ def simulate(
     metavar="A,B",
     help="Plan for these two effects: estimate both well, e.g. stribeck@joint2,hysteresis@joint2.",
 )
+@click.option(
+    "--drives",
+    is_flag=True,
+    help="Plan commands for position drives: estimate armature, friction, delay and gains well.",
+)
 @robot_options
 @effects_option
 @json_option
@@ -131,9 +142,10 @@ def excite(
     duration: float,
     rate: float,
     repeat: int,
-    family: str,
-    criterion: str,
+    family: str | None,
+    criterion: str | None,
     limits: float,
+    floor: str,
     budget: int,
     seed: int,
     starts: int,
@@ -141,6 +153,7 @@ def excite(
     workers: int | None,
     picture: str | None,
     separate: str | None,
+    drives: bool,
     effects: str | None,
     as_json: bool,
     **options: Any,
@@ -148,12 +161,18 @@ def excite(
     """Plan a motion that determines all parameters well.
 
     The motion keeps the limits of position, speed, acceleration and torque at all times. Bodies with collision shapes
-    touch neither one another nor the floor, which is at the height of the base; other obstacles are not known. With
-    --home, the way to the motion and the way back keep the same limits.
+    touch neither one another nor the floor, which is at the height of the base (--floor); other obstacles are not
+    known. With
+    --home, the way to the motion and the way back keep the same limits. With --drives, the motion is one of commands
+    for a robot without a torque sensor: chirps (or steps) of every joint, with the amplitudes that tell most.
     """
     from frischid.cli.pages import motions as show
     from frischid.effects import parse_effects
+    from frischid.model.drive_excitation import DRIVES_FAMILY, plan_for_drives
+    from frischid.motions.chirps import check_command_rate
+    from frischid.motions.collision import Clearance
     from frischid.motions.discrimination import separate as plan_separation
+    from frischid.motions.limits import MotionLimits
     from frischid.motions.motion_request import check_rate, check_runs
     from frischid.motions.plan import plan
     from frischid.motions.plan_options import PlanOptions
@@ -164,6 +183,10 @@ def excite(
         raise InputError(f"--budget must be at least one evaluation, got {budget}")
     check_rate(rate, duration)
     check_runs(repeat)
+    if drives and (separate or criterion):
+        other = "--separate" if separate else "--criterion"
+        raise InputError(f"--drives plans for the drives' parameters and {other} for other ones; give one of the two")
+    family = family or (DRIVES_FAMILY if drives else "fourier")
     machine, _ = load(robot, RobotArguments(**options))
     pair = () if separate is None else parse_effects(separate)
     if separate is not None and len(pair) != 2:
@@ -173,13 +196,15 @@ def excite(
     wanted = PlanOptions(
         duration=duration,
         family=family,
-        criterion=criterion,
+        criterion=criterion or "condition",
         limits=limits,
         budget=budget,
         seed=seed,
         starts=starts,
-    )
-    apart = None
+        clearance=Clearance.of(machine, floor=None if floor == "none" else number("--floor", floor)),
+    ).within(MotionLimits.of(machine, limits))
+    check_command_rate(family, wanted.highest or 0.0, rate)
+    apart = narrower = None
     with working(as_json) as progress, elsewhere(scheduler, workers) as pool:
         told: dict[str, Any] = {
             "workers": pool,
@@ -188,16 +213,19 @@ def excite(
         if pair:
             apart = plan_separation(machine, pair[0], pair[1], effects_of(effects), wanted, **told)
             planned = apart.plan
+        elif drives:
+            found = plan_for_drives(machine, wanted, effects_of(effects), **told)
+            planned, narrower = found.plan, found.narrower
         else:
             planned = plan(machine, effects_of(effects), wanted, **told)
         pose = None if home is None else home_of(home, len(machine.joints))
-        motion = programme(machine, planned, pose, limits, repeat)
+        motion = programme(machine, planned, pose, limits, repeat, wanted.clearance)
     save(motion, output, rate)
     if picture:
         from frischid import figures
 
         figures.save(picture, figures.animated(planned, machine), figures.excitation(planned))
-    show_page(show.excitation(planned, motion, output, picture, apart), as_json)
+    show_page(show.excitation(planned, motion, output, picture, apart or narrower), as_json)
 
 
 def home_of(text: str, count: int) -> list[float]:

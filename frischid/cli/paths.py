@@ -48,7 +48,7 @@ class Command(click.Command):
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """The command's own parameters, then ``--width`` and ``--quiet``."""
         *own, help_option = super().get_params(ctx)
-        return [*own, *_of_the_output(), help_option]
+        return [*own, *options_of_the_output(), help_option]
 
     def invoke(self, ctx: click.Context) -> Any:
         """Check the files, then run."""
@@ -60,9 +60,11 @@ class Command(click.Command):
         return super().invoke(ctx)
 
 
-def _of_the_output() -> list[click.Parameter]:
+def options_of_the_output() -> list[click.Parameter]:
+    """``--width`` and ``--quiet``, before or after the name of the command; the one after it counts."""
+
     def keep(key: str) -> Callable[[click.Context, click.Parameter, Any], None]:
-        return lambda context, _, value: context.meta.update({key: value})
+        return lambda context, _, value: context.meta.update({key: value} if value else {})
 
     return [
         click.Option(

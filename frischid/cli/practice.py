@@ -19,7 +19,7 @@ from frischid.effects import BASELINE, parse_effects
 from frischid.export.urdf import export
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log, write_log
-from frischid.logs.tables import write_table
+from frischid.logs.table_writing import write_table
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier

@@ -72,7 +72,22 @@ def progress_bar(console: Console | None = None) -> Iterator[Callable[[str], Non
     ...     found = fr.identify(robot, [log], recursion="none", progress=progress)
     """
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        SpinnerColumn,
+        Task,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    class TimeLeft(TimeRemainingColumn):
+        """Nothing while the size of the work is unknown."""
+
+        def render(self, task: Task) -> Text:
+            return Text() if task.total is None else Text.assemble("left ", super().render(task))
 
     columns = (
         SpinnerColumn(),
@@ -80,8 +95,7 @@ def progress_bar(console: Console | None = None) -> Iterator[Callable[[str], Non
         BarColumn(bar_width=20),
         TextColumn("so far"),
         TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
+        TimeLeft(),
     )
     where = console or Console(stderr=not Console().is_jupyter)
     with Progress(*columns, console=where, transient=True) as bar:

@@ -27,12 +27,13 @@ from frischid.core.text import each_of
 from frischid.core.types import Array
 from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.candidate_columns import Candidate
+from frischid.diagnosis.candidate_fits import CandidateFit, Fits, candidate_fits
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.dataset import Moments, RegressionData
 from frischid.diagnosis.model_columns import ModelColumns
 from frischid.diagnosis.motion_cache import MotionCache
 from frischid.diagnosis.shape_screening import screened
-from frischid.diagnosis.weighted_fit import CandidateFit, WeightedFit
+from frischid.diagnosis.weighted_fit import WeightedFit
 from frischid.effects import Effect
 from frischid.errors import InputError
 from frischid.estimators.autocorrelation import Autocorrelation
@@ -67,6 +68,7 @@ class CrossValidator:
     spread: Array
     known_residual: Array
     _wider: dict[Candidate, CrossValidator] = field(init=False, repr=False, default_factory=dict)
+    _fits: dict[Candidate, Fits] = field(init=False, repr=False, default_factory=dict)
 
     @classmethod
     def of(
@@ -215,9 +217,16 @@ class CrossValidator:
         columns, theta = self.columns, self.theta
         return screened(self.data, places, lambda x: x.tau - columns.predicted(x, theta), self.fit.omega)
 
+    def fits(self, candidates: Sequence[Candidate]) -> list[Fits]:
+        """Fits of some candidates, each alone. They are kept; many candidates at once are fitted faster."""
+        fresh = list(dict.fromkeys(c for c in candidates if c not in self._fits))
+        found = candidate_fits(self.fit, [self.columns.moments(c) for c in fresh], fresh) if fresh else []
+        self._fits.update(zip(fresh, found, strict=True))
+        return [self._fits[c] for c in candidates]
+
     def fitted(self, candidate: Candidate, left_out: int | None = None) -> CandidateFit | None:
         """Fit a candidate on all folds but one (None: on all); None when the other columns span it."""
-        return self.fit.fit(*self.columns.moments(candidate), candidate, left_out)
+        return self.fits([candidate])[0][-1 if left_out is None else left_out]
 
     def score(self, candidates: Sequence[Candidate]) -> tuple[Score, Candidate] | None:
         """Score one effect in several shapes with the same number of columns.
@@ -229,28 +238,20 @@ class CrossValidator:
         (Score, Candidate) or None
             The candidate is the shape that fits all data best; None when the model's columns already span the effect.
         """
-        moments = [self.columns.moments(c) for c in candidates]
+        fits = self.fits(candidates)
         sse = np.empty((self.data.folds, len(self.joints)))
         for f in range(self.data.folds):
-            chosen = self._best(candidates, moments, f)
+            chosen = _best(fits, f)
             if chosen is None:
                 return None
-            sse[f] = self._held_out(*moments[chosen[0]], chosen[1], f)
-        chosen = self._best(candidates, moments, None)
+            sse[f] = self._held_out(*self.columns.moments(candidates[chosen[0]]), chosen[1], f)
+        chosen = _best(fits, -1)
         return None if chosen is None else (Score(sse, chosen[1].beta), candidates[chosen[0]])
-
-    def _best(
-        self, candidates: Sequence[Candidate], moments: Sequence[tuple[Moments, Moments]], left_out: int | None
-    ) -> tuple[int, CandidateFit] | None:
-        """Number of the shape that fits best in sample, and its fit."""
-        fits = [self.fit.fit(X, D, c, left_out) for (X, D), c in zip(moments, candidates, strict=True)]
-        possible = [(i, fit) for i, fit in enumerate(fits) if fit is not None]
-        return max(possible, key=lambda x: x[1].gain, default=None)
 
     def _held_out(self, X: Moments, D: Moments, fit: CandidateFit, fold: int) -> Array:
         beta = fit.beta
         d = np.append(self.fit.systems[fold].theta + fit.change, -1.0)
-        sse = np.einsum("a,jab,b->j", d, self.columns.gram[fold], d)
+        sse = self.columns.gram[fold] @ d @ d
         for row in X:
             sse[row] += 2 * d @ X[row][fold] @ beta + beta @ D[row][fold] @ beta
         return np.asarray(np.maximum(sse, 0.0))
@@ -294,6 +295,12 @@ class CrossValidator:
             left = (x.tau - self.columns.predicted(x, theta, candidate, fit.beta) for x in self.data.motions_of(row))
             effective[row] = max(effective[row], n[row] / Autocorrelation.of(left).time)
         return effective
+
+
+def _best(fits: Sequence[Fits], left_out: int) -> tuple[int, CandidateFit] | None:
+    """Number of the shape that fits best in sample, and its fit."""
+    possible = [(i, fit) for i, found in enumerate(fits) if (fit := found[left_out]) is not None]
+    return max(possible, key=lambda x: x[1].gain, default=None)
 
 
 def _spread(data: RegressionData) -> Array:

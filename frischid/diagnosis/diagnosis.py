@@ -242,9 +242,10 @@ def diagnose(
     model.check([*logs, *valid])
     progress("reading logs")
     touched = contacts_at_rest(model, logs)
-    if not in_motion(logs, model.robot.joints):
+    moving = in_motion(logs, model.robot.joints)
+    if not moving:
         return _at_standstill(model, [*logs, *valid], touched, criteria)
-    parts = [excerpt(log) for log in in_motion(logs, model.robot.joints)]
+    parts = [excerpt(log) for log in moving]
     searched = [part.log for part in parts]
     validator, state = cross_validator(model, searched, situation, criteria=criteria, workers=workers)
     found_by = [_stages(v, state, Floor.of(v), effects, progress) for v in priors_of(validator, state)]
@@ -255,9 +256,7 @@ def diagnose(
         refit = refit_finding(results.validator, results.floor)
         verdict, findings = with_refit(verdict, results.findings, refit)
         results = replace(results, findings=tuple(findings))
-    found = _diagnosis(
-        results, verdict, headline(model, [as_recording(log) for log in valid or in_motion(logs, model.robot.joints)])
-    )
+    found = _diagnosis(results, verdict, headline(model, [as_recording(log) for log in valid or moving]))
     judged = set(validator.joints) & found.headline.joints.keys()
     still = standstill_note([name for name in model.joints if name not in judged])
     said = (still, *said_of(model, logs), *(part.said for part in parts))

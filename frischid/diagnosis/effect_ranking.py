@@ -94,7 +94,9 @@ def ranking(
 ) -> Ranking:
     """Score every effect of some kinds that can act on this robot, and put them in order."""
     places = [alternatives for kind in kinds for alternatives in kind.candidates(validator.model.robot)]
-    alone = (scored(validator, shapes) for shapes in usable_candidates(validator, places, progress) if shapes)
+    usable = usable_candidates(validator, places, progress)
+    validator.fits([c for shapes in usable for c in shapes])
+    alone = (scored(validator, shapes) for shapes in usable if shapes)
     pool = [_told(validator, found, progress) for found in alone if found is not None]
     tried = len(pool)
     pool, smoothing = without_smoothing(validator, pool)

@@ -81,7 +81,7 @@ class Finding:
     own : float
         Error that only this effect explains, in summed squared NRMSE; zero unless it entered.
     probability : float
-        Probability that this effect is the cause of most of the error above the sensor noise (`probability`).
+        Probability that the model lacks this effect and no more probable hypothesis is right (`probability`).
     """
 
     effect: str

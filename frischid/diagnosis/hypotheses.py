@@ -1,8 +1,8 @@
 """The hypotheses of a diagnosis, and the evidence for each in a few numbers.
 
-One of these hypotheses is true of the logs:
+At least one of these hypotheses is true of the logs:
 
-- *effect*: one effect of the catalogue causes most of the error above the sensor noise (a hypothesis for each finding);
+- *effect*: the robot has an effect of the catalogue, and the model lacks this effect (a hypothesis for each finding);
 - *none*: nothing is missing, the error is that of the sensors;
 - *several*: several small effects, none of which dominates;
 - *outside*: something that is not in the catalogue;
@@ -84,6 +84,9 @@ def evidence_of(
     values = [
         _of_finding(f, f is causes[0] and f.entered, f.effect in named, float(own.max()), causes, total) for f in causes
     ]
+    alike = [v for v in values if v["first"] or v["rival"]]  # the data cannot tell these apart
+    for v in alike:  # so the one with fewer shapes to choose from is likelier
+        v["more shapes"] = v["searched"] - min(x["searched"] for x in alike)
     if values and verdict == "effect":
         values[0]["named"] = 1.0
     best = max((np.log10(1 + f.gain) for f in causes if f.sure), default=0.0)

@@ -7,8 +7,9 @@ reads a log again, and memory does not grow with the logs (`frischid.core.array_
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import groupby
 
 import numpy as np
@@ -21,6 +22,7 @@ from frischid.diagnosis.cached_motion import CachedMotion, JointData, stored_sta
 from frischid.diagnosis.candidate_columns import Candidate, ColumnTask, GatheredColumns, filtered_columns, sampled
 from frischid.diagnosis.change_prior import load_reference
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
+from frischid.diagnosis.known_columns import KnownColumns, fingerprint, known_columns
 from frischid.effects import Effect, State
 from frischid.estimators.held_out import MOST_OF_A_JOINT
 from frischid.logs.filters import decimating_filter
@@ -28,6 +30,7 @@ from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
+from frischid.model.model_parts import robot_text
 from frischid.regression.regressor import Regressor
 
 UNLIKE_THE_OTHERS = 1.5
@@ -74,7 +77,6 @@ class MotionCache:
         base = [np.array([c for c in self.regressor.active[j] if c in place], dtype=int) for j in self.position]
         self._columns = [np.append(columns, len(self.regressor.columns)) for columns in base]
         self.active = [np.array([place[c] for c in columns.tolist()], dtype=int) for columns in base]
-        self._candidates: dict[str, Candidate] = {}
         self.motions: list[CachedMotion] = []
         self.blocks = 0
         most = criteria.max_folds
@@ -144,9 +146,10 @@ class MotionCache:
         self, effects: Sequence[Effect], progress: Callable[[str], None] = lambda _: None
     ) -> list[Candidate]:
         """Filtered columns of candidate effects over all motions, computed once for each effect."""
-        fresh = list({str(e): e for e in effects if str(e) not in self._candidates}.values())
+        known = self._known.candidates
+        fresh = list({str(e): e for e in effects if str(e) not in known}.values())
         groups = [list(group) for _, group in groupby(fresh, lambda effect: effect.id)]
-        gathered = [GatheredColumns(self.store) for _ in fresh]
+        gathered = [GatheredColumns(self._known.store) for _ in fresh]
         lowpass = self.model.lowpass
         for number, motion in enumerate(self.motions if fresh else ()):
             F = decimating_filter(lowpass.taps(motion.step), motion.raw, lowpass.decimation(motion.step))
@@ -160,8 +163,18 @@ class MotionCache:
             for found, columns in zip(gathered, done, strict=True):
                 found.add(columns, self.motions[: number + 1])
         for effect, found in zip(fresh, gathered, strict=True):
-            self._candidates[str(effect)] = Candidate(effect, found.series, found.signs, found.finite)
-        return [self._candidates[str(effect)] for effect in effects]
+            known[str(effect)] = Candidate(effect, found.series, found.signs, found.finite)
+        return [known[str(effect)] for effect in effects]
+
+    @cached_property
+    def _known(self) -> KnownColumns:
+        """Columns that an earlier diagnosis of the same motions may have computed."""
+        return known_columns(fingerprint(self._columns_depend_on()), self.store)
+
+    def _columns_depend_on(self) -> Iterator[Hashable | Array | State]:
+        yield from (robot_text(self.model.robot), self.model.lowpass.cutoff, *self.position.items())
+        for motion in self.motions:
+            yield from (motion.step, motion.raw, self.state(motion), *(picked.read() for picked in motion.picked))
 
     def given(self, effect: Effect, row: int, values: Sequence[Array]) -> Candidate:
         """Make a candidate on one joint from the values of its column at each motion's filtered samples."""

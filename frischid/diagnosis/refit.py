@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from frischid.diagnosis.change_prior import load_reference
-from frischid.diagnosis.criteria import DiagnosisCriteria
+from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.situation import Situation, cross_validator
 from frischid.effects import Effect, Formula, columns_of
 from frischid.errors import InputError
@@ -27,7 +27,10 @@ from frischid.logs.recording import Recording
 from frischid.model.comparison import compare
 from frischid.model.events import cross_validated_nrmse
 from frischid.model.headline import cross_validated, from_fit
-from frischid.model.identification import identify
+from frischid.model.identification import identify_again
+from frischid.model.identification_stages import read_logs
+from frischid.model.identify_options import IdentifyOptions
+from frischid.model.log_data import Journal
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
@@ -96,10 +99,18 @@ def refitted(
     """
     if situation == "changed":
         return _changed(model, effects, logs, criteria)
-    found = identify(
-        model.robot,
-        logs,
-        effects=effects,
+    again = identify_again(model.robot, logs, effects, _options(model, criteria))
+    return replace(again, lowpass=model.lowpass)
+
+
+def examine(model: Model, logs: Sequence[Log | Recording], criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA) -> None:
+    """Examine logs as a refit does. Nothing is returned: a refit that follows finds the results remembered."""
+    read_logs(model.robot, logs, (), _options(model, criteria), Journal(lambda _: None))
+
+
+def _options(model: Model, criteria: DiagnosisCriteria) -> IdentifyOptions:
+    """How a model was identified, but for its effects."""
+    return IdentifyOptions(
         torque_joints=model.joints,
         cutoff=model.lowpass.cutoff,
         velocity=model.velocity,
@@ -110,7 +121,6 @@ def refitted(
         controller=model.controller,
         currents=model.currents,
     )
-    return replace(found.model, lowpass=model.lowpass)
 
 
 def _changed(

@@ -56,6 +56,7 @@ def selected(validator: CrossValidator, pool: Sequence[ScoredCandidate], tried: 
     chosen: list[ScoredCandidate] = []
     now = validator
     while rest and len(chosen) < validator.criteria.max_entered:
+        now.fits([c.candidate for c in rest])
         fresh = [(c, x) for c in rest if (x := scored(now, [c.candidate])) is not None and passes(now, x, tried)]
         if not fresh:
             break
@@ -94,6 +95,7 @@ def _exchanged(
         rest = [c for i, c in enumerate(chosen) if i != k]
         without = with_all(validator, rest)
         others = [c for c in likely if not any(c is x or excluded(c, x) for x in rest)]
+        without.fits([c.candidate for c in others])
         found = [(c, x) for c in others if (x := scored(without, [c.candidate])) is not None]
         if not found:
             continue

@@ -5,14 +5,11 @@ correlation time in samples, so that evidence counts in *effectively independent
 
     H = Σ_j ω_j Y_jᵀ Y_j + Λ,    θ = H⁻¹ (Σ_j ω_j Y_jᵀ τ_j + Λ μ).
 
-A candidate with columns C is fitted without solving for θ again (variable projection, Golub and Pereyra 1973, SIAM J.
-Numer. Anal. 10(2)), with D = Σ ω_j C_jᵀ C_j:
-
-    A = Σ ω_j Y_jᵀ C_j,   β = (D − Aᵀ H⁻¹ A)⁻¹ (Σ ω_j C_jᵀ τ_j − Aᵀ θ),   θ' = θ − H⁻¹ A β.
+A candidate is fitted beside these columns without solving for θ again (`candidate_fits`).
 
 **Known signs are bounds.** Dry and viscous friction, a spring of memory and many other coefficients have a known sign.
-Where θ or β would have an impossible sign, both are corrected together (`sign_bounds`), for the model alone and with
-the candidate. So no candidate gains from other parameters that a refit would refuse.
+Where θ, or the coefficient of a candidate, would have an impossible sign, all are corrected together (`sign_bounds`),
+for the model alone and with the candidate. So no candidate gains from other parameters that a refit would refuse.
 
 **Weights come from residuals, and residuals from weights.** This iteration can have two ends. If the URDF is far from
 the truth, a fit that believes the prior leaves a large and slow residual. Then the data get little weight, so the prior
@@ -44,14 +41,6 @@ _FURTHER_TURNS = 2  # where a candidate was added: the weights are nearly known
 (_potrs,) = linalg.get_lapack_funcs(("potrs",), dtype=np.float64)
 _STARTS = (1.0, 0.01)  # first standard deviation of the residual over the torque's: the prior counts, the data alone do
 _RIDGE = 1e-10  # share of each diagonal element of H that is added, against rounding
-
-
-class CandidateFit(NamedTuple):
-    """Fit of a candidate: fall of the weighted squared error, its coefficients (k,), change of the parameters (p,)."""
-
-    gain: float
-    beta: Array
-    change: Array
 
 
 class System(NamedTuple):
@@ -143,7 +132,8 @@ class WeightedFit:
         for _ in range(turns):
             omega = 1.0 / (np.maximum(sigma, 1e-9 * spread) ** 2 * correlation)
             folds = range(columns.data.folds)
-            systems = [_solved(columns, omega, prior, f) for f in (*folds, None)]
+            weighted = np.tensordot(omega, columns.gram, axes=(0, 1))
+            systems = [_solved(columns, weighted, prior, f) for f in (*folds, None)]
             left = [Autocorrelation.of(columns.residuals(row, systems[-1].theta)) for row in range(len(spread))]
             sigma, correlation = np.array([x.std for x in left]), np.array([x.time for x in left])
         return cls(columns, prior, omega, systems, sigma, correlation)
@@ -181,45 +171,10 @@ class WeightedFit:
         factor = self.systems[-1].factor
         return np.asarray(linalg.cho_solve(factor, np.eye(len(factor[0]))))
 
-    def fit(self, X: Moments, D: Moments, candidate: Candidate, left_out: int | None) -> CandidateFit | None:
-        """Fit a candidate beside the parameters, on all folds but one (None: on all).
-
-        Returns
-        -------
-        CandidateFit or None
-            None when the other columns span the candidate.
-        """
-        system = self.eliminated(X, D, candidate, left_out)
-        if system is None:
-            return None
-        values, vectors = _eigen(system.matrix)
-        keep = values > IN_SPAN
-        if not keep.any():
-            return None
-        V = vectors[:, keep] / np.sqrt(values[keep])
-        along = V.T @ system.right
-        beta = V @ along / system.scale
-        base = self.systems[-1 if left_out is None else left_out]
-        theta, gain = base.free - system.shift @ beta, float(along @ along) + base.rise
-        own, other = np.flatnonzero(candidate.signs), self.columns.bounded
-        signs = np.append(self.columns.signs[other], np.take(candidate.signs, own))
-        z = np.append(theta[other], beta[own])
-        if (signs * z < 0).any():
-            T = V / system.scale[:, None]  # (k, r): the covariance of β is T Tᵀ
-            G = system.shift @ T  # (p, r): that of θ is H⁻¹ + G Gᵀ, and between them −G Tᵀ
-            known = np.vstack([-G[other], T[own]])
-            C = known @ known.T
-            C[: len(other), : len(other)] += base.toward[other]
-            push = multipliers(z, C, signs)
-            theta = theta + base.toward @ push[: len(other)] - G @ (known.T @ push)
-            beta = beta + T @ (known.T @ push)
-            gain -= float(push @ C @ push)
-        return CandidateFit(gain, beta, theta - base.theta)
-
     def eliminated(self, X: Moments, D: Moments, candidate: Candidate, left_out: int | None) -> EliminatedSystem | None:
         """Normal equations of a candidate without the parameters, on all folds but one; None when a column is zero."""
         system = self.systems[-1 if left_out is None else left_out]
-        factor, theta = system.factor, system.free
+        theta = system.free
         train = [f for f in range(self.columns.data.folds) if f != left_out]
         k = len(candidate.signs)
         A, e, own = np.zeros((len(theta), k)), np.zeros(k), np.zeros((k, k))
@@ -231,21 +186,18 @@ class WeightedFit:
         scale = np.sqrt(own.diagonal())
         if not (scale > 0).all():
             return None
-        HA = _potrs(factor[0], A, lower=factor[1])[0]  # as cho_solve does, without its checks: thousands of small ones
+        HA = solve(system, A)
         return EliminatedSystem((own - A.T @ HA) / (scale[:, None] * scale), (e - A.T @ theta) / scale, scale, HA)
 
 
-def _eigen(matrix: Array) -> tuple[Array, Array]:
-    """Eigenvalues and eigenvectors of a symmetric matrix; most candidates have one column."""
-    if len(matrix) == 1:
-        return matrix[0], np.ones((1, 1))
-    values, vectors = linalg.eigh(matrix)
-    return values, vectors
+def solve(system: System, right: Array) -> Array:
+    """H⁻¹ times some columns, (p, m), as `cho_solve` does, without its checks: there are thousands of small ones."""
+    return np.asarray(_potrs(system.factor[0], right, lower=system.factor[1])[0])
 
 
-def _solved(columns: ModelColumns, omega: Array, prior: Prior, left_out: int | None) -> System:
-    train = [f for f in range(len(columns.gram)) if f != left_out]
-    M = np.einsum("j,fjab->ab", omega, columns.gram[train])
+def _solved(columns: ModelColumns, weighted: Array, prior: Prior, left_out: int | None) -> System:
+    """Solve the normal equations, whose moments ``weighted`` (folds, p + 1, p + 1) are summed over the joints."""
+    M = weighted[[f for f in range(len(weighted)) if f != left_out]].sum(axis=0)
     H = M[:-1, :-1] + prior.precision
     b = M[:-1, -1] + prior.precision @ prior.mean
     H = H + _RIDGE * np.diag(np.diag(H) + 1e-300)

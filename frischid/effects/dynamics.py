@@ -10,6 +10,8 @@ model can hold such links. But torque is linear in θ. A point mass θ_c on ever
 positive, gives
 
     τ(θ) = τ(θ + θ_c) − τ(θ_c),   and the same for every derivative.
+
+Where every link has its own mass, θ alone is such a model.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from frischid.core.types import Array
 from frischid.robot.robot import Robot
 
 LEAST_FELT = 1e-9  # N·m; a torque up to this size counts as zero
+OWN_MASS = 1e-3  # share of the heaviest mass from which a centre of mass loses at most three digits to rounding
 
 
 class Slopes(NamedTuple):
@@ -66,17 +69,23 @@ class RigidDynamics:
 
     @cached_property
     def _models(self) -> tuple[tuple[float, Any], ...]:
-        """The two models whose difference has the parameters `theta`, each with its sign."""
+        """The one or two models whose difference has the parameters `theta`, each with its sign."""
         blocks = self.theta.reshape(-1, 10)
         if self.robot.transforms is not None:
             blocks = (self.robot.transforms @ blocks[:, :, None])[:, :, 0]
-        point = np.zeros(10)
-        point[0] = 1.0 + np.abs(blocks[:, 0]).max()
-        plus, minus = self.robot.model.copy(), self.robot.model.copy()
+        masses, point = blocks[:, 0], np.zeros(10)
+        if (masses > OWN_MASS * np.abs(masses).max()).all():
+            return ((1.0, self._with(blocks)),)
+        point[0] = 1.0 + np.abs(masses).max()
+        return (1.0, self._with(blocks + point)), (-1.0, self._with(np.tile(point, (len(blocks), 1))))
+
+    def _with(self, blocks: Array) -> Any:
+        """The robot's Pinocchio model with these links (L, 10), and without rotors."""
+        model = self.robot.model.copy()
+        model.armature = np.zeros(model.nv)
         for index, block in enumerate(blocks, start=1):
-            plus.inertias[index] = pin.Inertia.FromDynamicParameters(block + point)
-            minus.inertias[index] = pin.Inertia.FromDynamicParameters(point)
-        return (1.0, plus), (-1.0, minus)
+            model.inertias[index] = pin.Inertia.FromDynamicParameters(block)
+        return model
 
     @cached_property
     def _followers(self) -> Array:
@@ -89,12 +98,13 @@ class RigidDynamics:
         return out
 
     def _difference(self, size: tuple[int, ...], states: tuple[Array, ...], compute: Callable[..., Any]) -> Array:
-        """Σ ± compute(model, data, *state) over the two models, for every sample."""
+        """Σ ± compute(model, data, *state) over the models, for every sample."""
         out = np.zeros((len(states[0]), *size))
         for sign, model in self._models:
-            data = model.createData()
-            for target, state in zip(out, zip(*states, strict=True), strict=True):
-                target += sign * np.asarray(compute(model, data, *state))
+            data, here = model.createData(), np.empty(out.shape)
+            for n, state in enumerate(zip(*states, strict=True)):
+                here[n] = compute(model, data, *state)
+            out += sign * here
         return out
 
     def torque(self, q: Array, v: Array, a: Array) -> Array:

@@ -144,10 +144,9 @@ def _travel_together(along: _Steps, links: Array) -> Array:
             deflection, rate = deflection + h * moved, 2 * moved - rate
             found[n] = deflection, friction - back
             continue
-        wanted = moved
-        moved = np.maximum(np.minimum(wanted, (gap - deflection) / h), (-gap - deflection) / h)
-        loose = moved == wanted
-        deflection = deflection + h * moved
+        after = deflection + h * moved
+        deflection = np.maximum(np.minimum(after, gap), -gap)
+        loose = deflection == after
         rate = (2 * moved - rate) * loose
         found[n] = deflection, (friction - back) * loose
     return found

@@ -45,7 +45,8 @@ from scipy.optimize import brentq
 from frischid.core.array_store import Store, Stored
 from frischid.core.types import Array, Column
 from frischid.errors import IdentifiabilityError
-from frischid.estimators.least_squares import JACKKNIFE_BLOCKS, WORST_CONDITION, Estimate
+from frischid.estimators.least_squares import JACKKNIFE_BLOCKS, Estimate
+from frischid.estimators.normal_equations import WORST_CONDITION
 
 NODE = np.sqrt(3.0)
 EIV_BLOCKS = 64

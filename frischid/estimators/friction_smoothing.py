@@ -19,6 +19,7 @@ import numpy as np
 
 from frischid.effects import BASELINE, Coulomb, Effect, State, Term
 from frischid.errors import IdentifiabilityError
+from frischid.estimators.held_out import held_out_stretches
 from frischid.estimators.least_squares import cross_validated, joint_weights
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
@@ -145,8 +146,9 @@ def _errors(
     leading, described = [reduction.columns[k] for k in reduction.base], reduction.base_columns()
     base = {c.name for c in leading}
     kept = [k for k, c in enumerate(regressor.columns) if c.effect == Coulomb.id or c.name in base]
-    blocks = list(accumulate(regressor, motions, lowpass, joints, base=kept))
-    if len(blocks) < 2 or sum(int(b.counts.sum()) for b in blocks) < 2 * reduction.rank:
+    # Every member is judged on the same stretches, so the blocks of each stretch are added once.
+    blocks = list(held_out_stretches(accumulate(regressor, motions, lowpass, joints, base=kept)))
+    if sum(int(b.counts.sum()) for b in blocks) < 2 * reduction.rank:
         raise IdentifiabilityError("too few samples to choose the width of dry friction's sign")
     place = {c.name: k for k, c in enumerate(blocks[0].columns)}
     found = {}

@@ -30,10 +30,10 @@ from frischid.core.types import Array, Column
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.held_out import Fold, held_out_stretches, held_out_variance
 from frischid.estimators.moderation import moderated, satterthwaite
+from frischid.estimators.normal_equations import NormalEquations
 from frischid.estimators.precision import precision_of
 from frischid.regression.moments import Gram, total
 
-WORST_CONDITION = 1e6  # condition number of the column-scaled regressor; its square leaves four digits in the moments
 JACKKNIFE_BLOCKS = 10  # with fewer blocks of data, their scatter does not show the correlation
 SINGULAR_PIVOT = 1e-7  # least pivot of a Cholesky factor over the largest, below which its matrix is taken as singular
 ROUNDING_SHARE = 1e-9  # share of a joint's torque below which a residual is rounding, not noise
@@ -131,55 +131,6 @@ class Prior:
         """Moments of rows of [Y τ] with the same information, shape (p + 1, p + 1)."""
         pull = self.precision @ self.mean
         return np.block([[self.precision, pull[:, None]], [pull[None, :], np.array([[self.mean @ pull]])]])
-
-
-class NormalEquations:
-    """``H θ = b`` on columns scaled to unit norm, with its conditioning tested.
-
-    Parameters
-    ----------
-    moments : ndarray, shape (p + 1, p + 1)
-        Weighted moments of [Y τ].
-    names : sequence of str
-        Parameter names, for the error.
-
-    Raises
-    ------
-    IdentifiabilityError
-        The data leave some combination of parameters undetermined; the message names its parameters.
-    """
-
-    def __init__(self, moments: Array, names: Sequence[str]) -> None:
-        diagonal = np.sqrt(np.diag(moments)[:-1])
-        if (diagonal == 0).any():
-            blind = [n for n, d in zip(names, diagonal, strict=True) if d == 0]
-            raise IdentifiabilityError(
-                f"the log never excites {', '.join(blind)}; leave the effect out or move the joint"
-            )
-        self.scale = 1.0 / diagonal
-        self.H = moments[:-1, :-1] * np.outer(self.scale, self.scale)
-        values, vectors = linalg.eigh(self.H)
-        self.condition = float(np.sqrt(values[-1] / max(values[0], 1e-300)))
-        if self.condition > WORST_CONDITION:
-            worst = np.abs(vectors[:, 0])
-            blind = [names[i] for i in np.argsort(-worst)[:6] if worst[i] > 0.1 * worst.max()]
-            raise IdentifiabilityError(
-                f"this log cannot distinguish {', '.join(blind)} (condition number {self.condition:.1e} of the "
-                "column-scaled regressor); record a motion that moves these joints more, or leave an effect out"
-            )
-        self.factor = linalg.cho_factor(self.H)
-        self.theta = self.solve(moments[:-1, -1])
-
-    def solve(self, b: Array) -> Array:
-        """H⁻¹ b in the parameters' own units."""
-        scaled = b * (self.scale if b.ndim == 1 else self.scale[:, None])
-        x = linalg.cho_solve(self.factor, scaled)
-        return np.asarray(x * (self.scale if b.ndim == 1 else self.scale[:, None]))
-
-    @property
-    def inverse(self) -> Array:
-        """H⁻¹ in the parameters' own units, shape (p, p)."""
-        return self.solve(np.eye(len(self.scale)))
 
 
 def ols(blocks: Sequence[Gram]) -> Estimate:

@@ -8,7 +8,6 @@ can take κ = r (r + 1) / 2 forms, and no log can distinguish it from the model'
 number of rows of a joint counts as κ rows. The shapes are counted on the joint's own columns, scaled to unit norm: with
 eigenvalues λ of their correlation, r = (Σ λ)² / Σ λ² (the participation ratio). κ uses the median joint's r.
 
-
 *Prior.* Each parameter has a mean μ and a standard deviation d. The scale s_l of a link or a rotor says how good the
 prior is for it. The data give the scale by evidence (automatic relevance determination): with posterior covariance C of
 its p_l parameters, ``s_l² = (Σ ((θ − μ)² + C_cc) / d² + ν) / (p_l + ν)``.

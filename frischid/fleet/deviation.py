@@ -30,7 +30,8 @@ from scipy import linalg, stats
 
 from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
-from frischid.estimators.least_squares import Estimate, NormalEquations, Prior, wls
+from frischid.estimators.least_squares import Estimate, Prior, wls
+from frischid.estimators.normal_equations import NormalEquations
 from frischid.regression.moments import Gram, total
 
 EXCITED = 1e-8  # eigenvalue of the column-scaled moments over the largest, below which a direction was not excited

@@ -26,7 +26,7 @@ import numpy as np
 
 from frischid.core.parallel import Here, Workers
 from frischid.effects import BASELINE, Effect
-from frischid.errors import InputError
+from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.held_out import FOLDS
 from frischid.estimators.least_squares import Estimate
 from frischid.estimators.urdf_prior import UrdfPrior
@@ -54,6 +54,7 @@ from frischid.fleet.shared_fit import SharedFit, shared_fit, with_spread
 from frischid.logs.cutoff_choice import LogSpectra
 from frischid.logs.filters import LowPass
 from frischid.logs.mapping import LogMap
+from frischid.model.identify_options import PRIORS
 from frischid.model.model import Model
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Gram
@@ -92,6 +93,10 @@ class FleetOptions:
     strict: bool = False
     diagnosed: int = 20
     prior: Literal["urdf", "none"] = "urdf"
+
+    def __post_init__(self) -> None:
+        if self.prior not in PRIORS:
+            raise UnknownNameError("prior", self.prior, PRIORS)
 
 
 def identify_fleet(

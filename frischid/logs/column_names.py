@@ -18,23 +18,58 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 CHANNEL_WORDS = {
-    "q": {"q", "pos", "position", "positions", "angle", "angles", "theta", "qpos"},
-    "v": {"v", "qd", "dq", "vel", "velocity", "velocities", "speed", "qvel", "omega"},
-    "a": {"a", "qdd", "ddq", "acc", "acceleration", "qacc"},
-    "tau": {"tau", "torque", "torques", "effort", "eff", "moment", "force", "load"},
-    "current": {"i", "current", "currents", "cur", "amp", "amps", "iq"},
+    "q": {
+        *("q", "pos", "position", "positions", "angle", "angles", "theta", "qpos", "enc", "encoder"),
+        *("winkel", "stellung", "lage", "posicion", "angulo", "posizione"),
+    },
+    "v": {
+        *("v", "qd", "dq", "vel", "velocity", "velocities", "speed", "qvel", "omega"),
+        *("geschwindigkeit", "drehzahl", "vitesse", "velocidad", "velocita"),
+    },
+    "a": {"a", "qdd", "ddq", "acc", "acceleration", "qacc", "beschleunigung"},
+    "tau": {
+        *("tau", "torque", "torques", "effort", "eff", "moment", "force", "load", "trq"),
+        *("drehmoment", "kraft", "couple", "par", "coppia"),
+    },
+    "current": {"i", "current", "currents", "cur", "amp", "amps", "iq", "strom", "courant", "corriente", "corrente"},
     "qcmd": {"qcmd"},
     "vcmd": {"vcmd"},
     "tauff": {"tauff"},
 }
+ALL_CHANNEL_WORDS = frozenset().union(*CHANNEL_WORDS.values())
 COMMANDS = {"q": "qcmd", "v": "vcmd"}
 """Channel of a set point, by the channel of the quantity that is set. A desired torque or current has none: whether
 it is a feed-forward, or the sum of all that the controller asks for, no name tells."""
-SETPOINT_WORDS = {"des", "desired", "ref", "reference", "cmd", "command", "commanded", "target", "setpoint", "goal"}
+SETPOINT_WORDS = {
+    "des",
+    "desired",
+    "ref",
+    "reference",
+    "cmd",
+    "command",
+    "commanded",
+    "target",
+    "setpoint",
+    "goal",
+    "soll",
+}
 OTHER_WORDS = {"temperature", "temp", "voltage", "status", "mode", "index", "count", "error"}
-TIME_WORDS = {"t", "time", "stamp", "timestamp", "sec", "secs", "seconds", "nsec", "clock"}
-MEASURED_WORDS = {"actual", "act", "measured", "meas", "present"}
-FILLER_WORDS = MEASURED_WORDS | {"joint", "joints", "link", "axis", "state", "states", "robot", "arm", "j", ""}
+TIME_WORDS = {"t", "time", "stamp", "timestamp", "sec", "secs", "seconds", "nsec", "clock", "datetime", "date", "zeit"}
+MEASURED_WORDS = {"actual", "act", "measured", "meas", "present", "ist"}
+FILLER_WORDS = MEASURED_WORDS | {
+    "joint",
+    "joints",
+    "link",
+    "axis",
+    "achse",
+    "gelenk",
+    "state",
+    "states",
+    "robot",
+    "arm",
+    "j",
+    "",
+}
 LEAST_LIKENESS = 0.55
 """Share of matching characters (`difflib`) below which a column's name does not match a joint's."""
 CLEAR_LIKENESS = 0.8
@@ -61,7 +96,7 @@ def split(name: str) -> tuple[str | None, str]:
     >>> split("position_command_elbow")
     ('qcmd', 'elbow')
     """
-    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", unit_of(name)[1])
     words = [w for w in re.split(r"[^0-9A-Za-z]+", spaced.lower()) if w]
     words = [part for w in words for part in (_counted(w) or [w])]
     if set(words) & OTHER_WORDS:
@@ -69,14 +104,31 @@ def split(name: str) -> tuple[str | None, str]:
     if commanded := set(words) & SETPOINT_WORDS:
         quantity, joint = split("_".join(w for w in words if w not in commanded))
         return (COMMANDS[quantity], joint) if quantity in COMMANDS else (None, name)
+    # words before single letters, which may also be an arm or a unit
+    while len(words) > 1 and words[0] in {"robot", "state", "states"}:
+        words.pop(0)
     for channel, known in CHANNEL_WORDS.items():
         hits = [w for w in words if w in known]
+        if not hits or (len(hits[0]) == 1 and any(len(w) > 1 and w in ALL_CHANNEL_WORDS for w in words)):
+            continue
         # a single letter is a quantity only as the first word: later "a" may be an arm
-        if hits and (len(hits[0]) > 1 or words[0] == hits[0] or words[-1] == hits[0] or "actual" in words):
+        if len(hits[0]) > 1 or words[0] == hits[0] or words[-1] == hits[0] or "actual" in words:
             rest = list(words)
             rest.remove(hits[0])
             return channel, "_".join(w for w in rest if w not in MEASURED_WORDS)
     return None, name
+
+
+def unit_of(name: str) -> tuple[str, str]:
+    """Unit that a column's name ends with or has in brackets (empty: none), and the name without the unit.
+
+    >>> unit_of("Achse 1 Moment [Nm]"), unit_of("axis1_current_mA"), unit_of("q[3]")
+    (('nm', 'Achse 1 Moment'), ('ma', 'axis1_current'), ('', 'q[3]'))
+    """
+    if bracket := re.search(r"[\[(<]([^\])>]*[^\])>\d\s][^\])>]*)[\])>]", name):
+        return bracket[1].strip().lower(), (name[: bracket.start()] + name[bracket.end() :]).strip(" _")
+    end = re.fullmatch(r"(.+?)[_ ](mA|mNm|Nmm|Ncm|Nm|deg|rad|rpm|pct|percent|ms|us|ns)", name)
+    return (end[2].lower(), end[1]) if end else ("", name)
 
 
 def set_point(name: str) -> tuple[str | None, str]:
@@ -93,7 +145,7 @@ def set_point(name: str) -> tuple[str | None, str]:
 def _counted(word: str) -> list[str] | None:
     """Split a quantity and a number without separator: ``q3`` -> ``q``, ``3``."""
     match = re.fullmatch(r"([a-z]+)(\d+)", word)
-    quantities = set().union(*CHANNEL_WORDS.values()) | {"j", "joint", "axis"}
+    quantities = ALL_CHANNEL_WORDS | {"j", "joint", "axis", "achse"}
     return [match[1], match[2]] if match and match[1] in quantities else None
 
 
@@ -152,6 +204,13 @@ def assign(names: Mapping[str, str], joints: Sequence[str], known: Mapping[int, 
     good = {joint: name for joint, name, x in pairs if x >= LEAST_LIKENESS}
     clear = all(x >= CLEAR_LIKENESS for _, _, x in pairs if x >= LEAST_LIKENESS)
     return Assignment(good, "name" if clear else "likeness", {})
+
+
+def exactly(names: Mapping[str, str], joints: Sequence[str]) -> Assignment:
+    """The columns whose names hold the very name of a joint."""
+    found = {joint: name for joint in joints for name, rest in names.items() if _words(rest) == _words(joint)}
+    clear = {joint: name for joint, name in found.items() if list(found.values()).count(name) == 1}
+    return Assignment(clear, "name", {})
 
 
 def _by_number(numbers: Mapping[str, int], joints: Sequence[str], known: Mapping[int, str]) -> Assignment | None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from frischid.core.types import Array
+from frischid.logs.column_names import unit_of
 from frischid.logs.proposal import Proposal
 from frischid.logs.table import Table
 from frischid.robot.robot import Robot
@@ -42,24 +45,72 @@ def check_velocities(table: Table, t: Array, found: Proposal) -> None:
 
 def propose_degrees(table: Table, robot: Robot, found: Proposal) -> None:
     """Propose degrees where positions are far outside the limits, but inside when divided by 57.3."""
-    limits = dict(
-        zip(robot.joints, zip(robot.limits.lower, robot.limits.upper, robot.prismatic, strict=True), strict=True)
-    )
-    outside = inside = 0
-    for joint, columns in found.joints.items():
-        low, high, slides = limits[joint]
-        if slides or not np.isfinite(low) or not np.isfinite(high):
-            low, high = -2 * np.pi, 2 * np.pi
-        if slides:
-            continue
-        q = np.asarray(table.numeric[columns["q"]], dtype=float)
-        room = 0.1 * (high - low)
-        outside += bool((q < low - room).any() or (q > high + room).any())
-        inside += bool((q / DEGREES_PER_RADIAN >= low - room).all() and (q / DEGREES_PER_RADIAN <= high + room).all())
-    if outside and outside > len(found.joints) / 3 and inside == sum(not limits[j][2] for j in found.joints):
+    outside, degrees = _outside_limits(table, robot, found)
+    sliding = [j for j in found.joints if robot.prismatic[robot.joints.index(j)]]
+    if degrees:
         found.file["angle_unit"] = "deg"
         found.reasons.append("angles in degrees: as radians they are far outside the URDF's limits, as degrees within")
-        if sliding := [j for j in found.joints if limits[j][2]]:
+        if sliding:
             found.reasons.append(
                 f'{", ".join(sliding)} slide: give them angle_unit = "m" if their columns are in metres'
             )
+    elif outside:
+        found.guesses.append(
+            "the positions are far outside the URDF's limits, as radians and as degrees; for encoder counts, write "
+            "under each joint gear_ratio = counts per radian, and torque_factor = 1/gear_ratio where the torques are "
+            "those of the joints"
+        )
+
+
+def radians_per_unit(table: Table, robot: Robot, found: Proposal) -> float:
+    """Factor of the positions of the joints found so far: of degrees, or 1."""
+    return 1 / DEGREES_PER_RADIAN if _outside_limits(table, robot, found)[1] else 1.0
+
+
+def _outside_limits(table: Table, robot: Robot, found: Proposal) -> tuple[bool, bool]:
+    """Whether the positions are far outside the URDF's limits, and whether as degrees they are within."""
+    limits = dict(
+        zip(robot.joints, zip(robot.limits.lower, robot.limits.upper, robot.prismatic, strict=True), strict=True)
+    )
+    outside = inside = turning = 0
+    for joint, columns in found.joints.items():
+        low, high, slides = limits[joint]
+        if slides or "q" not in columns:
+            continue
+        turning += 1
+        if not np.isfinite(low) or not np.isfinite(high):
+            low, high = -2 * np.pi, 2 * np.pi
+        q = np.asarray(table.numeric[columns["q"]], dtype=float)
+        q, room = q[np.isfinite(q)], 0.1 * (high - low)
+        outside += bool((q < low - room).any() or (q > high + room).any())
+        inside += bool((q / DEGREES_PER_RADIAN >= low - room).all() and (q / DEGREES_PER_RADIAN <= high + room).all())
+    far = outside > len(found.joints) / 3
+    return far, far and inside == turning
+
+
+UNITS_OF_TORQUE = {"mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2, "n·cm": 1e-2, "n·mm": 1e-3, "knm": 1e3}
+"""N·m per unit that the name of a torque column says."""
+
+
+def propose_effort_units(found: Proposal) -> None:
+    """Factors of torques and currents whose names say another unit than N·m and A."""
+    percent, milli = [], []
+    for joint, columns in found.joints.items():
+        for channel in ("tau", "current"):
+            if channel not in columns:
+                continue
+            unit = unit_of(columns[channel])[0]
+            if channel == "tau" and unit in UNITS_OF_TORQUE:
+                found.factors.setdefault(joint, {})["torque_factor"] = UNITS_OF_TORQUE[unit]
+            elif channel == "current" and unit == "ma":
+                found.factors.setdefault(joint, {})["current_factor"] = 1e-3
+                milli.append(columns[channel])
+            elif re.search(r"%|percent|pct|rated|permille|‰", columns[channel].lower()):
+                percent.append(columns[channel])
+    if milli:
+        found.reasons.append(f"{milli[0]} ...: milliamperes, by the name")
+    if percent:
+        found.guesses.append(
+            f"{percent[0]} ...: a share of a rated value, by the name; write under each joint torque_factor (N·m per "
+            "unit of the column), or current_factor (A per unit): rated value / 100 for percent"
+        )

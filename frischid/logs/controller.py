@@ -69,6 +69,8 @@ class PDController:
     kd_near : float or mapping of str to float
         Where kd is open, its value in the torque that a doubtful delay shifts, N·m·s/rad (N·s/m); `frischid.identify`
         finds it.
+    delay_told : float, optional
+        The delay that the user named, s, where `frischid.identify` found that the logs put a doubtful delay elsewhere.
     held : bool
         Whether the drive keeps each command until the next one, over a step of the log. The delay is then that of the
         moment at which a command begins to act.
@@ -98,6 +100,7 @@ class PDController:
     kp_doubt: Gains = 0.0
     delay_doubt: Gains = 0.0
     kd_near: Gains = 0.0
+    delay_told: float | None = None
     held: bool = False
 
     def __post_init__(self) -> None:
@@ -105,7 +108,7 @@ class PDController:
             raise InputError(f"the controller's held must be true or false, got {shortened(self.held)}")
         for rule in _numbers():
             given = getattr(self, rule.name)
-            if given is None and rule.name in ("kp", "kd", "limit", "delay"):
+            if given is None and rule.name in ("kp", "kd", "limit", "delay", "delay_told"):
                 continue
             values = dict(given) if isinstance(given, Mapping) else {"": given}
             for joint, value in values.items():
@@ -115,7 +118,7 @@ class PDController:
 
     def __str__(self) -> str:
         """The controller as the command line writes it."""
-        unsaid = ("held", "kp_doubt", "delay_doubt", "kd_near")
+        unsaid = ("held", "kp_doubt", "delay_doubt", "kd_near", "delay_told")
         known = {name: x for name, x in self.to_dict().items() if name not in unsaid}
         shown = [f"{name} {shown_value(x)}" for name, x in known.items()] + ["held commands"] * self.held
         return f"pd({', '.join(shown)})"

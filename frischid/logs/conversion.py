@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,8 @@ def log_of_table(
     notes = list(table.notes)
     time, t = _time(table, form, start, notes, whole)
     mapped, ignored = _columns_of_joints(table, form, joints, notes)
+    if whole:
+        table, t = _without_empty_ends(table, t, mapped, notes)
     channels: dict[str, Any] = {channel: np.full((t.size, len(mapped)), np.nan) for channel in CHANNELS}
     for j, (joint, columns) in enumerate(mapped.items()):
         for channel, values in _convert(table, form, joint, columns, notes).items():
@@ -78,6 +81,24 @@ def log_of_table(
     taken = {"t"} | {f"{channel}_{joint}" for channel in CHANNELS for joint in mapped}
     extra = _extra(table, used, taken, notes)
     return Log(t, tuple(mapped), **channels, extra=extra, source=table.source, sha256=digest, notes=tuple(notes))
+
+
+def _without_empty_ends(
+    table: Table, t: Array, mapped: Mapping[str, Mapping[str, str]], notes: list[str]
+) -> tuple[Table, Array]:
+    """The table without first and last rows that hold no position at all: recorders start before the robot's driver."""
+    positions = [np.asarray(table.numeric[c["q"]], dtype=float) for c in mapped.values() if c["q"] in table.numeric]
+    if not positions:
+        return table, t
+    empty = np.asarray(np.isnan(np.array(positions)).all(axis=0))
+    if not (empty[0] or empty[-1]) or empty.all():
+        return table, t
+    start, stop = int(np.argmin(empty)), len(empty) - int(np.argmin(empty[::-1]))
+    ends = len(empty) - (stop - start)
+    notes.append(f"{ends} rows without any position left out at the start and the end")
+    place = table.place
+    numeric = {name: x[start:stop] for name, x in table.numeric.items()}
+    return replace(table, numeric=numeric, place=lambda row: place(start + row)), t[start:stop]
 
 
 def _time_name(table: Table, form: LogMap) -> str:
@@ -176,7 +197,7 @@ def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str],
         "v": motion,
         "a": motion,
         "tau": effort * entry.gear_ratio * entry.torque_factor,
-        "current": effort,
+        "current": effort * entry.current_factor,
     }
     factors |= {"qcmd": motion, "vcmd": motion, "tauff": factors["tau"]}
     channels: dict[str, Array] = {}

@@ -22,7 +22,8 @@ from frischid.core.files import write_text, written
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.dataset_checks import emps, staubli_tx40
 from frischid.logs.mapping import LogMap
-from frischid.logs.tables import read_table, write_table
+from frischid.logs.table_writing import write_table
+from frischid.logs.tables import read_table
 
 Table = dict[str, Any]
 

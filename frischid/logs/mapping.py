@@ -58,6 +58,8 @@ class JointMap:
         Further factor of tau, tauff and current only.
     torque_factor : float
         Further factor of tau and tauff only: their unit, N·m per unit of the column.
+    current_factor : float
+        Further factor of current only: its unit, A per unit of the column.
     current_gain : float, optional
         Joint-side torque per ampere [N·m/A]: ``tau = current_gain · current`` where there is no tau column.
     tau_from : {"tau", "current"}, optional
@@ -79,6 +81,7 @@ class JointMap:
     gear_ratio: float = 1.0
     torque_sign: int = 1
     torque_factor: float = 1.0
+    current_factor: float = 1.0
     current_gain: float | None = None
     tau_from: str | None = None
     angle_unit: str | None = None
@@ -270,6 +273,7 @@ JOINT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, COLUMN_RULE) | {
     "gear_ratio": NONZERO_RULE,
     "torque_sign": SIGN_RULE,
     "torque_factor": NONZERO_RULE,
+    "current_factor": NONZERO_RULE,
     "current_gain": NONZERO_RULE,
     "tau_from": TAU_FROM_RULE,
     "angle_unit": _one_of(*RADIANS_PER_UNIT),

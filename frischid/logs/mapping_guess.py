@@ -24,8 +24,8 @@ import numpy as np
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.column_motion import Grid, columns_by_motion, order_is_confirmed, unexplained
-from frischid.logs.column_names import Assignment, assign, families, split
-from frischid.logs.column_units import check_velocities, propose_degrees
+from frischid.logs.column_names import Assignment, assign, exactly, families, split
+from frischid.logs.column_units import check_velocities, propose_degrees, propose_effort_units, radians_per_unit
 from frischid.logs.gain_guess import guess_gains
 from frischid.logs.log import CHANNELS, FEWEST_SAMPLES
 from frischid.logs.mapping_table import USUAL_RATE, rate_of, stamps_of, table_of, time_column
@@ -65,7 +65,7 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     if not found.joints:
         raise InputError(
             f"{path}: no column looks like a position of a joint of {robot.name} ({', '.join(robot.joints)}); the "
-            f"columns are {', '.join(table.names)}; write the mapping by hand"
+            f"columns are {', '.join(table.names)}{_not_numeric(table)}; write the mapping by hand"
         )
     if t is None:
         t = rate_of(table, rate, found)
@@ -78,10 +78,17 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     guess_gains(table, t, found)
     check_velocities(table, t, found)
     propose_degrees(table, robot, found)
-    unused = [n for n in named if not any(n in c.values() for c in found.joints.values())]
+    propose_effort_units(found)
+    unused = [n for n in named if n.strip() and not any(n in c.values() for c in found.joints.values())]
     if unused:
         found.reasons.append(f"columns not used: {', '.join(unused[:20])}{' ...' * (len(unused) > 20)}")
     return found
+
+
+def _not_numeric(table: Table) -> str:
+    """Why columns that are not numeric are not."""
+    first = next(iter(table.unusable.items()), None)
+    return "" if first is None else f"; {len(table.unusable)} are not numeric: in '{first[0]}' {first[1]}"
 
 
 # ---------------------------------------------------------------------- joints by names
@@ -95,6 +102,9 @@ def _by_names(
     for channel, names in by_channel.items():
         options = [assign(family, robot.joints, numbers) for family in families(names)]
         options = [x for x in options if x.columns]
+        exact = exactly(names, robot.joints)
+        if len(exact.columns) > max((len(x.columns) for x in options), default=0):
+            options = [exact]
         if not options:
             continue
         chosen = _best(options, channel, table, robot, t, found)
@@ -165,6 +175,7 @@ def _confirm_order(
                 continue
             grid = Grid.of(_values(table, [*(chosen.columns[j] for j in joints), *(efforts[j] for j in joints)]), t)
             J = len(joints)
+            grid.y[:, :J] *= radians_per_unit(table, robot, found)
             if order_is_confirmed(robot.keep(joints), grid, range(J), range(J, 2 * J)):
                 found.reasons.append(f"joints in the order of their numbers ({pairs}): the torques confirm this order")
                 return
@@ -176,6 +187,8 @@ def _confirm_order(
 
 def _by_motion(table: Table, names: list[str], robot: Robot, t: Array | None, found: Proposal) -> None:
     """Find positions, velocities and torques whose names say nothing."""
+    if not names:
+        return
     values = _values(table, names)
     usable = np.isfinite(values).all(axis=0) & (np.abs(values).max(axis=0, initial=0.0) < 1e9)
     names = [n for n, yes in zip(names, usable, strict=True) if yes]

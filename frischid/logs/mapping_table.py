@@ -84,7 +84,10 @@ def time_column(table: Table, found: Proposal) -> str | None:
         found.file["time"] = name
         found.reasons.append(f"time: {name}, which grows from row to row")
     if name not in by_name and table.named:
-        found.guesses.append(f"time: {name}, which grows in even steps; its name does not say time")
+        found.guesses.append(
+            f"time: {name}, which grows in even steps; its name does not say time (if {name} only counts the rows: "
+            "--rate, with the samples per second)"
+        )
     return name
 
 
@@ -116,11 +119,30 @@ def rate_of(table: Table, rate: float | None, found: Proposal) -> Array:
         told = float(np.median(factors)) if factors else 0.0
         rate = float(f"{told:.3g}") if told > 0 else USUAL_RATE
         how = f"the velocities tell {rate:g} samples per second" if told > 0 else f"{rate:g} samples per second"
-        found.guesses.append(f"no column is time: {how}; correct it if you know the rate (--rate)")
+        found.guesses.append(f"no column is time{_no_clock(table)}: {how}; correct it if you know the rate (--rate)")
     else:
         found.reasons.append(f"no column is taken as time: {rate:g} samples per second, as given")
     found.file["rate"] = rate
     return np.arange(table.rows) / rate
+
+
+def _no_clock(table: Table) -> str:
+    """Why a column whose name says time is none."""
+    parts = {word: n for n in table.names for word in re.split(r"[^a-z]+", n.lower()) if word in ("sec", "nsec")}
+    if len(parts) == 2:
+        both = f"{parts['sec']} and {parts['nsec']}"
+        return f" (the time is in two columns, {both}: write one column of their sum, sec + 1e-9 nsec, then map again)"
+    for name in table.names:
+        if not set(re.split(r"[^a-z]+", name.lower())) & TIME_WORDS:
+            continue
+        if name in table.unusable:
+            return f" ({name} is not numeric: {table.unusable[name]})"
+        back = np.diff(np.asarray(table.numeric[name], dtype=float)) < 0
+        if back.any():
+            where = table.place(int(back.argmax()) + 1)
+            back_to = f"goes backwards {back.sum()} times, first at {where}"
+            return f" ({name} {back_to}; sort the rows by {name}, then map again)"
+    return ""
 
 
 def _grows(x: NDArray[np.generic]) -> bool:

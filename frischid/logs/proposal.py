@@ -25,6 +25,8 @@ class Proposal:
         Joints of the URDF without a position column.
     gains : dict of str to float
         URDF joint -> joint-side torque per ampere, where the log itself gives it.
+    factors : dict of str to dict of str to float
+        URDF joint -> key of the mapping file -> factor of its torque or current, where names say the unit.
     """
 
     file: dict[str, object] = field(default_factory=dict)
@@ -33,6 +35,7 @@ class Proposal:
     guesses: list[str] = field(default_factory=list)
     missing: tuple[str, ...] = ()
     gains: dict[str, float] = field(default_factory=dict)
+    factors: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def toml(self, source: str) -> str:
         """Text of the mapping file."""
@@ -48,6 +51,7 @@ class Proposal:
         for joint, columns in self.joints.items():
             lines += ["", f"[joint.{quoted(joint)}]"]
             lines += [f"{channel} = {quoted(name)}" for channel, name in columns.items()]
+            lines += [f"{key} = {value:g}" for key, value in self.factors.get(joint, {}).items()]
         if self.gains:
             lines += ["", "[current_gain]  # joint-side torque per ampere: tau = gain * current"]
             lines += [f"{quoted(joint)} = {gain}" for joint, gain in self.gains.items()]

@@ -25,7 +25,8 @@ from frischid.logs.log import FEWEST_SAMPLES, Log
 from frischid.logs.log_file import LogFile, parts_of, size_of
 from frischid.logs.mapping import LogMap, MappingLike
 from frischid.logs.table import Table
-from frischid.logs.tables import joined, read_table, read_tables, write_table
+from frischid.logs.table_writing import write_table
+from frischid.logs.tables import joined, read_table, read_tables
 
 
 def read_log(

@@ -1,4 +1,4 @@
-"""File formats: CSV, Parquet and NPZ, each as one table of named columns, and back.
+"""File formats: CSV, Parquet and NPZ, each as one table of named columns.
 
 Nothing here depends on the meaning of a column. Long files are read as several tables of consecutive rows.
 """
@@ -6,33 +6,49 @@ Nothing here depends on the meaning of a column. Long files are read as several 
 from __future__ import annotations
 
 import csv
-import io
 import itertools
 import lzma
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute
 import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from frischid.core.files import written
-from frischid.core.text import shortened
-from frischid.core.types import Array
 from frischid.errors import InputError, close_names
+from frischid.logs.csv_layout import Layout, csv_layout
+from frischid.logs.csv_text import (
+    clock_of,
+    even_spaces,
+    is_number,
+)
 from frischid.logs.log import Place, row_place
 from frischid.logs.mapping import LogMap
 from frischid.logs.npz_arrays import read_npz
 from frischid.logs.table import Table, check_width
 
 CSV = (".csv", ".tsv", ".txt")
+SPREADSHEET = "save the sheet as CSV"
+OTHER_FORMATS = {
+    ".xlsx": SPREADSHEET,
+    ".xls": SPREADSHEET,
+    ".ods": SPREADSHEET,
+    ".mat": "in MATLAB: writetable(array2table([t q tau]), 'log.csv'), with t as a column and a column per joint in q",
+    ".h5": "in Python: pandas.read_hdf(...).to_csv('log.csv', index=False)",
+    ".json": "in Python: pandas.read_json(...).to_csv('log.csv', index=False)",
+    ".log": "if the file is a table of text, rename it to .csv",
+    ".dat": "if the file is a table of text, rename it to .csv",
+    ".asc": "if the file is a table of text, rename it to .csv",
+}
+"""What turns files of other formats into one that can be read."""
 
 
 def joined(tables: Sequence[Table]) -> Table:
@@ -103,7 +119,8 @@ def _kind(path: Path) -> str:
         raise InputError(f"{path}: there is no such file{hint}")
     kind = path.suffix.lower()
     if kind not in (*CSV, ".parquet", ".npz"):
-        raise InputError(f"{path}: cannot read '{path.suffix}' files; supported are {supported}")
+        hint = f"; {how}" if (how := OTHER_FORMATS.get(kind)) else ""
+        raise InputError(f"{path}: cannot read '{path.suffix}' files; supported are {supported}{hint}")
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty")
     return kind
@@ -121,47 +138,12 @@ def _reading(path: Path, kind: str) -> Iterator[None]:
         raise InputError(f"{path}: its columns do not fit into memory ({error}); is it damaged?") from error
 
 
-@dataclass(frozen=True)
-class Layout:
-    """Layout of a CSV file: its separator, its columns, and the number of lines before the first row."""
-
-    delimiter: str
-    names: Sequence[str]
-    skip: int
-    named: bool
-
-
-def csv_layout(path: Path, form: LogMap) -> Layout:
-    """Find the layout of a CSV file from its first line."""
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        before, line = next(((k, line) for k, line in enumerate(file) if line.strip()), (0, ""))
-    # The separator is the most frequent of the usual ones in the first line.
-    delimiter = form.delimiter or max(",;\t ", key=lambda c: line.strip(" ").count(c) if c != " " else 0.5)
-    try:
-        cells = [cell.strip() for cell in next(csv.reader([line.strip("\r\n")], delimiter=delimiter), [])]
-    except csv.Error as error:
-        raise InputError(f"{path}: line {before + 1} cannot be read as CSV ({error})") from error
-    if not cells:
-        raise InputError(f"{path}: the file holds only empty lines")
-    check_width(path, len(cells))
-    if form.header and all(_is_number(cell) for cell in cells):
-        raise InputError(
-            f"{path}: line {before + 1} should name the columns but holds {len(cells)} numbers; if the file "
-            "has no header, set header = false and columns = [...] under [file] in a mapping file"
-        )
-    names = cells if form.header else list(form.columns) or [str(i) for i in range(len(cells))]
-    if len(names) != len(cells):
-        raise InputError(
-            f"{path}: line {before + 1} holds {len(cells)} cells, {form.source} names {len(names)} columns"
-        )
-    return Layout(delimiter, names, before + 1 if form.header else before, form.header or bool(form.columns))
-
-
 def _read_csv(path: Path, form: LogMap) -> Table:
     layout = csv_layout(path, form)
     with _telling_the_line(path, layout):
-        arrow = pa.csv.read_csv(path, *_options(layout))
-    return _from_arrow(arrow, path, _line_place(path, layout.skip), named=layout.named)
+        arrow = pa.csv.read_csv(_text(path, layout), *_options(layout), _conversion(layout))
+    table = _from_arrow(arrow, path, _line_place(path, layout.skip), layout=layout)
+    return replace(table, notes=(*layout.notes, *table.notes))
 
 
 def _csv_tables(path: Path, form: LogMap, rows: int) -> Iterator[Table]:
@@ -170,13 +152,14 @@ def _csv_tables(path: Path, form: LogMap, rows: int) -> Iterator[Table]:
     options, parsing = _options(layout)
     options.block_size = max(1 << 16, rows * (path.stat().st_size // _lines_guess(path)))
     with _telling_the_line(path, layout):
-        kinds = pa.csv.open_csv(path, options, parsing).schema
+        kinds = pa.csv.open_csv(_text(path, layout), options, parsing, _conversion(layout)).schema
         time = form.time if isinstance(form.time, str) else layout.names[form.time]
         loose = [f.name for f in kinds if f.name != time and (pa.types.is_integer(f.type) or pa.types.is_null(f.type))]
-        convert = pa.csv.ConvertOptions(column_types=dict.fromkeys(loose, pa.float64()))
+        convert = _conversion(layout)
+        convert.column_types = dict.fromkeys(loose, pa.float64())
         place, start = _line_place(path, layout.skip), 0
-        for batch in pa.csv.open_csv(path, options, parsing, convert):
-            yield replace(_from_arrow(pa.table(batch), path, _after(start, place), named=layout.named), first=start)
+        for batch in pa.csv.open_csv(_text(path, layout), options, parsing, convert):
+            yield replace(_from_arrow(pa.table(batch), path, _after(start, place), layout=layout), first=start)
             start += batch.num_rows
 
 
@@ -187,9 +170,22 @@ def _lines_guess(path: Path) -> int:
     return max(1, round(path.stat().st_size / max(1.0, len(head) / max(1, head.count(b"\n")))))
 
 
+def _text(path: Path, layout: Layout) -> Any:
+    """The file for Arrow; columns that are filled up with spaces are evened out, in memory."""
+    return even_spaces(path, layout.encoding) if layout.delimiter == " " else path
+
+
 def _options(layout: Layout) -> tuple[Any, Any]:
-    options = pa.csv.ReadOptions(column_names=list(layout.names), skip_rows=layout.skip)
+    names, encoding = (
+        list(layout.names),
+        "utf8" if layout.encoding == "utf-8" or layout.delimiter == " " else layout.encoding,
+    )
+    options = pa.csv.ReadOptions(column_names=names, skip_rows=layout.skip, encoding=encoding)
     return options, pa.csv.ParseOptions(delimiter=layout.delimiter)
+
+
+def _conversion(layout: Layout) -> Any:
+    return pa.csv.ConvertOptions(decimal_point="," if layout.decimal_comma else ".")
 
 
 @contextmanager
@@ -197,16 +193,8 @@ def _telling_the_line(path: Path, layout: Layout) -> Iterator[None]:
     try:
         yield
     except pa.ArrowInvalid as error:
-        wrong = _ragged_line(path, layout.delimiter, len(layout.names), layout.skip)
+        wrong = _ragged_line(path, layout)
         raise InputError(f"{path}: {wrong or error}") from error
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def _line_place(path: Path, skip: int) -> Place:
@@ -221,10 +209,13 @@ def _line_place(path: Path, skip: int) -> Place:
     return place
 
 
-def _ragged_line(path: Path, delimiter: str, width: int, skip: int) -> str | None:
+def _ragged_line(path: Path, layout: Layout) -> str | None:
     """Description of the lines with too few or too many cells; None without such lines."""
-    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-        rows = csv.reader(itertools.islice(file, skip, None), delimiter=delimiter)
+    width, skip = len(layout.names), layout.skip
+    encoding = "utf-8-sig" if layout.encoding == "utf-8" else layout.encoding
+    with path.open(newline="", encoding=encoding, errors="replace") as file:
+        text = (" ".join(line.split()) if layout.delimiter == " " else line for line in file)
+        rows = csv.reader(itertools.islice(text, skip, None), delimiter=layout.delimiter)
         try:
             wrong = [(skip + rows.line_num, len(row)) for row in rows if row and len(row) != width]
         except csv.Error:
@@ -245,9 +236,18 @@ def _read_parquet(path: Path) -> Table:
     return _from_arrow(pa.parquet.read_table(path), path)
 
 
-def _from_arrow(arrow: Any, path: Path, place: Place = row_place, named: bool = True) -> Table:
+def _from_arrow(arrow: Any, path: Path, place: Place = row_place, layout: Layout | None = None) -> Table:
     numeric: dict[str, NDArray[Any]] = {}
     unusable: dict[str, str] = {}
+    comma, notes = layout is not None and layout.decimal_comma, []
+    again = _repeated_headers(arrow)
+    if again.any():
+        notes.append(f"{again.sum()} lines that repeat the header left out, the first at {place(int(again.argmax()))}")
+        arrow, kept, every = _without(arrow, again, comma), np.flatnonzero(~again), place
+
+        def place(row: int) -> str:
+            return every(int(kept[row]))
+
     for name, column in zip(arrow.column_names, arrow.columns, strict=True):
         if name in numeric or name in unusable:
             raise InputError(f"{path}: two columns are called '{name}'; rename one")
@@ -256,51 +256,47 @@ def _from_arrow(arrow: Any, path: Path, place: Place = row_place, named: bool = 
             column = column.cast(pa.float64() if pa.types.is_null(kind) else pa.int8())
         if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
             numeric[name] = column.to_numpy()
+        elif pa.types.is_timestamp(kind) and not column.null_count:
+            numeric[name] = column.cast(pa.timestamp("ns", kind.tz)).cast(pa.int64()).to_numpy()
+            notes.append(f"{name}: dates as nanoseconds since 1970")
         elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
             cells = enumerate(column.to_pylist())
-            wrong = ((k, cell) for k, cell in cells if cell is not None and not _is_number(cell))
+            wrong = ((k, cell) for k, cell in cells if cell is not None and not is_number(cell, comma=comma))
             row, cell = next(wrong, (0, column[0].as_py()))
+            if row == 0 and (stamps := clock_of(column.to_pylist())) is not None:
+                numeric[name] = stamps
+                notes.append(f"{name}: times as nanoseconds since the first")
+                continue
             unusable[name] = f"{place(row)} holds {cell!r}"
         else:
             unusable[name] = f"its values are of type {kind}"
-    return Table(str(path), tuple(arrow.column_names), numeric, unusable, place, named)
+    named = layout is None or layout.named
+    return Table(str(path), tuple(arrow.column_names), numeric, unusable, place, named, tuple(notes))
 
 
-def write_table(table: Mapping[str, Array], path: Path) -> None:
-    """Write a CSV, Parquet or NPZ file; it appears under its name only when it is complete."""
-    writers = {".csv": _write_csv, ".parquet": _write_parquet, ".npz": _write_npz}
-    if path.suffix.lower() not in writers:
-        raise InputError(f"{path}: cannot write '{path.suffix}' files; use one of {', '.join(writers)}")
-    if path.suffix.lower() == ".csv":
-        _check_header(table, path)
-    with written(path) as scratch, scratch.open("wb") as file:
-        writers[path.suffix.lower()](table, file)
+def _repeated_headers(arrow: Any) -> NDArray[np.bool_]:
+    """Rows whose cells are the names of the columns, (N,): files that were put together repeat their header."""
+    found = np.zeros(arrow.num_rows, bool)
+    texts = [
+        name for name, kind in zip(arrow.column_names, arrow.schema.types, strict=True) if pa.types.is_string(kind)
+    ]
+    if not texts or len(texts) < arrow.num_columns or len(set(texts)) < len(texts):
+        return found
+    found[:] = True
+    for name in texts:
+        cells = pa.compute.utf8_trim_whitespace(arrow.column(name))
+        found &= pa.compute.equal(cells, name).fill_null(False).to_numpy()
+        if not found.any():
+            break
+    return found
 
 
-def _check_header(names: Iterable[str], path: Path) -> None:
-    """Refuse names that the header of a CSV file would not give back."""
-    lost = next((x for x in names if x != x.strip() or "\n" in x or "\r" in x), None)
-    if lost is not None:
-        raise InputError(
-            f"{path}: a CSV file cannot hold a column {shortened(lost)}, whose name has a new line in it or a space at "
-            "its end; write .parquet, or rename the joint"
-        )
-
-
-def _write_csv(table: Mapping[str, Array], file: IO[bytes]) -> None:
-    csv.writer(header := io.StringIO(), lineterminator="\n").writerow(table)
-    file.write(header.getvalue().encode())
-    # Arrow writes the fewest digits that give the same double when read.
-    pa.csv.write_csv(pa.table(dict(table)), file, pa.csv.WriteOptions(include_header=False))
-
-
-def _write_parquet(table: Mapping[str, Array], file: IO[bytes]) -> None:
-    pa.parquet.write_table(pa.table(dict(table)), file, compression="zstd")
-
-
-def _write_npz(table: Mapping[str, Array], file: IO[bytes]) -> None:
-    # np.savez cannot name a column "file"; a fixed date keeps hashes equal.
-    with zipfile.ZipFile(file, "w") as archive:
-        for name, values in table.items():
-            with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:
-                np.lib.format.write_array(member, np.ascontiguousarray(values))
+def _without(arrow: Any, rows: NDArray[np.bool_], comma: bool) -> Any:
+    """A table of texts without these rows; columns that then are numbers become numbers."""
+    arrow = arrow.filter(pa.array(~rows))
+    for k, name in enumerate(arrow.column_names):
+        column = arrow.column(name)
+        text = pa.compute.replace_substring(column, ",", ".") if comma else column
+        with suppress(pa.ArrowInvalid):
+            arrow = arrow.set_column(k, name, text.cast(pa.float64()))
+    return arrow

@@ -39,14 +39,15 @@ class AlarmCriteria:
         Share of the torque's standard deviation (median joint) by which they may differ there. Logs that determine the
         model: at most 0.16. Logs that do not: 0.31 to 0.68.
     extrapolation : float
-        NRMSE to expect on a log over the cross-validated one, beyond which the model may be wrong there. Twice the
-        error is another error to a user; the measured error scatters by a third about the expected one
+        Error to expect on a log over the cross-validated one, in N·m (N), beyond which the model may be wrong there.
+        Twice the error is another error to a user; the measured error scatters by a third about the expected one
         (`benchmarks/trust_simulated.py`), so the alarm comes a little before.
     surprise : float
         Measured error over expected error of a joint. Ordinary pairs: at most 1.9; a tilted base or another day: 3.5 to
         7.6.
     held_out_ratio : float
-        Held-out over cross-validated NRMSE, for models without a prior, whose expected error is of noise alone.
+        Held-out over cross-validated error, in N·m (N), for models without a prior, whose expected error is of noise
+        alone.
     worse_than_urdf : float
         NRMSE over that of the URDF with fitted friction: less is no difference.
     above_noise : float

@@ -278,6 +278,7 @@ def _alarms(model: Model, summary: Comparison, errors: ModelErrors, criteria: Al
     seen = Elsewhere(
         joints=summary.joints.names,
         spread=np.array([j.std for j in summary.joints]),
+        fitted_spread=np.full(len(rmse), np.nan) if model.fitted is None else model.fitted.spread[compared],
         held=errors.noise.held[compared],
         expected=errors.expected.rms[compared] if model.prior is not None else np.full(len(rmse), np.nan),
         measured=rmse,

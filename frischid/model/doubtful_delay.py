@@ -1,6 +1,6 @@
 """The doubt about a controller's delay, as a parameter of the fit.
 
-    τ_computed ≈ Y θ + δ · d/dt (kp q_cmd(t − d) + …),      δ ~ N(0, s_d²)
+    τ_computed ≈ Y θ + δ · d/dt (kp q_cmd(t − d) + …),      δ ~ N(d_named − d, s_d²)
 
 A command that acts δ later than the controller says makes an error that is nearly viscous friction of −kp δ. So ranges
 of friction that ignore the doubt s_d about the delay are too narrow. δ is fitted beside the other parameters, with the
@@ -70,7 +70,12 @@ def with_delay_prior(prior: ParameterPrior, controller: PDController | None, reg
         doubts.get(c.joint, s) if c.effect == CommandDelay.id else s
         for c, s in zip(regressor.columns, prior.spread, strict=True)
     ]
-    return replace(prior, spread=np.array(spread))
+    moved = replace(prior, spread=np.array(spread))
+    if controller is None or controller.delay_told is None:
+        return moved
+    late = np.array([c.effect == CommandDelay.id for c in regressor.columns])
+    off = controller.delay_told - controller.values("delay", [regressor.robot.joints[0]])[0]
+    return replace(moved, mean=np.where(late, off, prior.mean))
 
 
 def _doubts(controller: PDController | None, joints: Sequence[str]) -> Mapping[str, float]:

@@ -33,12 +33,15 @@ class FitRecord:
         Share of the parameters' covariance that is there on another motion. The prior's covariance holds the model's
         own error, as if all of the residual were that. Where the sensors' noise causes a part w of the residual, that
         part averages out over the n independent rows of the log: the share is ``1 − w + w κ/n``.
+    spread : ndarray, shape (J,)
+        Standard deviation of the torque on the fitted logs, N·m (N); NaN if unknown. Errors on two motions are compared in this unit: a
+        gentle motion has a large relative error from the same noise.
 
     Examples
     --------
     >>> import numpy as np
     >>> from frischid.model.fit_record import FitRecord
-    >>> record = FitRecord(np.ones(2), np.ones(2), np.zeros(3), np.ones((6, 2)), np.ones(2))
+    >>> record = FitRecord(np.ones(2), np.ones(2), np.zeros(3), np.ones((6, 2)), np.ones(2), np.ones(2))
     >>> FitRecord.from_dict(record.to_dict()).urdf.shape
     (3,)
     """
@@ -48,6 +51,7 @@ class FitRecord:
     urdf: Array
     scores: Array
     model_share: Array
+    spread: Array
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -57,6 +61,7 @@ class FitRecord:
             "urdf": [float(x) for x in self.urdf],
             "scores": [[float(x) if np.isfinite(x) else None for x in row] for row in self.scores],
             "model_share": [float(x) for x in self.model_share],
+            "spread": [float(x) if np.isfinite(x) else None for x in self.spread],
         }
 
     @classmethod
@@ -64,7 +69,8 @@ class FitRecord:
         """Inverse of `to_dict`."""
         known = {key: np.array(data[key], dtype=float) for key in ("velocity", "acceleration", "urdf", "scores")}
         share = data.get("model_share") or np.ones(len(known["velocity"]))
-        return cls(**known, model_share=np.array(share, dtype=float))
+        spread = data.get("spread") or np.full(len(known["velocity"]), np.nan)
+        return cls(**known, model_share=np.array(share, dtype=float), spread=np.array(spread, dtype=float))
 
     def extended(self, count: int) -> FitRecord:
         """The same for a model with further parameters, which the URDF knows nothing of."""

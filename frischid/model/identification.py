@@ -32,10 +32,9 @@ from frischid.model.amperes import JointCurrents, in_amperes
 from frischid.model.comparison import Comparison, ModelErrors, compare
 from frischid.model.fit_record import FitRecord
 from frischid.model.headline import Headline, from_fit
-from frischid.model.identification_alarms import fit_alarms, fit_record
+from frischid.model.identification_alarms import fit_alarms, fit_record, model_share
 from frischid.model.identification_bounds import Bounds, bound_parameters, recursion_record
 from frischid.model.identification_stages import (
-    Problem,
     fit_parameters,
     form_moments,
     read_logs,
@@ -190,14 +189,36 @@ def identify(
     True
     """
     settings = replace(options or IdentifyOptions(), **choices)
-    data = read_logs(robot, logs, valid, settings, Journal(progress))
-    problem = form_moments(data, effects)
-    fit = fit_parameters(set_prior(problem))
-    return assess(bound_parameters(fit))
+    return assess(_bounded(robot, logs, valid, effects, settings, Journal(progress)))
 
 
-def assess(bounds: Bounds) -> Identification:
-    """Stage 6: the model, its error on stretches and logs that were left out, and its history."""
+def identify_again(robot: Robot, logs: Sequence[Data], effects: Sequence[Effect], options: IdentifyOptions) -> Model:
+    """The model of `identify` for logs that were identified from before: the lag of their torque is known already."""
+    return assess(_bounded(robot, logs, (), effects, options, Journal(lambda _: None)), with_lag=False).model
+
+
+def _bounded(
+    robot: Robot,
+    logs: Sequence[Data],
+    valid: Sequence[Data],
+    effects: Sequence[Effect] | None,
+    options: IdentifyOptions,
+    journal: Journal,
+) -> Bounds:
+    """Stages 1 to 5."""
+    problem = form_moments(read_logs(robot, logs, valid, options, journal), effects)
+    return bound_parameters(fit_parameters(set_prior(problem)))
+
+
+def assess(bounds: Bounds, *, with_lag: bool = True) -> Identification:
+    """Stage 6: the model, its error on stretches and logs that were left out, and its history.
+
+    Parameters
+    ----------
+    bounds : Bounds
+    with_lag : bool
+        Whether the lag of the torque is estimated; the model does not depend on it.
+    """
     fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
     journal, whole = data.journal, problem.whole
     journal.progress("cross-validation")
@@ -209,7 +230,7 @@ def assess(bounds: Bounds) -> Identification:
     cross_validation = dict(zip(data.joints, _nrmse(whole, variance), strict=True))
     journal.progress("comparison")
     before = fit_alarms(fit)
-    lags = LagSums(problem, bounds.estimate)
+    lags = LagSums(problem, bounds.estimate, wanted=with_lag)
     model, there = _measured(bounds, ResidualScores(problem, folds, bounds.estimate), lags)
     lag = torque_lag(problem, bounds.estimate, lags)
     own = None if there is None else from_fit(there, dict(zip(data.joints, np.sqrt(variance), strict=True)), before)
@@ -309,17 +330,8 @@ def _measured(bounds: Bounds, scores: ResidualScores, lags: LagSums) -> tuple[Mo
     except InputError:
         return replace(model, fitted=record), None
     if fit.posterior is not None:
-        record = replace(record, model_share=_model_share(fit.problem, there, fit.posterior.rows))
+        record = replace(record, model_share=model_share(fit.problem, there, fit.posterior.rows))
     return replace(model, fitted=record), there
-
-
-def _model_share(problem: Problem, own: Comparison, rows: float) -> Array:
-    """Share of the parameters' covariance that is the model's error; see `FitRecord`."""
-    joints = problem.data.joints  # of one that never moves nothing is known: all of its residual may be the model's
-    ratios = {j.name: j.noise_floor / max(j.nrmse, 1e-300) for j in own.joints}
-    noise = np.minimum(1.0, [ratios.get(name, 0.0) for name in joints]) ** 2
-    independent = problem.data.independent_rows / len(joints)
-    return np.asarray(1.0 - noise * (1.0 - min(1.0, rows / max(independent, 1e-300))))
 
 
 def _event(

@@ -14,8 +14,8 @@ import numpy as np
 from scipy import linalg
 
 from frischid.core.types import Array
-from frischid.estimators.least_squares import WORST_CONDITION
 from frischid.estimators.map_estimate import MapEstimate, effects_alone, map_estimate
+from frischid.estimators.normal_equations import WORST_CONDITION
 from frischid.estimators.urdf_prior import gaussian
 from frischid.model.alarms import (
     Alarm,
@@ -28,6 +28,7 @@ from frischid.model.alarms import (
     undetermined,
     wrong_signs,
 )
+from frischid.model.comparison import Comparison
 from frischid.model.fit_record import LEVELS, FitRecord
 from frischid.model.identification_stages import Fit, Problem
 
@@ -46,7 +47,18 @@ def fit_record(fit: Fit) -> FitRecord:
         for row, x in enumerate((motion.v, motion.a)):
             reach[row] = np.maximum(reach[row], np.quantile(np.abs(x[:, index]), REACHED, axis=0))
     urdf = effects_alone(problem.blocks, problem.reduction.mapping, problem.urdf)
-    return FitRecord(reach[0], reach[1], urdf, np.full((len(LEVELS), len(index)), np.nan), np.ones(len(index)))
+    scores = np.full((len(LEVELS), len(index)), np.nan)
+    spread = np.sqrt(problem.whole.torque_ss() / np.maximum(problem.whole.counts, 1.0))
+    return FitRecord(reach[0], reach[1], urdf, scores, np.ones(len(index)), spread)
+
+
+def model_share(problem: Problem, own: Comparison, rows: float) -> Array:
+    """Share of the parameters' covariance that is the model's error; see `FitRecord`."""
+    joints = problem.data.joints  # of one that never moves nothing is known: all of its residual may be the model's
+    ratios = {j.name: j.noise_floor / max(j.nrmse, 1e-300) for j in own.joints}
+    noise = np.minimum(1.0, [ratios.get(name, 0.0) for name in joints]) ** 2
+    independent = problem.data.independent_rows / len(joints)
+    return np.asarray(1.0 - noise * (1.0 - min(1.0, rows / max(independent, 1e-300))))
 
 
 def fit_alarms(fit: Fit) -> tuple[Alarm, ...]:

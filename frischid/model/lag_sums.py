@@ -75,6 +75,8 @@ class LagSums:
         The fit.
     theta : ndarray, shape (p,), optional
         Parameters of the residuals, by default those of the fit.
+    wanted : bool
+        Whether the lag is asked for at all.
 
     Attributes
     ----------
@@ -82,10 +84,12 @@ class LagSums:
     step : float
         Time between the samples of the motions, s; the longest of several.
     wanted : bool
-        False where the model has a delay of its own, or a controller: then nothing is gathered.
+        False where nobody asks, or where the model has a delay of its own, or a controller: then nothing is gathered.
     """
 
-    def __init__(self, problem: Problem, estimate: Estimate, theta: Array | None = None) -> None:
+    def __init__(
+        self, problem: Problem, estimate: Estimate, theta: Array | None = None, *, wanted: bool = True
+    ) -> None:
         data = problem.data
         columns = columns_of(data.robot, problem.effects)
         self._problem, self._estimate = problem, estimate
@@ -97,7 +101,8 @@ class LagSums:
         self._pending: list[_Stretch] = []
         self._groups: list[_Sums] = []
         self._source, self._limit, self.step = "", 1, 0.0
-        self.wanted = data.options.controller is None and not any(e.id in OTHER_DELAYS for e in problem.effects)
+        own_delay = data.options.controller is not None or any(e.id in OTHER_DELAYS for e in problem.effects)
+        self.wanted = wanted and not own_delay
 
     def watch(self, motions: Iterable[Motion]) -> Iterator[Motion]:
         """Note the steps of motions, and pass the motions on."""

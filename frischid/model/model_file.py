@@ -149,8 +149,9 @@ def _check_shapes(record: ModelRecord, place: str, source: str) -> None:
             raise damaged(
                 source, f"expected {len(LEVELS)} rows of {len(record.joints)} numbers - at `{place}fitted.scores`"
             )
-        if record.fitted.model_share:  # earlier versions wrote none
-            lengths["model_share"] = len(record.joints)
+        for name in ("model_share", "spread"):
+            if getattr(record.fitted, name):  # earlier versions wrote none
+                lengths[name] = len(record.joints)
         for name, length in lengths.items():
             if len(getattr(record.fitted, name)) != length:
                 raise damaged(source, f"expected {length} numbers - at `{place}fitted.{name}`")

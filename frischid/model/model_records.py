@@ -110,6 +110,7 @@ class FitFields(Struct, forbid_unknown_fields=True, frozen=True):
     urdf: list[float]
     scores: list[list[NotNegative | None]]
     model_share: list[Share] = []
+    spread: list[NotNegative | None] = []
 
 
 class ControllerRecord(Struct, forbid_unknown_fields=True, frozen=True, omit_defaults=True):
@@ -123,6 +124,7 @@ class ControllerRecord(Struct, forbid_unknown_fields=True, frozen=True, omit_def
     kp_doubt: float | dict[str, float] = 0.0
     delay_doubt: float | dict[str, float] = 0.0
     kd_near: float | dict[str, float] = 0.0
+    delay_told: float | None = None
     held: bool = False
 
 

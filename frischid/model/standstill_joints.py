@@ -57,6 +57,7 @@ def rows_of(model: Model, kept: NDArray[np.bool_]) -> Model:
             acceleration=fitted.acceleration[kept],
             scores=fitted.scores[:, kept],
             model_share=fitted.model_share[kept],
+            spread=fitted.spread[kept],
         )
     return replace(
         model,

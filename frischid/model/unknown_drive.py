@@ -6,6 +6,10 @@
 that move with its joint. Gains that the user named are a scale too, and so are torques of the controller beside the
 position error: feed-forward (`tauff`), and kd (v_cmd − q̇) with a kd that is named.
 
+*Named delay in doubt.* The fit corrects such a delay to first order (`frischid.model.doubtful_delay`), and an error of
+two steps is too large for that: it is second order in friction and armature. So the commands are taken at the delay
+that minimises L(d) + (d − d_named)²/s², and the prior of the correction keeps its centre at d_named.
+
 *Delay.* A command that acts late shifts the signal. One delay d serves all joints. It minimises twice the negative log
 likelihood L(d) of the signals. Its variance is 2 / L''(d) + h² / 12 + (d − d_r)² / 1.96²: a log with the step h does
 not show when within a step a command was read, and d_r is the delay at which the residual is the smallest share of the
@@ -50,6 +54,8 @@ from frischid.robot.robot import Robot
 
 _COARSE = (0, 1, 2, 3, 5, 8, 12, 18, 26, 36, MOST_DELAY_STEPS)  # steps of the log; between them a smooth minimum
 _FINE = 0.25  # steps of the log, for the second derivative
+_LINEAR_STEPS = 0.1  # steps of the log: an error of the delay that a correction of first order mends
+REACH_OF_DOUBT = 4.0  # standard errors about a named delay in which the logs' own is looked for
 _SETTLED_STEPS = 0.02  # steps of the log: far below what a log can tell
 
 
@@ -84,7 +90,7 @@ def known_controller(
     open_gains = [n for n in joints if not controller.knows_gain(n)]
     late = controller.delay is None or controller.values("delay_doubt", joints).any()
     near = [n for n in open_damping(controller, joints) if late]
-    if not joints or not (open_gains or controller.delay is None or near):
+    if not joints or not (open_gains or late):
         return controller
     beside = _torques_beside(controller, [preview_of(log) for log in logs], open_gains)
     search = _Search(robot, tuple(logs), replace(options, controller=controller), tuple(open_gains), beside)
@@ -97,6 +103,10 @@ def known_controller(
             notes[-1] += "; this may be no delay at all, and none is used"
         controller = replace(controller, delay=delay, delay_doubt=stderr)
     else:
+        moved = search.near_the_named_delay()
+        controller = moved or controller
+        notes += [] if moved is None else [_moved_delay(moved)]
+        assert controller.delay is not None
         delay = controller.delay
     if near:
         controller = replace(controller, kd_near=search.damping(delay))
@@ -105,6 +115,16 @@ def known_controller(
         each = ", ".join(f"{n} {controller.gain(n):.4g} ± {controller.gain_doubt(n):.0%}" for n in open_gains)
         notes.append(f"kp in N·m/rad (N/m), from the URDF's masses, with one standard error: {each}")
     return controller
+
+
+def _moved_delay(controller: PDController) -> str:
+    """A sentence on a doubtful delay that the logs put elsewhere; it is one for all joints."""
+    delay, doubt = (float(controller.values(x, [""])[0]) for x in ("delay", "delay_doubt"))
+    told = controller.delay_told or 0.0
+    return (
+        f"the named delay of {1e3 * told:.3g} ± {1e3 * doubt:.2g} ms: the logs put it near {1e3 * delay:.3g} ms, and "
+        "are used with this delay"
+    )
 
 
 def _commanded(robot: Robot, logs: Sequence[Data]) -> list[str]:
@@ -254,6 +274,30 @@ class _Search:
         noise = np.sqrt(2 / curvature) if curvature > 2 / widest**2 else widest
         relative = min(tried, key=lambda d: float(np.log(tried[d].share).sum()))
         return at * step, float(np.sqrt(noise**2 + 1 / 12 + ((at - relative) / REACH) ** 2)) * step
+
+    def near_the_named_delay(self) -> PDController | None:
+        """The controller with the delay at which the logs and a named, doubtful delay agree; None: that is the same."""
+        given = self.options.controller
+        assert given is not None
+        doubt = given.delay_doubt
+        if not isinstance(given.delay, float) or not isinstance(doubt, float) or not doubt:
+            return None
+        step = min(1.0 / preview_of(log).rate for log in self.logs)
+        told = given.delay if given.delay_told is None else given.delay_told
+
+        def cost(steps: float) -> float:
+            found = self.at(steps * step)
+            return found.rows * float(np.log(found.variance).sum()) + ((steps * step - told) / doubt) ** 2
+
+        reach = REACH_OF_DOUBT * doubt
+        bounds = (max(0.0, told - reach) / step, min(MOST_DELAY_STEPS * step, told + reach) / step)
+        if bounds[1] - bounds[0] < _LINEAR_STEPS:
+            return None
+        found = optimize.minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": _LINEAR_STEPS / 2})
+        delay = float(found.x) * step
+        if abs(delay - given.delay) < _LINEAR_STEPS * step:
+            return None
+        return replace(given, delay=delay, delay_told=told)
 
 
 def _with_gains(

@@ -69,7 +69,10 @@ class Clearance:
         notes = [f"no mesh file for {', '.join(missing)}: not checked for collision"] if missing else []
         geometry = _geometry(robot, urdf, pin.GeometryType.COLLISION)
         if geometry.ngeoms == 0:
-            notes.append("the URDF has no usable collision shape: neither self-collision nor floor was checked")
+            notes.append(
+                "the URDF has no usable collision shape: neither self-collision nor the floor was checked; watch the "
+                "first run"
+            )
             return cls(robot, geometry, (), np.empty(0), tuple(notes))
         weight = np.linalg.norm(robot.gravity)
         if floor is not None and weight > 0:

@@ -57,6 +57,8 @@ REPAIRS = 3
 """Most repairs of limits that are exceeded between the times of the grid."""
 RESERVE = 0.1
 """Share of the budget for these repairs."""
+GRID_PER_PERIOD = 24.0
+"""Times of the grid per period of the family's highest frequency."""
 WATCH = 4
 """Iterations of a descent between two evaluations of the true cost."""
 
@@ -106,9 +108,11 @@ class Search:
         self.wary = self.excess.wider(1.5)
         e = self.excess.limits
         coefficients = len(self.family.constant)
-        self.grid = np.linspace(0.0, self.duration, int(np.clip(8 * coefficients, 200, 2000)))
+        wanted = max(8 * coefficients, round(GRID_PER_PERIOD * self.family.fastest * self.duration))
+        self.grid = np.linspace(0.0, self.duration, int(np.clip(wanted, 200, 2000)))
         self.at_samples, self.at_grid = self.family.basis(self.cost.t), self.family.basis(self.grid)
-        self.at_watch = self.at_grid[:, ::2]  # a coarser grid: torques and distances are expensive
+        coarse = max(2, round(len(self.grid) / (8 * coefficients)))
+        self.at_watch = self.at_grid[:, ::coarse]  # a coarser grid: torques and distances are expensive
         self.size = np.stack([e.half, e.velocity, e.acceleration])
         # One unit of a coefficient reaches the first limit.
         reach = np.abs(self.at_grid).max(axis=1)[:, :, None] / self.size[:, None]
@@ -195,7 +199,8 @@ class Search:
     def explore(self, seed: int) -> Array:
         """Coefficients of the best Fourier motion that differential evolution finds, all scaled to the limits."""
         J, H = len(self.excess.robot.joints), self.waves
-        sobol = qmc.Sobol((2 * H + 1) * J, seed=seed).random(POPULATION)
+        rows = len(self.family.constant) if self.family.fastest else 2 * H + 1
+        sobol = qmc.Sobol(rows * J, seed=seed).random(POPULATION)
         generations = max(0, int(EXPLORE_SHARE * self.budget / (POPULATION * len(self.cost.shifts))) - 1)
 
         def level(y: Array) -> float:
@@ -223,6 +228,8 @@ class Search:
 
     def random(self, y: Array) -> Array:
         """Coefficients of the Fourier motion with the shape of y, (2H + 1, J), enlarged until it reaches a limit."""
+        if self.family.fastest:
+            return self.within(y * self.unit, grow=True)
         return self.within(self._projection @ np.concatenate(self._fourier(y)(self.grid)), grow=True)
 
     def _fourier(self, y: Array) -> Fourier:

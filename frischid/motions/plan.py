@@ -183,6 +183,7 @@ def plan(
     options = options or PlanOptions()
     given = options.limits
     limits = given if isinstance(given, MotionLimits) else MotionLimits.of(robot, given)
+    options = options.within(limits)
     clearance = Clearance.of(robot) if options.clearance is None else options.clearance
     task = _Task(robot, tuple(effects), options, limits, clearance)
     seeds = [options.seed + ATTEMPTS * k for k in range(options.starts)]

@@ -7,18 +7,24 @@ Robotics and Automation 13(5), use five harmonics of 0.1 Hz).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
+from frischid.motions.chirps import FASTEST, STEP_SHARES, USUAL, default_windows, highest_frequency
 from frischid.motions.collision import Clearance
 from frischid.motions.limits import MotionLimits
 from frischid.motions.motion_request import check_length
 from frischid.motions.optimality import Criterion, criterion_of
 from frischid.motions.optimize import Bounds
 from frischid.motions.trajectory import FAMILIES, Family
+
+PLAN_RATE = 7.5
+"""Instants of the criterion per second."""
+PER_PERIOD = 16.0
+"""Instants of the criterion per period of the highest frequency of chirps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,14 +35,16 @@ class PlanOptions:
     ----------
     duration : float
         Seconds.
-    family : {"fourier", "bspline", "points"}
+    family : {"fourier", "bspline", "points", "steps", "chirps", "steps+chirps"}
     size : int, optional
-        Number of harmonics, control points or via points; `default_size` when not given.
+        Number of harmonics, control points, via points or windows of a chirp; `default_size` when not given.
     samples : int, optional
         Number of equally spaced instants at which the criterion is computed; in the family ``"points"`` these are the
         via points.
     criterion : str or Criterion
         Name in `frischid.motions.optimality.CRITERIA`, or an instance.
+    highest : float, optional
+        Highest frequency of chirps, Hz; by default that from which faster chirps tell no more within the limits.
     bounds : {"everywhere", "points"}
         ``"points"`` keeps the limits at the via points only, as Massaroli et al. do; `Plan.violations` lists the limits
         that are exceeded between them. Torque and distances are then ignored.
@@ -74,6 +82,7 @@ class PlanOptions:
     size: int | None = None
     samples: int | None = None
     criterion: str | Criterion = "condition"
+    highest: float | None = None
     bounds: Bounds = "everywhere"
     limits: MotionLimits | float = 0.9
     clearance: Clearance | None = None
@@ -97,6 +106,8 @@ class PlanOptions:
             raise InputError(f"family '{self.family}' needs a size of at least {least}, got {self.size}")
         if self.family == "points" and self.samples not in {None, self.family_size}:
             raise InputError(f"family 'points' is judged at its {self.family_size} points; leave the samples out")
+        if self.highest is not None and not 0 < self.highest <= FASTEST:
+            raise InputError(f"the highest frequency of chirps must lie in (0, {FASTEST:g}] Hz, got {self.highest:g}")
         if self.samples is not None and self.samples < 2:
             raise InputError(f"a criterion needs at least 2 samples, got {self.samples}")
 
@@ -107,17 +118,26 @@ class PlanOptions:
 
     def shape(self) -> Family:
         """The family of motions."""
-        return Family.named(self.family, self.duration, self.family_size)
+        return Family.named(self.family, self.duration, self.family_size, self.highest or USUAL)
+
+    def within(self, limits: MotionLimits) -> PlanOptions:
+        """The options with the band of chirps that these limits give, where none was named."""
+        if self.highest is not None or self.family not in STEP_SHARES:
+            return self
+        return replace(self, highest=highest_frequency(limits.half, limits.velocity, limits.acceleration))
 
     def instants(self) -> Array:
         """Times at which the criterion is computed, s."""
         if self.family == "points":
             return np.linspace(0.0, self.duration, self.family_size)
-        count = max(100, round(7.5 * self.duration)) if self.samples is None else self.samples
+        rate = PER_PERIOD * (self.highest or USUAL) if self.family in STEP_SHARES else PLAN_RATE
+        count = max(100, round(rate * self.duration)) if self.samples is None else self.samples
         return np.linspace(0.0, self.duration, count)
 
 
 def default_size(family: str, duration: float) -> int:
     """Harmonics up to 1.2 Hz, two control points per second, or one via point per second; at least six."""
+    if family in STEP_SHARES:
+        return default_windows(duration)
     wanted = {"fourier": round(1.2 * duration), "bspline": round(2 * duration), "points": round(duration) + 1}
     return max(wanted[family], 6)

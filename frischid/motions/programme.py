@@ -130,7 +130,12 @@ def _along(parts: Sequence[ClosedForm], t: Array) -> tuple[Array, Array, Array]:
 
 
 def programme(
-    robot: Robot, plan: Plan, home: Sequence[float] | None = None, share: float = 0.9, repeat: int = 1
+    robot: Robot,
+    plan: Plan,
+    home: Sequence[float] | None = None,
+    share: float = 0.9,
+    repeat: int = 1,
+    clearance: Clearance | None = None,
 ) -> Programme:
     """Add ways from a home pose to a planned motion and back, and measure everything against the limits.
 
@@ -144,6 +149,8 @@ def programme(
         Share of the limits that the plan used.
     repeat : int
         Runs of the motion, one after another without a pause.
+    clearance : Clearance, optional
+        Pairs of bodies that must not touch; by default from the URDF's collision shapes and a floor at the base.
 
     Returns
     -------
@@ -165,7 +172,7 @@ def programme(
     >>> found.duration > 4.0, found.to_log(50.0).q[[0, -1]].round(9).tolist()
     (True, [[0.0, 0.0], [0.0, 0.0]])
     """
-    limits, clearance = MotionLimits.of(robot, share), Clearance.of(robot)
+    limits, clearance = MotionLimits.of(robot, share), clearance or Clearance.of(robot)
     plan.check_repeat(repeat)
     motion = plan.trajectory
     before: list[ClosedForm] = []

@@ -1,9 +1,9 @@
 """Motions as functions of time: q(t), q̇(t), q̈(t) in closed form, without numerical differentiation.
 
-Three families: finite Fourier series for each joint (Swevers et al. 1997) that start and end at standstill, quintic
-polynomials through given points (q, q̇, q̈) (Massaroli et al., section 3.2), and quintic B-splines. All are linear in
-their coefficients, and all know exactly where they turn back. For a Fourier series this holds because a trigonometric
-polynomial is an ordinary one on the unit circle,
+Families: finite Fourier series for each joint (Swevers et al. 1997) that start and end at standstill, quintic
+polynomials through given points (q, q̇, q̈) (Massaroli et al., section 3.2), quintic B-splines, and steps and chirps
+(`frischid.motions.chirps`). All are linear in their coefficients, and all know exactly where they turn back. For a
+Fourier series this holds because a trigonometric polynomial is an ordinary one on the unit circle,
 
     Σ_k (s_k sin kφ + c_k cos kφ) = 0   ⇔   Σ_k (c_k + i s_k) z^{K−k} + (c_k − i s_k) z^{K+k} = 0,   z = e^{iφ},
 
@@ -27,6 +27,7 @@ from scipy.interpolate import BSpline as ScipySpline
 
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
+from frischid.motions.chirps import STEP_SHARES, USUAL, law
 from frischid.motions.motion_request import check_length
 from frischid.robot.robot import Robot
 
@@ -149,8 +150,13 @@ class Quintic:
 
     def __call__(self, t: Array) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration at times t (N,), each of shape (N, J)."""
+        q, v, a = self._splines
+        return q(t), v(t), a(t)
+
+    @cached_property
+    def _splines(self) -> tuple[Any, Any, Any]:
         spline = BPoly.from_derivatives(self.t - self.t[0], np.stack([self.q, self.v, self.a], axis=1))
-        return spline(t), spline.derivative(1)(t), spline.derivative(2)(t)
+        return spline, spline.derivative(1), spline.derivative(2)
 
     @cached_property
     def _polynomials(self) -> list[Any]:
@@ -221,7 +227,7 @@ def _roots(piecewise: Any, duration: float) -> Array:
     return np.asarray(candidates[(candidates > 0.0) & (candidates < duration)])
 
 
-FAMILIES = ("fourier", "bspline", "points")
+FAMILIES = ("fourier", "bspline", "points", *STEP_SHARES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,20 +240,26 @@ class Family:
         Coefficients (P, J) -> motion.
     constant : ndarray, shape (P,)
         Coefficients of the motion that stays at 1.
+    fastest : float
+        Hz. Highest frequency that a motion may have; 0 where its number of coefficients says this.
     """
 
     build: Callable[[Array], ClosedForm]
     constant: Array
+    fastest: float = 0.0
 
     @classmethod
-    def named(cls, name: str, duration: float, size: int) -> Family:
-        """Build a family by name, of `size` harmonics, control points or via points."""
+    def named(cls, name: str, duration: float, size: int, highest: float = USUAL) -> Family:
+        """Build a family by name, of `size` harmonics, control points, via points, or chirp windows to `highest` Hz."""
         if name == "fourier":
             return cls(
                 lambda X: Fourier.rested(X[0], X[1 : size + 1], X[size + 1 :], duration), np.eye(2 * size + 1)[0]
             )
         if name == "bspline":
             return cls(lambda X: BSpline.rested(X, duration), np.ones(size))
+        if name in STEP_SHARES:
+            t, rows, constant = law(name, duration, size, highest)
+            return cls(lambda X: Quintic(t, *(rows @ X)), constant, highest)
         if name != "points":
             raise UnknownNameError("family", name, FAMILIES)
         t = np.linspace(0.0, duration, size)

@@ -26,6 +26,7 @@ from frischid.model.identification import Identification
 from frischid.model.model import Model
 from frischid.motions.plan import Plan
 from frischid.reports.chapters.verdict import URDF_RUNG, rungs, urdf_rung
+from frischid.reports.study import missing
 from frischid.reports.templates import render
 
 Backend = Literal["pandas", "polars", "pyarrow"]
@@ -43,12 +44,49 @@ def page_of(result: Any) -> Markup:
         "title": repr(result),
         "error": error,
         "ladder": [] if error is None else rungs(error, urdf=URDF_RUNG if model is None else urdf_rung(model)),
+        "missing": missing(result) if isinstance(result, Diagnosis) else "",
         "picture": Markup(_picture(model, error)) if model is not None and error is not None else "",
         "headings": list(columns),
         "rows": [[_text(x) for x in row] for row in rows[:ROWS_SHOWN]],
         "hidden": max(0, len(rows) - ROWS_SHOWN),
+        "next": next_of(result),
     }
     return render("notebook.html", values)
+
+
+@singledispatch
+def next_of(result: Any) -> tuple[str, str]:
+    """What most users want next of a result: in words, and the line of Python."""
+    raise InputError(f"nothing follows a {type(result).__name__}")
+
+
+@next_of.register
+def _after_fit(result: Identification) -> tuple[str, str]:
+    return "what is missing?", "fr.diagnose(identification.model, logs)"
+
+
+@next_of.register
+def _after_model(result: Model) -> tuple[str, str]:
+    return "how good is the model on another log?", "fr.compare(model, [log])"
+
+
+@next_of.register
+def _after_comparison(result: Comparison) -> tuple[str, str]:
+    return "what is missing?", "fr.diagnose(model, logs)"
+
+
+@next_of.register
+def _after_diagnosis(result: Diagnosis) -> tuple[str, str]:
+    for k, finding in enumerate(result.findings):
+        if finding.significant and finding.members:
+            it = f"diagnosis.findings[{k}]"
+            return f"add {finding.effect} and see the error", f"fr.add(model, {it}.members, logs, finding={it})"
+    return "how good is the model on another log?", "fr.compare(model, [log])"
+
+
+@next_of.register
+def _after_plan(result: Plan) -> tuple[str, str]:
+    return "record this motion, and identify", 'fr.identify(robot, [fr.read_log("log.csv", robot.joints)])'
 
 
 @singledispatch
@@ -95,6 +133,7 @@ def _of_diagnosis(result: Diagnosis) -> dict[str, list[Any]]:
     return {
         "effect": [f.effect for f in found],
         "joints": [", ".join(f.joints) or "the robot" for f in found],
+        "probability": [f.probability for f in found],
         "called missing": [bool(f.significant) for f in found],
         "error before": [f.error_before for f in found],
         "error after": [f.error_after for f in found],
@@ -169,6 +208,8 @@ def frame_of(result: Any, backend: str) -> Any:
 
 
 def _model_of(result: Any) -> Model | None:
+    if isinstance(result, Diagnosis):
+        return None if result.fit is None else result.fit.model
     if isinstance(result, Model):
         return result
     return result.model if isinstance(result, Identification) else None

@@ -68,15 +68,13 @@ def read_urdf(robot: str | Path) -> tuple[str, str]:
     """
     text = str(robot)
     path = Path(robot).expanduser()
-    if not path.is_file() and not text.endswith((".urdf", ".xml", ".xacro")):
-        names = robot_names()
-        if text not in names and path.is_dir():
-            raise InputError(f"{path} is a folder; give the .urdf file inside it")
-        if text not in names:
-            raise UnknownNameError("robot", text, names)
+    names = {} if path.is_file() or text.endswith((".urdf", ".xml", ".xacro")) else robot_names()
+    if text in names:
         path = names[text]  # a folder of that name, as in a ROS workspace, is no robot
     elif path.is_dir():
         raise InputError(f"{path} is a folder; give the .urdf file inside it")
+    elif names:
+        raise UnknownNameError("robot", text, names)
     elif not path.exists():
         raise InputError(f"{path}: no such URDF file; give a path, or a name that `frischid info` lists")
     try:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import atexit
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -111,6 +111,7 @@ class Bench:
         self._change = threading.Lock()  # guards the state; held only while the state is replaced
         self._doing = ""
         self._looked = -1
+        self._first: Diagnosis | None = None  # the last first look: its columns serve the next one
         self._closed = False
         self._looking: list[threading.Timer] = []
         self._listeners: list[Callable[[], None]] = []
@@ -267,6 +268,7 @@ class Bench:
             if len(self.fit) > 1 and state.diagnosis is None:
                 shortest = min(self.fit, key=lambda log: float(log.t[-1] - log.t[0]))
                 first = diagnose(state.model, [shortest], progress=watch())
+                self._first = first
                 self._put(replace(state, diagnosis=first, first_look=True), state.revision)
             found = diagnose(state.model, self.fit, valid=self.valid, progress=watch())
         except SupersededError:
@@ -276,6 +278,16 @@ class Bench:
         if self.note:
             found = replace(found, notes=(*found.notes, self.note))
         self._put(replace(state, diagnosis=found, first_look=False), state.revision)
+        if found.situation == "always":
+            self._examine(state)
+
+    def _examine(self, state: State) -> None:
+        """Examine the logs as the refit after a click will, while the user reads the findings."""
+        from frischid.diagnosis.refit import examine
+
+        with suppress(InputError):  # the refit says it, if the user wants one
+            if not self._closed and self.state.revision == state.revision:
+                examine(state.model, self.fit)
 
     def _state(self, model: Model, revision: int) -> State:
         logs = [*self.fit, *self.valid]
@@ -302,12 +314,18 @@ def _by_role(model: Model, logs: Sequence[Log]) -> tuple[list[Log], list[Log], s
     """Logs that are fitted and select, logs that test, and a note where others than those given select."""
     own = [log for log in logs if model.made_from(log)]
     if own and len(own) >= len(model.fitted_logs):  # nothing to look for
-        return own, [log for log in logs if log not in own], ""
+        order = [entry.get("sha256") for entry in model.fitted_logs]  # of the fit, whose error is known in this order
+        others = [log for log in logs if log not in own]
+        return sorted(own, key=lambda log: _place(order, log)), others, ""
     from frischid.diagnosis.roles import roles
 
     given = roles(model, logs)
     fit, valid = ([log for log in part if isinstance(log, Log)] for part in (given.select, given.test))
     return fit, valid, given.note
+
+
+def _place(order: Sequence[str | None], log: Log) -> int:
+    return order.index(log.identity) if log.identity in order else len(order)
 
 
 def message_of(error: Exception) -> str:

@@ -16,9 +16,9 @@ def error_text(state: State) -> str:
     alarms = "".join(f"**{kinds[alarm.severity]}:** {plain(str(alarm))}\n\n" for alarm in error.alarms)
     return (
         f"{alarms}**{error.grade}** {error.grade_in_words}. "
-        f"The model misses **{100 * error.nrmse:.1f} %** of the torque's standard deviation {error.where} "
-        f"(NRMSE {error.nrmse:.4f}). Sensors alone {100 * error.noise_floor:.1f} %, URDF with fitted friction "
-        f"{100 * error.urdf_nrmse:.0f} %, constant torque {100 * error.constant_nrmse:.0f} %."
+        f"The model misses **{_percent(error.nrmse)}** of the torque's standard deviation {error.where} "
+        f"(NRMSE {error.nrmse:.4f}). Sensors alone {_percent(error.noise_floor)}, URDF with fitted friction "
+        f"{_percent(error.urdf_nrmse)}, constant torque {_percent(error.constant_nrmse)}."
         f"{_last_step(state)}"
     )
 
@@ -29,6 +29,11 @@ def origin_text(bench: Bench) -> str:
     few = f"{count} log{'s' * (count > 1)} the model was fitted to {'is' if count == 1 else 'are'} not here"
     absent = f"\n\n{few}: new effects are fitted without {'it' if count == 1 else 'them'}." if count else ""
     return absent + (f"\n\n{plain(sentence(bench.note))}." if bench.note else "")
+
+
+def _percent(share: float) -> str:
+    """As the report has it; no line ends between the number and its sign."""
+    return f"{100 * share:.1f}\N{NO-BREAK SPACE}%"
 
 
 def _last_step(state: State) -> str:

@@ -72,6 +72,15 @@ def test_commands_keep_within_the_width(fitted, logs, width):  # noqa: F811
         assert numbers <= whole, (command, numbers - whole)  # a broken number is a new number
 
 
+def test_the_width_may_stand_before_the_command_or_after_it():
+    def lines(*arguments):
+        return run(*arguments).stdout.splitlines()
+
+    assert lines("--width", 60, "effects") == lines("effects", "--width", 60) != lines("effects", "--width", 100)
+    assert lines("--width", 60, "effects", "--width", 100) == lines("effects", "--width", 100)
+    assert lines("--quiet", "effects", "--width", 60) == lines("effects", "--width", 60)
+
+
 EVERY = (
     "info robot.urdf",
     "doctor",

@@ -1,5 +1,6 @@
 """The motion cache of a diagnosis: the same results in memory and in a file, and no more memory for longer logs."""
 
+import gc
 import tracemalloc
 from functools import cache
 
@@ -9,11 +10,13 @@ import pytest
 import frischid.core.array_store
 from frischid.core.array_store import Series, Store
 from frischid.diagnosis.block_test import block_gains
+from frischid.diagnosis.candidate_fits import candidate_fits
 from frischid.diagnosis.change_prior import weak_urdf_prior
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import diagnose
+from frischid.diagnosis.improvement import add
 from frischid.diagnosis.residual_variables import thinned, variables
-from frischid.effects import BASELINE, parse_effects
+from frischid.effects import BASELINE, EFFECTS, parse_effects
 from frischid.logs.recording import Recording
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
@@ -164,3 +167,38 @@ def test_memory_hardly_grows(monkeypatch):
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert (peaks[1] - peaks[0]) / (6 * len(log)) < BYTES
+
+
+def test_the_next_diagnosis_of_the_same_motions_has_the_columns_already():
+    log, tried = log_of(1), parse_effects("joint_spring@joint1") + parse_effects("hysteresis(distance=0.01)@joint2")
+    first = CrossValidator.of(model(), [log], weak_urdf_prior(model()))
+    known = first.candidates(tried)
+    better = add(model(), parse_effects("joint_spring@joint2"), [log]).model
+    again = CrossValidator.of(better, [log], weak_urdf_prior(better))
+    assert all(a is b for a, b in zip(known, again.candidates(tried), strict=True))
+    other = CrossValidator.of(model(), [log_of(2)], weak_urdf_prior(model()))
+    assert not any(a is b for a, b in zip(known, other.candidates(tried), strict=True))
+    columns = [[series[0].copy() for series in c.columns.values()] for c in known]
+    del first, again, known
+    gc.collect()
+    fresh = CrossValidator.of(better, [log], weak_urdf_prior(better)).candidates(tried)
+    for candidate, before in zip(fresh, columns, strict=True):
+        for series, x in zip(candidate.columns.values(), before, strict=True):
+            np.testing.assert_array_equal(series[0], x)
+
+
+def test_candidates_are_fitted_together_as_alone():
+    validator = CrossValidator.of(model(), [log_of(1)], weak_urdf_prior(model()))
+    effects = [e for name in EFFECTS for shapes in EFFECTS[name].candidates(ARM) for e in shapes[:2]]
+    measured = validator.data.cache.channels
+    candidates = [c for c in validator.candidates([e for e in effects if measured.issuperset(e.channels(ARM))])
+                  if c.columns and c.finite]  # fmt: skip
+    together = validator.fits(candidates)
+    assert {len(c.signs) for c in candidates} >= {1, 2}
+    for candidate, fits in zip(candidates, together, strict=True):
+        (alone,) = candidate_fits(validator.fit, [validator.columns.moments(candidate)], [candidate])
+        for one, other in zip(fits, alone, strict=True):
+            assert (one is None) == (other is None)
+            if one is not None:
+                assert one.gain == pytest.approx(other.gain, rel=1e-9, abs=1e-9)
+                np.testing.assert_allclose(one.beta, other.beta, rtol=1e-6, atol=1e-9)

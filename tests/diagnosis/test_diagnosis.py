@@ -22,7 +22,7 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
 from frischid.logs.readers import write_log
 from frischid.model.comparison import compare
-from frischid.model.identification import identify
+from frischid.model.identification import identify, identify_again
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
@@ -188,7 +188,7 @@ def test_the_error_before_is_the_last_steps_where_it_was_measured_on_the_same_lo
     logs = [log_of(1, hidden, fva4=1.0, ks5=1.0)]
     model = identify(UR5, logs, recursion="none").model
     fits = []
-    monkeypatch.setattr("frischid.diagnosis.refit.identify", lambda *a, **k: fits.append(a) or identify(*a, **k))
+    monkeypatch.setattr("frischid.diagnosis.refit.identify_again", lambda *a: fits.append(a) or identify_again(*a))
     first = add(model, parse_effects("asymmetric_viscous@wrist_1_joint"), logs)
     second = add(first.model, parse_effects("joint_spring@wrist_2_joint"), logs)
     assert len(fits) == 2

@@ -10,7 +10,7 @@ import pytest
 from frischid.cli.pages.improving import diagnosis as page_of
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.floor import refuted, with_leverage
-from frischid.diagnosis.hypotheses import OTHERS, Evidence
+from frischid.diagnosis.hypotheses import OTHERS, Evidence, evidence_of
 from frischid.diagnosis.probability import DATA, Weights, chances, fitted, probabilities
 from frischid.diagnosis.rivals import IN_WORDS, rivals, sentence_of, separating_command
 from frischid.diagnosis.situation import cross_validator
@@ -144,10 +144,41 @@ def test_a_fit_recovers_the_law_that_made_the_cases():
     assert weights.values["b"] == pytest.approx(-1.0, abs=0.3)
 
 
-def test_several_right_answers_count_together():
+def test_of_several_right_answers_the_first_has_the_probability():
+    """Two of four hypotheses are right: the answer's probability is the share of right answers, not half of it."""
+    rng, cases = np.random.default_rng(0), []
+    for _ in range(600):
+        right = [str(k) for k in rng.permutation(4)[:2]]
+        told = [{"hypothesis": str(k), "a": float(rng.normal(1.0 * (str(k) in right)))} for k in range(4)]
+        cases.append((told, right))
+    weights, _ = fitted(cases[:400])
+    stated, correct = [], []
+    for told, right in cases[400:]:
+        chance = chances(told, weights)
+        best = int(np.argmax(chance))
+        stated.append(chance[best])
+        correct.append(str(best) in right)
+    assert np.mean(stated) == pytest.approx(np.mean(correct), abs=0.06)
+    assert np.mean(correct) > 0.7
+
+
+def test_a_case_whose_right_answer_is_no_hypothesis_is_left_out():
     told = [{"hypothesis": name, name: 1.0} for name in "abc"]
-    weights, _ = fitted([(told, ["a", "b"])] * 50)
-    np.testing.assert_allclose(chances(told, weights)[:2].sum(), 1.0, atol=0.1)
+    weights, _ = fitted([(told, ["a"])] * 50)
+    both, _ = fitted([(told, ["a"]), (told, ["d"])] * 50)
+    assert weights == both
+
+
+def test_of_effects_that_explain_the_same_the_one_with_fewer_shapes_is_likelier():
+    named = [f for f in found("two").findings if f.effect in {"joint_spring", "quadratic_viscous"}]
+    first = replace(named[0], effect="cogging", confused_with=("joint_spring",))
+    second = replace(named[0], effect="joint_spring", confused_with=("cogging",), entered=False, own=0.0)
+    noise = np.zeros(2)
+    told = evidence_of([first, second], (noise + 0.1, noise + 0.05), noise, "effect", unmodelled=False)
+    many, few = told.values[:2]
+    assert many["more shapes"] == pytest.approx(np.log(len(EFFECTS["cogging"].shapes["order"])))
+    assert few["more shapes"] == 0.0
+    assert Weights.load().values["more shapes"] < 0
 
 
 def test_the_shipped_weights_say_where_they_come_from():

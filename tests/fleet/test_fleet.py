@@ -364,3 +364,8 @@ def test_the_command_line(folder, tmp_path, alone):
     page = CliRunner().invoke(main, ["fleet", "ur5", pattern, *options[:-1], "--diagnosed", "0"])
     assert page.exit_code == 0, page.output
     assert "1 logs skipped" in page.output
+
+
+def test_a_prior_of_another_name_is_refused():
+    with pytest.raises(InputError, match="unknown prior 'nome'"):
+        FleetOptions(prior="nome")

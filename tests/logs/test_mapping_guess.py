@@ -10,7 +10,7 @@ from frischid.errors import InputError
 from frischid.logs.column_names import assign, split
 from frischid.logs.mapping_guess import propose
 from frischid.logs.readers import read_chunks, read_log
-from frischid.logs.tables import write_table
+from frischid.logs.table_writing import write_table
 from frischid.motions.simulation import simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot

@@ -28,6 +28,7 @@ def seen(**changes):
     figures = {
         "joints": JOINTS,
         "spread": np.full(3, 20.0),
+        "fitted_spread": np.full(3, 20.0),
         "held": np.zeros(3),
         "expected": np.full(3, 1.2),
         "measured": np.full(3, 1.1),
@@ -45,6 +46,17 @@ def test_an_ordinary_log_raises_nothing():
     assert elsewhere(seen(), CRITERIA) == []
 
 
+def test_a_gentle_motion_with_the_same_error_in_newton_metres_raises_nothing():
+    gentle = {"spread": np.full(3, 4.0), "nrmse": 0.28, "noise_floor": 0.25, "floors": np.full(3, 1.0), "urdf": 0.9}
+    assert elsewhere(seen(**gentle), CRITERIA) == []
+
+
+def test_a_joint_without_a_torque_in_the_fitted_logs_is_not_counted():
+    one = {"fitted_spread": np.array([20.0, 20.0, 0.0]), "expected": np.array([1.2, 1.2, 9.0])}
+    assert elsewhere(seen(**one), CRITERIA) == []
+    assert elsewhere(seen(fitted_spread=np.zeros(3)), CRITERIA) == []
+
+
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
@@ -53,7 +65,7 @@ def test_an_ordinary_log_raises_nothing():
         ({"measured": np.array([1.0, 1.0, 9.0])}, "unlike-the-fitted-logs"),
         ({"nrmse": 0.3}, "worse-than-urdf"),
         ({"measured": np.array([1.0, 1.0, 21.0])}, "worse-than-constant"),
-        ({"nrmse": 0.19, "cross_validated": 0.04}, "held-out-error"),
+        ({"measured": np.full(3, 3.8), "expected": np.full(3, np.nan), "cross_validated": 0.04}, "held-out-error"),
     ],
 )
 def test_each_reason_has_its_alarm(changes, expected):

@@ -45,6 +45,28 @@ def test_friction_has_the_doubt_about_the_delay() -> None:
         assert delay.lower <= LATE <= delay.upper
 
 
+def test_a_delay_named_four_steps_wrong_is_corrected_beyond_first_order() -> None:
+    """A correction of first order alone leaves an error of the armature that its range does not hold."""
+    told = fr.PDController(KP, KD, delay=LATE - 0.018, delay_doubt=0.008)
+    found = drives(told, commanded())
+    for joint, truth in VISCOUS.items():
+        assert found[joint, "viscous"].lower <= truth <= found[joint, "viscous"].upper
+        assert found[joint, "delay"].lower <= LATE <= found[joint, "delay"].upper
+    assert found["joint2", "armature"].lower <= 0.03 <= found["joint2", "armature"].upper
+    assert found["joint1", "delay"].upper - found["joint1", "delay"].lower < 1e-3
+
+
+def test_a_second_identification_takes_the_named_delay_again() -> None:
+    robot, log = fr.Robot.load("planar2"), commanded()
+    told = fr.PDController(KP, KD, delay=LATE - 0.015, delay_doubt=0.008)
+    first = fr.identify(robot, [log], controller=told, recursion="none").model
+    again = fr.identify(robot, [log], controller=first.controller, recursion="none").model
+    assert first.controller is not None
+    assert again.controller is not None
+    assert first.controller.delay_told == again.controller.delay_told == told.delay
+    assert again.controller.delay == pytest.approx(first.controller.delay, abs=1e-3)
+
+
 def test_a_sure_delay_adds_no_parameter() -> None:
     controller = fr.PDController(KP, KD, delay=LATE)
     model = fr.identify(fr.Robot.load("planar2"), [commanded()], controller=controller, recursion="none").model
@@ -77,7 +99,9 @@ def test_a_model_with_a_doubtful_delay_is_simulated_and_diagnosed() -> None:
     beside = fr.compare_simulated(wrong, logs[1:], horizons=[0.5])
     assert max(moved.whole.joints.values()) < 0.5 * max(beside.whole.joints.values())
     assert fr.diagnose(model, logs).verdict == "none"
-    assert fr.Model.from_dict(model.to_dict()).controller == told
+    assert fr.Model.from_dict(model.to_dict()).controller == model.controller
+    assert model.controller is not None
+    assert model.controller.delay_told == told.delay
 
 
 def test_a_model_with_a_doubtful_delay_takes_logs_of_torques() -> None:

@@ -41,6 +41,22 @@ def test_gains_and_their_signs_come_from_the_masses() -> None:
     assert any("ratios between the joints' torques" in note and "frischid gains" in note for note in found.notes)
 
 
+def test_a_voltage_is_a_signal_like_a_current() -> None:
+    """V = (τ + k_b q̇) / k: the gain is found in N·m/V, and viscous friction holds the back-EMF k_b."""
+    robot = fr.Robot.load("planar2")
+    back, gain = np.array([6.0, 2.5]), np.array([12.0, 5.0])
+    log = fr.simulate(robot, fr.random_fourier(robot, 12.0, seed=1), rate=100.0, parameters=FRICTION)
+    assert log.tau is not None
+    assert log.v is not None
+    volts = replace(log, tau=None, current=(log.tau + back * log.v) / gain, sha256=None)
+    found = fr.identify(robot, [volts], recursion="none")
+    assert found.amperes is not None
+    for k, joint in enumerate(found.amperes):
+        assert joint.viscous[0] == pytest.approx((FRICTION[f"fv{k + 1}"] + back[k]) / gain[k], rel=0.02)
+    assert found.model.currents is not None
+    assert found.model.currents.gain["joint1"] == pytest.approx(12.0, rel=0.36)
+
+
 def test_friction_in_amperes_is_sharper_than_the_gains() -> None:
     found = fr.identify(fr.Robot.load("planar2"), [amperes()], recursion="none")
     assert found.model.currents is not None

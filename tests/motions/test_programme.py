@@ -141,7 +141,7 @@ def test_the_command_shows_peaks_and_says_what_is_checked(tmp_path):
     run = ["excite", "planar2", "-o", out, "--duration", "4", "--budget", "20", "--home", "zero", "--rate", "20"]
     done = CliRunner().invoke(main, run, catch_exceptions=False)
     assert done.exit_code == 0
-    for said in ("largest values, of the limits", "from the home pose to the motion", "no collision shapes", out):
+    for said in ("largest values, of the limits", "from the home pose to the motion", "no usable collision shape", out):
         assert said in " ".join(done.output.split())
     data = json.loads(CliRunner().invoke(main, [*run, "--json"]).stdout)
     assert {p["kind"] for p in data["peaks"]} == {"position", "speed", "acceleration", "torque"}

@@ -5,7 +5,7 @@ import pytest
 
 import frischid as fr
 from frischid.errors import IdentifiabilityError
-from frischid.estimators.least_squares import NormalEquations
+from frischid.estimators.normal_equations import NormalEquations
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import prepare

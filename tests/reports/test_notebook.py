@@ -5,10 +5,13 @@ from dataclasses import replace
 
 import plotly.graph_objects as go
 import pytest
+from markupsafe import escape
 from test_reports import recorded
 
 import frischid as fr
 from frischid.model.alarms import Alarm
+from frischid.reports.notebook import next_of
+from frischid.reports.study import missing
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +20,10 @@ def results():
     found = fr.identify(robot, logs[:1], valid=logs[1:], recursion="none")
     plan = fr.plan(robot, options=fr.PlanOptions(duration=4.0, budget=20, seed=0))
     missing = fr.diagnose(found.model, logs[:1], effects=["joint_spring"])
-    return {"found": found, "model": found.model, "comparison": found.comparison, "missing": missing, "plan": plan}
+    return {
+        "found": found, "model": found.model, "comparison": found.comparison, "missing": missing, "plan": plan,
+        "logs": logs[:1], "robot": robot,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["found", "model", "comparison", "missing", "plan"])
@@ -37,7 +43,30 @@ def test_the_page_holds_the_one_number_its_grade_and_the_robot(results):
         error = results[name].headline if name == "missing" else results["found"].headline
         assert f"{100 * error.nrmse:.1f} %" in page
         assert error.grade_in_words in page
-    assert "<svg" in results["found"]._repr_html_()
+        assert "<svg" in page
+        assert f"{error.worst} has the largest error" in page
+    assert str(escape(missing(results["missing"]))) in results["missing"]._repr_html_()
+    assert "probability" in results["missing"].to_frame("pyarrow").column_names
+
+
+@pytest.mark.parametrize("name", ["found", "model", "comparison", "missing", "plan"])
+def test_the_page_ends_with_a_line_that_runs(results, name, monkeypatch):
+    words, line = next_of(results[name])
+    assert f"Next: {words} <code>{escape(line)}</code>" in results[name]._repr_html_()
+    monkeypatch.setattr(fr, "read_log", lambda path, joints: results["logs"][0])
+    names = {"fr": fr, "identification": results["found"], "diagnosis": results["missing"], "log": results["logs"][0]}
+    followed = eval(line, names | {key: results[key] for key in ("model", "logs", "robot")})
+    kinds = {"found": fr.Diagnosis, "comparison": fr.Diagnosis, "plan": fr.Identification}
+    assert isinstance(followed, kinds.get(name, fr.Comparison))
+
+
+def test_the_page_of_a_missing_effect_ends_with_the_line_that_adds_it(results, monkeypatch):
+    diagnosis = results["missing"]
+    monkeypatch.setattr(type(diagnosis.findings[0]), "significant", True)
+    words, line = next_of(diagnosis)
+    assert words == "add joint_spring and see the error"
+    step = eval(line, {"fr": fr, "diagnosis": diagnosis, "model": results["model"], "logs": results["logs"]})
+    assert step.model.effects[-1].id == "joint_spring"
 
 
 def test_text_of_a_file_stays_text(results):

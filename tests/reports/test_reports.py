@@ -381,6 +381,13 @@ def test_every_number_of_the_table_of_errors_is_the_comparisons(spring):
         assert values[5] == round(j.constant, 3)
 
 
+def test_the_table_of_errors_says_what_stands_at_the_top(spring):
+    shown = spring[1]
+    assert "the error at the top is that of the test logs alone" in chapter("torque", shown)
+    own = study(shown.model, shown.logs[:1])
+    assert "the error at the top is cross-validated, and therefore larger" in chapter("torque", own)
+
+
 def test_every_number_of_the_table_of_parameters_is_the_models(spring):
     shown, e = spring[1], spring[1].model.estimate
     rows = re.findall(r"<tr>(.*?)</tr>", chapter("parameters", shown).split("<tbody>")[2].split("</tbody>")[0])

@@ -48,7 +48,7 @@ def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
     parts.append(
         "error: change of the mean error with this effect alone, cross-validated on the logs that select; explains: "
         "share of the error above the sensor noise on its joints; gain: rise of the log likelihood, less a price per "
-        "parameter; probability: that this effect causes most of the error above the sensor noise, as learnt from "
+        "parameter; probability: that the model lacks this effect and no more probable answer is right, as learnt from "
         "simulated robots"
     )
     if moved is None:

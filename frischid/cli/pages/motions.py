@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,23 @@ from frischid.motions.discrimination import Apart
 from frischid.motions.plan import Plan
 from frischid.motions.programme import NEAREST_MEASURED, Nearest, Programme
 
+PEAKS = "largest values, of the limits that the plan may use (positions from the middle of the range)"
 NOTABLY_SHARPER = 1.05  # ratio of standard errors above which a planned motion is called better
 
 
-def excitation(planned: Plan, motion: Programme, output: str, picture: str | None, apart: Apart | None = None) -> Page:
-    """A planned motion with its ways, its peaks against the limits, and the limits that it does not keep."""
+def excitation(
+    planned: Plan, motion: Programme, output: str, picture: str | None, aim: Apart | dict[str, float] | None = None
+) -> Page:
+    """A planned motion with its ways, its peaks against the limits, and the limits that it does not keep.
+
+    `aim`: what the motion was planned for besides all parameters, two effects or the drives' parameters.
+    """
     told = []
+    apart = aim if isinstance(aim, Apart) else None
+    narrower = aim if isinstance(aim, dict) else None
+    if narrower is not None:
+        each = ", ".join(f"{name} {x:.1f} times" for name, x in narrower.items())
+        told = [f"standard errors that the URDF lets expect, smaller than on a random motion: {each}"]
     if apart is not None:
         better = f"{apart.sharper:.1f} times smaller than" if apart.sharper > NOTABLY_SHARPER else "no smaller than"
         whose = "correlation of those parts of their columns that no other parameter explains:"
@@ -38,7 +50,7 @@ def excitation(planned: Plan, motion: Programme, output: str, picture: str | Non
         *(f"limit not met: {v}" for v in planned.violations),
         *planned.notes,
         _peaks(motion),
-        _distance(motion),
+        *_distance(motion),
         _ways(motion),
         f"motion of {motion.duration:.4g} s written to {output}",
     ]
@@ -66,13 +78,15 @@ def excitation(planned: Plan, motion: Programme, output: str, picture: str | Non
             "correlation": apart.correlation,
             "correlation_of_random_motions": apart.typical,
         }
+    if narrower is not None:
+        data["standard_errors_smaller_by"] = narrower
     return Page(data, lines)
 
 
 def _peaks(motion: Programme) -> Table:
     """One row per joint: each peak, of its limit."""
     kinds = list(dict.fromkeys(p.kind for p in motion.peaks))
-    table = table_of("joint", *kinds, title="largest values, of the limits that the plan may use")
+    table = table_of("joint", *kinds, title=PEAKS)
     for joint in motion.joints:
         of = {p.kind: p for p in motion.peaks if p.joint == joint}
         cells = (f"{p.value:.3g} of {p.limit:.3g}" if np.isfinite(p.limit) else f"{p.value:.3g}" for p in of.values())
@@ -80,15 +94,17 @@ def _peaks(motion: Programme) -> Table:
     return table
 
 
-def _distance(motion: Programme) -> str:
+def _distance(motion: Programme) -> Iterator[str]:
+    """The least distance; nothing without collision shapes, of which a note of the plan tells."""
     near = motion.nearest
     if near is None:
-        return "no collision shapes: neither self-collision nor the floor was checked; watch the first run"
+        return
     if not np.isfinite(near.distance):
-        return f"no two bodies, nor a body and the floor, come nearer than {NEAREST_MEASURED:g} m"
-    return (
+        yield f"no two bodies, nor a body and the floor, come nearer than {NEAREST_MEASURED:g} m"
+        return
+    yield (
         f"least distance: {near.bodies}, {near.distance:.3g} m at {near.time:.1f} s (margin {near.margin:g} m); the "
-        "floor is at the height of the base"
+        "floor is at the height of the base, or as --floor says"
     )
 
 

@@ -41,7 +41,7 @@ def _logs(study: Study) -> Table:
     rows = []
     for q in study.qualities:
         short, long = (number(1e3 * s, 3) for s in q.steps)
-        role = "held\u00a0out" if q.source in study.held_out else "fitted"
+        role = "test" if q.source in study.held_out else "fitted"
         steps = short if short == long else f"{short} … {long}"
         figures_of_log = [str(q.samples), number(q.seconds), number(q.rate), steps, str(q.gaps), number(q.kept)]
         rows.append([Path(q.source).name, role, *figures_of_log])

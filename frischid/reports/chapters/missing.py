@@ -20,8 +20,8 @@ from frischid.reports.study import Study, missing, opened
 FINDING_CARDS = 6  # findings with a card; the others stand in the ranking
 RANK_CAPTION = (
     "error: its change with this effect alone, cross-validated; explains: share of the error above the sensor noise on "
-    "its joints; gain: of log likelihood; probability: that this is the cause of most of the error above the sensor "
-    "noise, as learnt from simulated robots. The rank is the rise of the error when the effect is taken out of a model "
+    "its joints; gain: of log likelihood; probability: that the model lacks this effect and no more probable answer is "
+    "right, as learnt from simulated robots. The rank is the rise of the error when the effect is taken out of a model "
     "with all effects: error that several effects explain equally well counts for none of them"
 )
 LEAST_TOLD = 0.005  # probability

@@ -12,14 +12,11 @@ from frischid.model.standstill_joints import standstill_note
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study
 
-OWN_LOGS = (
-    ". On the logs the model was fitted to, these are the errors of the fit: smaller than the cross-validated error at "
-    "the top"
-)
+OWN_LOGS = " On the logs the model was fitted to, these are the errors of the fit; the error at the top is {top}."
 ERRORS_CAPTION = (
     "Errors joint by joint, over all logs of this page. NRMSE is the rms error over the torque's standard "
     "deviation. The next three columns are NRMSE too: of the sensors' noise alone, and of two simpler models. "
-    "fit = 100 (1 − NRMSE)"
+    "fit = 100 (1 − NRMSE)."
 )
 ERROR_HEADINGS = (
     "joint",
@@ -44,7 +41,9 @@ ROUNDING = 1e-9  # share of the rms error below which a bias is rounding
 def content(study: Study, model_path: str) -> dict[str, Any]:
     """Values for the template."""
     contacts = study.diagnosis.contacts if study.diagnosis is not None else ()
-    rows, own = [], len(study.held_out) < len(study.logs)
+    top = "that of the test logs alone" if study.held_out else "cross-validated, and therefore larger"
+    said = OWN_LOGS.format(top=top) if len(study.held_out) < len(study.logs) else ""
+    rows = []
     for name, j in study.comparison.joints.items():
         bias = j.bias if abs(j.bias) > ROUNDING * j.rmse else 0.0
         errors = [number(j.rmse), number(bias), f"{j.nrmse:.4f}", f"{j.noise_floor:.4f}"]
@@ -59,7 +58,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     ]
     both = len(study.logs) == TWO
     return {
-        "errors": Table(ERROR_HEADINGS, rows, words=2, caption=f"{ERRORS_CAPTION}{OWN_LOGS * own}"),
+        "errors": Table(ERROR_HEADINGS, rows, words=2, caption=f"{ERRORS_CAPTION}{said}"),
         "by_log": _by_log(study),
         "beside": _beside(study),
         "others": study.others,

@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from frischid import figures
+from frischid.core.text import listed
 from frischid.diagnosis.rivals import separating_command
 from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
 from frischid.model.events import selection_errors
@@ -138,7 +139,8 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
     if best is not None:
         where = f" --joints {shlex.quote(','.join(best.joints))}" if best.joints else ""
         add = f"frischid add {given} {best.effect}{where} LOG... -o {better}"
-        found.append({"kind": "add", "effect": best.effect, "change": best.change, "command": add})
+        refused = listed([x.finding.effect for x in study.refused])
+        found.append({"kind": "add", "effect": best.effect, "change": best.change, "command": add, "refused": refused})
     if study.weak:
         more = " …" * (len(study.weak) > LISTED)
         plan = f"frischid excite {shlex.quote(robot)} -o motion.csv"
