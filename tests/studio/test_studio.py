@@ -293,10 +293,7 @@ def test_colours_run_from_calm_to_alarm():
 
 def test_progress_never_goes_back(case, tmp_path):
     model, (log, _) = case
-    kept = log.t < 30.0
-    fresh = replace(
-        log, t=log.t[kept], q=log.q[kept], tau=log.tau[kept], v=None
-    )  # columns of the whole log may be known from another test
+    fresh = log.slice(stop=3000)  # columns of the whole log may be known from another test
     bench = Bench(model, [fresh], tmp_path / "model.json")
     shares = []
     bench.on_progress(lambda text, share: shares.append(share) if text else None)
