@@ -34,8 +34,8 @@ class FitRecord:
         own error, as if all of the residual were that. Where the sensors' noise causes a part w of the residual, that
         part averages out over the n independent rows of the log: the share is ``1 − w + w κ/n``.
     spread : ndarray, shape (J,)
-        Standard deviation of the torque on the fitted logs, N·m (N); NaN if unknown. Errors on two motions are compared in
-        this unit: a gentle motion has a large relative error from the same noise.
+        Standard deviation of the torque on the fitted logs, N·m (N); NaN if unknown. Errors on two motions are compared
+        in this unit: a gentle motion has a large relative error from the same noise.
 
     Examples
     --------
