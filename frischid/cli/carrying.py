@@ -45,7 +45,7 @@ def payload(
     loaded = model_of(model, torque_joints)
     with working(as_json) as progress:
         progress("payload")
-        found = run(loaded, opened(logs, loaded.robot, mapping), frame=frame, carrier=carrier)
+        found = run(loaded, opened(logs, loaded.robot, mapping, progress), frame=frame, carrier=carrier)
     if output:
         write_text(Path(output), json.dumps(found.to_dict(), indent=1) + "\n")
     show_page(show.payload(found, output), as_json)

@@ -71,7 +71,7 @@ def check(
     with working(as_json) as progress:
         progress("reading logs")
         try:
-            machine, data = load(robot, RobotArguments(**options), logs, mapping, whole=False)
+            machine, data = load(robot, RobotArguments(**options), logs, mapping, whole=False, progress=progress)
         except InputError:
             # Reading stops at the first error. If the file has further faults, the page lists all of them first.
             form = LogMap.of(mapping)

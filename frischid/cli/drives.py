@@ -60,8 +60,8 @@ def gains(
     given = {n: j.current_gain for n, j in form.joint.items() if j.current_gain is not None}
     with working(as_json) as progress:
         progress("reading logs")
-        machine, without = load(robot, RobotArguments(**options), unloaded, mapping)
-        carrying = read(loaded, machine, mapping)
+        machine, without = load(robot, RobotArguments(**options), unloaded, mapping, progress=progress)
+        carrying = read(loaded, machine, mapping, progress)
         progress("drive gains")
         found = find_gains(
             machine,

@@ -142,11 +142,11 @@ def identify(
         raise InputError("--horizon is the length of a simulated motion; give it with --estimator output_error")
     with working(as_json) as progress:
         progress("reading logs")
-        machine, data = load(robot, RobotArguments(**options), logs, mapping, whole=False)
+        machine, data = load(robot, RobotArguments(**options), logs, mapping, whole=False, progress=progress)
         found = run(
             machine,
             data,
-            valid=opened(valid, machine, mapping),
+            valid=opened(valid, machine, mapping, progress),
             effects=None if effects is None else effects_of(effects),
             torque_joints=matching(torque_joints, machine.joints),
             cutoff=cutoff_of(cutoff),
@@ -161,7 +161,7 @@ def identify(
         )
         if simulated:
             chosen = OutputErrorOptions() if horizon is None else OutputErrorOptions(horizon=horizon)
-            tests = opened(valid, machine, mapping)
+            tests = opened(valid, machine, mapping, progress)
             moved = output_error(found.model, data, valid=tests, options=chosen, progress=progress)
             if output:
                 moved.model.save(output)
@@ -200,9 +200,9 @@ def compare(
 
     loaded = model_of(model, torque_joints)
     with working(as_json) as progress:
-        progress("comparing")
-        data = opened(logs, loaded.robot, mapping)
-        comparison = run(loaded, data)
+        progress("reading logs")
+        data = opened(logs, loaded.robot, mapping, progress)
+        comparison = run(loaded, data, progress=progress)
         error = headline(loaded, data, comparison)
         if simulate:
             progress("simulating")

@@ -60,7 +60,7 @@ def diagnose(
     loaded, moved = model_of(model, torque_joints), None
     with working(as_json) as progress, elsewhere(scheduler, workers) as pool:
         progress("reading logs")
-        data, test = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
+        data, test = opened(logs, loaded.robot, mapping, progress), opened(valid, loaded.robot, mapping, progress)
         given = roles(loaded, data, valid=test, situation=situation)
         found = diagnose_with(
             loaded,
@@ -113,7 +113,7 @@ def add(
     names = matching(joints, loaded.robot.joints)
     with working(as_json) as progress:
         progress("refitting")
-        data, test = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
+        data, test = opened(logs, loaded.robot, mapping, progress), opened(valid, loaded.robot, mapping, progress)
         chosen = parse_effects(effect if names is None else f"{effect}@{'+'.join(names)}")
         chosen = searched(loaded, chosen, effect, data, situation)
         step = run(loaded, chosen, data, valid=test, situation=situation)
@@ -158,7 +158,7 @@ def improve(
     only = None if exportable is None else held_by(loaded, exportable)
     with working(as_json) as progress:
         progress("reading logs")
-        data, test = opened(logs, loaded.robot, mapping), opened(valid, loaded.robot, mapping)
+        data, test = opened(logs, loaded.robot, mapping, progress), opened(valid, loaded.robot, mapping, progress)
         steps, last = run(
             loaded, data, valid=test, situation=situation, max_steps=max_steps, effects=only, progress=progress
         )

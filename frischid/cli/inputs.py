@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,9 +17,21 @@ if TYPE_CHECKING:
     from frischid.model.model import Model
     from frischid.robot.robot import Robot
 
+Progress = Callable[[str], None]
+
+
+def _untold(_: str) -> None:
+    pass
+
 
 def load(
-    robot: str, arguments: RobotArguments, paths: Sequence[str] = (), mapping: MapFiles = None, *, whole: bool = True
+    robot: str,
+    arguments: RobotArguments,
+    paths: Sequence[str] = (),
+    mapping: MapFiles = None,
+    *,
+    whole: bool = True,
+    progress: Progress = _untold,
 ) -> tuple[Robot, list[Any]]:
     """The robot as the options describe it, and its logs.
 
@@ -33,7 +45,7 @@ def load(
 
     nominal = Robot.load(robot)
     check_found(lambda: files_of(nominal))
-    logs = (read if whole else opened)(paths, nominal, mapping)
+    logs = (read if whole else opened)(paths, nominal, mapping, progress)
     locks: dict[str, float] = {}
     for item in arguments.lock:
         pattern, given, angle = item.partition("=")
@@ -59,7 +71,7 @@ def load(
     return machine, logs
 
 
-def read(paths: Sequence[str], robot: Robot, mapping: MapFiles) -> list[Log]:
+def read(paths: Sequence[str], robot: Robot, mapping: MapFiles, progress: Progress = _untold) -> list[Log]:
     """Logs of a robot; a mapping file, if given, explains their columns."""
     from frischid.logs.mapping import LogMap
     from frischid.logs.readers import read_log
@@ -67,10 +79,14 @@ def read(paths: Sequence[str], robot: Robot, mapping: MapFiles) -> list[Log]:
     check_found(paths)
     # A mapping may name joints that are locked in this robot; their columns are read but not used.
     form, names = LogMap.of(mapping), names_of(robot)
-    return [read_log(path, names, form) for path in paths]
+    logs = []
+    for k, path in enumerate(paths, 1):
+        progress(f"reading logs ({k} of {len(paths)})")
+        logs.append(read_log(path, names, form))
+    return logs
 
 
-def opened(paths: Sequence[str], robot: Robot, mapping: MapFiles) -> list[Any]:
+def opened(paths: Sequence[str], robot: Robot, mapping: MapFiles, progress: Progress = _untold) -> list[Any]:
     """Logs of a robot: in memory if they are small together, otherwise as recordings, read chunk by chunk."""
     from frischid.logs.content_size import fits_in_memory
     from frischid.logs.mapping import LogMap
@@ -78,7 +94,7 @@ def opened(paths: Sequence[str], robot: Robot, mapping: MapFiles) -> list[Any]:
 
     check_found(paths)
     if fits_in_memory(map(Path, paths)):
-        return list(read(paths, robot, mapping))
+        return list(read(paths, robot, mapping, progress))
     form, names = LogMap.of(mapping), names_of(robot)
     return [Recording.open(path, names, form) for path in paths]
 

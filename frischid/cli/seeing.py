@@ -50,7 +50,7 @@ def report(
     loaded = next(iter(models.values()))
     with working(as_json) as progress:
         progress("reading logs")
-        data = opened(logs[len(further) :], loaded.robot, mapping)
+        data = opened(logs[len(further) :], loaded.robot, mapping, progress)
         study = run(models, data, output, situation=situation, model_path=model, progress=progress)
     show_page(show.report(study, output), as_json)
 
@@ -100,7 +100,7 @@ def studio(
             progress("reading logs")
 
             loaded = model_of(model)
-            data = read(logs, loaded.robot, mapping)
+            data = read(logs, loaded.robot, mapping, progress)
             progress("comparing")
             running.show(loaded, data, path)
         while True:

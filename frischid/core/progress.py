@@ -49,6 +49,25 @@ def stage_of(text: str) -> Stage:
     return Stage(text, int(share[1]), 100) if share else Stage(text)
 
 
+def counter(progress: Callable[[str], None], words: str, total: int) -> Callable[[int], None]:
+    """A function that tells how many samples of a total a pass has read; without a total, their number alone.
+
+    Examples
+    --------
+    >>> from frischid.core.progress import counter
+    >>> counter(print, "comparing", 400)(100)
+    comparing: 25% of the samples
+    >>> counter(print, "comparing", 0)(100)
+    comparing: 100 samples
+    """
+
+    def told(samples: int) -> None:
+        share = f"{100 * samples / total:.0f}% of the" if total else f"{samples}"
+        progress(f"{words}: {share} samples")
+
+    return told
+
+
 @contextmanager
 def progress_bar(console: Console | None = None) -> Iterator[Callable[[str], None]]:
     """Show the progress of a long function, in a terminal or in a notebook.

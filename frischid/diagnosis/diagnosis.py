@@ -25,18 +25,18 @@ import numpy as np
 
 from frischid.core.parallel import Workers
 from frischid.core.shown import Shown
-from frischid.diagnosis.contacts import Contact, find_contacts, made_by_something_steady, stretches
+from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.contacts_at_rest import contacts_at_rest, said_of
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.diagnosis.findings import Finding, find_effects, refit_finding
+from frischid.diagnosis.findings import Finding, refit_finding
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
 from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import Description, describe
 from frischid.diagnosis.rivals import suspected
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator, priors_of
-from frischid.diagnosis.unmodelled_terms import unmodelled_term
+from frischid.diagnosis.stages import stages
 from frischid.diagnosis.verdict import (
     StageResults,
     Verdict,
@@ -50,7 +50,9 @@ from frischid.diagnosis.verdict import (
 from frischid.effects import EFFECTS
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.excerpt import as_recording, excerpt
+from frischid.logs.given import Logs, as_logs
 from frischid.logs.log import Log
+from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import NOTHING_MOVES, in_motion
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.headline import Headline, headline
@@ -171,25 +173,26 @@ class Diagnosis(Shown):
 
 def diagnose(
     model: Model,
-    logs: Sequence[Log | Recording],
+    logs: Logs,
     *,
-    valid: Sequence[Log | Recording] = (),
+    valid: Logs = (),
     situation: SituationOption = "auto",
     effects: Sequence[str] | None = None,
     criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
     workers: Workers | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    mapping: MappingLike = None,
 ) -> Diagnosis:
     """Find the effect that a model misses on some logs.
 
     Parameters
     ----------
     model : Model
-    logs : sequence of Log or Recording
+    logs : sequence of Log, Recording or data frame, or one data frame
         Data that the model predicts badly. Each of several logs is predicted by a fit to the others. Of a single log,
         each motion (stretch without a gap) is cut into four parts, and each part is predicted by a fit to the others.
         Of a long log, effects are searched along an excerpt (`frischid.logs.excerpt`), and a note says so.
-    valid : sequence of Log or Recording
+    valid : sequence of Log, Recording or data frame, or one data frame
         Test logs of the same robot in the same state: the model's error on them is stated; nothing else uses them.
     situation : {"auto", "always", "changed"}
         ``"always"``: the robot has not changed since the model was identified, so a missing effect acted in the
@@ -203,6 +206,8 @@ def diagnose(
         Processes that compute the candidates' columns, this process by default; the result is the same.
     progress : callable
         Called with a few words at each stage.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
 
     Returns
     -------
@@ -233,6 +238,7 @@ def diagnose(
     >>> found.headline.nrmse == fr.compare(model, logs[1:]).nrmse
     True
     """
+    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     if not logs:
         raise InputError("there is no log to diagnose")
     for name in effects or ():
@@ -248,7 +254,7 @@ def diagnose(
     parts = [excerpt(log) for log in moving]
     searched = [part.log for part in parts]
     validator, state = cross_validator(model, searched, situation, criteria=criteria, workers=workers)
-    found_by = [_stages(v, state, Floor.of(v), effects, progress) for v in priors_of(validator, state)]
+    found_by = [stages(v, state, Floor.of(v), effects, progress) for v in priors_of(validator, state)]
     results = min(found_by, key=lambda r: float(r.ranking.full.base_nrmse().mean()))
     results = replace(results, contacts=(*results.contacts, *touched))
     verdict = decided(results)
@@ -288,28 +294,6 @@ def _at_standstill(
         evidence=Evidence((), ()),
         fit=None,
     )
-
-
-def _stages(
-    validator: CrossValidator,
-    situation: Situation,
-    floor: Floor,
-    effects: Sequence[str] | None,
-    progress: Callable[[str], None],
-) -> StageResults:
-    """Contacts, findings, and the term outside the catalogue that explains more than the first finding."""
-    contacts = find_contacts(validator, floor.known)
-    findings, ranking = find_effects(validator, floor, situation, effects, progress)
-    if contacts:
-        rest = validator.without(stretches(contacts))
-        if made_by_something_steady(validator, rest, findings, stretches(contacts)):
-            contacts = []
-        else:
-            progress("again without the contacts")
-            validator, (findings, ranking) = rest, find_effects(rest, floor, situation, effects, progress)
-    noise = floor.under(ranking.full)
-    unmodelled = None if contacts else unmodelled_term(ranking, noise)
-    return StageResults(validator, situation, noise, tuple(contacts), tuple(findings), ranking, unmodelled, floor.said)
 
 
 def _diagnosis(results: StageResults, verdict: Verdict, error_of_model: Headline) -> Diagnosis:

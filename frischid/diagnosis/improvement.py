@@ -29,7 +29,9 @@ from frischid.diagnosis.step import Refusal, Step
 from frischid.diagnosis.step_acceptance import impossible_coefficients, reason_against, worse_with_standstill
 from frischid.effects import Effect, check_effects, columns_of
 from frischid.errors import InputError
+from frischid.logs.given import Logs, as_logs
 from frischid.logs.log import Log
+from frischid.logs.mapping import MappingLike
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.comparison import compare
 from frischid.model.headline import Headline, headline
@@ -43,12 +45,13 @@ RISES_AT_STANDSTILL = "the error would rise when samples at standstill count too
 def add(
     model: Model,
     effects: Sequence[Effect],
-    logs: Sequence[Log | Recording],
+    logs: Logs,
     *,
-    valid: Sequence[Log | Recording] = (),
+    valid: Logs = (),
     situation: SituationOption = "always",
     finding: Finding | None = None,
     criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
+    mapping: MappingLike = None,
 ) -> Step:
     """Add effects to a model and refit it.
 
@@ -57,9 +60,9 @@ def add(
     model : Model
     effects : sequence of Effect
         Effects to add.
-    logs : sequence of Log or Recording
+    logs : sequence of Log, Recording or data frame, or one data frame
         Data to fit; the error is cross-validated on them.
-    valid : sequence of Log or Recording
+    valid : sequence of Log, Recording or data frame, or one data frame
         Test logs: their error is stated, and nothing else uses them.
     situation : {"auto", "always", "changed"}
         ``"auto"`` is decided as by `diagnose`. ``"always"``: all parameters are fitted again. ``"changed"``: the
@@ -68,6 +71,8 @@ def add(
         The finding that proposed the effects, for the model's history.
     criteria : DiagnosisCriteria, optional
         Thresholds that decide the situation.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
 
     Returns
     -------
@@ -91,6 +96,7 @@ def add(
     >>> step.measured_on
     'cross-validated on the fitted logs'
     """
+    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     check_logs(logs, valid)
     model.check([*logs, *valid])
     check_effects(effects)
@@ -102,14 +108,15 @@ def add(
 
 def improve(
     model: Model,
-    logs: Sequence[Log | Recording],
+    logs: Logs,
     *,
-    valid: Sequence[Log | Recording] = (),
+    valid: Logs = (),
     situation: SituationOption = "auto",
     max_steps: int = 8,
     effects: Sequence[str] | None = None,
     criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
     progress: Callable[[str], None] = lambda _: None,
+    mapping: MappingLike = None,
 ) -> tuple[list[Step], Diagnosis]:
     """Diagnose and add an effect, again and again, until no effect passes; a step that does harm is refused.
 
@@ -127,9 +134,9 @@ def improve(
     Parameters
     ----------
     model : Model
-    logs : sequence of Log or Recording
+    logs : sequence of Log, Recording or data frame, or one data frame
         Data that fit the parameters and select the effects.
-    valid : sequence of Log or Recording
+    valid : sequence of Log, Recording or data frame, or one data frame
         Test logs: their error is stated for each step, and nothing else uses them.
     situation : {"auto", "always", "changed"}
         As in `diagnose`; decided once, for all steps.
@@ -141,6 +148,8 @@ def improve(
         Every threshold that decides the diagnoses and the steps.
     progress : callable
         Called with a few words at each stage.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
 
     Returns
     -------
@@ -163,6 +172,7 @@ def improve(
     >>> len(steps), last.verdict
     (0, 'none')
     """
+    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     steps: list[Step] = []
     refused: dict[str, Refusal] = {}
     if not logs:

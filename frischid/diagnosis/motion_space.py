@@ -31,7 +31,9 @@ from frischid.diagnosis.situation import SituationOption
 from frischid.errors import InputError
 from frischid.forward.commanded_motion import follows_commands
 from frischid.forward.shooting import OutputErrorOptions, Shooting
+from frischid.logs.given import Logs, as_logs
 from frischid.logs.log import Log
+from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import need_motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
@@ -136,11 +138,12 @@ class MotionDiagnosis(Shown):
 def simulate_findings(
     model: Model,
     found: Diagnosis,
-    logs: Sequence[Log | Recording],
+    logs: Logs,
     *,
-    valid: Sequence[Log | Recording] = (),
+    valid: Logs = (),
     horizon: float = HORIZON,
     progress: Callable[[str], None] = lambda _: None,
+    mapping: MappingLike = None,
 ) -> MotionDiagnosis:
     """Add each probable finding of a diagnosis to the model, and simulate the motion with it and without it.
 
@@ -150,14 +153,16 @@ def simulate_findings(
         With a controller: its commands are simulated in closed loop. Without: the recorded torque, in open loop.
     found : Diagnosis
         Of this model.
-    logs : sequence of Log or Recording
+    logs : sequence of Log, Recording or data frame, or one data frame
         The logs of the diagnosis; each model with an effect is fitted to them.
-    valid : sequence of Log or Recording
+    valid : sequence of Log, Recording or data frame, or one data frame
         Test logs: the simulated errors are those on them, and nothing else uses them.
     horizon : float
         Length of a simulated stretch, s.
     progress : callable
         Called with a few words at each stage.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
 
     Returns
     -------
@@ -178,6 +183,7 @@ def simulate_findings(
     >>> found.diagnosis.verdict, max(found.joints.values()) < 0.05
     ('none', True)
     """
+    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     options = OutputErrorOptions(horizon=horizon)
     shown = need_motion(list(valid or logs), model.robot.joints)
     progress("simulating the model")

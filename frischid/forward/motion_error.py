@@ -25,10 +25,10 @@ from frischid.errors import InputError
 from frischid.forward.commanded_motion import follows_commands, moved
 from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics, Starts
 from frischid.forward.torque_sources import TorqueSource
-from frischid.logs.log import Log
+from frischid.logs.given import Logs, as_logs
+from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import need_motion
 from frischid.logs.preprocessing import Motion
-from frischid.logs.recording import Recording
 from frischid.model.comparison import urdf_parameters
 from frischid.model.model import Model
 from frischid.robot.tip import tip_joint, tip_positions
@@ -125,18 +125,19 @@ class MotionComparison(Shown):
 
 def compare_simulated(
     model: Model,
-    logs: Sequence[Log | Recording],
+    logs: Logs,
     *,
     horizons: Sequence[float] = HORIZONS,
     sources: Sequence[TorqueSource] | None = None,
     step: float = LARGEST_STEP,
+    mapping: MappingLike = None,
 ) -> MotionComparison:
     """Simulate logs and measure the position error.
 
     Parameters
     ----------
     model : Model
-    logs : sequence of Log or Recording
+    logs : sequence of Log, Recording or data frame, or one data frame
         At least one, with position and torque of the robot's joints.
     horizons : sequence of float
         s. Horizons longer than every log are left out.
@@ -145,6 +146,8 @@ def compare_simulated(
         the model's controller, which follows the commands.
     step : float
         Longest step of the integration, s.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
 
     Returns
     -------
@@ -165,6 +168,7 @@ def compare_simulated(
     >>> found.horizons[0].tip < found.horizons[0].urdf_tip
     True
     """
+    logs = as_logs(logs, model.robot.joints, mapping)
     if not logs:
         raise InputError("there is no log to simulate")
     if not horizons or not all(0 < h < math.inf for h in horizons):

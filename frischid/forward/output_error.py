@@ -24,7 +24,7 @@ and Webb 2023, J. Applied Econometrics 38(5), on leaving out clusters of correla
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -37,9 +37,9 @@ from frischid.errors import InputError
 from frischid.estimators.precision import precision_of
 from frischid.forward.motion_error import MotionComparison, compare_simulated
 from frischid.forward.shooting import SMALLEST_PATH, Jacobian, OutputErrorOptions, Shooting
-from frischid.logs.log import Log
+from frischid.logs.given import Logs, as_logs
+from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import need_motion
-from frischid.logs.recording import Recording
 from frischid.model.model import Model
 
 UNSTABLE_ERROR = 1e6
@@ -108,11 +108,12 @@ class OutputError(Shown):
 
 def output_error(
     model: Model,
-    logs: Sequence[Log | Recording],
+    logs: Logs,
     *,
-    valid: Sequence[Log | Recording] = (),
+    valid: Logs = (),
     options: OutputErrorOptions | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    mapping: MappingLike = None,
 ) -> OutputError:
     """Fit a model's parameters to the measured motion, from the linear answer on.
 
@@ -120,13 +121,15 @@ def output_error(
     ----------
     model : Model
         The linear answer, for example of `identify`.
-    logs : sequence of Log or Recording
+    logs : sequence of Log, Recording or data frame, or one data frame
         Logs to fit, with position and torque, or commands, of all joints.
-    valid : sequence of Log or Recording
+    valid : sequence of Log, Recording or data frame, or one data frame
         Logs to measure the simulated error on; they decide nothing.
     options : OutputErrorOptions, optional
     progress : callable
         Called with a few words at each fit.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
 
     Returns
     -------
@@ -147,6 +150,7 @@ def output_error(
     >>> found.ratio <= 1.0
     True
     """
+    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     options = options or OutputErrorOptions()
     if not logs:
         raise InputError("there is no log to fit the motion of")

@@ -72,3 +72,8 @@ def log_of_frame(
     if form.layouts:
         raise InputError(f"{name}: the mapping has several layouts; give the one of this frame")
     return log_of_table(table, form, joints, first_stamp(table, form), digest=digest.hexdigest())
+
+
+def is_frame(given: Any) -> bool:
+    """Whether narwhals knows this object as a data frame in memory."""
+    return isinstance(nw.from_native(given, eager_only=True, pass_through=True), nw.DataFrame)

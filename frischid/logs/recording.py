@@ -133,6 +133,8 @@ class Motions:
         The robot's joints, in its order.
     lowpass : LowPass
     velocity : {"auto", "measured", "derived"}
+    told : callable, optional
+        Called with the number of samples that an iteration has read so far, after each log or chunk.
 
     Attributes
     ----------
@@ -141,18 +143,29 @@ class Motions:
     """
 
     def __init__(
-        self, logs: Sequence[Log | Recording], joints: Sequence[str], lowpass: LowPass, velocity: str = "auto"
+        self,
+        logs: Sequence[Log | Recording],
+        joints: Sequence[str],
+        lowpass: LowPass,
+        velocity: str = "auto",
+        told: Callable[[int], None] = lambda _: None,
     ) -> None:
         self.logs, self.joints, self.lowpass, self.velocity = tuple(logs), tuple(joints), lowpass, velocity
+        self.told, self._passed = told, 0
         self.notes: list[str] = []
 
     def __iter__(self) -> Iterator[Motion]:
         notes: list[str] = []
+        self._passed = 0
         for log in self.logs:
             said: list[str] = []
             yield from self._of(log, said)
             notes += brief(said, log.source)
         self.notes = notes
+
+    def _pass(self, chunk: Log) -> None:
+        self._passed += len(chunk)
+        self.told(self._passed)
 
     def _of(self, log: Log | Recording, notes: list[str]) -> Iterator[Motion]:
         if isinstance(log, Log):
@@ -160,10 +173,12 @@ class Motions:
             prepared = _PREPARED.of(log, key, lambda: self._whole(log))
             notes += [*log.notes, *prepared.notes]
             yield from prepared.motions
+            self._pass(log)
             return
         tail: tuple[Log, int] | None = None
         begin, found = None, False
         for chunk in chunks_of(log):
+            self._pass(chunk)
             begin = float(chunk.t[0]) if begin is None else begin
             chosen = chunk.select(self.joints)
             whole = chosen if tail is None else joined(*tail, chosen)
@@ -225,20 +240,13 @@ def brief(notes: Iterable[str], source: str) -> list[str]:
 
 
 def check_logs(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]) -> None:
-    """Refuse a log that is both fitted and held out, and an argument that is not a list of logs.
+    """Refuse a log that is both fitted and held out.
 
     Raises
     ------
     InputError
-        A log is in both lists, or an item is not a log.
+        A log is in both lists.
     """
-    for name, given in (("logs", logs), ("valid", valid)):
-        alone: list[Any] = [given] if isinstance(given, Log | Recording | str | Path) else []
-        for wrong in alone or (x for x in given if not isinstance(x, Log | Recording)):
-            raise InputError(
-                f"{name} must be a list of logs, got {type(wrong).__name__}: {name}=[frischid.read_log(path)], or "
-                "[frischid.log_of_frame(frame)] of a data frame"
-            )
     for held in valid:
         for log in logs:
             if held is log or _same(held, log):

@@ -8,19 +8,21 @@ constant (the mean torque of the identification logs). A model with a larger err
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from frischid.core.named_sequence import NamedSequence
+from frischid.core.progress import counter
 from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.effects import columns_of
 from frischid.errors import InputError
+from frischid.logs.given import Logs, as_logs
 from frischid.logs.log import Log
-from frischid.logs.recording import Recording
+from frischid.logs.mapping import MappingLike
 from frischid.model.alarms import Alarm, AlarmCriteria, by_severity
 from frischid.model.comparison_alarms import Elsewhere, elsewhere
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA
@@ -149,18 +151,20 @@ class Comparison(Shown):
 
 def compare(
     model: Model,
-    logs: Sequence[Log | Recording],
+    logs: Logs,
     evaluated: Sequence[tuple[Block, Array]] | None = None,
     *,
     criteria: AlarmCriteria | None = None,
     residuals_kept: int = SAMPLES_KEPT,
+    mapping: MappingLike = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Comparison:
     """Predict logs and measure the error.
 
     Parameters
     ----------
     model : Model
-    logs : sequence of Log or Recording
+    logs : sequence of Log, Recording or data frame, or one data frame
         At least one; each must hold position and torque of the model's joints. A joint that never moves is not compared
         (``Comparison.not_compared``).
     evaluated : sequence of (Block, ndarray), optional
@@ -168,6 +172,10 @@ def compare(
     criteria : AlarmCriteria, optional
     residuals_kept : int
         Samples whose residuals stay in memory, to show where the model fails; at least a stretch of 1,000.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
+    progress : callable
+        Called with the share of the samples that are compared, after each log or chunk.
 
     Returns
     -------
@@ -189,11 +197,15 @@ def compare(
     >>> comparison.nrmse < 0.05 < comparison.constant
     True
     """
+    logs = as_logs(logs, model.robot.joints, mapping)
     if not logs:
         raise InputError("there is no log to compare the model with")
     model.check(logs)
     errors = ModelErrors(model, residuals_kept)
-    motions = errors.noise.watch(model.motions(logs))
+    progress("comparing")
+    known = all(isinstance(log, Log) for log in logs)
+    told = counter(progress, "comparing", sum(len(log) for log in logs if isinstance(log, Log)) if known else 0)
+    motions = errors.noise.watch(model.motions(logs, told))
     for block, fitted in model.evaluate(motions) if evaluated is None else evaluated:
         errors.add(block, fitted)
     for _ in motions:  # those of blocks that the caller evaluated are still to be seen

@@ -25,8 +25,8 @@ import msgspec
 import numpy as np
 
 from frischid.errors import InputError
-from frischid.logs.log import Log
-from frischid.logs.recording import Recording
+from frischid.logs.given import Logs, as_logs
+from frischid.logs.mapping import MappingLike
 from frischid.model.alarms import Alarm, by_severity
 from frischid.model.comparison import Comparison, compare
 from frischid.model.events import measured_on, selection_errors
@@ -193,16 +193,24 @@ class Headline:
         )
 
 
-def headline(model: Model, logs: Sequence[Log | Recording] = (), comparison: Comparison | None = None) -> Headline:
+def headline(
+    model: Model,
+    logs: Logs = (),
+    comparison: Comparison | None = None,
+    *,
+    mapping: MappingLike = None,
+) -> Headline:
     """The error of a model: on those logs that it was not fitted to; without such a log, cross-validated.
 
     Parameters
     ----------
     model : Model
-    logs : sequence of Log or Recording
+    logs : sequence of Log, Recording or data frame, or one data frame
         Of the model's own logs, which are those it was fitted to, none is needed.
     comparison : Comparison, optional
         ``compare(model, logs)``, where the caller has it already.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
 
     Returns
     -------
@@ -225,6 +233,7 @@ def headline(model: Model, logs: Sequence[Log | Recording] = (), comparison: Com
     >>> fr.headline(model).measured
     'cross-validated'
     """
+    logs = as_logs(logs, model.robot.joints, mapping)
     test = [log for log in logs if not model.made_from(log)]
     known = cross_validated(model.history[-1]) if model.history else None
     if test:

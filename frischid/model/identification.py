@@ -26,13 +26,15 @@ from frischid.estimators.held_out import held_out_variance
 from frischid.estimators.least_squares import least_squares_folds
 from frischid.estimators.map_estimate import map_folds
 from frischid.estimators.urdf_prior import UrdfPrior
+from frischid.logs.given import Logs, as_logs
+from frischid.logs.mapping import MappingLike
 from frischid.logs.summary import Data
 from frischid.model.alarms import Alarm
 from frischid.model.amperes import JointCurrents, in_amperes
 from frischid.model.comparison import Comparison, ModelErrors, compare
 from frischid.model.fit_record import FitRecord
 from frischid.model.headline import Headline, from_fit
-from frischid.model.identification_alarms import fit_alarms, fit_record, model_share
+from frischid.model.identification_alarms import fit_alarms, fit_record, held_at_poses, model_share, unexplained
 from frischid.model.identification_bounds import Bounds, bound_parameters, recursion_record
 from frischid.model.identification_stages import (
     fit_parameters,
@@ -135,12 +137,13 @@ class Identification(Shown):
 
 def identify(
     robot: Robot,
-    logs: Sequence[Data],
+    logs: Logs,
     *,
-    valid: Sequence[Data] = (),
+    valid: Logs = (),
     effects: Sequence[Effect] | None = None,
     options: IdentifyOptions | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    mapping: MappingLike = None,
     **choices: Unpack[IdentifyChoices],
 ) -> Identification:
     """Identify a robot's dynamic parameters from logs.
@@ -149,9 +152,9 @@ def identify(
     ----------
     robot : Robot
         Joints that some log does not hold are locked, and a note says so.
-    logs : sequence of Log or Recording
+    logs : sequence of Log, Recording or data frame, or one data frame
         Logs to fit, each on its own; a `Recording` is read chunk by chunk and never held as a whole.
-    valid : sequence of Log or Recording
+    valid : sequence of Log, Recording or data frame, or one data frame
         Logs to measure the error on.
     effects : sequence of Effect, optional
         Effects besides the rigid links. By default `BASELINE`, its friction smoothing (the speed over which dry
@@ -160,6 +163,8 @@ def identify(
         Options of the identification; the defaults of `IdentifyOptions` if not given.
     progress : callable
         Called with a few words at each stage.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
     **choices
         Single fields of `IdentifyOptions`, which override `options`: ``torque_joints``, ``cutoff``, ``velocity``,
         ``estimator``, ``prior``, ``recursion``, ``window``, ``reference``, ``force``, ``controller``, ``currents``,
@@ -188,6 +193,7 @@ def identify(
     >>> found.comparison.nrmse < 0.05
     True
     """
+    logs, valid = as_logs(logs, robot.joints, mapping), as_logs(valid, robot.joints, mapping, "valid")
     settings = replace(options or IdentifyOptions(), **choices)
     return assess(_bounded(robot, logs, valid, effects, settings, Journal(progress)))
 
@@ -221,14 +227,14 @@ def assess(bounds: Bounds, *, with_lag: bool = True) -> Identification:
     """
     fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
     journal, whole = data.journal, problem.whole
-    journal.progress("cross-validation")
+    journal.stage("cross-validation")
     if fit.posterior is None:
         folds = least_squares_folds(problem.blocks, bounds.estimate.weights)
     else:
         folds = map_folds(problem.blocks, problem.reduction.mapping, fit.posterior)
     variance = held_out_variance(folds)
     cross_validation = dict(zip(data.joints, _nrmse(whole, variance), strict=True))
-    journal.progress("comparison")
+    journal.stage("comparison")
     before = fit_alarms(fit)
     lags = LagSums(problem, bounds.estimate, wanted=with_lag)
     model, there = _measured(bounds, ResidualScores(problem, folds, bounds.estimate), lags)
@@ -239,8 +245,8 @@ def assess(bounds: Bounds, *, with_lag: bool = True) -> Identification:
     headline = own if comparison is None else Headline.of(comparison, "test", before)
     limit = data.options.criteria.unexplained_nrmse
     at_rest = there is not None and there.poses == there.samples
-    journal.notes += [_held(there)] if there is not None and at_rest else []
-    doubts = [] if at_rest else _unexplained(cross_validation, limit)
+    journal.notes += [held_at_poses(there)] if there is not None and at_rest else []
+    doubts = [] if at_rest else unexplained(cross_validation, limit)
     journal.notes += described(lag)
     late = [] if lag is None or not lag.significant else [lag.warning]
     warnings = tuple(dict.fromkeys([*doubts, *late, *journal.warnings]))
@@ -290,28 +296,6 @@ def _model(bounds: Bounds, record: FitRecord) -> Model:
         fitted=record,
         controller=data.options.controller,
         currents=data.options.currents,
-    )
-
-
-def _unexplained(errors: Mapping[str, float], limit: float) -> list[str]:
-    """Warn of joints whose torque the model does not explain even on the logs it was fitted to."""
-    names = [n for n, x in errors.items() if x > limit]
-    if not names:
-        return []
-    return [
-        f"the torque of {', '.join(names)} is hardly predicted at all (cross-validated NRMSE above {limit}): are "
-        "columns swapped, a sign flipped, an angle in degrees, or a channel dead?"
-    ]
-
-
-def _held(poses: Comparison) -> str:
-    """The torque that is no gravity, and so the least dry friction, at poses of an arm at standstill."""
-    most = {n: abs(j.worst.measured - j.worst.predicted) for n, j in poses.joints.items()}
-    said = ", ".join(f"{name} {torque:.3g}" for name, torque in most.items())
-    return (
-        f"at rest the torque differs from gravity by up to (N·m, N): {said}; dry friction of at least this size holds "
-        "the joint there, or the model of gravity is wrong. Inertia and viscous friction are not fitted: record a "
-        "motion"
     )
 
 

@@ -8,7 +8,7 @@ direction counts by the torque that it has on the faster motion, and one that ha
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from scipy import linalg
@@ -152,3 +152,25 @@ def _negative_rotors(problem: Problem, posterior: MapEstimate) -> list[tuple[str
         for k, name in enumerate(posterior.prior.names)
         if posterior.prior.negative[k] > 0 and posterior.full[k] < 0
     ]
+
+
+def unexplained(errors: Mapping[str, float], limit: float) -> list[str]:
+    """Warn of joints whose torque the model does not explain even on the logs it was fitted to."""
+    names = [n for n, x in errors.items() if x > limit]
+    if not names:
+        return []
+    return [
+        f"the torque of {', '.join(names)} is hardly predicted at all (cross-validated NRMSE above {limit}): are "
+        "columns swapped, a sign flipped, an angle in degrees, or a channel dead?"
+    ]
+
+
+def held_at_poses(poses: Comparison) -> str:
+    """The torque that is no gravity, and so the least dry friction, at poses of an arm at standstill."""
+    most = {n: abs(j.worst.measured - j.worst.predicted) for n, j in poses.joints.items()}
+    said = ", ".join(f"{name} {torque:.3g}" for name, torque in most.items())
+    return (
+        f"at rest the torque differs from gravity by up to (N·m, N): {said}; dry friction of at least this size holds "
+        "the joint there, or the model of gravity is wrong. Inertia and viscous friction are not fitted: record a "
+        "motion"
+    )

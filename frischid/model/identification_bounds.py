@@ -73,7 +73,7 @@ def bound_parameters(fit: Fit) -> Bounds:
     moments = whole.weighted(fit.estimate.weights) / whole.rows
     triangle = _simplex(fit, moments)
     boxes = {} if triangle is None else {"frisch": triangle.box()}
-    journal.progress("bounding-box recursion")
+    journal.stage("bounding-box recursion")
     recursion = None if triangle is None else _recursion(fit)
     if recursion is not None and recursion.box is not None:
         boxes["bbrf"] = recursion.box

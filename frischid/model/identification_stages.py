@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 from frischid.effects import Effect, check_effects
@@ -118,6 +118,7 @@ def read_logs(
         A log is not usable.
     """
     _check_robot(robot)
+    journal.stage("reading the logs")
     check_logs(logs, valid)
     if options.controller is not None:
         options.controller.check_joints((*robot.joints, *robot.locked))
@@ -132,8 +133,9 @@ def read_logs(
     try:
         check_cutoff(options.cutoff, [*logs, *valid])
         seen = summarise(robot, logs, joints, options.cutoff)
-        preparation = Motions(logs, robot.joints, seen.lowpass, options.velocity)
         streamed = any(isinstance(log, Recording) for log in logs)
+        told = partial(journal.passed, of=sum(seen.samples)) if streamed else _nothing
+        preparation = Motions(logs, robot.joints, seen.lowpass, options.velocity, told)
         motions: Iterable[Motion] = preparation if streamed else list(preparation)
     except InputError:
         if not options.force:  # a wrong unit is a better reason than the errors that follow from it
@@ -145,6 +147,10 @@ def read_logs(
     return data
 
 
+def _nothing(_: int) -> None:
+    """Short passes tell no share: the stages are counted."""
+
+
 def _check_robot(robot: Any) -> None:
     if not isinstance(robot, Robot):
         raise InputError(f"robot must be a frischid.Robot, got {robot!r}: robot=frischid.Robot.load(path or name)")
@@ -152,7 +158,7 @@ def _check_robot(robot: Any) -> None:
 
 def _check_issues(data: LogData) -> None:
     """Warn of suspicious findings in the logs; stop at an issue that makes an identification worthless."""
-    data.journal.progress("checking the logs")
+    data.journal.stage("checking the logs")
     prepared = None if data.streamed else (data.lowpass, list(data.motions))
     reports = report_issues(data.robot, data.logs, prepared)
     issues = [(r.source, x) for r in reports for x in r.issues if x.kind != "standstill"]  # a note says it of all logs
@@ -178,6 +184,7 @@ def form_moments(data: LogData, effects: Sequence[Effect] | None) -> Problem:
     """
     if effects is not None:
         check_effects(effects)
+    data.journal.stage("dry friction")
     chosen = default_effects(data) if effects is None else tuple(effects)
     if data.options.with_prior:
         chosen = delay_effects(data.options.controller, chosen, data.some_motions, data.robot.joints)
@@ -185,7 +192,7 @@ def form_moments(data: LogData, effects: Sequence[Effect] | None) -> Problem:
     journal = data.journal
     journal.notes += damping_notes(data.options.controller, chosen, data.joints)
     journal.warnings += damping_warnings(data.options.controller, chosen)
-    journal.progress("regressor and moments")
+    journal.stage("regressor and moments")
     regressor = Regressor(data.robot, chosen, data.options.reference)
     reduction = structure(regressor, data.joints)
     seconds = data.summary.seconds if data.streamed else None
@@ -217,7 +224,7 @@ def fit_parameters(given: PriorSet) -> Fit:
         The logs do not determine the parameters.
     """
     problem, options = given.problem, given.problem.data.options
-    problem.data.journal.progress("estimate")
+    problem.data.journal.stage("estimate")
     if given.prior is None:
         return Fit(problem, _least_squares(problem), None)
     mapping = problem.reduction.mapping

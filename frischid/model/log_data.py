@@ -8,12 +8,25 @@ from itertools import islice
 
 import numpy as np
 
+from frischid.core.progress import counter
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording
 from frischid.logs.summary import Data, LogSummary
 from frischid.model.identify_options import IdentifyOptions
 from frischid.robot.robot import Robot
+
+IDENTIFY_STAGES = (
+    "reading the logs",
+    "checking the logs",
+    "dry friction",
+    "regressor and moments",
+    "estimate",
+    "bounding-box recursion",
+    "cross-validation",
+    "comparison",
+)
+"""Stages of an identification, as a progress bar names and counts them."""
 
 
 @dataclass
@@ -33,6 +46,16 @@ class Journal:
     progress: Callable[[str], None]
     notes: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    words: str = IDENTIFY_STAGES[0]
+
+    def stage(self, words: str) -> None:
+        """Tell that a stage of `IDENTIFY_STAGES` begins."""
+        self.words = words
+        self.progress(f"{words} ({IDENTIFY_STAGES.index(words) + 1} of {len(IDENTIFY_STAGES)})")
+
+    def passed(self, samples: int, of: int) -> None:
+        """Tell how many samples of recordings the present stage has read."""
+        counter(self.progress, self.words, of)(samples)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,9 @@ from frischid.logs.controller import PDController
 from frischid.logs.cutoff_choice import choose_lowpass
 from frischid.logs.driven import driven
 from frischid.logs.filters import LowPass
+from frischid.logs.given import Logs, as_logs
 from frischid.logs.log import Log
+from frischid.logs.mapping import MappingLike
 from frischid.logs.preprocessing import Motion, prepare
 from frischid.logs.recording import brief, chunks_of, preview_of
 from frischid.logs.summary import Data, check_usable, held_by
@@ -39,22 +41,25 @@ _REPORTS = Remembered[LogReport]()  # of logs, by the robot and the way in which
 
 def check(
     robot: Robot,
-    logs: Sequence[Data],
+    logs: Logs,
     *,
     controller: PDController | None = None,
     torque_joints: Sequence[str] | None = None,
+    mapping: MappingLike = None,
 ) -> list[LogReport]:
     """Check that logs can be used with a robot, and report suspicious findings.
 
     Parameters
     ----------
     robot : Robot
-    logs : sequence of Log or Recording
+    logs : sequence of Log, Recording or data frame, or one data frame
         A long one is examined piece by piece: see `frischid.checks.long_log`.
     controller : PDController, optional
         Makes the torque of logs that hold commanded positions and no torque.
     torque_joints : sequence of str, optional
         Joints whose torque is judged, all by default; the others only move.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
 
     Returns
     -------
@@ -75,6 +80,7 @@ def check(
     >>> report.issues
     ()
     """
+    logs = as_logs(logs, robot.joints, mapping)
     if controller is not None:
         controller.check_joints((*robot.joints, *robot.locked))
     found: list[str] = []

@@ -7,7 +7,7 @@ A model is saved as one readable JSON file. The file holds the URDF's text, so a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import metadata
@@ -29,9 +29,9 @@ from frischid.logs.controller import PDController
 from frischid.logs.current_gains import CurrentGains
 from frischid.logs.driven import driven
 from frischid.logs.filters import LowPass
-from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
-from frischid.logs.recording import Motions, Recording
+from frischid.logs.recording import Motions
+from frischid.logs.summary import Data
 from frischid.model.fit_record import FitRecord, normal_reach
 from frischid.model.log_requirements import check_logs_fit, motion_of
 from frischid.model.model_digest import check_digest, check_stored, text_of, without_hash
@@ -248,20 +248,20 @@ class Model(Shown):
         """
         if self.standard is None:
             raise InputError(
-                "this model has base parameters only, from which no single link follows; find physical links with "
-                "`frischid consistent` (frischid.make_consistent) first"
+                "this model has base parameters only; find links with `frischid consistent` (frischid.make_consistent)"
             )
         return self.standard[name]
 
-    def check(self, logs: Sequence[Log | Recording]) -> None:
+    def check(self, logs: Sequence[Data]) -> None:
         """Refuse logs (InputError) that lack a joint of the robot, or torque of one the model was fitted to."""
         check_logs_fit(self.robot, self.joints, driven(logs, self.controller, self.currents))
 
-    def motions(self, logs: Sequence[Log | Recording]) -> Motions:
+    def motions(self, logs: Sequence[Data], told: Callable[[int], None] = lambda _: None) -> Motions:
         """Logs prepared as the model's own were."""
-        return Motions(driven(logs, self.controller, self.currents), self.robot.joints, self.lowpass, self.velocity)
+        data, joints = driven(logs, self.controller, self.currents), self.robot.joints
+        return Motions(data, joints, self.lowpass, self.velocity, told)
 
-    def blocks(self, logs: Sequence[Log | Recording]) -> Iterator[tuple[Block, Array]]:
+    def blocks(self, logs: Sequence[Data]) -> Iterator[tuple[Block, Array]]:
         """Filtered samples of logs with the torque the model predicts for them, shape (M, J)."""
         return self.evaluate(self.motions(logs))
 
@@ -272,7 +272,7 @@ class Model(Shown):
             for block in regressor.blocks(motion, self.lowpass):
                 yield block, self.full_theta @ block.Y
 
-    def made_from(self, log: Log | Recording) -> bool:
+    def made_from(self, log: Data) -> bool:
         """Whether the parameters were fitted to this log, known by its hash, or by its name if it has none."""
         fitted = {x["sha256"] or x["source"] for event in self.history for x in event.get("logs", ())}
         return (log.identity or log.source) in fitted

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,7 +27,8 @@ from frischid.effects.load import Payload
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.least_squares import Prior, wls
 from frischid.estimators.precision import precision_of
-from frischid.logs.summary import Data
+from frischid.logs.given import Logs, as_logs
+from frischid.logs.mapping import MappingLike
 from frischid.model.model import Model
 from frischid.regression.accumulation import accumulate
 from frischid.regression.moments import Gram, total
@@ -147,7 +147,7 @@ def _short(x: float) -> float:
 
 
 def payload(
-    model: Model, logs: Sequence[Data], *, frame: str | None = None, carrier: str | None = None
+    model: Model, logs: Logs, *, frame: str | None = None, carrier: str | None = None, mapping: MappingLike = None
 ) -> IdentifiedPayload:
     """Identify the body that a robot carries in some logs.
 
@@ -155,12 +155,14 @@ def payload(
     ----------
     model : Model
         Of the robot without the body.
-    logs : sequence of Log or Recording
+    logs : sequence of Log, Recording or data frame, or one data frame
         With the body; all with the same.
     frame : str, optional
         Frame of the URDF in whose axes, and from whose origin, the result is given; by default the flange's.
     carrier : str, optional
         Joint of the link that carries the body; the last joint of the longest chain by default.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
 
     Returns
     -------
@@ -186,6 +188,7 @@ def payload(
     >>> abs(body.mass - 0.5) < body.bound["mass"]
     True
     """
+    logs = as_logs(logs, model.robot.joints, mapping)
     robot = model.robot
     name = _carrier(robot, carrier)
     if any(effect.id == "payload" for effect in model.effects):
@@ -286,12 +289,7 @@ def _errors(whole: Gram, theta: Array, bare: Array) -> tuple[float, float]:
 
 
 def _in_frame(
-    phi: Array,
-    covariance: Array,
-    H: Array,
-    names: tuple[str, str],
-    errors: tuple[float, float],
-    notes: tuple[str, ...],
+    phi: Array, covariance: Array, H: Array, names: tuple[str, str], errors: tuple[float, float], notes: tuple[str, ...]
 ) -> IdentifiedPayload:
     """The ten parameters as mass, centre and inertia about it, with bounds by the derivative of this change."""
     T = np.linalg.inv(parameter_transform(H))

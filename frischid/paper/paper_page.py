@@ -7,14 +7,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-from plotly.offline import get_plotlyjs
-
 from frischid.core.version import __version__
 from frischid.figures.style import Drawing
 from frischid.paper.paper_tables import PaperTable
 from frischid.reports.chapters.table import Table
-from frischid.reports.templates import render
+from frischid.reports.templates import packed_plotly, render
 
 _FIGURE_TABLES = {"Figure 1": "Table 2", "Figure 2": "Table 2", "Figure 3": "Table 3", "Figure 4": "Table 4"}
 """The table whose chapter a figure belongs to; without that table, the last chapter."""
@@ -52,7 +49,7 @@ def paper_page(source: str, authors: bool, runs: int, tables: Sequence[PaperTabl
         "made": f"Massaroli et al., Frisch Scheme Identification of Robots Dynamic Parameters · {Path(source).name} · "
         f"{runs} runs of each study · frischid {__version__} · {day}",
         "chapters": chapters,
-        "plotly": Markup(get_plotlyjs()),
+        "plotly": packed_plotly(),
         "model": "",
     }
     return render("page.html", values)

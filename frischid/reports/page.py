@@ -7,7 +7,7 @@ security policy in the page forbids every address outside the file.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib import metadata
@@ -15,23 +15,22 @@ from pathlib import Path
 from typing import Literal
 
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from frischid.core.files import check_writable, write_text
 from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
-from frischid.logs.log import Log
-from frischid.logs.recording import Recording
+from frischid.logs.given import Logs, as_logs
+from frischid.logs.mapping import MappingLike
 from frischid.model.model import Model
 from frischid.model.model_digest import text_of
 from frischid.reports.chapters import CHAPTERS
 from frischid.reports.study import Study, study
-from frischid.reports.templates import render
+from frischid.reports.templates import packed_plotly, render
 
 
 def report(
     model: Model | Mapping[str, Model],
-    logs: Sequence[Log | Recording],
+    logs: Logs,
     path: str | Path,
     *,
     diagnosis: Diagnosis | None = None,
@@ -39,6 +38,7 @@ def report(
     truth: Array | None = None,
     model_path: str = "model.json",
     progress: Callable[[str], None] = lambda _: None,
+    mapping: MappingLike = None,
 ) -> Study:
     """Write a report on a model along some logs.
 
@@ -46,7 +46,7 @@ def report(
     ----------
     model : Model or mapping of str to Model
         Models by name: the report is on the first, with the errors and curves of the others beside.
-    logs : sequence of Log or Recording
+    logs : sequence of Log, Recording or data frame, or one data frame
         At least one. The model's history says which of them it was fitted to. Of a long one, figures show evenly
         spread stretches; errors are those of all samples.
     path : str or Path
@@ -61,6 +61,8 @@ def report(
         Name of the model's file in the commands that the page proposes.
     progress : callable
         Called with the name of each step of the work.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
 
     Returns
     -------
@@ -84,6 +86,8 @@ def report(
     'Every log here was used to fit the model: its error on new motion may be larger.'
     """
     check_writable(path)
+    first = next(iter(model.values())) if isinstance(model, Mapping) else model
+    logs = as_logs(logs, first.robot.joints if isinstance(first, Model) else (), mapping)
     found = study(model, logs, diagnosis=diagnosis, situation=situation, truth=truth, progress=progress)
     progress("writing the page")
     write_text(Path(path), page(found, model_path))
@@ -111,7 +115,7 @@ def page(found: Study, model_path: str = "model.json") -> str:
         "warnings": f"{warnings} warning{'s' * (warnings != 1)}" if warnings else "no warnings",
         "made": _made(found),
         "chapters": [{"anchor": c.anchor, "heading": c.heading, "html": c.html(found, model_path)} for c in CHAPTERS],
-        "plotly": Markup(get_plotlyjs()),
+        "plotly": packed_plotly(),
         "model": Markup(text_of(alone.to_dict(), Path(model_path).parent).replace("<", "\\u003c")),
         "steps_left_out": found.model.previous is not None,
         "model_name": Path(model_path).name,

@@ -7,14 +7,17 @@ JSON are inserted unescaped, both as `Markup` made here or in `page`.
 
 from __future__ import annotations
 
+import base64
 import json
 import re
+import zlib
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from plotly.offline import get_plotlyjs
 
 from frischid.figures import Drawing
 from frischid.figures.style import typeset
@@ -40,6 +43,19 @@ def environment() -> Environment:
 def render(template: str, values: Mapping[str, Any]) -> Markup:
     """A template filled in, as HTML that other templates insert as it is."""
     return Markup(environment().get_template(template).render(values))
+
+
+@cache
+def packed_plotly() -> dict[str, Any]:
+    """plotly.js as a page holds it: packed by zlib, in base64, beside the comment that names its licence.
+
+    ``unpack.js`` in the page puts it back, in any browser: a page has 2.9 MB less.
+    """
+    source = get_plotlyjs()
+    packing = zlib.compressobj(9, wbits=-zlib.MAX_WBITS)
+    packed = base64.b64encode(packing.compress(source.encode()) + packing.flush()).decode()
+    licence = Markup(source[source.index("/**") : source.index("*/") + 2])
+    return {"packed": Markup(packed), "size": len(source.encode()), "licence": licence}
 
 
 def spec(drawing: Drawing) -> Markup:

@@ -1,12 +1,15 @@
 """The bar: words of a long function, how much is done, and the time left."""
 
 import io
+from itertools import pairwise
 
 import pytest
 from rich.console import Console
 
 import frischid as fr
+from frischid.cli.inputs import opened
 from frischid.core.progress import Stage, progress_bar, stage_of
+from frischid.model.log_data import IDENTIFY_STAGES
 
 
 @pytest.mark.parametrize(
@@ -50,3 +53,42 @@ def test_a_diagnosis_counts_every_effect_on_every_log():
     fr.diagnose(model, logs, effects=["joint_spring", "stribeck"], progress=told.append)
     counted = [stage for stage in map(stage_of, told) if stage.total]
     assert [(stage.done, stage.total) for stage in counted] == [(k, 4) for k in range(1, 5)]
+
+
+def made(count=1):
+    robot = fr.Robot.load("planar2")
+    motions = [fr.random_fourier(robot, 8, seed=seed) for seed in range(count)]
+    return robot, [fr.simulate(robot, motion, rate=50, noise=fr.Noise(tau=0.01)) for motion in motions]
+
+
+def test_an_identification_counts_its_stages():
+    (robot, logs), told = made(), []
+    fr.identify(robot, logs, recursion="none", progress=told.append)
+    counted = [stage_of(text) for text in told]
+    assert [stage.done for stage in counted] == list(range(1, len(IDENTIFY_STAGES) + 1)), told
+    assert all(later.follows(stage) for stage, later in pairwise(counted)), "one clock runs"
+
+
+def test_an_identification_of_a_recording_tells_shares_of_its_samples(tmp_path):
+    (robot, logs), told = made(), []
+    fr.write_log(logs[0], tmp_path / "log.parquet")
+    chunked = fr.Recording("log", lambda _: fr.read_chunks(tmp_path / "log.parquet", robot.joints, samples=150))
+    fr.identify(robot, [chunked], recursion="none", progress=told.append)
+    shares = [text for text in told if text.startswith("regressor and moments: ")]
+    assert [stage_of(text).done for text in shares[:3]] == [37, 75, 100]
+
+
+def test_a_comparison_tells_shares_or_samples():
+    (robot, logs), told = made(2), []
+    model = fr.identify(robot, logs[:1], recursion="none").model
+    fr.compare(model, logs, progress=told.append)
+    assert told == ["comparing", "comparing: 50% of the samples", "comparing: 100% of the samples"]
+
+
+def test_reading_counts_the_files(tmp_path):
+    (robot, logs), told = made(2), []
+    paths = [str(tmp_path / f"{k}.parquet") for k in range(2)]
+    for log, path in zip(logs, paths, strict=True):
+        fr.write_log(log, path)
+    opened(paths, robot, (), told.append)
+    assert [stage_of(text)[1:] for text in told] == [(1, 2), (2, 2)]

@@ -1,0 +1,35 @@
+"""The stages between the regression data and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from frischid.diagnosis.contacts import find_contacts, made_by_something_steady, stretches
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.findings import find_effects
+from frischid.diagnosis.floor import Floor
+from frischid.diagnosis.situation import Situation
+from frischid.diagnosis.unmodelled_terms import unmodelled_term
+from frischid.diagnosis.verdict import StageResults
+
+
+def stages(
+    validator: CrossValidator,
+    situation: Situation,
+    floor: Floor,
+    effects: Sequence[str] | None,
+    progress: Callable[[str], None],
+) -> StageResults:
+    """Contacts, findings, and the term outside the catalogue that explains more than the first finding."""
+    contacts = find_contacts(validator, floor.known)
+    findings, ranking = find_effects(validator, floor, situation, effects, progress)
+    if contacts:
+        rest = validator.without(stretches(contacts))
+        if made_by_something_steady(validator, rest, findings, stretches(contacts)):
+            contacts = []
+        else:
+            progress("again without the contacts")
+            validator, (findings, ranking) = rest, find_effects(rest, floor, situation, effects, progress)
+    noise = floor.under(ranking.full)
+    unmodelled = None if contacts else unmodelled_term(ranking, noise)
+    return StageResults(validator, situation, noise, tuple(contacts), tuple(findings), ranking, unmodelled, floor.said)

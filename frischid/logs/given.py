@@ -1,0 +1,75 @@
+"""Logs as a caller gives them: logs, recordings and data frames, alone or in a list."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from frischid.errors import InputError
+from frischid.logs.log import Log
+from frischid.logs.mapping import MappingLike
+from frischid.logs.recording import Recording
+
+if TYPE_CHECKING:
+    from narwhals.typing import IntoDataFrame
+
+Logs: TypeAlias = "IntoDataFrame | Sequence[Log | Recording | IntoDataFrame]"
+"""What stands for the logs of a function: a list of logs, recordings and data frames, or one data frame."""
+
+
+def as_logs(
+    given: Logs, joints: Sequence[str], mapping: MappingLike = None, name: str = "logs"
+) -> list[Log | Recording]:
+    """Logs of what a caller gave; each data frame becomes a log.
+
+    Parameters
+    ----------
+    given : sequence of Log, Recording or data frame, or one data frame
+    joints : sequence of str
+        The robot's joints.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of the data frames.
+    name : str
+        Name of the argument in messages.
+
+    Returns
+    -------
+    list of Log or Recording
+
+    Raises
+    ------
+    InputError
+        An item is neither a log nor a data frame, or a frame cannot be read as a log.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pyarrow as pa
+    >>> from frischid.logs.given import as_logs
+    >>> frame = pa.table({"t": np.arange(20) / 100, "q_elbow": np.linspace(0, 1, 20)})
+    >>> [log.source for log in as_logs(frame, ["elbow"])]
+    ['logs[0]']
+    """
+    if isinstance(given, Log | Recording | str | Path):
+        raise refusal(name, given)
+    items: list[Any] = list(given) if isinstance(given, Sequence) else [given]
+    return [_log(item, f"{name}[{k}]", joints, mapping) for k, item in enumerate(items)]
+
+
+def _log(item: Any, name: str, joints: Sequence[str], mapping: MappingLike) -> Log | Recording:
+    if isinstance(item, Log | Recording):
+        return item
+    from frischid.logs.frames import is_frame, log_of_frame
+
+    if not is_frame(item):
+        raise refusal(name.partition("[")[0], item)
+    return log_of_frame(item, joints, mapping, name=name)
+
+
+def refusal(name: str, wrong: object) -> InputError:
+    """The error of an argument that is no list of logs."""
+    return InputError(
+        f"{name} must be a list of logs, got {type(wrong).__name__}: {name}=[frischid.read_log(path)]; a data frame "
+        "may stand in place of a log"
+    )

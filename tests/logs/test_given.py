@@ -1,0 +1,89 @@
+"""A data frame stands wherever a log may stand, with a mapping or without."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+import frischid as fr
+from frischid.errors import InputError
+
+PLANAR2 = fr.Robot.load("planar2")
+
+
+def frame_of(log, names=("q", "tau"), scale=1.0):
+    """A pyarrow table with the positions (times `scale`) and torques of a log."""
+    columns = {"t": log.t}
+    for name, values in zip(names, (scale * log.q, log.tau), strict=True):
+        columns |= {f"{name}_{joint}": values[:, k] for k, joint in enumerate(log.joints)}
+    return pa.table(columns)
+
+
+@pytest.fixture(scope="module")
+def logs():
+    motions = [fr.random_fourier(PLANAR2, 8.0, seed=seed) for seed in (1, 2)]
+    noise = fr.Noise(q=1e-5, tau=0.01)
+    return [fr.simulate(PLANAR2, motion, rate=50.0, noise=noise, channels=()) for motion in motions]
+
+
+@pytest.fixture(scope="module")
+def frames(logs):
+    return [frame_of(log) for log in logs]
+
+
+@pytest.fixture(scope="module")
+def model(logs):
+    return fr.identify(PLANAR2, logs[:1], recursion="none").model
+
+
+def test_identify_takes_frames(logs, frames, model):
+    found = fr.identify(PLANAR2, frames[0], valid=[frames[1]], recursion="none")
+    np.testing.assert_allclose(found.model.estimate.theta, model.estimate.theta, rtol=1e-9)
+    assert found.comparison.nrmse == pytest.approx(fr.compare(model, logs[1:]).nrmse)
+    assert found.model.history[-1]["logs"][0]["source"] == "logs[0]"
+    assert found.comparison.sources == ("valid[0]",)
+
+
+def test_frames_and_logs_may_be_mixed(logs, frames):
+    both, mixed = (fr.identify(PLANAR2, given, recursion="none").model for given in (logs, [logs[0], frames[1]]))
+    np.testing.assert_allclose(both.estimate.theta, mixed.estimate.theta, rtol=1e-9)
+
+
+def test_a_mapping_explains_the_columns(logs, model):
+    frame = frame_of(logs[0], ("angle", "moment"), scale=180 / np.pi)
+    joints = {n: {"q": f"angle_{n}", "angle_unit": "deg", "tau": f"moment_{n}"} for n in PLANAR2.joints}
+    found = fr.identify(PLANAR2, frame, mapping={"joint": joints}, recursion="none")
+    np.testing.assert_allclose(found.model.estimate.theta, model.estimate.theta, rtol=1e-6)
+
+
+def test_every_function_on_a_model_takes_a_frame(logs, frames, model, tmp_path):
+    assert fr.compare(model, frames[1]).nrmse == pytest.approx(fr.compare(model, logs[1:]).nrmse)
+    assert fr.headline(model, frames[1:]).measured == "test"
+    asked = {"effects": ["joint_spring"]}
+    found = fr.diagnose(model, frames[0], valid=frames[1], **asked)
+    assert found.verdict == fr.diagnose(model, logs[:1], valid=logs[1:], **asked).verdict == "none"
+    assert fr.improve(model, frames[0], valid=frames[1], **asked)[0] == []
+    step = fr.add(model, fr.parse_effects("joint_spring@joint2"), frames[0], valid=frames[1])
+    assert step.test_after == pytest.approx(step.test_before, rel=0.1)
+    assert fr.check(PLANAR2, frames[0])[0].issues == ()
+    fr.report(model, frames, tmp_path / "page.html", diagnosis=found)
+    assert "logs[1]" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert fr.compare_simulated(model, frames[1], horizons=[0.1]).sources == ("logs[0]",)
+
+
+def test_a_fitted_frame_is_known_again(frames):
+    model = fr.identify(PLANAR2, frames[0], recursion="none").model
+    assert fr.headline(model, frames[0]).measured == "cross-validated"
+    with pytest.raises(InputError, match="both fitted and held out"):
+        fr.identify(PLANAR2, frames[0], valid=frames[0])
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+def test_other_libraries(library, logs, model):
+    given = pytest.importorskip(library).DataFrame(frame_of(logs[1]).to_pydict())
+    assert fr.compare(model, given).nrmse == pytest.approx(fr.compare(model, logs[1:]).nrmse)
+
+
+def test_what_is_neither_is_refused(model):
+    for wrong in (3, {"t": [0.0]}, [np.zeros(3)], "run.csv"):
+        with pytest.raises(InputError, match="a data frame may stand in place of a log"):
+            fr.compare(model, wrong)
