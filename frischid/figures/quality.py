@@ -68,5 +68,6 @@ def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -
     level = np.nanmedian([q.noise[channel] for q in logs], axis=0)
     k = int(np.nanargmax(level))
     own = units_of(bool(robot.prismatic[k]))["load" if channel == "tau" else "q"]
-    reading = f"{robot.joints[k]} is the noisiest, {number(level[k], 2)} {own}. One mark per log, before any filter."
+    usually = "; median over the logs" if len(logs) > 1 else ""
+    reading = f"{robot.joints[k]} is the noisiest ({number(level[k], 2)} {own}{usually}). One mark per log, before any filter."
     return drawing(f"White noise of the measured {word}", reading, figure, 140 + 26 * len(names))

@@ -118,6 +118,11 @@ class Study:
         return [c.name for c, x, s in zip(e.columns, e.theta, e.stderr, strict=True) if c.sign * x < -2 * s]
 
     @property
+    def refusals(self) -> list[str]:
+        """Why `improve` would not add the findings that are more probable than the proposed one."""
+        return [f"frischid improve would not add {r.finding.title}: {r.reason}" for r in self.refused]
+
+    @property
     def weak(self) -> list[str]:
         """Parameters that the logs say little of: less than half of their knowledge comes from the logs.
 

@@ -547,6 +547,7 @@ def test_no_step_is_proposed_that_improve_would_refuse(spring, monkeypatch):
     assert "frischid</span> <span>add" in chapter("verdict", shown)
     said = "frischid improve would not add joint_spring on joint2: joint1 would become worse."
     assert said in chapter("missing", refused)
+    assert said in chapter("verdict", refused), "the first screen says why it proposes no step"
     assert "would not add" not in chapter("missing", shown)
 
 

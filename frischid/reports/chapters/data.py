@@ -60,7 +60,7 @@ def _excitation(study: Study) -> Table:
         fastest = [f"{number(speed[i], 3)} {unit['v']}", f"{number(acceleration[i], 3)} {unit['a']}"]
         noise = [f"{q} {unit['q']}", f"{tau} {unit['load']}"]
         rows.append([name, *fastest, f"{100 * standstill[i]:.0f} %", *noise])
-    caption = f"Excitation; condition number of the regression {study.model.estimate.condition:.3g}"
+    caption = f"Excitation; condition number of the regression {number(study.model.estimate.condition, 3)}"
     return Table(EXCITATION, rows, caption=caption)
 
 

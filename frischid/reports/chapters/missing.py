@@ -46,7 +46,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "contacts": contacts,
         "chances": [f"{IN_WORDS.get(k, k)} {100 * p:.0f} %" for k, p in _likely(diagnosis)],
         "notes": [sentence(note) for note in diagnosis.notes[1:] if note != shared and f"; {note}" not in said],
-        "refused": [f"frischid improve would not add {r.finding.title}: {r.reason}" for r in study.refused],
+        "refused": study.refusals,
         "separate": separating_command(diagnosis.findings, diagnosis.probabilities, source) if pair else "",
         "how_ranked": HOW_RANKED if len(significant) > 1 else "",
         "cards": _cards(study, significant[:FINDING_CARDS], {frozenset(f.effect for f in pair)}),

@@ -42,6 +42,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "condition": number(e.condition, 3),
         "weak": len(study.weak),
         "impossible": listed(study.impossible),
+        "doubtful": listed([c.name for c, x in zip(e.columns, e.theta, strict=True) if c.sign * x < 0]),
         "physical": study.physical if isinstance(study.physical, Consistency) else None,
         "no_links": study.physical if isinstance(study.physical, str) else "",
         "held": _held(study.physical),

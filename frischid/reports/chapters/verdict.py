@@ -34,6 +34,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "forecast": study.proposed is not None,
         "worst_condition": figures.failure.worst(study.comparison),
         "missing": "" if study.diagnosis is None else missing(study.diagnosis),
+        "refused": study.refusals[0] if study.proposed is None and study.refused else "",
         "next": _next(study, model_path),
         "alarms": study.headline.alarms,
         "warnings": study.warnings(),
