@@ -69,5 +69,6 @@ def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -
     k = int(np.nanargmax(level))
     own = units_of(bool(robot.prismatic[k]))["load" if channel == "tau" else "q"]
     usually = "; median over the logs" if len(logs) > 1 else ""
-    reading = f"{robot.joints[k]} is the noisiest ({number(level[k], 2)} {own}{usually}). One mark per log, before any filter."
+    most = f"{robot.joints[k]} is the noisiest ({number(level[k], 2)} {own}{usually})"
+    reading = f"{most}. One mark per log, before any filter."
     return drawing(f"White noise of the measured {word}", reading, figure, 140 + 26 * len(names))
