@@ -30,7 +30,7 @@ def guess_gains(table: Table, t: Array, found: Proposal) -> None:
     """Propose gains where both set points of every joint with a current are in the log."""
     wanted = {set_point(name): name for name in table.numeric}
     gains: dict[str, float] = {}
-    pair = ("", "")
+    set_points: list[str] = []
     joints = {joint: c for joint, c in found.joints.items() if "current" in c and "tau" not in c}
     for joint, columns in joints.items():
         place = split(columns["current"])[1]
@@ -40,11 +40,12 @@ def guess_gains(table: Table, t: Array, found: Proposal) -> None:
         gain = _gain(table.numeric, columns, current, torque, t)
         if gain is None:
             return
-        gains[joint], pair = gain, (torque, current)
+        gains[joint] = gain
+        set_points += [torque, current]
     if gains:
-        found.gains = gains
+        found.gains, found.set_points = gains, set_points
         found.guesses.append(
-            f"gains from the controller's set points ({pair[0]} over {pair[1]} ...), some per cent wrong; "
+            f"gains from the controller's set points ({set_points[0]} over {set_points[1]} ...), some per cent wrong; "
             "frischid gains checks them with a weighed payload"
         )
 

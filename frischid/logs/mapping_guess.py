@@ -79,7 +79,8 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     check_velocities(table, t, found)
     propose_degrees(table, robot, found)
     propose_effort_units(found)
-    unused = [n for n in named if n.strip() and not any(n in c.values() for c in found.joints.values())]
+    used = {*found.set_points, *(name for columns in found.joints.values() for name in columns.values())}
+    unused = [n for n in named if n.strip() and n not in used]
     if unused:
         found.reasons.append(f"columns not used: {', '.join(unused[:20])}{' ...' * (len(unused) > 20)}")
     return found

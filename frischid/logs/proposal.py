@@ -25,6 +25,8 @@ class Proposal:
         Joints of the URDF without a position column.
     gains : dict of str to float
         URDF joint -> joint-side torque per ampere, where the log itself gives it.
+    set_points : list of str
+        Columns that the gains come from.
     factors : dict of str to dict of str to float
         URDF joint -> key of the mapping file -> factor of its torque or current, where names say the unit.
     """
@@ -35,6 +37,7 @@ class Proposal:
     guesses: list[str] = field(default_factory=list)
     missing: tuple[str, ...] = ()
     gains: dict[str, float] = field(default_factory=dict)
+    set_points: list[str] = field(default_factory=list)
     factors: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def toml(self, source: str) -> str:

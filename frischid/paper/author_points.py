@@ -74,7 +74,10 @@ def load_points(path: str | Path | None = None) -> AuthorPoints:
     """
     file = Path(path) if path is not None else _found()
     if not file.is_file():
-        raise InputError(f"{file}: there is no such file; give the authors' final.mat ({AUTHORS})")
+        raise InputError(
+            f"{file}: there is no such file; give the authors' final.mat ({AUTHORS}), "
+            "or a table with the columns t, q_joint1, q_joint2, v_joint1, v_joint2, a_joint1, a_joint2"
+        )
     points = _from_matlab(file) if file.suffix == ".mat" else _from_table(file)
     if points.q.shape != points.v.shape or points.q.shape != points.a.shape or points.q.shape[1:] != (2,):
         raise InputError(f"{file}: positions {points.q.shape}, velocities and accelerations must all be (M, 2)")

@@ -87,6 +87,7 @@ def test_gains_follow_from_the_controllers_set_points(tmp_path, noise):
     found = propose(path, UR)
     np.testing.assert_allclose([found.gains[j] for j in UR.joints], GAINS, rtol=1e-3 if noise == 0 else 0.1)
     assert any("frischid gains checks them" in guess for guess in found.guesses)
+    assert not any("columns not used" in reason for reason in found.reasons), "the set points are used"
     (tmp_path / "map.toml").write_text(found.toml("log.csv"), encoding="utf-8")
     read = read_log(path, UR.joints, tmp_path / "map.toml")  # the proposal is used as it is
     np.testing.assert_allclose(read.tau, LOG.tau * [found.gains[j] for j in UR.joints], rtol=1e-6)
