@@ -85,6 +85,7 @@ def check(
             data,
             controller=controller.read(names_of(machine)),
             torque_joints=matching(torque_joints, machine.joints),
+            progress=progress,
         )
     try:
         text = _corrections(logs, mapping, data, reports)

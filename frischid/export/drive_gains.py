@@ -32,7 +32,9 @@ from frischid.estimators.drive_gain_ls import in_amperes, total_least_squares
 from frischid.export.drive_gain_problem import Carried, GainProblem, KnownPayload
 from frischid.logs.cutoff_choice import choose_lowpass
 from frischid.logs.filters import LowPass
+from frischid.logs.given import Logs, whole_logs
 from frischid.logs.log import Log
+from frischid.logs.mapping import MappingLike
 from frischid.logs.summary import held_by
 from frischid.regression.moments import total
 from frischid.robot.robot import Robot
@@ -92,13 +94,14 @@ class Gains:
 
 def find_gains(
     robot: Robot,
-    unloaded: Sequence[Log],
-    loaded: Sequence[Log],
+    unloaded: Logs,
+    loaded: Logs,
     payload: KnownPayload,
     *,
     given: Mapping[str, float] | None = None,
     effects: Sequence[Effect] = BASELINE,
     cutoff: float | str | None = "auto",
+    mapping: MappingLike = None,
 ) -> Gains:
     """Identify drive gains from logs without and with a payload of known mass.
 
@@ -106,7 +109,7 @@ def find_gains(
     ----------
     robot : Robot
         Loaded with ``frames="joint"``.
-    unloaded, loaded : sequence of Log
+    unloaded, loaded : sequence of Log or data frame, or one data frame
         With positions and currents (A), or with torques whose scale is to be checked.
     payload : KnownPayload
         What hangs there in the loaded logs.
@@ -116,6 +119,8 @@ def find_gains(
         Effects besides the links, assumed to be the same with and without the payload.
     cutoff : float, "auto" or None
         Cut-off of the filter, Hz; None filters nothing.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
 
     Returns
     -------
@@ -147,6 +152,10 @@ def find_gains(
     """
     if robot.frames != "joint":
         raise InputError("drive gains are found in joint frames; load the robot without --frames")
+    unloaded, loaded = (
+        whole_logs(given_logs, robot.joints, mapping, name)
+        for name, given_logs in (("unloaded", unloaded), ("loaded", loaded))
+    )
     robot, notes = held_by(robot, [*unloaded, *loaded])
     channel = (
         "current" if all(log.has("current")[log.index(robot.joints)].all() for log in [*unloaded, *loaded]) else "tau"

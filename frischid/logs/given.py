@@ -57,6 +57,15 @@ def as_logs(
     return [_log(item, f"{name}[{k}]", joints, mapping) for k, item in enumerate(items)]
 
 
+def whole_logs(given: Logs, joints: Sequence[str], mapping: MappingLike = None, name: str = "logs") -> list[Log]:
+    """As `as_logs`, but no recording, whose samples are not in memory."""
+    found = as_logs(given, joints, mapping, name)
+    for log in found:
+        if isinstance(log, Recording):
+            raise InputError(f"{log.source}: a whole log is needed here; read the file with frischid.read_log")
+    return [log for log in found if isinstance(log, Log)]
+
+
 def _log(item: Any, name: str, joints: Sequence[str], mapping: MappingLike) -> Log | Recording:
     if isinstance(item, Log | Recording):
         return item

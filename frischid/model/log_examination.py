@@ -46,6 +46,7 @@ def check(
     controller: PDController | None = None,
     torque_joints: Sequence[str] | None = None,
     mapping: MappingLike = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> list[LogReport]:
     """Check that logs can be used with a robot, and report suspicious findings.
 
@@ -60,6 +61,8 @@ def check(
         Joints whose torque is judged, all by default; the others only move.
     mapping : LogMap, mapping or path of a TOML file, optional
         Names and units of the columns of data frames.
+    progress : callable
+        Called with the number of each log.
 
     Returns
     -------
@@ -95,7 +98,11 @@ def check(
     rows = tuple(robot.joints if torque_joints is None else torque_joints)
     if left := [n for n in robot.joints if n not in rows]:
         locked += [f"torque not judged: {', '.join(left)}"]
-    return [_checked(robot, log, reduction, locked, rows, alone=len(logs) == 1) for log in logs]
+    reports = []
+    for k, log in enumerate(logs, 1):
+        progress(f"checking log {k} of {len(logs)}")
+        reports.append(_checked(robot, log, reduction, locked, rows, alone=len(logs) == 1))
+    return reports
 
 
 def _checked(

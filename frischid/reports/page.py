@@ -89,7 +89,7 @@ def report(
     first = next(iter(model.values())) if isinstance(model, Mapping) else model
     logs = as_logs(logs, first.robot.joints if isinstance(first, Model) else (), mapping)
     found = study(model, logs, diagnosis=diagnosis, situation=situation, truth=truth, progress=progress)
-    progress("writing the page")
+    progress("writing the page (stage 5 of 5)")
     write_text(Path(path), page(found, model_path))
     return found
 

@@ -227,7 +227,7 @@ def study(
             raise InputError(f"model must be a Model, got {type(model).__name__}: fr.Model.load(path)")
         model.check(logs)
     model = next(iter(named.values()))
-    progress("comparing")
+    progress("comparing (stage 1 of 5)")
     recorded = sorted(logs, key=model.made_from)
     logs = driven(logs, model.controller, model.currents)
     excerpts = [excerpt(log) for log in logs]
@@ -244,11 +244,11 @@ def study(
     refused: dict[str, Refusal] = {}
     step = None
     if diagnosis is not None and given is not None and diagnosis.verdict in STEP_FOLLOWS:
-        progress("trying the next step")
+        progress("trying the next step (stage 3 of 5)")
         step = next_step(model, diagnosis, given.select, refused)
     further = [(name, other) for name, other in named.items() if other is not model]
     others = [*earlier_steps(model, shown, prediction), *further_models(further, shown, prediction)]
-    progress("parameters")
+    progress("parameters (stage 4 of 5)")
     reduction = _reduction(model)
     verdict = compare(model, held) if held and len(held) < len(whole) else comparison
     return Study(

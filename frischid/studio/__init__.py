@@ -25,7 +25,8 @@ from frischid.studio.frame import Frame
 from frischid.studio.gate import Gate
 
 if TYPE_CHECKING:
-    from frischid.logs.log import Log
+    from frischid.logs.given import Logs
+    from frischid.logs.mapping import MappingLike
     from frischid.model.model import Model
     from frischid.studio.bench import Bench
     from frischid.studio.tab import Tab
@@ -83,16 +84,18 @@ class Studio:
         self.server.on_client_connect(self._arrived)
         self.server.on_client_disconnect(self._left)
 
-    def show(self, model: Model, logs: Sequence[Log], output: str | Path) -> None:
+    def show(self, model: Model, logs: Logs, output: str | Path, mapping: MappingLike = None) -> None:
         """Put a model on the page, and work on it until the studio is stopped.
 
         Parameters
         ----------
         model : Model
-        logs : sequence of Log
+        logs : sequence of Log or data frame, or one data frame
             Logs the model was fitted to are fitted again with every added effect; the others only measure the error.
         output : str or Path
             File in which the page's button saves the model; the report is written into the same folder.
+        mapping : LogMap, mapping or path of a TOML file, optional
+            Names and units of the columns of data frames.
 
         Raises
         ------
@@ -100,14 +103,16 @@ class Studio:
             The logs do not fit the model, or `output` cannot be written.
         """
         from frischid.core.files import check_writable
+        from frischid.logs.given import whole_logs
         from frischid.studio.bench import Bench
         from frischid.studio.tab import Tab
         from frischid.studio.track import Track
 
-        if not logs:
+        data = whole_logs(logs, model.robot.joints, mapping)
+        if not data:
             raise InputError("there is no log to show")
         check_writable(output)
-        bench = self.bench = Bench(model, logs, Path(output))
+        bench = self.bench = Bench(model, data, Path(output))
         track = Track.of(bench)
 
         def show(frame: Frame) -> None:
@@ -167,7 +172,13 @@ class Studio:
 
 
 def studio(
-    model: Model, logs: Sequence[Log], output: str | Path, *, host: str = "127.0.0.1", port: int = 8080
+    model: Model,
+    logs: Logs,
+    output: str | Path,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    mapping: MappingLike = None,
 ) -> Studio:
     """Start the studio on a model; it runs in the background until it is stopped.
 
@@ -176,6 +187,6 @@ def studio(
     running = Studio(host, port)
     with contextlib.ExitStack() as unless_shown:
         unless_shown.callback(running.stop)
-        running.show(model, logs, output)
+        running.show(model, logs, output, mapping)
         unless_shown.pop_all()
     return running

@@ -85,6 +85,12 @@ def test_a_comparison_tells_shares_or_samples():
     assert told == ["comparing", "comparing: 50% of the samples", "comparing: 100% of the samples"]
 
 
+def test_a_check_counts_the_logs():
+    (robot, logs), told = made(2), []
+    fr.check(robot, logs, progress=told.append)
+    assert [stage_of(text)[1:] for text in told] == [(1, 2), (2, 2)]
+
+
 def test_reading_counts_the_files(tmp_path):
     (robot, logs), told = made(2), []
     paths = [str(tmp_path / f"{k}.parquet") for k in range(2)]

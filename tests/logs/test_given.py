@@ -6,6 +6,7 @@ import pytest
 
 import frischid as fr
 from frischid.errors import InputError
+from frischid.logs.given import whole_logs
 
 PLANAR2 = fr.Robot.load("planar2")
 
@@ -68,6 +69,24 @@ def test_every_function_on_a_model_takes_a_frame(logs, frames, model, tmp_path):
     fr.report(model, frames, tmp_path / "page.html", diagnosis=found)
     assert "logs[1]" in (tmp_path / "page.html").read_text(encoding="utf-8")
     assert fr.compare_simulated(model, frames[1], horizons=[0.1]).sources == ("logs[0]",)
+
+
+def test_drive_gains_take_frames(logs):
+    payload = fr.parse_effects("payload@joint2")
+    motion = fr.random_fourier(PLANAR2, 5.0, seed=3)
+    loaded = fr.simulate(
+        PLANAR2, motion, rate=100.0, effects=(*fr.BASELINE, *payload), parameters={"dm2": 2.0, "dmx2": 0.1}, channels=()
+    )
+    bare = fr.simulate(PLANAR2, fr.random_fourier(PLANAR2, 5.0, seed=4), rate=100.0, channels=())
+    known = fr.KnownPayload(2.0)
+    one = fr.find_gains(PLANAR2, [bare], [loaded], known)
+    other = fr.find_gains(PLANAR2, frame_of(bare), frame_of(loaded), known)
+    np.testing.assert_allclose(one.gains, other.gains, rtol=1e-9)
+
+
+def test_a_recording_is_no_whole_log():
+    with pytest.raises(InputError, match="a whole log is needed here"):
+        whole_logs([fr.Recording("long.bag", lambda _: iter(()))], PLANAR2.joints)
 
 
 def test_a_fitted_frame_is_known_again(frames):
