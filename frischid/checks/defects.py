@@ -119,7 +119,7 @@ def _stamps(lines: Sequence[int], t: np.ndarray, notes: Notebook) -> None:
     if len(t) < 3:
         return
     steps = np.diff(t)
-    usual = float(np.median(np.abs(steps)))
+    usual = float(np.median(np.abs(steps[steps != 0]))) if steps.any() else 0.0
     jump = notes.criteria.lost_stamp_steps * usual
     lost = np.abs(t - np.median(t)) > jump * len(t)
     before, after = np.append(np.inf, np.abs(steps)), np.append(np.abs(steps), np.inf)

@@ -26,6 +26,8 @@ INDEPENDENT_TIME = 0.5
 """s. Residuals of robots' torques are correlated over about so long: one independent sample."""
 CLEAR_ODDS = 100.0
 """Odds from which one order of the joints counts as confirmed against another."""
+UNEXPLAINED = 0.5
+"""Share of a torque's variance. Where the URDF and friction leave more, they do not explain the column."""
 SLOPE_CORRELATION = 0.9
 """Correlation from which a column is the slope of another one."""
 STRIDES = (1, 2, 3, 4, 5, 6)
@@ -106,7 +108,7 @@ def order_is_confirmed(robot: Robot, grid: Grid, q: Sequence[int], tau: Sequence
         other = unexplained(robot, grid, [q[k] for k in order], [tau[k] for k in order])
         if 0.5 * samples * float(np.sum(np.log(other / robot_order))) < np.log(CLEAR_ODDS):
             return False
-    return bool(np.median(robot_order) < 0.5)
+    return bool(np.median(robot_order) < UNEXPLAINED)
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,7 @@ def columns_by_motion(robot: Robot, grid: Grid) -> Layout | None:
         _, q, v = best
         torques = [(float(np.sum(np.log(unexplained(robot, grid, q, tau)))), tau) for tau in _runs(K, J, q, v)]
         least = min(torques, default=None)
-        good = least is not None and least[0] < J * np.log(0.5)
+        good = least is not None and least[0] < J * np.log(UNEXPLAINED)
         return Layout(q, v, least[1] if good and least is not None else ())
     pairs = [
         (float(np.sum(np.log(unexplained(robot, grid, q, tau)))), q, tau)

@@ -21,6 +21,7 @@ CHANNEL_WORDS = {
     "q": {
         *("q", "pos", "position", "positions", "angle", "angles", "theta", "qpos", "enc", "encoder"),
         *("winkel", "stellung", "lage", "posicion", "angulo", "posizione"),
+        *("pulse", "pulses", "counts", "increments"),
     },
     "v": {
         *("v", "qd", "dq", "vel", "velocity", "velocities", "speed", "qvel", "omega"),
@@ -52,10 +53,21 @@ SETPOINT_WORDS = {
     "setpoint",
     "goal",
     "soll",
+    "planned",
 }
-OTHER_WORDS = {"temperature", "temp", "voltage", "status", "mode", "index", "count", "error"}
-TIME_WORDS = {"t", "time", "stamp", "timestamp", "sec", "secs", "seconds", "nsec", "clock", "datetime", "date", "zeit"}
-MEASURED_WORDS = {"actual", "act", "measured", "meas", "present", "ist"}
+OTHER_WORDS = {
+    *("temperature", "temp", "voltage", "status", "mode", "index", "count", "error", "seq", "seqno", "sequence"),
+    *("tcp", "cartesian", "wrench", "pose"),
+    *("dist", "disturbance"),
+}
+"""Words of columns that are no channel of a joint: states, counters, the tool's pose and force, and the part of the
+torque that a controller's own model does not explain."""
+TIME_WORDS = {
+    *("t", "time", "stamp", "timestamp", "sec", "secs", "seconds", "nsec", "nanosec", "clock", "datetime", "date"),
+    *("zeit", "tm", "ipoc"),
+}
+TIME_UNITS = {"ms", "us", "µs", "ns", "s"}
+MEASURED_WORDS = {"actual", "act", "measured", "meas", "present", "ist", "feedback", "fbk"}
 FILLER_WORDS = MEASURED_WORDS | {
     "joint",
     "joints",
@@ -96,7 +108,7 @@ def split(name: str) -> tuple[str | None, str]:
     >>> split("position_command_elbow")
     ('qcmd', 'elbow')
     """
-    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", unit_of(name)[1])
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", unit_of(name)[1])
     words = [w for w in re.split(r"[^0-9A-Za-z]+", spaced.lower()) if w]
     words = [part for w in words for part in (_counted(w) or [w])]
     if set(words) & OTHER_WORDS:
@@ -137,7 +149,8 @@ def set_point(name: str) -> tuple[str | None, str]:
     >>> set_point("target_moment_3"), set_point("actual_current_3")
     (('tau', '3'), (None, 'actual_current_3'))
     """
-    words = [w for w in re.split(r"[^0-9A-Za-z]+", name.lower()) if w]
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", unit_of(name)[1])
+    words = [w for w in re.split(r"[^0-9A-Za-z]+", spaced.lower()) if w]
     plain = [w for w in words if w not in SETPOINT_WORDS]
     return split("_".join(plain)) if len(plain) < len(words) else (None, name)
 
@@ -189,6 +202,8 @@ def assign(names: Mapping[str, str], joints: Sequence[str], known: Mapping[int, 
         Number -> joint, where another channel has settled what the numbers mean.
     """
     exact = {joint: name for joint in joints for name, rest in names.items() if _words(rest) == _words(joint)}
+    if not len(exact) == len(names) == len(set(exact.values())):
+        exact = _by_part(names, joints)
     if len(exact) == len(names) == len(set(exact.values())):
         return Assignment(exact, "name", {})
     numbers = {name: _template(rest)[1] for name, rest in names.items()}
@@ -211,6 +226,18 @@ def exactly(names: Mapping[str, str], joints: Sequence[str]) -> Assignment:
     found = {joint: name for joint in joints for name, rest in names.items() if _words(rest) == _words(joint)}
     clear = {joint: name for joint, name in found.items() if list(found.values()).count(name) == 1}
     return Assignment(clear, "name", {})
+
+
+def _by_part(names: Mapping[str, str], joints: Sequence[str]) -> dict[str, str]:
+    """The columns whose words, among them a word that is no number, are part of the name of one joint only."""
+    found = {}
+    for name, rest in names.items():
+        words = set(_words(rest))
+        if all(word.isdigit() for word in words):
+            continue
+        if len(holders := [joint for joint in joints if words <= set(_words(joint))]) == 1:
+            found[holders[0]] = name
+    return found
 
 
 def _by_number(numbers: Mapping[str, int], joints: Sequence[str], known: Mapping[int, str]) -> Assignment | None:

@@ -83,7 +83,11 @@ def _outside_limits(table: Table, robot: Robot, found: Proposal) -> tuple[bool, 
         q = np.asarray(table.numeric[columns["q"]], dtype=float)
         q, room = q[np.isfinite(q)], 0.1 * (high - low)
         outside += bool((q < low - room).any() or (q > high + room).any())
-        inside += bool((q / DEGREES_PER_RADIAN >= low - room).all() and (q / DEGREES_PER_RADIAN <= high + room).all())
+        radians = q / DEGREES_PER_RADIAN
+        if len(radians) and np.abs(q).max() <= 360:  # 0° to 360° or -180° to 180°: the same angles
+            middle = (low + high) / 2
+            radians = radians - 2 * np.pi * np.round((np.median(radians) - middle) / (2 * np.pi))
+        inside += bool((radians >= low - room).all() and (radians <= high + room).all())
     far = outside > len(found.joints) / 3
     return far, far and inside == turning
 

@@ -18,6 +18,7 @@ from frischid.core.types import Array
 from frischid.errors import InputError, close_names
 from frischid.logs.log import CHANNELS, Log, check_times, check_values, is_usable
 from frischid.logs.mapping import RADIANS_PER_UNIT, TICKS_PER_SECOND, JointMap, LogMap
+from frischid.logs.repeated_rows import without_repeats
 from frischid.logs.restarts import RESTART_GAP, continued
 from frischid.logs.table import Table
 
@@ -60,6 +61,7 @@ def log_of_table(
         A column or a value is not usable, or no joint of the robot has a position column.
     """
     notes = list(table.notes)
+    table = _without_repeated_rows(table, form, joints, notes)
     time, t = _time(table, form, start, notes, whole)
     mapped, ignored = _columns_of_joints(table, form, joints, notes)
     if whole:
@@ -81,6 +83,17 @@ def log_of_table(
     taken = {"t"} | {f"{channel}_{joint}" for channel in CHANNELS for joint in mapped}
     extra = _extra(table, used, taken, notes)
     return Log(t, tuple(mapped), **channels, extra=extra, source=table.source, sha256=digest, notes=tuple(notes))
+
+
+def _without_repeated_rows(table: Table, form: LogMap, joints: Sequence[str] | None, notes: list[str]) -> Table:
+    """The table without rows that were recorded repeatedly; a table without repeated stamps has none."""
+    if form.rate is not None:
+        return table
+    stamps = table.values(time := _time_name(table, form))
+    if not (stamps[1:] == stamps[:-1]).any():
+        return table
+    mapped, _ = _columns_of_joints(table, form, joints, [])
+    return without_repeats(table, time, [name for c in mapped.values() for name in c.values()], notes)
 
 
 def _without_empty_ends(

@@ -39,6 +39,7 @@ from frischid.logs.filters import LowPass
 from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.poses import is_static
 from frischid.logs.time_grid import retimed, uniform
+from frischid.logs.wraps import unwrapped
 
 HARMONICS = 10.0
 """Cut-off over bandwidth where no noise begins earlier: the fifth harmonic of a square wave, and its filter's slope."""
@@ -177,7 +178,7 @@ def spectra_of(log: Log, joints: Sequence[str]) -> LogSpectra:
 def _spectra_of(log: Log, joints: Sequence[str]) -> LogSpectra:
     if is_static(log):
         return LogSpectra((), log.rate, at_rest=True)
-    chosen = retimed(log).select(joints)
+    chosen = retimed(unwrapped(log)).select(joints)
     t, q, tau = uniform(chosen.t, chosen.q, np.full_like(chosen.q, np.nan) if chosen.tau is None else chosen.tau)
     step = (t[-1] - t[0]) / (len(t) - 1)
     f, power, floor = _spectrum(q, step)

@@ -16,21 +16,27 @@ A proposal is for a person to read. Comments give the reason for each entry, and
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frischid.core.types import Array
 from frischid.errors import InputError
-from frischid.logs.column_motion import Grid, columns_by_motion, order_is_confirmed, unexplained
-from frischid.logs.column_names import Assignment, assign, exactly, families, split
+from frischid.logs.column_motion import UNEXPLAINED, Grid, columns_by_motion, order_is_confirmed, unexplained
+from frischid.logs.column_names import SETPOINT_WORDS, Assignment, assign, exactly, families, set_point, split
 from frischid.logs.column_units import check_velocities, propose_degrees, propose_effort_units, radians_per_unit
 from frischid.logs.gain_guess import guess_gains
 from frischid.logs.log import CHANNELS, FEWEST_SAMPLES
 from frischid.logs.mapping_table import USUAL_RATE, rate_of, stamps_of, table_of, time_column
 from frischid.logs.proposal import Proposal
+from frischid.logs.repeated_rows import repeats
 from frischid.logs.table import Table
+from frischid.logs.wraps import continuous
 from frischid.robot.robot import Robot
 
 
@@ -54,14 +60,17 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     path, found = Path(path), Proposal()
     table = table_of(path, robot, found)
     time = time_column(table, found)
+    table = _readable(table, time)
     named = {name: split(name) for name in table.names if name in table.numeric and name != time}
     named = {name: x for name, x in named.items() if table.numeric[name].dtype.kind in "iuf"}
     by_channel = {c: {n: rest for n, (channel, rest) in named.items() if channel == c} for c in CHANNELS}
+    _take_set_torques(by_channel, named, found)
     t = None if time is None or rate is not None else stamps_of(table, path, time, found)
     if by_channel["q"]:
         _by_names(by_channel, table, robot, t, found)
+        _drop_unexplained_torques(table, robot, t, found)
     if not found.joints:
-        _by_motion(table, [n for n in named if table.numeric[n].dtype.kind in "iuf"], robot, t, found)
+        _by_motion(table, _not_set(named), robot, t, found)
     if not found.joints:
         raise InputError(
             f"{path}: no column looks like a position of a joint of {robot.name} ({', '.join(robot.joints)}); the "
@@ -86,10 +95,19 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     return found
 
 
+def _not_set(names: Iterable[str]) -> list[str]:
+    """Names of columns that are no set points; desired torques stay, which may be the only ones."""
+    words = {n: set(re.split(r"[^a-z]+", n.lower())) for n in names}
+    return [n for n in names if not words[n] & SETPOINT_WORDS or set_point(n)[0] in ("tau", "current")]
+
+
 def _not_numeric(table: Table) -> str:
     """Why columns that are not numeric are not."""
     first = next(iter(table.unusable.items()), None)
-    return "" if first is None else f"; {len(table.unusable)} are not numeric: in '{first[0]}' {first[1]}"
+    if first is None:
+        return ""
+    lists = "; write a column for each joint" if "holds '[" in first[1] else ""
+    return f"; {len(table.unusable)} are not numeric: in '{first[0]}' {first[1]}{lists}"
 
 
 # ---------------------------------------------------------------------- joints by names
@@ -109,6 +127,8 @@ def _by_names(
         if not options:
             continue
         chosen = _best(options, channel, table, robot, t, found)
+        if chosen.how == "order" and channel == "q":
+            chosen = _in_order(chosen, by_channel, table, robot, t, found)
         numbers = numbers or chosen.numbers
         lost = [
             f"{name} ({joint})"
@@ -123,8 +143,6 @@ def _by_names(
         if chosen.how == "likeness":
             pairs = ", ".join(f"{name} for {joint}" for joint, name in chosen.columns.items())
             found.guesses.append(f"names are only alike: {pairs}")
-        elif chosen.how == "order" and channel == "q":
-            _confirm_order(chosen, by_channel, table, robot, t, found)
 
 
 def _best(
@@ -138,12 +156,16 @@ def _best(
     errors = [np.inf] * len(options)
     if channel in ("tau", "current") and t is not None and len(t) >= FEWEST_SAMPLES:
         errors = [_error(x, table, robot, t, found) for x in options]
-    # with equal errors the shortest names are the plainest: tau_1 before tau_ext_1
-    ranked = sorted(range(len(options)), key=lambda k: (errors[k], len("".join(options[k].columns.values()))))
+    # with errors that are equal to a hundredth the shortest names are the plainest: tau_1 before tau_ext_1
+    length = [len("".join(x.columns.values())) for x in options]
+    ranked = sorted(range(len(options)), key=lambda k: (round(errors[k], 2), length[k]))
     first = next(iter(options[ranked[0]].columns.values()))
     others = ", ".join(next(iter(options[k].columns.values())) + " ..." for k in ranked[1:])
     why = "the URDF explains them best" if np.isfinite(errors[ranked[0]]) else "their names are the shortest"
-    found.reasons.append(f"{channel}: {first} ... and not {others}, because {why}")
+    if not np.isfinite(errors[ranked[0]]) and length[ranked[0]] == length[ranked[1]]:
+        found.guesses.append(f"{channel}: {first} ... and not {others}: neither names nor torques tell which")
+    else:
+        found.reasons.append(f"{channel}: {first} ... and not {others}, because {why}")
     return options[ranked[0]]
 
 
@@ -158,17 +180,46 @@ def _error(option: Assignment, table: Table, robot: Robot, t: Array, found: Prop
     return float(np.mean(np.log(unexplained(robot.keep(joints), grid, range(J), range(J, 2 * J)))))
 
 
-def _confirm_order(
+def _in_order(
     chosen: Assignment,
     by_channel: Mapping[str, Mapping[str, str]],
     table: Table,
     robot: Robot,
     t: Array | None,
     found: Proposal,
-) -> None:
-    """Note an order of joints that torques confirm; otherwise the order is a guess."""
+) -> Assignment:
+    """Columns that count joints, in the order that the torques confirm: the robot's, or that of the alphabet (ROS).
+
+    Without such an order, the robot's is a guess.
+    """
+    own = [j for j in robot.joints if j in chosen.columns]
+    columns = [chosen.columns[j] for j in own]
+    count = {name: k for k, joint in chosen.numbers.items() for name in [chosen.columns[joint]]}
+    for order, word in ((own, "the order of their numbers"), (sorted(own), "alphabetical order")):
+        reading = Assignment(
+            dict(zip(order, columns, strict=True)),
+            "order",
+            {count[name]: joint for joint, name in zip(order, columns, strict=True)},
+        )
+        if _is_confirmed(reading, by_channel, table, robot, t, found):
+            pairs = f"{columns[0]} is {order[0]} ... {columns[-1]} is {order[-1]}"
+            found.reasons.append(f"joints in {word} ({pairs}): the torques confirm this order")
+            return reading
+    pairs = f"{columns[0]} is {own[0]} ... {columns[-1]} is {own[-1]}"
+    found.guesses.append(f"joints in the order of their numbers: {pairs}; no torque confirms this order")
+    return chosen
+
+
+def _is_confirmed(
+    chosen: Assignment,
+    by_channel: Mapping[str, Mapping[str, str]],
+    table: Table,
+    robot: Robot,
+    t: Array | None,
+    found: Proposal,
+) -> bool:
+    """Whether torques or currents confirm the order of the joints."""
     joints = [j for j in robot.joints if j in chosen.columns]
-    pairs = f"{chosen.columns[joints[0]]} is {joints[0]} ... {chosen.columns[joints[-1]]} is {joints[-1]}"
     for channel in ("tau", "current"):
         for family in families(by_channel[channel]):
             efforts = assign(family, robot.joints, chosen.numbers).columns
@@ -176,11 +227,65 @@ def _confirm_order(
                 continue
             grid = Grid.of(_values(table, [*(chosen.columns[j] for j in joints), *(efforts[j] for j in joints)]), t)
             J = len(joints)
-            grid.y[:, :J] *= radians_per_unit(table, robot, found)
+            read = replace(found, joints={j: {"q": chosen.columns[j]} for j in joints})
+            grid.y[:, :J] *= radians_per_unit(table, robot, read)
             if order_is_confirmed(robot.keep(joints), grid, range(J), range(J, 2 * J)):
-                found.reasons.append(f"joints in the order of their numbers ({pairs}): the torques confirm this order")
-                return
-    found.guesses.append(f"joints in the order of their numbers: {pairs}; no torque confirms this order")
+                return True
+    return False
+
+
+def _drop_unexplained_torques(table: Table, robot: Robot, t: Array | None, found: Proposal) -> None:
+    """Leave out torque columns that the URDF does not explain, where it explains the currents beside them.
+
+    Controllers also write torques that their own model leaves over, and forces at the tool.
+    """
+    joints = [j for j in robot.joints if {"tau", "current"} <= set(found.joints.get(j, ()))]
+    if len(joints) < 2 or t is None or len(t) < 20 * FEWEST_SAMPLES:
+        return
+    J = len(joints)
+    columns = [[found.joints[j][channel] for j in joints] for channel in ("q", "tau", "current")]
+    grid = Grid.of(_values(table, [name for some in columns for name in some]), t)
+    grid.y[:, :J] *= radians_per_unit(table, robot, found)
+    torque, current = (unexplained(robot.keep(joints), grid, range(J), range(k * J, (k + 1) * J)) for k in (1, 2))
+    if np.median(current) < UNEXPLAINED <= np.median(torque):
+        found.guesses.append(
+            f"{columns[1][0]} ... left out: the URDF explains {columns[2][0]} ... and not these torques, which may be "
+            "what the controller's own model leaves over"
+        )
+        for joint in joints:
+            del found.joints[joint]["tau"]
+
+
+def _take_set_torques(
+    by_channel: dict[str, dict[str, str]], named: Mapping[str, tuple[str | None, str]], found: Proposal
+) -> None:
+    """Take desired torques where no other torque or current is in the file."""
+    if by_channel["tau"] or by_channel["current"]:
+        return
+    for channel in ("tau", "current"):
+        wanted = {n: rest for n, (kind, rest) in ((n, set_point(n)) for n in named) if kind == channel}
+        if wanted:
+            by_channel[channel] = wanted
+            found.guesses.append(
+                f"{next(iter(wanted))} ...: a desired value, taken because the file has no measured one; right if this "
+                "is all that the drive is asked for, and no feed-forward part of that"
+            )
+            return
+
+
+def _readable(table: Table, time: str | None) -> Table:
+    """The table with the wraps of angles undone, and without rows whose stamp is that of the row before."""
+    fresh: Any = slice(None)
+    if time is not None and (again := repeats([table.numeric[time]])).any():
+        fresh, place = ~again, table.place
+        table = replace(table, place=lambda row: place(int(np.flatnonzero(~again)[row])))
+    numeric = {n: x[fresh] if n == time else _continuous(x[fresh]) for n, x in table.numeric.items()}
+    return replace(table, numeric=numeric)
+
+
+def _continuous(x: NDArray[Any]) -> NDArray[Any]:
+    """A column with the wraps of an angle undone."""
+    return continuous(x) if x.dtype.kind == "f" and len(x) > 1 and np.isfinite(x).all() else x
 
 
 # ---------------------------------------------------------------------- joints by motion

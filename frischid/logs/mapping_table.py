@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.bags import bag_form, is_bag, read_bag, topics_of
-from frischid.logs.column_names import OTHER_WORDS, TIME_WORDS, assign
+from frischid.logs.column_names import OTHER_WORDS, TIME_UNITS, TIME_WORDS, assign, unit_of
 from frischid.logs.mapping import TICKS_PER_SECOND, LogMap
 from frischid.logs.proposal import Proposal
 from frischid.logs.table import Table
@@ -70,12 +70,17 @@ def _arrays(path: Path, robot: Robot, found: Proposal) -> Table:
 
 # ---------------------------------------------------------------------- time
 
+PARTS_OF_STAMPS = ("sec", "secs", "seconds"), ("nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds")
+ROWS_PER_STAMP = 5
+"""Most rows that have the same stamp: a recorder that is so much faster than the controller."""
+
 
 def time_column(table: Table, found: Proposal) -> str | None:
     """Name of the time column; None without one."""
     words = {n: set(re.split(r"[^a-z]+", n.lower())) for n in table.names}
     growing = [n for n in table.names if n in table.numeric and _grows(table.numeric[n]) and not words[n] & OTHER_WORDS]
-    by_name = [n for n in growing if words[n] & TIME_WORDS]
+    clocks = [n for n in table.names if n in table.numeric and (words[n] & TIME_WORDS or unit_of(n)[0] in TIME_UNITS)]
+    by_name = [n for n in growing if n in clocks] or [n for n in clocks if _is_repeated_clock(table.numeric[n])]
     even = [n for n in growing if n not in by_name and _is_even(table.numeric[n])]
     name = next(iter([*by_name, *even]), None)
     if name is None:
@@ -128,9 +133,10 @@ def rate_of(table: Table, rate: float | None, found: Proposal) -> Array:
 
 def _no_clock(table: Table) -> str:
     """Why a column whose name says time is none."""
-    parts = {word: n for n in table.names for word in re.split(r"[^a-z]+", n.lower()) if word in ("sec", "nsec")}
-    if len(parts) == 2:
-        both = f"{parts['sec']} and {parts['nsec']}"
+    words = {word: n for n in table.names for word in re.split(r"[^a-z]+", n.lower())}
+    parts = [next((words[w] for w in known if w in words), None) for known in PARTS_OF_STAMPS]
+    if all(parts):
+        both = f"{parts[0]} and {parts[1]}"
         return f" (the time is in two columns, {both}: write one column of their sum, sec + 1e-9 nsec, then map again)"
     for name in table.names:
         if not set(re.split(r"[^a-z]+", name.lower())) & TIME_WORDS:
@@ -148,6 +154,12 @@ def _no_clock(table: Table) -> str:
 def _grows(x: NDArray[np.generic]) -> bool:
     steps = np.diff(np.asarray(x, dtype=float))
     return bool(len(steps) and np.isfinite(steps).all() and (steps > 0).mean() > 0.99 and steps.min() >= 0)
+
+
+def _is_repeated_clock(x: NDArray[np.generic]) -> bool:
+    """Whether a column never falls and has a new value every few rows: a clock whose rows were recorded repeatedly."""
+    steps = np.diff(np.asarray(x, dtype=float))
+    return bool(len(steps) and steps.min() >= 0 and (steps > 0).mean() > 1 / ROWS_PER_STAMP)
 
 
 def _is_even(x: NDArray[np.generic]) -> bool:

@@ -9,19 +9,20 @@ the log.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.bags import bag_form, bag_tables, is_bag, read_bag
 from frischid.logs.content_size import check_size
 from frischid.logs.conversion import first_stamp, log_of_table
 from frischid.logs.layouts import layout_of
-from frischid.logs.log import FEWEST_SAMPLES, Log
+from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Log
 from frischid.logs.log_file import LogFile, parts_of, size_of
 from frischid.logs.mapping import LogMap, MappingLike
 from frischid.logs.table import Table
@@ -122,16 +123,24 @@ def read_chunks(
         raise InputError(f"a chunk needs at least {FEWEST_SAMPLES} samples, got {samples}")
     tables = bag_tables(path, form, joints, samples) if is_bag(path) else read_tables(path, form, samples, joints or ())
     start, last = None, -np.inf
+    before: Mapping[str, Array] = {}
     for table in _none_too_short(tables):
         start = first_stamp(table, form) if start is None else start
         log = log_of_table(table, form, joints, start, whole=False)
+        if log.t[0] == last and _repeats(before, log):
+            log = log.slice(1)  # the row before is repeated
         if log.t[0] <= last:
             raise InputError(
                 f"{path}: time does not increase at {table.place(0)}: {log.t[0]!s} after {last!s}; remove the repeated "
                 "rows, or split the log where the clock was set back"
             )
-        last = float(log.t[-1])
+        last, before = float(log.t[-1]), {c: x[-1] for c in CHANNELS if (x := getattr(log, c)) is not None}
         yield log
+
+
+def _repeats(before: Mapping[str, Array], log: Log) -> bool:
+    """Whether the first sample of a log repeats the last one before it."""
+    return all(np.array_equal(x, getattr(log, channel)[0], equal_nan=True) for channel, x in before.items())
 
 
 def _form(path: Path, joints: Sequence[str] | None, mapping: Any) -> LogMap:

@@ -30,6 +30,7 @@ from frischid.logs.csv_text import (
     even_spaces,
     is_number,
 )
+from frischid.logs.list_columns import flattened, names_in
 from frischid.logs.log import Place, row_place
 from frischid.logs.mapping import LogMap
 from frischid.logs.npz_arrays import read_npz
@@ -43,7 +44,9 @@ OTHER_FORMATS = {
     ".ods": SPREADSHEET,
     ".mat": "in MATLAB: writetable(array2table([t q tau]), 'log.csv'), with t as a column and a column per joint in q",
     ".h5": "in Python: pandas.read_hdf(...).to_csv('log.csv', index=False)",
-    ".json": "in Python: pandas.read_json(...).to_csv('log.csv', index=False)",
+    ".json": "in Python: pandas.json_normalize(json.load(open(...))).to_parquet('log.parquet')",
+    ".jsonl": "in Python: pandas.read_json(..., lines=True).to_parquet('log.parquet')",
+    ".xml": "write a .csv with one row per message: the time (RSI: IPOC, in ms), and one column per axis",
     ".log": "if the file is a table of text, rename it to .csv",
     ".dat": "if the file is a table of text, rename it to .csv",
     ".asc": "if the file is a table of text, rename it to .csv",
@@ -87,7 +90,8 @@ def read_tables(path: Path, form: LogMap, rows: int, order: Sequence[str] = ()) 
             file = pa.parquet.ParquetFile(path, pre_buffer=False, buffer_size=1 << 16)
             check_width(path, file.metadata.num_columns)
             for batch in file.iter_batches(batch_size=rows):
-                yield replace(_from_arrow(pa.table(batch), path, _after(start, row_place)), first=start)
+                part = flattened(pa.table(batch), path)
+                yield replace(_from_arrow(part, path, _after(start, row_place)), first=start)
                 start += batch.num_rows
         else:
             yield from _csv_tables(path, form, rows)
@@ -98,7 +102,7 @@ def column_names(path: Path, form: LogMap) -> Sequence[str]:
     kind = _kind(path)
     if kind == ".parquet":
         with _reading(path, kind):
-            return list(pa.parquet.read_schema(path).names)
+            return names_in(path)
     return csv_layout(path, form).names if kind in CSV else read_table(path, form).names
 
 
@@ -233,7 +237,7 @@ def _ragged_line(path: Path, layout: Layout) -> str | None:
 
 def _read_parquet(path: Path) -> Table:
     check_width(path, pa.parquet.read_metadata(path).num_columns)
-    return _from_arrow(pa.parquet.read_table(path), path)
+    return _from_arrow(flattened(pa.parquet.read_table(path), path), path)
 
 
 def _from_arrow(arrow: Any, path: Path, place: Place = row_place, layout: Layout | None = None) -> Table:

@@ -56,6 +56,19 @@ def unwrapped(log: Log, centres: Array | None = None) -> Log:
     return replace(log, q=q)
 
 
+def continuous(x: Array) -> Array:
+    """A column of angles (N,) in degrees or radians with its wraps undone and its median within half a turn of zero.
+
+    Columns without wraps are returned as they are.
+    """
+    for turn in (360.0, TURN):
+        turns = _turns(x * (TURN / turn))
+        if turns.any():
+            y = x - turn * np.concatenate([[0.0], np.cumsum(turns)])
+            return np.asarray(y - turn * np.round(np.median(y) / turn))
+    return x
+
+
 def wrap_notes(log: Log) -> list[str]:
     """A note that says which angles wrap."""
     counts = wraps_of(log.q)
