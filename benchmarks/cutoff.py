@@ -6,9 +6,15 @@ Simulated arms, whose noise-free torque is known. For every cut-off two errors o
   through the same filter; samples at standstill are left out;
 - *model*: the model identified from the noisy log, along the noise-free motion of another log, unfiltered.
 
-With --measured, which needs FRISCHID_DATA: the held-out error of `trust.pairs`. All models are compared through the
-automatic filter. The error through each model's own filter stands beside it: that one falls with the cut-off whatever
-the model, because a low cut-off takes ripple and noise out of the measurement too.
+The held-out error of a user is between these and the noise: the same models on a log of the other motion, recorded by
+the same sensors. All models are compared through the automatic filter.
+
+With --measured, which needs FRISCHID_DATA: the held-out error of `trust.pairs`, through the automatic filter too. The
+error through each model's own filter stands beside it: that one falls with the cut-off whatever the model, because
+a low cut-off takes ripple and noise out of the measurement too.
+
+The best of a scan is itself an estimate. So the range beside a ratio is that of a block bootstrap (Künsch 1989): blocks
+of a second of the held-out log are drawn anew, with the residuals of both models together.
 """
 
 from __future__ import annotations
@@ -40,6 +46,12 @@ MEASURED_SCAN = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 13.0, 20.0, 30.0, 50.0)
 """Cut-offs tried on measured logs, Hz."""
 MOST_OF_RATE = 0.2
 """Highest cut-off that is tried, share of the sampling rate."""
+BLOCK_SECONDS = 1.0
+"""s. Residuals are independent after so long; see `frischid.model.residual_conditions`."""
+DRAWS = 1000
+"""Logs that the bootstrap draws."""
+WITHIN = 1.05
+"""Error over that of the best cut-off which counts as equal."""
 SHARP = 5e-4
 """Speed over which dry friction changes its direction, rad/s."""
 
@@ -160,9 +172,8 @@ def _rms(x: Array) -> Array:
     return np.asarray(np.sqrt(np.nanmean(x**2, axis=0)))
 
 
-def model_error(held_out: World, log: fr.Log, cutoff: float) -> float:
-    """Error of the model that is identified from a log, along a noise-free motion, unfiltered."""
-    model = fr.identify(held_out.robot, [log], cutoff=cutoff, recursion="none", force=True).model
+def model_error(held_out: World, model: fr.Model) -> float:
+    """Error of a model along a noise-free motion, unfiltered."""
     path = held_out.path
     some = slice(None, None, 7)
     found = model.inverse_dynamics(path.q[some], path.v[some], path.a[some])
@@ -175,10 +186,20 @@ def simulated(name: str, sensors: Sensors, seed: int, scan: Sequence[float]) -> 
     """One row of the table of simulated logs."""
     fitted, held_out = world(name, sensors, seed)
     log = recorded(fitted, sensors, seed)
-    auto = choose_lowpass([log], log.joints).cutoff
+    lowpass = choose_lowpass([log], log.joints)
+    auto = lowpass.cutoff
     assert auto is not None
-    tried = {f: model_error(held_out, log, f) for f in (*scan, auto) if f <= MOST_OF_RATE * sensors.rate}
+    models = {
+        f: fr.identify(fitted.robot, [log], cutoff=f, recursion="none", force=True).model
+        for f in (*scan, auto)
+        if f <= MOST_OF_RATE * sensors.rate
+    }
+    tried = {f: model_error(held_out, m) for f, m in models.items()}
     best = min(tried, key=lambda f: tried[f])
+    other = recorded(held_out, sensors, seed + 1)
+    seen = {f: replace(m, lowpass=lowpass) for f, m in models.items()}
+    found = {f: _held_out(m, other) for f, m in seen.items()}
+    lowest = min(found, key=lambda f: found[f])
     return {
         "robot": name,
         "log": sensors.name,
@@ -188,6 +209,8 @@ def simulated(name: str, sensors: Sensors, seed: int, scan: Sequence[float]) -> 
         "error": tried[auto],
         "best": tried[best],
         "error / best": tried[auto] / tried[best],
+        "held-out / best": found[auto] / found[lowest],
+        "range": ratio_range(seen[auto], seen[lowest], other),
     }
 
 
@@ -216,7 +239,8 @@ def measured(pair: Pair, folder: Path, scan: Sequence[float]) -> dict[str, Any]:
         if cutoff <= MOST_OF_RATE * rate * (1 + 1e-3):
             with suppress(InputError, IdentifiabilityError):  # the log is shorter than the filter of a very low cut-off
                 models[cutoff] = model(cutoff)
-    tried = {f: _held_out(replace(m, lowpass=automatic.lowpass), valid) for f, m in models.items()}
+    seen = {f: replace(m, lowpass=automatic.lowpass) for f, m in models.items()}
+    tried = {f: _held_out(m, valid) for f, m in seen.items()}
     own = {f: _held_out(m, valid) for f, m in models.items()}
     best = min(tried, key=lambda f: tried[f])
     return {
@@ -227,6 +251,7 @@ def measured(pair: Pair, folder: Path, scan: Sequence[float]) -> dict[str, Any]:
         "error": tried[auto],
         "best": tried[best],
         "error / best": tried[auto] / tried[best],
+        "range": ratio_range(seen[auto], seen[best], valid),
         "lowest through own filter": min(own.values()),
         "at Hz": min(own, key=lambda f: own[f]),
     }
@@ -240,10 +265,33 @@ def _held_out(model: fr.Model, valid: fr.Log) -> float:
         return float("inf")
 
 
+def ratio_range(model: fr.Model, best: fr.Model, valid: fr.Log) -> str:
+    """Range of 95 % of the ratio of two models' held-out errors, by a block bootstrap over the held-out log."""
+    found = [fr.compare(m, [valid]) for m in (model, best)]
+    one, two = (np.where(c.residuals.used, c.residuals.residual**2, 0.0) for c in found)
+    used, t = found[0].residuals.used, found[0].residuals.t
+    std = np.array([j.rmse / j.nrmse for j in found[0].joints])
+    block = np.unique(np.floor((t - t[0]) / BLOCK_SECONDS).astype(int), return_inverse=True)[1]
+    sums = [np.array([np.bincount(block, x) for x in values.T]).T for values in (one, two, 1.0 * used)]
+    drawn = np.random.default_rng(0).integers(len(sums[0]), size=(DRAWS, len(sums[0])))
+    first, second, count = (x[drawn].sum(axis=1) for x in sums)
+    known = count.min(axis=0) > 0
+    errors = [(np.sqrt(x[:, known] / count[:, known]) / std[known]).mean(axis=1) for x in (first, second)]
+    low, high = np.quantile(errors[0] / errors[1], (0.025, 0.975))
+    return f"{low:.2f} to {high:.2f}"
+
+
 def summary(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Geometric mean and worst of the ratios to the best cut-off."""
     ratios = np.array([row["error / best"] for row in rows])
-    return [f"over the best cut-off: geometric mean {np.exp(np.log(ratios).mean()):.2f}, worst {ratios.max():.2f}"]
+    found = [f"over the best cut-off: geometric mean {np.exp(np.log(ratios).mean()):.2f}, worst {ratios.max():.2f}"]
+    if "held-out / best" in rows[0]:
+        ratios = np.array([row["held-out / best"] for row in rows])
+        within = int((ratios <= WITHIN).sum())
+        found.append(
+            f"held-out error within {WITHIN - 1:.0%} of the best: {within} of {len(rows)}, worst {ratios.max():.2f}"
+        )
+    return found
 
 
 def main() -> None:
@@ -252,11 +300,16 @@ def main() -> None:
     options.add_argument("--arms", default="kinova,elbow3,z1,ur10,TwoDofs", help="arms, taken in turn")
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--measured", metavar="ROBOT", help="measured logs of a robot, or of all, nothing simulated")
+    options.add_argument("--kinds", help="kinds of simulated logs, separated by semicolons; all by default")
     options.add_argument("--quick", action="store_true", help="every second cut-off of the scans")
     chosen = options.parse_args()
     every, arms, folder = slice(None, None, 2 if chosen.quick else 1), chosen.arms.split(","), data_folder()
     if not chosen.measured:
-        rows = [simulated(arms[k % len(arms)], kind, chosen.seed, SCAN[every]) for k, kind in enumerate(KINDS)]
+        kinds = KINDS if chosen.kinds is None else [k for k in KINDS if k.name in chosen.kinds.split(";")]
+        turns = [(arms[k % len(arms)], kind) for k, kind in enumerate(kinds)]
+        if len(kinds) == 1:
+            turns = [(name, kinds[0]) for name in arms]
+        rows = [simulated(name, kind, chosen.seed, SCAN[every]) for name, kind in turns]
     elif folder is None:
         sys.exit("set FRISCHID_DATA to the folder of measured logs")
     else:
