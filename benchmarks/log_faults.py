@@ -177,8 +177,11 @@ def spring(c: Case) -> None:
 
 
 def coupling(c: Case) -> None:
-    """A motor that turns with two neighbouring joints."""
-    i = int(c.rng.integers(0, len(c.robot.joints) - 1))
+    """A motor that turns with two neighbouring joints, whose torques are judged."""
+    free = [i for i in range(len(c.robot.joints) - 1) if not c.used & {i, i + 1}]
+    if not free:
+        raise NoJointError
+    i = int(c.rng.choice(free))
     c.used |= {i, i + 1}
     tau, v, a = np.array(c.log.tau), c.derivative(1), c.derivative(2)
     w = v[:, i] + v[:, i + 1]

@@ -66,7 +66,7 @@ TIME_WORDS = {
     *("t", "time", "stamp", "timestamp", "sec", "secs", "seconds", "nsec", "nanosec", "clock", "datetime", "date"),
     *("zeit", "tm", "ipoc"),
 }
-TIME_UNITS = {"ms", "us", "µs", "ns", "s"}
+CLOCK_UNITS = {"ms", "us", "µs", "ns", "s"}
 MEASURED_WORDS = {"actual", "act", "measured", "meas", "present", "ist", "feedback", "fbk"}
 FILLER_WORDS = MEASURED_WORDS | {
     "joint",
@@ -79,6 +79,8 @@ FILLER_WORDS = MEASURED_WORDS | {
     "states",
     "robot",
     "arm",
+    "actuator",
+    "actuators",
     "j",
     "",
 }

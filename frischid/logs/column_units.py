@@ -111,6 +111,12 @@ def propose_effort_units(found: Proposal) -> None:
                 milli.append(columns[channel])
             elif re.search(r"%|percent|pct|rated|permille|‰", columns[channel].lower()):
                 percent.append(columns[channel])
+    ungeared = [c["tau"] for c in found.joints.values() if c.get("tau", "").startswith("actuator_force")]
+    if ungeared:
+        found.guesses.append(
+            f"{ungeared[0]} ...: MuJoCo's forces of actuators are before the gear; write under each joint "
+            "torque_factor = gear of its actuator, or record qfrc_actuator"
+        )
     if milli:
         found.reasons.append(f"{milli[0]} ...: milliamperes, by the name")
     if percent:

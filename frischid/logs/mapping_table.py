@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.bags import bag_form, is_bag, read_bag, topics_of
-from frischid.logs.column_names import OTHER_WORDS, TIME_UNITS, TIME_WORDS, assign, unit_of
+from frischid.logs.column_names import OTHER_WORDS, CLOCK_UNITS, TIME_WORDS, assign, unit_of
 from frischid.logs.mapping import TICKS_PER_SECOND, LogMap
 from frischid.logs.proposal import Proposal
 from frischid.logs.table import Table
@@ -79,7 +79,7 @@ def time_column(table: Table, found: Proposal) -> str | None:
     """Name of the time column; None without one."""
     words = {n: set(re.split(r"[^a-z]+", n.lower())) for n in table.names}
     growing = [n for n in table.names if n in table.numeric and _grows(table.numeric[n]) and not words[n] & OTHER_WORDS]
-    clocks = [n for n in table.names if n in table.numeric and (words[n] & TIME_WORDS or unit_of(n)[0] in TIME_UNITS)]
+    clocks = [n for n in table.names if n in table.numeric and (words[n] & TIME_WORDS or unit_of(n)[0] in CLOCK_UNITS)]
     by_name = [n for n in growing if n in clocks] or [n for n in clocks if _is_repeated_clock(table.numeric[n])]
     even = [n for n in growing if n not in by_name and _is_even(table.numeric[n])]
     name = next(iter([*by_name, *even]), None)

@@ -180,6 +180,14 @@ def test_a_stamp_that_repeats_with_other_values_is_an_error(tmp_path, robot, log
         read_log(write(tmp_path / "a.csv", head, [t, log.q]), robot.joints)
 
 
+def test_mujocos_forces_of_actuators(tmp_path, robot, log):
+    path = tmp_path / "a.npz"
+    np.savez(path, time=log.t, qpos=log.q, qvel=log.v, actuator_force=log.tau / 50)
+    found, read = mapped(path, robot)
+    assert any("before the gear" in guess for guess in found.guesses)
+    np.testing.assert_allclose(read.tau, log.tau / 50)
+
+
 def test_stamps_in_two_columns_of_a_ros_2_message(tmp_path, robot, log):
     seconds = np.floor(log.t + 0.5)
     head = ["stamp.sec", "stamp.nanosec", *(f"position[{j}]" for j in J)]
