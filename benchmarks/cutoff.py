@@ -275,8 +275,8 @@ def ratio_range(model: fr.Model, best: fr.Model, valid: fr.Log) -> str:
     sums = [np.array([np.bincount(block, x) for x in values.T]).T for values in (one, two, 1.0 * used)]
     drawn = np.random.default_rng(0).integers(len(sums[0]), size=(DRAWS, len(sums[0])))
     first, second, count = (x[drawn].sum(axis=1) for x in sums)
-    known = count.min(axis=0) > 0
-    errors = [(np.sqrt(x[:, known] / count[:, known]) / std[known]).mean(axis=1) for x in (first, second)]
+    with np.errstate(invalid="ignore"):  # a joint may rest in all blocks of a draw
+        errors = [np.nanmean(np.sqrt(x / count) / std, axis=1) for x in (first, second)]
     low, high = np.quantile(errors[0] / errors[1], (0.025, 0.975))
     return f"{low:.2f} to {high:.2f}"
 
