@@ -43,8 +43,9 @@ from frischid.model.identification import identify
 
 GENERATORS = {"first": hidden_cases, "second": second_cases}
 FIRST_REPORTED = 5000
-SAME = dict.fromkeys(("backlash", "gear_play"), ("backlash", "gear_play"))
-"""Names in the catalogue of one cause: slow and fast motion of a gear with play."""
+PAIRS = (("backlash", "gear_play"), ("thermal_drift", "self_heating"))
+SAME = {name: pair for pair in PAIRS for name in pair}
+"""Names in the catalogue of one cause: slow and fast motion of a gear with play; friction that changes as it warms."""
 EDGES = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 SMALL_BACKGROUND = 0.01  # share of the torque
 

@@ -29,6 +29,7 @@ from frischid.effects.friction_curves import (
     Stribeck,
 )
 from frischid.effects.friction_conditions import LoadFriction, LoadStribeck, ThermalDrift
+from frischid.effects.self_heating import SelfHeating
 from frischid.effects.friction_memory import CableHose, Hysteresis
 from frischid.effects.springs import Counterbalance, JointSpring
 from frischid.effects.flexibility import Backlash, Elasticity
@@ -71,6 +72,7 @@ __all__ = [
     "Payload",
     "QuadraticViscous",
     "RotorInertia",
+    "SelfHeating",
     "State",
     "Stribeck",
     "Term",

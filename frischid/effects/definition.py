@@ -28,7 +28,8 @@ TEXTS = ("title", "equation", "sentence", "looks_like", "confirmed_by", "referen
 """Texts of an effect that pages print."""
 
 CODE_QUANTITIES = ("q", "v", "a", "load", "torque", "temperature", "t")
-"""Quantities that the expressions of `Effect.code` may use; and `z` where the effect has a `distance`."""
+"""Quantities that the expressions of `Effect.code` may use; and `z` where the effect has a `distance`,
+`heat` where it has a `constant` and an `exponent`."""
 
 CLASS_VARIABLE = re.compile(r"(\w+\.)?ClassVar\b")
 
@@ -155,7 +156,8 @@ def _check_shapes(kind: type[Any]) -> None:
 def _check_templates(kind: type[Any]) -> None:
     """Check that every placeholder of the sentence and of the expressions for generated code can be filled in."""
     fields = {f for base in kind.__mro__ for f in own_fields(base)}
-    values = dict.fromkeys(fields | {*CODE_QUANTITIES} | ({"z"} if "distance" in fields else set()), "")
+    made = {name for name, needed in (("z", {"distance"}), ("heat", {"constant", "exponent"})) if needed <= fields}
+    values = dict.fromkeys(fields | {*CODE_QUANTITIES} | made, "")
     templates = [("sentence", getattr(kind, "sentence", ""), {"joint": "", "joints": ""})]
     templates += [(f"code['{symbol}']", text, values) for symbol, text in kind.code.items()]
     for key, text, known in templates:

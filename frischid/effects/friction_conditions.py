@@ -155,7 +155,7 @@ class ThermalDrift(Effect):
     looks_like: ClassVar[str] = (
         "the step and the slope of the friction shrink (or grow) steadily from the beginning to the end"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "coulomb")
+    confused_with: ClassVar[tuple[str, ...]] = ("self_heating", "viscous", "coulomb")
     confirmed_by: ClassVar[str] = (
         "start cold and repeat one motion for half an hour; if possible, record the joint's temperature too"
     )

@@ -7,6 +7,10 @@ the gear carries (the rigid-body torque of the reference parameters),
 
     τ_j = gl_j tanh(τ_load,j / knee).
 
+Where the knee is larger than every load of the logs, tanh(x) = x − x³/3 + … leaves (gl/knee) τ_load,j: a part of the
+load, as from a torque channel with a wrong scale. So `DriveGain` is the limit of this effect for large knees (dry and
+viscous friction of the same joint, which a gain scales too, are parameters of every model). It has one parameter less.
+
 `Backlash` is the other half of the same physics: the motion of the link while it crosses the gap, which shows in fast
 motion. A gear may need both.
 
@@ -48,12 +52,13 @@ class GearPlay(Effect):
         "the residual drawn against load is a step with rounded edges at zero load, the same at all speeds and in both "
         "directions"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("backlash", "offset", "load_friction", "hysteresis")
+    confused_with: ClassVar[tuple[str, ...]] = ("backlash", "drive_gain", "offset", "load_friction", "hysteresis")
     confirmed_by: ClassVar[str] = (
         "move the joint slowly through the pose where its load is zero, in both directions, without and with a "
         "payload: the step stays at zero load, and does not follow the angle or the direction"
     )
     reference: ClassVar[str] = "Nordin and Gutman 2002, Automatica 38(10)"
+    generalises: ClassVar[tuple[str, ...]] = ("drive_gain",)
 
     loaded: ClassVar[bool] = True
     code: ClassVar[Mapping[str, str]] = {"gl": "tanh({load} / {knee})"}

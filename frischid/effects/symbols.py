@@ -21,6 +21,7 @@ COMMON: Mapping[str, str] = {
     "a": "acceleration q̈ of the joint",
     "t": "time",
     "z": "state of the friction between −1 and 1: its sign, which changes over some distance after a reversal",
+    "h": "heat of the joint: the mean of |v|^exponent over the past, cold at the beginning",
     "f": "dry friction that acts on the link, behind the gear",
     "f_c": "size of that friction",
     "g": "gravity",
@@ -35,7 +36,7 @@ COMMON: Mapping[str, str] = {
 """Letters that mean the same in every equation."""
 _SYMBOL = re.compile(r"[^\W\d²³][^\W²³]*[\u0300-\u036f]*")
 """A letter, then letters, digits, underscores, and dots above; a power is no part of a symbol."""
-_WITHIN = {"dz": "z", "dq": "q", "ṡ": "s", "s̈": "s"}
+_WITHIN = {"dz": "z", "dq": "q", "dh": "h", "dt": "t", "ṡ": "s", "s̈": "s"}
 """Differentials and derivatives, and the symbol that explains them."""
 _COEFFICIENT = "identified coefficient"
 

@@ -35,7 +35,7 @@ from frischid.robot.kinematic_tree import Body, bodies_of
 LEAST_STEP = 0.00025
 """Shortest time between two stored torques of a delay, s: a loop of 4 kHz. A faster loop stores some of them."""
 
-PARTS = ("slope", "spin", "slide", "lag", "delay", "sign")
+PARTS = ("slope", "spin", "slide", "heat", "lag", "delay", "sign")
 """Functions of the templates that only some effects need, each in a file of its own."""
 
 
@@ -144,11 +144,12 @@ def _tables(code: CodeModel) -> Iterator[tuple[str, Array]]:
 
 def _state(code: CodeModel, language: Language) -> dict[str, object]:
     """Sizes and constants of what the model remembers."""
-    of = {kind: [m for m in code.made if m.kind == kind] for kind in ("slide", "lag", "delay")}
+    of = {kind: [m for m in code.made if m.kind == kind] for kind in ("slide", "heat", "lag", "delay")}
     J, warm = len(code.model.robot.joints), code.uses("temperature")
     longest = max((m.values[0] for m in of["delay"]), default=0.0)
     kept = {
         "slides": f"    {language.robot}_slide slide[{len(of['slide'])}];" if of["slide"] else "",
+        "heats": f"    double heat[{len(of['heat'])}];" if of["heat"] else "",
         "lags": f"    {language.robot}_lag lag[{len(of['lag'])}];" if of["lag"] else "",
         "delays": f"    {language.robot}_delay delay[{len(of['delay'])}];" if of["delay"] else "",
         "warmth": f"    double temperature[{J}]; /* degrees Celsius: set it before each step */" if warm else "",
@@ -158,7 +159,7 @@ def _state(code: CodeModel, language: Language) -> dict[str, object]:
         "gears": "\n".join(language.gear(m) for m in of["lag"]),
         "stored": int(np.ceil(longest / LEAST_STEP)) + 3,
         "fields": "\n".join(line for line in kept.values() if line),
-        "counts": ", ".join(str(len(of[kind])) for kind in ("slide", "lag", "delay")),
+        "counts": ", ".join(str(len(of[kind])) for kind in ("slide", "heat", "lag", "delay")),
         "warm": language.warm(warm),
     }
 

@@ -106,6 +106,9 @@ class C(Language):
             case "slide":
                 call = f"{robot}_slid(&state->slide[{k}], state->v[{joint}], v[{joint}], h, {values[0]})"
                 return self.value(name, call)
+            case "heat":
+                speeds = f"state->v[{joint}], v[{joint}]"
+                return self.value(name, f"{robot}_heated(&state->heat[{k}], {speeds}, h, {', '.join(values)})")
             case "lag":
                 call = f"{robot}_lagged(&{robot}_gears[{k}], &state->lag[{k}], q, v, a, load, h, {name});"
             case "delay":
@@ -175,6 +178,7 @@ class NumPy(Language):
         values = ", ".join(number(x) for x in quantity.values)
         calls = {
             "slide": f"_slid(state.slide[{k}], state.v[{joint}], v[0, {joint}], h, {values})",
+            "heat": f"_heated(state.heat, {k}, state.v[{joint}], v[0, {joint}], h, {values})",
             "lag": f"_lagged(GEARS[{k}], state.lag[{k}], q, v, a, load, h)",
             "delay": f"_delayed(state.delay[{k}], state.t, {values}, steady)",
             "slope": f"_derivative(SLOPE_LINKS, q, v, a, {joint}, 1.0, 0.0, 0.0)",
@@ -211,7 +215,7 @@ class Body:
     def parts(self) -> Iterator[str]:
         """Functions of the templates that the body calls."""
         kinds = {m.kind for m in self.code.made}
-        yield from kinds & {"slide", "delay", "spin", "lag"}
+        yield from kinds & {"slide", "heat", "delay", "spin", "lag"}
         if kinds & {"lag", "slope"}:
             yield "slope"
         if self.code.uses("sign"):

@@ -61,7 +61,7 @@ class Made:
     ----------
     name : str
         As it stands in the columns' expressions.
-    kind : {"slide", "lag", "delay", "slope", "tilt", "spin", "extra"}
+    kind : {"slide", "heat", "lag", "delay", "slope", "tilt", "spin", "extra"}
     number : int
         Place among the quantities of its kind.
     joint : int
@@ -162,7 +162,11 @@ class CodeModel:
     @property
     def remembers(self) -> bool:
         """Whether the torque depends on more than (q, q̇, q̈): on the past, the time, or a temperature."""
-        return any(m.kind in ("slide", "lag", "delay") for m in self.made) or self.uses("t") or self.uses("temperature")
+        return (
+            any(m.kind in ("slide", "heat", "lag", "delay") for m in self.made)
+            or self.uses("t")
+            or self.uses("temperature")
+        )
 
     def uses(self, word: str) -> bool:
         """Whether a name stands in a column's expression."""
@@ -223,6 +227,10 @@ class _Writer:
             if "{z}" in text:
                 made.append(self._quantity("slide", j, float(effect.parameters["distance"])))
                 state["z"] = made[0].name
+            if "{heat}" in text:
+                shape = effect.parameters
+                made.append(self._quantity("heat", j, float(shape["constant"]), float(shape["exponent"])))
+                state["heat"] = made[-1].name
             found.append(self._column(effect, column.name, {j: text.format(**values | state)}, *made))
         return found
 

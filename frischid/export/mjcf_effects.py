@@ -143,6 +143,7 @@ def effects_source(model: Model) -> str | None:
         "width": number(SIGN_WIDTH),
         "crawl": number(CRAWL),
         "slides": str(sum(m.kind == "slide" for m in rest.code.made)),
+        "heats": str(sum(m.kind == "heat" for m in rest.code.made)),
         "effects": "\n".join(rest.passive()),
     }
     values["head"] = f"{MARK}.\n\n{HELP}\n\n{values['head']}"

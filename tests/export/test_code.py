@@ -107,7 +107,9 @@ CODED = coded()
 
 def test_every_coded_effect_is_tried_away_from_its_defaults():
     ids = {effect.id for effect in CODED.values()}
-    assert ids | {"hysteresis", "cable_hose", "thermal_drift"} == {name for name, kind in EFFECTS.items() if kind.code}
+    assert ids | {"hysteresis", "cable_hose", "thermal_drift", "self_heating"} == {
+        name for name, kind in EFFECTS.items() if kind.code
+    }
     assert any(effect.id == "coulomb" and effect.lead > 0 for effect in CODED.values())
 
 

@@ -12,7 +12,7 @@ import pytest
 from cases import exact_log, quick, robot
 from test_code import module
 
-from frischid.effects import EFFECTS, State, flexibility, friction_memory, parse_effects
+from frischid.effects import EFFECTS, State, flexibility, friction_memory, parse_effects, self_heating
 from frischid.effects.friction_memory import presliding
 from frischid.effects.link_lag import Lag, lags
 from frischid.effects.state import SIGN_WIDTH
@@ -141,6 +141,7 @@ def harness(model):
         step = f"{name}_inverse_dynamics(x, x + J, x + 2 * J, tau); {name}_friction(x, x + J, friction);"
         return HARNESS.format(J=J, begin="", step=step, prints="")
     shown = ["s.t", *(f"s.slide[{m.number}].z" for m in code.made if m.kind == "slide")]
+    shown += [f"s.heat[{m.number}]" for m in code.made if m.kind == "heat"]
     shown += [f"s.lag[{m.number}].place" for m in code.made if m.kind == "lag"]
     heat = "for (j = 0; j < J; j++) { s.temperature[j] = x[3 * J + 1 + j]; }" if code.uses("temperature") else ""
     step = f"{heat} {name}_step(&s, x, x + J, x + 2 * J, x[3 * J], tau);"
@@ -178,7 +179,7 @@ def python_run(model, motion, folder):
         if code.uses("temperature"):
             state.temperature[:] = x[3 * J + 1 :]
         tau = control.step(state, x[:J], x[J : 2 * J], x[2 * J : 3 * J], x[3 * J])
-        shown = [state.t, *(s[1] for s in state.slide), *(s["place"] for s in state.lag)]
+        shown = [state.t, *(s[1] for s in state.slide), *state.heat, *(s["place"] for s in state.lag)]
         found.append((tau, state.friction, shown))
     return tuple(np.array(x) for x in zip(*found, strict=True))
 
@@ -192,6 +193,7 @@ def states_of(model, motion):
     rows += [
         friction_memory.presliding(motion.t, motion.v[:, m.joint], m.values[0]) for m in code.made if m.kind == "slide"
     ]
+    rows += [self_heating.heat(motion.t, motion.v[:, m.joint], *m.values) for m in code.made if m.kind == "heat"]
     for m in code.made:
         if m.kind == "lag":
             geared = (e for e in model.effects if isinstance(e, flexibility.Elasticity | flexibility.Backlash))
@@ -217,6 +219,7 @@ EVERY = [
     "offset", "joint_spring(form=cubic)", "joint_spring(form=periodic)@turn", "payload(full=True)@elbow",
     "rotor_inertia(coupled=True, ratio=-30)", "joint_coupling(ratio=-2)@turn+elbow",
     "hysteresis(distance=0.3)@elbow", "thermal_drift(by=temperature)", "elasticity(period=0.11)",
+    "self_heating(constant=0.4, exponent=1.3)",
     "elasticity(period=0.2, rubbing=0.5)@elbow", "backlash(size=0.01)", "backlash(rubbing=0.7)",
     "time_delay(size=0.01)", "time_delay(size=0.0123)", "time_delay(size=-0.03)", "time_delay@elbow",
     'formula("sin(t)*temperature1 - 3")@elbow', 'formula("-q2**2/(abs(load)+2)*sign(v3) + pi*tau_model1")@elbow+turn',
@@ -225,7 +228,7 @@ EVERY = [
 TOGETHER = (
     'viscous, coulomb(lead=0.01), hysteresis@elbow, drive_gain, formula("tau_model1*tau_model2/50")@turn+elbow, '
     'payload, gravity_tilt, time_delay(size=0.0123), load_stribeck, encoder_zero, elasticity(period=0.3, rubbing=0.4), '
-    'thermal_drift, cable_hose@turn, formula("tau_model*t")@elbow'
+    'thermal_drift, self_heating, cable_hose@turn, formula("tau_model*t")@elbow'
 )  # fmt: skip
 
 
