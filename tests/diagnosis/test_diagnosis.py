@@ -58,6 +58,7 @@ HIDDEN = [
     ("stribeck(speed=0.1, exponent=2)@elbow_joint", {"fs3": 3.0}, "stribeck"),
     ("asymmetric_viscous@wrist_1_joint", {"fva4": 1.0}, "asymmetric_viscous"),
     ("load_friction@shoulder_lift_joint", {"fl2": 0.1}, "load_friction"),
+    ("self_heating(constant=12, exponent=1.5)@wrist_1_joint", {"fvh4": -0.8, "fch4": -0.6}, "self_heating"),
     ("joint_spring@wrist_2_joint", {"ks5": 1.0}, "joint_spring"),
     ("cogging(order=12)@elbow_joint", {"A3": 2.0}, "cogging"),
     ('formula("load4/(abs(load4) + 0.5)")@wrist_1_joint', {"c[load4/(abs(load4)+0.5)]4": 0.6}, "gear_play"),

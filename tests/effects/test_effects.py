@@ -27,6 +27,7 @@ from frischid.effects import (
     LoadFriction,
     LoadStribeck,
     Payload,
+    SelfHeating,
     State,
     Stribeck,
     ThermalDrift,
@@ -37,6 +38,7 @@ from frischid.effects import (
 from frischid.effects.dynamics import RigidDynamics
 from frischid.effects.friction_memory import presliding
 from frischid.effects.link_lag import SWING_DAMPING, TOGETHER_FROM, Gear, lags
+from frischid.effects.self_heating import heat
 from frischid.effects.state import SIGN_WIDTH
 from frischid.effects.symbols import symbols_of
 from frischid.effects.units import TORQUE_UNITS
@@ -430,6 +432,37 @@ def test_gear_play_is_a_line_at_small_load_and_a_step_at_large_load():
     assert np.abs(column(GearPlay(knee=0.3), state, 1)[:, 0]).max() == 0.0
 
 
+def test_gear_play_with_a_large_knee_is_a_gain_of_the_load():
+    state = motion(robot("planar2"))
+    play, load = column(GearPlay(knee=30 * np.abs(state.load).max()), state, 1)[:, 1], state.load[:, 1]
+    slope = play @ load / (load @ load)
+    assert np.abs(play - slope * load).max() < 1e-3 * np.abs(play).max()
+    assert GearPlay.generalises == ("drive_gain",)
+
+
+def test_heat_follows_its_equation_over_irregular_samples_and_many_time_constants():
+    rng = np.random.default_rng(0)
+    t = np.cumsum(rng.uniform(0.005, 0.02, 30_000))
+    v = np.sin(t) + 0.3 * np.sin(5 * t)
+    for constant, exponent in ((0.5, 1.0), (7.0, 1.6), (400.0, 2.0)):
+        h, power = [0.0], np.abs(v) ** exponent
+        for k in range(1, len(t)):
+            kept = np.exp(-(t[k] - t[k - 1]) / constant)
+            h.append(kept * h[-1] + (1 - kept) * 0.5 * (power[k] + power[k - 1]))
+        np.testing.assert_allclose(heat(t, v, constant, exponent), h, rtol=1e-6, atol=1e-9)
+
+
+def test_a_joint_of_constant_speed_warms_up_with_time():
+    machine = robot("planar2")
+    t, one = np.linspace(0.0, 60.0, 1201), np.ones((1201, 2))
+    state = replace(
+        State.empty(machine), t=t, q=t[:, None] * one, v=2.0 * one, a=0.0 * one, load=0 * one, torque=0 * one
+    )
+    heated = column(SelfHeating(constant=20.0, exponent=2.0), state, 0)
+    warmed = column(ThermalDrift(constant=20.0), state, 0)
+    np.testing.assert_allclose(heated, 4.0 * warmed, rtol=1e-9, atol=1e-12)
+
+
 def test_stribeck_friction_under_load_is_load_friction_that_fades_with_the_speed():
     state = motion(robot("planar2"))
     constant = column(LoadFriction(), state, 1)[:, 1]
@@ -673,7 +706,7 @@ WORDS = (
     "periodic spring while else full also six inertias"
 )
 """Words and functions in equations; i and j count joints."""
-LIKEWISE = {"dmy": "dmx", "dmz": "dmx", "ṡ": "s", "s̈": "s", "dz": "z", "dq": "q"}
+LIKEWISE = {"dmy": "dmx", "dmz": "dmx", "ṡ": "s", "s̈": "s", "dz": "z", "dq": "q", "dh": "h", "dt": "t"}
 
 
 @pytest.mark.parametrize("name", EFFECTS)
