@@ -26,7 +26,10 @@ from frischid.effects import EFFECTS
 
 OTHERS = ("none", "several", "outside", "contact")
 """Hypotheses beside the findings."""
+_SAME = 1e-6  # relative difference of two results that is rounding
 _LEAST_LOG = -5.0  # log ratio below which a smaller part says nothing more
+
+_OF_KIND = ("searched", "refit")  # numbers of a kind of effect, which the logs do not change
 
 
 @dataclass(frozen=True)
@@ -84,11 +87,14 @@ def evidence_of(
     values = [
         _of_finding(f, f is causes[0] and f.entered, f.effect in named, float(own.max()), causes, total) for f in causes
     ]
+    same = [k for k, f in enumerate(causes) if _same_columns(causes[0], f)]
+    for k in same:  # whichever stands first stands there by chance
+        values[k] = values[0] | {name: values[k][name] for name in _OF_KIND}
     alike = [v for v in values if v["first"] or v["rival"]]  # the data cannot tell these apart
     for v in alike:  # so the one with fewer shapes to choose from is likelier
         v["more shapes"] = v["searched"] - min(x["searched"] for x in alike)
-    if values and verdict == "effect":
-        values[0]["named"] = 1.0
+    for k in same if verdict == "effect" else ():
+        values[k]["named"] = 1.0
     best = max((np.log10(1 + f.gain) for f in causes if f.sure), default=0.0)
     dominance = float(own.max() / own.sum()) if own.sum() > 0 else 0.0
     entered = float(sum(f.entered for f in causes))
@@ -110,6 +116,12 @@ def evidence_of(
     outside["outside verdict"] = float(verdict == "unknown")
     contact = {"contact": 1.0, "contact found": float(verdict == "contact")}
     return Evidence((*(f.effect for f in causes), *OTHERS), (*values, none, several, outside, contact))
+
+
+def _same_columns(one: Finding, other: Finding) -> bool:
+    """Whether two effects have the same columns on these logs, as a tilt and a zero of a planar arm: same evidence."""
+    pairs = ((one.removed, other.removed), (one.gain, other.gain))
+    return all(abs(a - b) <= _SAME * max(abs(a), abs(b)) for a, b in pairs)
 
 
 def _of_finding(

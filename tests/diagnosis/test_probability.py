@@ -181,6 +181,19 @@ def test_of_effects_that_explain_the_same_the_one_with_fewer_shapes_is_likelier(
     assert Weights.load().values["more shapes"] < 0
 
 
+def test_two_effects_with_the_same_columns_have_the_same_probability():
+    """A tilt of the base of a planar arm is a wrong zero of its first joint."""
+    named = [f for f in found("two").findings if f.effect in {"joint_spring", "quadratic_viscous"}]
+    zero = replace(named[0], effect="encoder_zero", confused_with=("gravity_tilt",))
+    tilt = replace(named[0], effect="gravity_tilt", confused_with=("encoder_zero",), entered=False, own=0.0)
+    noise = np.zeros(2)
+    for other, alike in ((tilt, True), (replace(tilt, gain=0.9 * tilt.gain), False)):
+        told = evidence_of([zero, other], (noise + 0.1, noise + 0.05), noise, "effect", unmodelled=False)
+        chance = probabilities(told)
+        assert (abs(chance["gravity_tilt"] - chance["encoder_zero"]) < 1e-9) == alike
+        assert chance["encoder_zero"] >= chance["gravity_tilt"]
+
+
 def test_the_shipped_weights_say_where_they_come_from():
     data = json.loads(DATA.read_text())
     assert sum(data["cases"].values()) >= 100
