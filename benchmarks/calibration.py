@@ -150,7 +150,7 @@ def answer(row: dict[str, Any], weights: Weights) -> tuple[str, float, bool]:
     return name, float(chance[k]), name in row["right"]
 
 
-def report(paths: Sequence[Path], json_path: Path | None) -> None:
+def report(paths: Sequence[Path], json_path: Path | None, keep: bool) -> None:
     """Reliability of the answers, by generator and together; the file holds every case in one line."""
     rows, weights = read(paths), Weights.load()
     groups = {g: [r for r in rows if r["generator"] == g] for g in GENERATORS} | {"both": rows}
@@ -162,8 +162,15 @@ def report(paths: Sequence[Path], json_path: Path | None) -> None:
     publish("probability said, and share that was right", table, None)
     publish("first answer right, by kind of case", kinds, None)
     if json_path is not None:
-        lines = [flat(row, answer(row, weights)) for row in rows]
+        lines = kept(json_path, rows) if keep else []
+        lines += [flat(row, answer(row, weights)) for row in rows]
         record("Answers of the diagnosis and their probabilities, case by case", lines, json_path)
+
+
+def kept(path: Path, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Published cases of other seeds, each as it was when it was run: with the rules and weights of its time."""
+    new = {(row["generator"], row["seed"]) for row in rows}
+    return [row for row in json.loads(path.read_text())["rows"] if (row["generator"], row["seed"]) not in new]
 
 
 def flat(row: dict[str, Any], said: tuple[str, float, bool]) -> dict[str, Any]:
@@ -179,6 +186,7 @@ def flat(row: dict[str, Any], said: tuple[str, float, bool]) -> dict[str, Any]:
         | {"answer": name, "probability": probability, "correct": correct}
         | {"verdict": row.get("verdict", "crash"), "named": named, "named right": bool(set(named) & set(row["right"]))}
         | {"rules right": rules(row), "right joints": where}
+        | {"visible": max(row["visible"], default=0.0), "error": row.get("error"), "floor": row.get("floor")}
     )
 
 
@@ -232,13 +240,14 @@ def main() -> None:
     options.add_argument("--kinds", nargs="*", default=[], help="only these kinds of cases, such as healthy")
     options.add_argument("--fit", type=Path, nargs="+", metavar="FILE")
     options.add_argument("--report", type=Path, nargs="+", metavar="FILE")
+    options.add_argument("--keep", action="store_true", help="keep the cases of other seeds that the JSON file has")
     chosen = options.parse_args()
     if chosen.collect:
         collect(chosen.generator, chosen.seed, chosen.count, chosen.collect, chosen.rate, chosen.arms, chosen.kinds)
     if chosen.fit:
         fit(chosen.fit)
     if chosen.report:
-        report(chosen.report, chosen.json)
+        report(chosen.report, chosen.json, chosen.keep)
 
 
 if __name__ == "__main__":
