@@ -26,7 +26,7 @@ from frischid.effects import EFFECTS
 
 OTHERS = ("none", "several", "outside", "contact")
 """Hypotheses beside the findings."""
-_SAME = 1e-6  # relative difference of two results that is rounding
+_ROUNDED = 1e-6  # relative difference of two results that is rounding
 _LEAST_LOG = -5.0  # log ratio below which a smaller part says nothing more
 
 _OF_KIND = ("searched", "refit")  # numbers of a kind of effect, which the logs do not change
@@ -121,7 +121,7 @@ def evidence_of(
 def _same_columns(one: Finding, other: Finding) -> bool:
     """Whether two effects have the same columns on these logs, as a tilt and a zero of a planar arm: same evidence."""
     pairs = ((one.removed, other.removed), (one.gain, other.gain))
-    return all(abs(a - b) <= _SAME * max(abs(a), abs(b)) for a, b in pairs)
+    return all(abs(a - b) <= _ROUNDED * max(abs(a), abs(b)) for a, b in pairs)
 
 
 def _of_finding(

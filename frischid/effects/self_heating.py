@@ -29,7 +29,7 @@ from frischid.effects.base import Effect
 from frischid.effects.state import SIGN_WIDTH, State, Term
 from frischid.effects.units import SPEED_UNITS, TIME_UNITS
 
-_SPAN = 20.0  # time constants that are summed at once: exp(20) costs 9 of 16 digits of what has long decayed
+_AT_ONCE = 20.0  # time constants that are summed at once: exp(20) costs 9 of 16 digits of what has long decayed
 
 
 def heat(t: Array, v: Array, constant: float, exponent: float) -> Array:
@@ -62,7 +62,7 @@ def heat(t: Array, v: Array, constant: float, exponent: float) -> Array:
     age = (t - t[0]) / constant
     added = -np.expm1(-np.diff(age)) * 0.5 * (power[1:] + power[:-1])
     h, now = np.zeros(len(t)), 0.0
-    edges = np.flatnonzero(np.diff(np.floor(age[1:] / _SPAN), prepend=-1.0))
+    edges = np.flatnonzero(np.diff(np.floor(age[1:] / _AT_ONCE), prepend=-1.0))
     for first, stop in zip(edges.tolist(), [*edges[1:].tolist(), len(added)], strict=True):
         since = age[first + 1 : stop + 1] - age[first + 1]
         before = now * np.exp(age[first] - age[first + 1])
