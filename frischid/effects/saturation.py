@@ -58,7 +58,6 @@ class GearPlay(Effect):
         "payload: the step stays at zero load, and does not follow the angle or the direction"
     )
     reference: ClassVar[str] = "Nordin and Gutman 2002, Automatica 38(10)"
-    generalises: ClassVar[tuple[str, ...]] = ("drive_gain",)
 
     loaded: ClassVar[bool] = True
     code: ClassVar[Mapping[str, str]] = {"gl": "tanh({load} / {knee})"}

@@ -437,7 +437,6 @@ def test_gear_play_with_a_large_knee_is_a_gain_of_the_load():
     play, load = column(GearPlay(knee=30 * np.abs(state.load).max()), state, 1)[:, 1], state.load[:, 1]
     slope = play @ load / (load @ load)
     assert np.abs(play - slope * load).max() < 1e-3 * np.abs(play).max()
-    assert GearPlay.generalises == ("drive_gain",)
 
 
 def test_heat_follows_its_equation_over_irregular_samples_and_many_time_constants():
