@@ -98,7 +98,11 @@ class Coulomb(Effect):
 
     def sign(self, state: State, joint: int) -> Array:
         """Direction of dry friction of one joint, -1 to 1, (N,)."""
-        ahead = self.lead * state.a[:, joint] if self.lead else 0.0
+        return self.sign_at(state, joint, self.lead)
+
+    def sign_at(self, state: State, joint: int, lead: float) -> Array:
+        """The same with another lead, s, which may be negative."""
+        ahead = lead * state.a[:, joint] if lead else 0.0
         return np.asarray(np.tanh((state.v[:, joint] + ahead) / self.width))
 
     def nominal(self, robot: Robot) -> list[float]:

@@ -28,10 +28,11 @@ from frischid.logs.summary import Data, held_by, summarise, torque_joints
 from frischid.model.damping_noise import without_velocity_noise
 from frischid.model.default_effects import default_effects, with_damping
 from frischid.model.doubtful_delay import delay_effects, with_delay_prior
+from frischid.model.friction_lead import lead_effects, without_columns
 from frischid.model.identify_options import IdentifyOptions
 from frischid.model.log_data import Journal, LogData
 from frischid.model.log_examination import check_cutoff, refuse_worthless, report_issues
-from frischid.model.unknown_damping import damping_notes, damping_warnings
+from frischid.model.unknown_damping import damping_notes
 from frischid.model.unknown_drive import known_controller
 from frischid.model.unknown_gains import known_currents
 from frischid.regression.accumulation import accumulate, streaming_qr
@@ -191,17 +192,21 @@ def form_moments(data: LogData, effects: Sequence[Effect] | None) -> Problem:
     chosen = with_damping(data, chosen)
     journal = data.journal
     journal.notes += damping_notes(data.options.controller, chosen, data.joints)
-    journal.warnings += damping_warnings(data.options.controller, chosen)
     journal.stage("regressor and moments")
     regressor = Regressor(data.robot, chosen, data.options.reference)
     reduction = structure(regressor, data.joints)
     seconds = data.summary.seconds if data.streamed else None
-    blocks = accumulate(
-        regressor, data.motions, data.lowpass, data.joints, seconds=seconds, base=reduction.base
-    ).described(reduction.base_columns())
+    leads = lead_effects(chosen, data.some_motions)
+    beside = Regressor(data.robot, (*chosen, *leads), data.options.reference) if leads else regressor
+    nuisance = beside.columns[len(regressor.columns) :]
+    base = [*reduction.base, *range(len(regressor.columns), len(beside.columns))]
+    blocks = accumulate(beside, data.motions, data.lowpass, data.joints, seconds=seconds, base=base).described(
+        [*reduction.base_columns(), *nuisance]
+    )
     blocks = without_velocity_noise(
         blocks, data.robot, data.some_motions, data.lowpass, data.options.criteria.most_noise
     )
+    blocks = without_columns(blocks, len(nuisance))
     journal.notes += data.preparation.notes
     if reduction.gap < data.options.criteria.clear_rank_gap:
         journal.warnings.append(

@@ -14,7 +14,7 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.effects import Effect, Viscous
-from frischid.effects.commands import CommandDelay, VelocityGain
+from frischid.effects.commands import VelocityGain
 from frischid.errors import InputError
 from frischid.logs.controller import VELOCITY_COMMAND, PDController
 
@@ -66,24 +66,6 @@ def damping_effects(
     if not found or any(effect.id == VelocityGain.id for effect in effects):
         return tuple(effects)
     return (*effects, VelocityGain(tuple(found)))
-
-
-def damping_warnings(controller: PDController | None, effects: Sequence[Effect]) -> list[str]:
-    """A sentence where kd and the delay are both fitted: dry friction that changes early or late resembles both.
-
-    Parameters
-    ----------
-    controller : PDController or None
-    effects : sequence of Effect
-        Of the model.
-    """
-    if controller is None or not {VelocityGain.id, CommandDelay.id} <= {e.id for e in effects}:
-        return []
-    return [
-        "kd, the delay and the moment at which dry friction changes its direction act nearly alike, and the ranges "
-        "ignore the doubt about this moment: those of viscous friction and armature may be too narrow; name kd (--kd) "
-        "or the exact delay (--delay without --delay-doubt)"
-    ]
 
 
 def damping_notes(controller: PDController | None, effects: Sequence[Effect], joints: Sequence[str]) -> list[str]:
