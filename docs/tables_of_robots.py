@@ -206,19 +206,20 @@ def go2_drives() -> str:
         mine = [row for row in rows if row["quantity"] == quantity]
         known = [f"{short(row)} {row['value']:.2g} ({row['lower']:.2g} to {row['upper']:.2g})" for row in mine]
         by = {state: [k for k, row in zip(known, mine, strict=True) if row["known"] == state] for state in STATES}
-        count = sum(row["known"] not in ("identified", "in a sum") for row in mine)
+        count = sum(row["known"] not in STATES for row in mine)
         lines.append(
             (
                 f"{quantity}, {DRIVE_UNITS[quantity]}",
                 "; ".join(by["identified"]) or "none",
+                "; ".join(by["roughly"]) or "none",
                 str(len(by["in a sum"])),
                 str(count),
             )
         )
-    return table(("quantity", "identified, with its 95 % range", "in a sum", "open"), lines)
+    return table(("quantity", "identified", "roughly, with the 95 % range", "in a sum", "open"), lines)
 
 
-STATES = ("identified", "in a sum")
+STATES = ("identified", "roughly", "in a sum")
 DRIVE_UNITS = {"armature": "kg·m²", "viscous": "N·m·s/rad", "coulomb": "N·m"}
 
 

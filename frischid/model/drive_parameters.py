@@ -2,10 +2,11 @@
 
     τ = kp (q_cmd(t − delay) − q) − kd q̇ − fv q̇ − fc sign(q̇),     inertia about the joint = links + armature
 
-Each value has one of five states. *identified*: the logs gave most of what is known, and the 95 % range excludes zero.
-*as a ratio*: the same holds of the value over the drive's gain, kp or the torque per ampere, where this gain was found
-from the URDF's masses; the value's own range also holds the doubt about the gain. A value over the torque per ampere is
-the value in amperes. A gain that the model corrects (`position_gain`) is known as a ratio to the gains of other joints.
+Each value has one of six states. *identified*: the logs gave most of what is known, and the 95 % range lies within 5 %
+of the value. *roughly*: the logs gave most of what is known, and the range is wider, but excludes zero. *as a ratio*:
+one of these two holds of the value over the drive's gain, kp or the torque per ampere, where this gain was found from
+the URDF's masses; the value's own range also holds the doubt about the gain. A value over the torque per ampere is the
+value in amperes. A gain that the model corrects (`position_gain`) is known as a ratio to the gains of other joints.
 *in a sum*: the logs show the value only together with others (``Izz1 + Ia1 + 0.25 m2``); the URDF divides the sum.
 *open*: otherwise; every value of the range explains the logs, so that the range is an honest domain to randomise over.
 *given*: the user named the value. Where a drive damps its own joint, logs show ``kd + fv`` only: fv is the rest after
@@ -27,11 +28,13 @@ from frischid.effects import columns_of
 from frischid.model.damping_sum import DampingSum, damping_sum
 from frischid.model.model import Model
 
-Known = Literal["identified", "as a ratio", "in a sum", "open", "given"]
+Known = Literal["identified", "roughly", "as a ratio", "in a sum", "open", "given"]
 REACH = 1.96
 """Standard errors on either side of a value that hold 95 % of a normal distribution."""
 LEAST_FROM_LOGS = 0.5
 """Share of a value's knowledge that the logs must have given for it to count as identified: more than the prior did."""
+CLOSE = 0.05
+"""Share of a value within which its 95 % range lies where the value is called identified: what the word promises."""
 DRIVE_EFFECTS = {
     "armature": ("rotor_inertia", "Ia"),
     "viscous": ("viscous", "fv"),
@@ -64,7 +67,7 @@ class DriveParameter:
         In `unit`.
     lower, upper : float
         Range that holds the true value in 95 % of cases, without impossible signs.
-    known : {"identified", "as a ratio", "in a sum", "open", "given"}
+    known : {"identified", "roughly", "as a ratio", "in a sum", "open", "given"}
     of : str
         What the logs show: the sum for a value that is known in a sum, the ratio to the gain with its 95 % range for a
         value that is known as a ratio; otherwise empty.
@@ -117,10 +120,10 @@ def drive_parameters(model: Model) -> tuple[DriveParameter, ...]:
                     continue
                 seen = value > REACH * spread and share >= LEAST_FROM_LOGS
                 of = "" if seen else _sum_with(model, column.name)
-                known: Known = "identified" if seen else "in a sum" if of else "open"
+                lower, upper = _range(value, np.hypot(spread, doubt * value))
+                known: Known = _found(value, lower, upper) if seen else "in a sum" if of else "open"
                 if seen and doubt > 0:
                     known, of = "as a ratio", _ratio(model, joint, quantity, value, spread)
-                lower, upper = _range(value, np.hypot(spread, doubt * value))
                 found.append(DriveParameter(joint, quantity, column.unit, max(0.0, value), lower, upper, known, of))
         if (whole := damping_sum(model, joint)) is not None:
             found[start:] = _in_damping_sum(model, joint, whole, found[start:])
@@ -141,6 +144,11 @@ def _in_damping_sum(model: Model, joint: str, whole: DampingSum, rows: list[Driv
     total, value = (f"(kd + viscous) / {name}", whole.value / gain) if doubt else ("kd + viscous", whole.value)
     text = f"{total} = {value:.4g} ({low:.4g} … {high:.4g})"
     return [*found, *(replace(x, known="in a sum", of=text) if x.known == "open" else x for x in both)]
+
+
+def _found(value: float, lower: float, upper: float) -> Known:
+    """The word for a value that the logs show."""
+    return "identified" if max(upper - value, value - lower) <= CLOSE * abs(value) else "roughly"
 
 
 def _range(value: float, stderr: float) -> tuple[float, float]:
@@ -173,7 +181,7 @@ def _of_currents(model: Model, joint: str) -> list[DriveParameter]:
         return []
     unit = "N/A" if model.robot.prismatic[model.robot.joints.index(joint)] else "N·m/A"
     ends = sorted((value / (1 + REACH * doubt), value / (1 - REACH * doubt)))  # 1 / gain has the symmetric range
-    known: Known = "identified" if doubt else "given"
+    known = _found(value, *ends) if doubt else "given"
     return [DriveParameter(joint, "torque_per_ampere", unit, value, ends[0], ends[1], known, "")]
 
 
@@ -202,9 +210,11 @@ def _of_controller(model: Model, joint: str, values: list[_Value]) -> list[Drive
         lower, upper, of = value, value, ""
         known: Known = "given"
         if quantity == "stiffness" and (doubt := pd.gain_doubt(joint)) > 0:  # κ = 1/kp has the symmetric range
-            lower, upper, known = value / (1 + REACH * doubt), value / (1 - REACH * doubt), "identified"
+            lower, upper = value / (1 + REACH * doubt), value / (1 - REACH * doubt)
+            known = _found(value, lower, upper)
         if quantity == "delay" and (doubt := float(pd.values("delay_doubt", [joint])[0])) > 0:
-            (lower, upper), known = _range(value, doubt), "identified"
+            lower, upper = _range(value, doubt)
+            known = _found(value, lower, upper)
         for column, more, spread, _ in values:
             if quantity == "stiffness" and column.effect == SOFTER and column.joint == joint:
                 softer = np.clip([1 + more + k * REACH * spread for k in (0, 1, -1)], 1e-3, None)
@@ -213,7 +223,8 @@ def _of_controller(model: Model, joint: str, values: list[_Value]) -> list[Drive
             if CORRECTIONS.get(column.effect) == quantity and (column.joint == joint or column.name == ALL_LATE):
                 value = value + more  # the doubt about the delay is the prior of its correction
                 lower, upper = _range(value, spread)
-                value, known = max(0.0, value), "identified"
+                value = max(0.0, value)
+                known = _found(value, lower, upper)
         if np.isfinite(value):
             found.append(DriveParameter(joint, quantity, units[quantity], value, lower, upper, known, of))
     return found

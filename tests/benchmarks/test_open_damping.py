@@ -19,4 +19,4 @@ def test_the_noise_of_coarse_encoders_is_taken_from_the_fit() -> None:
     (wrist,) = (x for x in rows if (x["joint"], x["quantity"]) == ("wrist_roll", "damping"))
     assert abs(wrist["value"] / wrist["truth"] - 1) < 0.2
     assert sum(x["inside"] for x in rows) >= 0.9 * len(rows)
-    assert all(x["known"] == "identified" for x in rows)
+    assert all(x["known"] in ("identified", "roughly") for x in rows)
