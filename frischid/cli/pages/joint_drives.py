@@ -63,7 +63,7 @@ MEANING = (
     "value open within this range; in a sum: the logs show the value only together with the links' (--parameters lists "
     "the sums), and the URDF divides the sum, or, of a kd that is left open, only kd + viscous (--json has this sum, "
     "with its range); as a ratio: the logs show the value over kp more exactly than the value (--json has the ratio). "
-    "All values grow in proportion to kp. A drive that damps its own joint shows kd + viscous friction only: viscous is "
-    "the rest after kd"
+    "All values grow in proportion to kp. A drive that damps its own joint shows kd + viscous friction only: viscous "
+    "is the rest after kd"
 )
 """Explanation below the table, for a model with a controller."""
