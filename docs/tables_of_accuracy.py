@@ -161,8 +161,8 @@ def eiv_error_least() -> str:
 
 def commanded_mujoco() -> str:
     """Drives from logs of positions and commands."""
-    head = ("robot", "seeds", "values", "called identified or roughly known", "median error", "90 % of the errors below",
-            "within 5 %", "inside")  # fmt: skip
+    head = ("robot", "seeds", "values", "called identified or roughly known", "median error",
+            "90 % of the errors below", "within 5 %", "inside")  # fmt: skip
 
     def line(row: Row) -> tuple[str, ...]:
         first = row["first seed"]
