@@ -324,7 +324,7 @@ def _with_gains(
         raise InputError(
             f"kp of {', '.join(lost)} cannot be found: the links in the URDF cause too little of its torque, so they "
             f"are no scale for it; give its kp, such as that of another joint with the same drive "
-            f"(--kp {shlex.quote(f'{lost[0]}=VALUE')}){left}"
+            f"(--kp {shlex.quote(f'{lost[0]}=VALUE')}){left}; do commands and positions have the same unit and sign?"
         )
     named = [n for n in joints if controller.knows_gain(n)]
     known = dict(zip(named, map(float, controller.values("kp", named)), strict=True))
