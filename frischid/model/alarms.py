@@ -298,8 +298,8 @@ def doubtful_gains(
                 "doubt",
                 f"With these gains the commands ask {joints[k]} for {largest[k]:.3g} N·m (N), {times[k]:.1f} times the "
                 f"largest torque of its drive by the URDF ({effort[k]:.3g}).",
-                "Check that kp is in N·m/rad and kd in N·m·s/rad, and that commands and positions have the same unit and "
-                "sign; if the drive saturates, give its limit (--effort-limit).",
+                "Check that kp is in N·m/rad and kd in N·m·s/rad, and that commands and positions have the same unit "
+                "and sign; if the drive saturates, give its limit (--effort-limit).",
                 tuple(joints[k] for k in strong),
                 float(times[k]),
                 1.0,
