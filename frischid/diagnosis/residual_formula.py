@@ -54,6 +54,12 @@ class Description:
     removed: float
 
     def __str__(self) -> str:
+        if not (self.depends_on or self.formula):
+            return (
+                f"The residual error of {self.joint} depends on no variable alone, and no formula describes it. Slow "
+                "noise of the torque looks like that, and an effect with memory does. Record one motion three times "
+                "(frischid excite --repeat 3): only an effect comes again with the motion"
+            )
         depends = ", ".join(self.depends_on) or "no variable alone"
         formula = listed([f"'{f}'" for f in self.formula])
         verb = "describes" if len(self.formula) == 1 else "describe"

@@ -28,7 +28,8 @@ from frischid.effects.friction_curves import (
     QuadraticViscous,
     Stribeck,
 )
-from frischid.effects.friction_conditions import LoadFriction, LoadStribeck, ThermalDrift
+from frischid.effects.friction_conditions import LoadFriction, LoadStribeck
+from frischid.effects.warming import ThermalDrift, TorqueDrift
 from frischid.effects.self_heating import SelfHeating
 from frischid.effects.friction_memory import CableHose, Hysteresis
 from frischid.effects.springs import Counterbalance, JointSpring
@@ -78,6 +79,7 @@ __all__ = [
     "Term",
     "ThermalDrift",
     "TimeDelay",
+    "TorqueDrift",
     "Viscous",
     "check_effects",
     "columns_of",

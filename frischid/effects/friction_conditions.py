@@ -1,9 +1,6 @@
-"""Friction that depends on more than the speed: on the load of the gear, and on its temperature.
+"""Friction that depends on more than the speed: on the load of the gear.
 
-    τ_f,j = |τ_rigid,j| tanh(q̇_j/w) (fl_j + fsl_j exp(−|q̇_j|/v_s)) + (fvt_j q̇_j + fct_j tanh(q̇_j/w)) ϑ(t)
-
-Where the log holds no temperature, ϑ = 1 − exp(−(t − t_start)/T): the gearbox warms up with a time constant T. Where
-the log holds a temperature, ϑ = temperature − reference.
+    τ_f,j = |τ_rigid,j| tanh(q̇_j/w) (fl_j + fsl_j exp(−|q̇_j|/v_s))
 
 Source: Bittencourt, Wernholt, Sander-Tavallaey and Brogårdh 2010, "An extended friction model to capture load and
 temperature effects in robot joints", IEEE/RSJ IROS.
@@ -13,18 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
 from frischid.core.types import Array
 from frischid.effects.base import Effect
 from frischid.effects.state import SIGN_WIDTH, State, Term
-from frischid.effects.units import SPEED_UNITS, TEMPERATURE_UNITS, TIME_UNITS, is_number
-from frischid.errors import InputError, UnknownNameError
-from frischid.robot.robot import Robot
-
-WARMTH_SOURCES = ("time", "temperature")
+from frischid.effects.units import SPEED_UNITS
 
 
 @dataclass(frozen=True)
@@ -128,98 +121,3 @@ class LoadStribeck(Effect):
             return np.asarray(np.abs(state.load[:, i]) * np.tanh(v / self.width) * fading)
 
         return self.per_joint(state, "fsl", "torque", column, sign=1)
-
-
-@dataclass(frozen=True)
-class ThermalDrift(Effect):
-    """Friction that changes as the joint warms up, as a function of time or of its measured temperature.
-
-    Attributes
-    ----------
-    constant : float
-        Time constant of the warming, s; used when `by` is ``"time"``.
-    by : {"time", "temperature"}
-        ``"temperature"`` reads the log's channels ``temperature_<joint>``, °C.
-    at : float
-        Temperature at which the model's other friction parameters hold, °C.
-    width : float
-        Speed over which the sign is smoothed, rad/s (m/s).
-    """
-
-    id: ClassVar[str] = "thermal_drift"
-    title: ClassVar[str] = "friction that changes with temperature"
-    equation: ClassVar[str] = "(fvt·v + fct·tanh(v/width))·(1 − exp(−t/constant)), or ·(temperature − at)"
-    sentence: ClassVar[str] = (
-        "the friction of {joint} changes from the beginning of the log to its end: the joint warms up (or cools down)"
-    )
-    looks_like: ClassVar[str] = (
-        "the step and the slope of the friction shrink (or grow) steadily from the beginning to the end"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("self_heating", "viscous", "coulomb")
-    confirmed_by: ClassVar[str] = (
-        "start cold and repeat one motion for half an hour; if possible, record the joint's temperature too"
-    )
-    reference: ClassVar[str] = "Bittencourt, Wernholt, Sander-Tavallaey and Brogårdh 2010, IEEE/RSJ IROS"
-
-    friction: ClassVar[bool] = True
-    code: ClassVar[Mapping[str, str]] = {
-        "fvt": "{v} * -expm1(-{t} / {constant})",
-        "fct": "tanh({v} / {width}) * -expm1(-{t} / {constant})",
-        "fvT": "{v} * ({temperature} - {at})",
-        "fcT": "tanh({v} / {width}) * ({temperature} - {at})",
-    }
-
-    dry: ClassVar[bool] = True
-    smooths_sign: ClassVar[bool] = True
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"constant": (10.0, 30.0, 100.0, 300.0, 1000.0)}
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {
-        "constant": TIME_UNITS,
-        "at": TEMPERATURE_UNITS,
-        "width": SPEED_UNITS,
-    }
-
-    constant: float = 300.0
-    by: str = "time"
-    at: float = 25.0
-    width: float = SIGN_WIDTH
-
-    def __post_init__(self) -> None:
-        if self.by not in WARMTH_SOURCES:
-            raise UnknownNameError("source", str(self.by), WARMTH_SOURCES, "thermal_drift: by")
-        if not is_number(self.at):
-            raise InputError(f"thermal_drift: at must be a temperature in °C, got {self.at}")
-        self.require_positive(constant="time in s", width="speed in rad/s (m/s)")
-
-    @classmethod
-    def variants(cls, joints: tuple[str, ...] | None) -> list[Self]:
-        """Drift over time with every time constant, and drift with the measured temperature."""
-        return [*super().variants(joints), cls(joints=joints, by="temperature")]
-
-    @property
-    def searched(self) -> Mapping[str, tuple[float, ...]]:
-        """No time constant where the temperature is measured."""
-        return self.shapes if self.by == "time" else {}
-
-    def channels(self, robot: Robot) -> tuple[str, ...]:
-        """``temperature_<joint>``, if the friction depends on the measured temperature."""
-        if self.by == "time":
-            return ()
-        return tuple(f"temperature_{name}" for _, name, _ in self.acts_on(robot))
-
-    def terms(self, state: State) -> list[Term]:
-        """Two columns per joint: its speed and the smoothed sign of its speed, both times ϑ."""
-        warmth = {i: self._warmth(state, name) for i, name, _ in self.acts_on(state.robot)}
-        mark, per = ("t", "") if self.by == "time" else ("T", "kelvin")
-        return [
-            *self.per_joint(state, f"fv{mark}", f"rate {per}".strip(), lambda i: state.v[:, i] * warmth[i]),
-            *self.per_joint(state, f"fc{mark}", per, lambda i: np.tanh(state.v[:, i] / self.width) * warmth[i]),
-        ]
-
-    def _warmth(self, state: State, joint: str) -> Array:
-        if self.by == "time" or len(state.t) == 0:
-            return np.asarray(-np.expm1(-(state.t - state.start) / self.constant))
-        channel = f"temperature_{joint}"
-        if channel not in state.extra:
-            raise UnknownNameError("channel", channel, state.extra, "the log (thermal_drift by temperature)")
-        return np.asarray(state.extra[channel] - self.at)

@@ -61,6 +61,7 @@ HIDDEN = [
     ("self_heating(constant=12, exponent=1.5)@wrist_1_joint", {"fvh4": -0.8, "fch4": -0.6}, "self_heating"),
     ("joint_spring@wrist_2_joint", {"ks5": 1.0}, "joint_spring"),
     ("cogging(order=12)@elbow_joint", {"A3": 2.0}, "cogging"),
+    ("torque_drift(constant=12)@wrist_2_joint", {"offt5": 1.0}, "torque_drift"),
     ('formula("load4/(abs(load4) + 0.5)")@wrist_1_joint', {"c[load4/(abs(load4)+0.5)]4": 0.6}, "gear_play"),
 ]
 

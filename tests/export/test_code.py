@@ -95,9 +95,13 @@ def signed(effect):
             assert -1.0 in signs, f"{effect.id} refuses positive values of {list(shape)}"
 
 
+OF_TIME = ("thermal_drift", "torque_drift")
+"""Effects that act over time: `tests/export/test_step.py` tries them."""
+
+
 def coded():
     """Every effect whose class states code without memory, in every form, shape parameters of both signs."""
-    texts = [name for name, kind in EFFECTS.items() if kind.code and not kind.memory and name != "thermal_drift"]
+    texts = [name for name, kind in EFFECTS.items() if kind.code and not kind.memory and name not in OF_TIME]
     texts += ["joint_spring(form=cubic)", "joint_spring(form=periodic)@turn"]
     return {str(e): e for text in texts for (effect,) in [parse_effects(text)] for e in [effect, *signed(effect)]}
 
@@ -107,7 +111,7 @@ CODED = coded()
 
 def test_every_coded_effect_is_tried_away_from_its_defaults():
     ids = {effect.id for effect in CODED.values()}
-    assert ids | {"hysteresis", "cable_hose", "thermal_drift", "self_heating"} == {
+    assert ids | {"hysteresis", "cable_hose", "self_heating", *OF_TIME} == {
         name for name, kind in EFFECTS.items() if kind.code
     }
     assert any(effect.id == "coulomb" and effect.lead > 0 for effect in CODED.values())
