@@ -97,8 +97,8 @@ def _said(gains: dict[str, float], doubts: dict[str, float], lost: Sequence[str]
         notes.append(f"torque per ampere in N·m/A (N/A), from the URDF's masses, with one standard error: {found}")
     if lost:
         notes.append(
-            f"torque per ampere of {', '.join(lost)} is unknown: the links in the URDF cause too little of the current, "
-            "or their masses are known too roughly. Only figures in amperes hold there"
+            f"torque per ampere of {', '.join(lost)} is unknown: the links in the URDF cause too little of the "
+            "current, or their masses are known too roughly. Only figures in amperes hold there"
         )
     notes.append(
         "friction and gravity in amperes do not depend on these gains; the ratios between the joints' torques, and all "
