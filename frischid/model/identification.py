@@ -45,6 +45,7 @@ from frischid.model.identification_stages import (
 from frischid.model.identify_options import IdentifyChoices, IdentifyOptions
 from frischid.model.lag_sums import LagSums
 from frischid.model.log_data import Journal, LogData
+from frischid.model.log_examination import check_robot
 from frischid.model.model import Model
 from frischid.model.own_logs import log_entry
 from frischid.model.residual_scores import ResidualScores
@@ -193,6 +194,7 @@ def identify(
     >>> found.comparison.nrmse < 0.05
     True
     """
+    check_robot(robot)
     logs, valid = as_logs(logs, robot.joints, mapping), as_logs(valid, robot.joints, mapping, "valid")
     settings = replace(options or IdentifyOptions(), **choices)
     return assess(_bounded(robot, logs, valid, effects, settings, Journal(progress)))

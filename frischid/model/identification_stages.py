@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
 
 from frischid.effects import Effect, check_effects
 from frischid.errors import InputError
@@ -118,7 +117,6 @@ def read_logs(
     InputError
         A log is not usable.
     """
-    _check_robot(robot)
     journal.stage("reading the logs")
     check_logs(logs, valid)
     if options.controller is not None:
@@ -150,11 +148,6 @@ def read_logs(
 
 def _nothing(_: int) -> None:
     """Short passes tell no share: the stages are counted."""
-
-
-def _check_robot(robot: Any) -> None:
-    if not isinstance(robot, Robot):
-        raise InputError(f"robot must be a frischid.Robot, got {robot!r}: robot=frischid.Robot.load(path or name)")
 
 
 def _check_issues(data: LogData) -> None:

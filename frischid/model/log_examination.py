@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -83,6 +84,7 @@ def check(
     >>> report.issues
     ()
     """
+    check_robot(robot)
     logs = as_logs(logs, robot.joints, mapping)
     if controller is not None:
         controller.check_joints((*robot.joints, *robot.locked))
@@ -103,6 +105,18 @@ def check(
         progress(f"checking log {k} of {len(logs)}")
         reports.append(_checked(robot, log, reduction, locked, rows, alone=len(logs) == 1))
     return reports
+
+
+def check_robot(robot: Any) -> None:
+    """Refuse what is no robot, such as its name.
+
+    Raises
+    ------
+    InputError
+        `robot` is no `Robot`.
+    """
+    if not isinstance(robot, Robot):
+        raise InputError(f"robot must be a frischid.Robot, got {robot!r}: robot=frischid.Robot.load(path or name)")
 
 
 def _checked(
