@@ -204,7 +204,5 @@ def compare(
         data = opened(logs, loaded.robot, mapping, progress)
         comparison = run(loaded, data, progress=progress)
         error = headline(loaded, data, comparison)
-        if simulate:
-            progress("simulating")
-        motion = compare_simulated(loaded, data) if simulate else None
+        motion = compare_simulated(loaded, data, progress=progress) if simulate else None
     show_page(show.comparison(comparison, error, motion), as_json)

@@ -116,7 +116,7 @@ def add(
         data, test = opened(logs, loaded.robot, mapping, progress), opened(valid, loaded.robot, mapping, progress)
         chosen = parse_effects(effect if names is None else f"{effect}@{'+'.join(names)}")
         chosen = searched(loaded, chosen, effect, data, situation)
-        step = run(loaded, chosen, data, valid=test, situation=situation)
+        step = run(loaded, chosen, data, valid=test, situation=situation, progress=progress)
     step.model.save(output)
     show_page(show.added(step, output), as_json)
 

@@ -52,6 +52,7 @@ def add(
     finding: Finding | None = None,
     criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
     mapping: MappingLike = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Step:
     """Add effects to a model and refit it.
 
@@ -73,6 +74,8 @@ def add(
         Thresholds that decide the situation.
     mapping : LogMap, mapping or path of a TOML file, optional
         Names and units of the columns of data frames.
+    progress : callable, optional
+        Called with a short text before each stage.
 
     Returns
     -------
@@ -102,8 +105,12 @@ def add(
     check_effects(effects)
     check_formulas(model, effects)
     if situation == "auto":
+        progress("what changed since the model was identified (1 of 3)")
         situation = cross_validator(model, logs, criteria=criteria)[1]
-    return _tested(model, _step(model, effects, logs, situation, finding, criteria), valid)
+    progress("fitting with the effect (2 of 3)")
+    step = _step(model, effects, logs, situation, finding, criteria)
+    progress("the error before and after (3 of 3)")
+    return _tested(model, step, valid)
 
 
 def improve(

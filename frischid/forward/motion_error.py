@@ -12,7 +12,7 @@ Open loop is a hard test: an error of the torque is integrated twice, and nothin
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -131,6 +131,7 @@ def compare_simulated(
     sources: Sequence[TorqueSource] | None = None,
     step: float = LARGEST_STEP,
     mapping: MappingLike = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> MotionComparison:
     """Simulate logs and measure the position error.
 
@@ -148,6 +149,8 @@ def compare_simulated(
         Longest step of the integration, s.
     mapping : LogMap, mapping or path of a TOML file, optional
         Names and units of the columns of data frames.
+    progress : callable, optional
+        Called with a short text before the horizons of a log, and before the whole log.
 
     Returns
     -------
@@ -181,10 +184,13 @@ def compare_simulated(
     thetas = np.stack([model.full_theta, urdf_parameters(model)])
     parts: list[tuple[float, Array]] = []
     wholes: list[Array] = []
-    for motion, source in moved(model, logs, sources):
+    for number, (motion, source) in enumerate(moved(model, logs, sources)):
+        k = min(number, len(logs) - 1)  # a log with gaps has several motions
+        progress(f"simulating from many instants ({2 * k + 1} of {2 * len(logs)})")
         extra = {name: (motion.t, values) for name, values in motion.extra.items()}
         forward = ForwardDynamics(model, thetas, extra=extra, begin=motion.start)
         parts += _errors_over_horizons(forward, motion, source, (sorted(horizons), step))
+        progress(f"simulating the whole log ({2 * k + 2} of {2 * len(logs)})")
         wholes.append(_errors_of_whole(forward, motion, source, step))
     if not parts:
         shortest = min(horizons)
