@@ -169,7 +169,8 @@ class Finding:
         ]
         for member in self.members:
             where = f" of {listed(member.joints or ('the robot',))}" if len(self.members) > 1 else ""
-            values += [(f"{k}{where}", x, member.unit(k, robot)) for k, x in _shape(member).items()]
+            shape = {k: x for k, x in _shape(member).items() if k not in member.internal}
+            values += [(f"{k}{where}", x, member.unit(k, robot)) for k, x in shape.items()]
         return values
 
     def to_dict(self) -> dict[str, Any]:

@@ -83,6 +83,7 @@ class TimeDelay(Effect):
 
     memory: ClassVar[bool] = True
     least: ClassVar[float] = 5e-4  # s: half a period of the usual torque loop, the rounding of a time stamp
+    internal: ClassVar[tuple[str, ...]] = ("size",)
     of_recording: ClassVar[bool] = True
     loaded: ClassVar[bool] = True
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"size": (-0.03, -0.003, 0.003, 0.01, 0.03, 0.1)}

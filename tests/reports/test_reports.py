@@ -294,6 +294,12 @@ def test_a_shape_of_several_joints_says_whose_it_is(spring):
     assert shapes == ["distance of joint1", "distance of joint2"]
 
 
+def test_a_number_of_the_calculation_alone_is_not_printed(spring):
+    found = next(f for f in spring[1].diagnosis.findings if f.effect == "cable_hose")
+    late = replace(found, members=parse_effects("time_delay@joint2"), parameters={"delay2": 0.004, "size": 0.003})
+    assert [name for name, _, _ in late.found(spring[1].model.robot)] == ["delay2"]
+
+
 def test_on_a_slow_motion_a_spring_is_shown_over_the_angle():
     log = recorded(parse_effects("joint_spring@joint2"), {"ks2": 4.0}, seconds=20.0, scale=0.2)
     model = identify(Robot.load("planar2"), [log]).model
