@@ -40,6 +40,7 @@ def test_axe_finds_nothing(pages, name, width, scheme):
 @needs_browser
 def test_the_keyboard_reaches_every_control(pages):
     with opened(pages["after"]) as seen:
+        drawn(seen.page)  # a figure that is drawn behind the focus has buttons that the focus has passed
         found, missed = reached(seen.page)
         assert missed == []
         assert found > 20
