@@ -61,10 +61,7 @@ def header_of(lines: Sequence[tuple[int, str]], delimiter: str | None) -> int:
     """Which of the first filled lines names the columns: 0, or the line after a preamble."""
 
     def width(k: int, separator: str) -> int:
-        try:
-            return len(cells_of(lines[k][1], separator))
-        except csv.Error:
-            return 0
+        return len(_cells(lines[k][1], separator))
 
     for k in range(len(lines) - 2):
         if lines[k + 1][1].lstrip()[:1] in COMMENT_SIGNS:
@@ -111,7 +108,6 @@ def clock_of(cells: Sequence[str | None]) -> NDArray[np.int64] | None:
     """Nanoseconds of cells that are all times of day or dates of one form, (N,); None where they are not."""
     for form in FORMS_OF_DATES:
         try:
-            stamps = [datetime.strptime(str(cell).strip(), form) for cell in cells[:1]]
             stamps = [datetime.strptime(str(cell).strip(), form) for cell in cells]
         except ValueError:
             continue

@@ -6,6 +6,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from proposed_mapping import mapped
 
 from frischid.checks.defects import defects
 from frischid.cli import main
@@ -35,13 +36,6 @@ def write(path, head, rows, separator=",", encoding="utf-8", decimal=".", before
     lines = [separator.join(head), *(separator.join(row) for row in cells)]
     path.write_bytes((before + "\r\n".join(lines) + "\r\n").encode(encoding))
     return path
-
-
-def mapped(path, robot):
-    found = propose(path, robot)
-    form = path.with_suffix(".toml")
-    form.write_text(found.toml(path.name), encoding="utf-8")
-    return found, read_log(path, robot.joints, LogMap.load(form))
 
 
 def same(read, log, tolerance=1e-6):

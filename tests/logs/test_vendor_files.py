@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from proposed_mapping import mapped
 
 from frischid.checks.defects import defects
 from frischid.errors import InputError
@@ -36,13 +37,6 @@ def log(robot):
 def write(path, head, columns):
     np.savetxt(path, np.column_stack(columns), delimiter=",", header=",".join(head), comments="", fmt="%.12g")
     return path
-
-
-def mapped(path, robot):
-    found = propose(path, robot)
-    form = path.with_suffix(".toml")
-    form.write_text(found.toml(path.name), encoding="utf-8")
-    return found, read_log(path, robot.joints, LogMap.load(form))
 
 
 def numbered(*words, first=0):
