@@ -18,6 +18,7 @@ from pathlib import Path
 import tables_of_accuracy as accuracy
 import tables_of_cost as cost
 import tables_of_diagnosis as diagnosis
+import tables_of_logs as logs
 import tables_of_robots as robots
 from table_parts import DOCS, ROOT, machine, rows_of
 
@@ -57,6 +58,8 @@ TABLES = dict(
         table_of(robots.trust),
         table_of(robots.go2, "commanded_positions"),
         table_of(robots.go2_drives, "commanded_positions_drives", "commanded_positions"),
+        table_of(logs.torque_lag),
+        table_of(logs.gains_from_masses),
         table_of(accuracy.coverage),
         table_of(accuracy.estimators),
         table_of(accuracy.bbrf),
@@ -96,6 +99,8 @@ FIGURES: dict[str, Callable[[], str]] = {
         accuracy.estimator_runs,
         accuracy.eiv_error,
         accuracy.eiv_error_least,
+        logs.lag_raises_error,
+        logs.gains_doubt,
         cost.figaroh_ratio,
         cost.mujoco_ratio,
     )

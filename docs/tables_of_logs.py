@@ -1,0 +1,69 @@
+"""Tables of logs: the lag of the torque, and currents without gains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from table_parts import Row, each, middle, rows_of, table
+
+LAG, ERROR, RATIO = "lag, ms", "standard error, ms", "error over that without the lag"
+SAID = {"behind": "the torque is behind the motion", "ahead": "the torque is ahead of the motion"}
+
+
+def torque_lag() -> str:
+    """Lag of the torque by kind of simulated log, then of each measured robot."""
+    rows = rows_of("torque_lag")
+    kinds = dict.fromkeys(row["kind"] for row in rows if row["kind"] != "measured")
+    lines = [_kind(name, [row for row in rows if row["kind"] == name]) for name in kinds]
+    lines += [
+        (f"{row['robot']}, measured", "1", _lag(row), SAID.get(row["said"], row["said"]))
+        for row in rows
+        if row["kind"] == "measured"
+    ]
+    return table(("logs", "fits", "lag of the torque, ms", "message"), lines)
+
+
+def _kind(name: str, rows: Sequence[Row]) -> tuple[str, ...]:
+    arms = " and ".join(dict.fromkeys(row["robot"] for row in rows))
+    least, most = (choose(rows, key=lambda row: row[LAG]) for choose in (min, max))
+    said = {row["said"]: sum(other["said"] == row["said"] for other in rows) for row in rows}
+    words = "; ".join(f"{SAID.get(word, word)}: {count} of {len(rows)}" for word, count in said.items())
+    return f"{arms}, simulated: {name}", str(len(rows)), f"{_lag(least)} to {_lag(most)}", words
+
+
+def _lag(row: Row) -> str:
+    return f"{row[LAG]:.2f} ± {row[ERROR]:.2f}".replace("-", "−")
+
+
+def _rises() -> Iterator[float]:
+    yield from (row[RATIO] for row in rows_of("torque_lag") if row["kind"] == "half a sample late at 200 Hz")
+
+
+def lag_raises_error() -> str:
+    """Least and greatest factor by which a lag of half a sample at 200 Hz raises the error."""
+    return f"{min(_rises()):.1f} to {max(_rises()):.1f}"
+
+
+def gains_from_masses() -> str:
+    """Torque per ampere from the URDF's masses, over that of the data set."""
+    head = ("joint", "N·m/A of the data set", "from the masses", "ratio", "NRMSE with gains", "NRMSE without gains")
+
+    def line(row: Row) -> tuple[str, ...]:
+        doubt = row["relative standard error"]
+        found = row["gain from the masses, N·m/A"]
+        return (
+            row["joint"],
+            f"{row['gain of the data set, N·m/A']:.2f}",
+            f"{found:.1f} ± {doubt * found:.1f}" if doubt < 1 else f"{found:.1f}, undetermined",
+            f"{row['ratio']:.2f}",
+            f"{row['NRMSE with gains']:.3f}",
+            f"{row['NRMSE without gains']:.3f}",
+        )
+
+    return each(head, rows_of("gains_from_masses"), line)
+
+
+def gains_doubt() -> str:
+    """Median relative standard error of the gains that the masses determine, in percent."""
+    known = [row["relative standard error"] for row in rows_of("gains_from_masses")]
+    return f"{100 * middle(x for x in known if x < 1):.0f} %"
