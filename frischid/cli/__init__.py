@@ -17,6 +17,7 @@ from frischid.cli import (
     learning,
     motions,
     paper,
+    schema,
     seeing,
 )
 from frischid.cli.group import main
@@ -35,5 +36,6 @@ __all__ = [
     "main",
     "motions",
     "paper",
+    "schema",
     "seeing",
 ]

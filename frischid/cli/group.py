@@ -18,7 +18,7 @@ STOPPED = 130  # exit code of a command that Ctrl-C ended, as shells have it: 12
 
 
 SECTIONS = {
-    "Begin": ("demo", "info", "doctor", "fetch", "completion"),
+    "Begin": ("demo", "info", "doctor", "fetch", "schema", "completion"),
     "Record": ("excite", "simulate", "map", "check", "cut"),
     "Model": ("identify", "compare", "history", "report", "studio"),
     "Missing effects": ("diagnose", "add", "improve", "effects"),

@@ -7,8 +7,10 @@ import shlex
 import pytest
 from click.testing import CliRunner
 from fences import DOCS, text_of
+from jsonschema import Draft202012Validator, ValidationError
 
 from frischid.cli import main
+from frischid.cli.outputs.schemas import FURTHER, OUTPUTS, TYPES, schema_of
 
 LINES = {
     "info ROBOT": "info robot.urdf",
@@ -33,7 +35,7 @@ LINES = {
     "paper": "paper --own-motion --runs 2",
     "doctor": "doctor",
 }
-LISTS = ("info", "fetch", "effects")
+LISTS = ("info", "fetch", "effects", "schema")
 ELSEWHERE = {"demo", "studio", "completion"}  # tests/cli; the last has no JSON
 ROW = re.compile(r"^\| `([^`]+)` \| (`[^|]+`) \|", re.MULTILINE)
 
@@ -41,13 +43,21 @@ ROW = re.compile(r"^\| `([^`]+)` \| (`[^|]+`) \|", re.MULTILINE)
 def printed(line):
     result = CliRunner().invoke(main, [*shlex.split(line), "--json"])
     assert result.exit_code in (0, 1), result.output
-    return json.loads(result.stdout)
+    data = json.loads(result.stdout)
+    fits(line.split()[0], data)
+    return data
+
+
+def fits(name, data):
+    """The output has the form of its schema; an unknown key or a missing one is an error."""
+    if name in TYPES:
+        Draft202012Validator(schema_of(name)).validate(data)
 
 
 def test_the_page_lists_every_command():
     named = {name.split()[0] for name, _ in ROW.findall(text_of(DOCS / "reference" / "json.md"))}
-    assert named | {"fetch", "demo", "completion"} == set(main.commands)
-    assert {line.split()[0] for line in LINES} | {"fetch"} | ELSEWHERE == set(main.commands)
+    assert named | {"fetch", "demo", "completion", "schema"} == set(main.commands)
+    assert {line.split()[0] for line in LINES} | {"fetch", "schema"} | ELSEWHERE == set(main.commands)
 
 
 def test_every_key_is_on_the_page(filled, tmp_path, monkeypatch):
@@ -61,3 +71,36 @@ def test_every_key_is_on_the_page(filled, tmp_path, monkeypatch):
 @pytest.mark.parametrize("line", LISTS)
 def test_without_a_name_a_list_is_printed(line):
     assert isinstance(printed(line), list)
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_a_schema_is_a_schema(name):
+    schema = json.loads(CliRunner().invoke(main, ["schema", name]).stdout)
+    assert schema == schema_of(name)
+    Draft202012Validator.check_schema(schema)
+
+
+def test_every_command_has_a_schema_and_the_page_names_the_others():
+    assert set(OUTPUTS) == set(main.commands) - {"completion", "schema"}
+    text = text_of(DOCS / "reference" / "json.md")
+    assert all(f"- `{name}`: " in text for name in FURTHER)
+
+
+def test_a_key_that_the_schema_lacks_is_an_error():
+    fits("cut", {"output": "a.csv", "samples": 3, "seconds": 1.0})
+    for wrong in ({"output": "a.csv", "samples": 3}, {"output": "a.csv", "samples": 3, "seconds": 1.0, "more": 1}):
+        with pytest.raises(ValidationError):
+            fits("cut", wrong)
+
+
+def test_files_and_outputs_of_options_have_the_form_of_their_schemas(filled, tmp_path, monkeypatch):
+    monkeypatch.chdir(filled)
+    printed("compare model.json test.csv --simulate")
+    printed("diagnose model.json log.csv --try joint_spring --simulate")
+    printed("identify robot.urdf unloaded_currents.csv")
+    printed(f"check robot.urdf turned.csv -o {tmp_path}/fixed.toml")
+    printed(f"payload model.json loaded.csv -o {tmp_path}/tool.json")
+    fits("payload", json.loads((tmp_path / "tool.json").read_text()))
+    printed(f"export model.json -o {tmp_path}/actuators.json")
+    fits("actuator_file", json.loads((tmp_path / "actuators.json").read_text()))
+    fits("model_file", json.loads((filled / "model.json").read_text()))

@@ -1,0 +1,291 @@
+"""Outputs about models: identify, compare, add, improve, report, payload, gains, consistent, export, demo."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from msgspec import UNSET, UnsetType
+
+from frischid.cli.outputs.parts import (
+    AlarmOutput,
+    ComparisonOutput,
+    ConsistencyOutput,
+    DiagnosisOutput,
+    DriveOutput,
+    FittedParameterOutput,
+    HeadlineOutput,
+    MotionErrorOutput,
+    Output,
+    ReachOutput,
+    StepErrorOutput,
+    TorqueLagOutput,
+)
+from frischid.diagnosis.criteria import DiagnosisCriteria
+from frischid.model.model_records import ControllerRecord, CurrentsRecord, NotNegative, PriorRecord, Share
+
+Pair = tuple[float, float]
+
+
+class AmperesOutput(Output):
+    """What one joint draws, A: value and standard error, or null; `holding`: least and largest current of gravity."""
+
+    joint: str
+    viscous: Pair | None
+    coulomb: Pair | None
+    armature: Pair | None
+    holding: Pair
+
+
+class FrischOutput(Output):
+    """The bounds of the Frisch scheme."""
+
+    same_orthant: bool
+    changing_sign: list[str]
+    exact: bool
+
+
+class EmptiedOutput(Output):
+    """Where the bounding-box recursion contradicted itself."""
+
+    parameter: str
+    lower: float
+    upper: float
+    window: int
+
+
+class RecursionOutput(Output):
+    """The bounding-box recursion."""
+
+    variant: str
+    windows: int
+    skipped: int
+    emptied: EmptiedOutput | None
+
+
+class IdentifyOutput(Output):
+    """A model that was identified; the model file holds the rest."""
+
+    robot: str
+    samples: int
+    cutoff_hz: float | None
+    rank: int
+    gap: float
+    merging_cost: float
+    condition: float
+    estimator: str
+    controller: ControllerRecord | None
+    currents: CurrentsRecord | None
+    amperes: list[AmperesOutput]
+    drives: list[DriveOutput]
+    parameters: list[FittedParameterOutput]
+    prior: PriorRecord | None
+    frisch: FrischOutput | None
+    bbrf: RecursionOutput | None
+    headline: HeadlineOutput | None
+    cross_validation: dict[str, float]
+    comparison: ComparisonOutput | None
+    alarms: list[AlarmOutput]
+    torque_lag: TorqueLagOutput | None
+    notes: list[str]
+    warnings: list[str]
+
+
+class HeldOutMotionOutput(Output):
+    """Simulated motion on test logs, by the linear answer and by output error."""
+
+    linear: MotionErrorOutput
+    output_error: MotionErrorOutput
+
+
+class MovedOutput(Output):
+    """A model fitted to the simulated motion: `identify --estimator output_error`."""
+
+    headline: HeadlineOutput
+    position_error_over_linear: float
+    singular_values: list[float]
+    kept_parameters: list[str]
+    variance_inflation: float
+    held_out: HeldOutMotionOutput | None
+    parameters: list[FittedParameterOutput]
+
+
+class CompareOutput(Output):
+    """A model compared with logs; `simulated` only with --simulate."""
+
+    headline: HeadlineOutput
+    comparison: ComparisonOutput
+    simulated: MotionErrorOutput | UnsetType = UNSET
+
+
+class AddOutput(Output):
+    """A model with one more effect."""
+
+    effect: str
+    headline: HeadlineOutput | None
+    step: StepErrorOutput
+    exports: dict[str, ReachOutput]
+    model: str
+
+
+class ImproveStepOutput(StepErrorOutput):
+    """One step of an improvement."""
+
+    effect: str
+    joints: list[str]
+
+
+class ImproveOutput(Output):
+    """A model with the effects that were found missing; `last`: the diagnosis after the last step."""
+
+    headline: HeadlineOutput
+    steps: list[ImproveStepOutput]
+    exports: dict[str, ReachOutput]
+    criteria: DiagnosisCriteria
+    last: DiagnosisOutput
+
+
+class HistoryOutput(Output):
+    """The steps of a model, as its file holds them (`history` of the model file)."""
+
+    headline: HeadlineOutput | None
+    steps: list[dict[str, Any]]
+
+
+class QualityOutput(Output):
+    """One log of a report: rate in Hz, steps in s, ranges of the joints in SI units."""
+
+    source: str
+    samples: int
+    seconds: NotNegative
+    rate: float
+    steps: Pair
+    gaps: int
+    kept: float
+    noise: dict[str, list[float | None]]
+    lower: list[float]
+    upper: list[float]
+    speed: list[float]
+    acceleration: list[float]
+    standstill: list[float]
+    notes: list[str]
+    warnings: list[str]
+
+
+class BesideOutput(Output):
+    """Errors of several models on the same logs."""
+
+    logs: list[str]
+    seen: bool
+    nrmse: dict[str, NotNegative]
+    joints: dict[str, dict[str, NotNegative]]
+
+
+class ReportOutput(Output):
+    """A report that was written; `beside` only with several models."""
+
+    report: str
+    bytes: int
+    headline: HeadlineOutput
+    held_out: list[str]
+    warnings: list[str]
+    diagnosis: DiagnosisOutput | None
+    logs: list[QualityOutput]
+    beside: BesideOutput | UnsetType = UNSET
+
+
+class EnterOutput(Output):
+    """What to type at the robot's controller."""
+
+    franka: str
+    ur: str
+    kuka: str
+
+
+class PayloadOutput(Output):
+    """A body on the robot: kg, m, kg·m² about its centre of mass; also the file that `payload -o` writes."""
+
+    frame: str
+    carrier: str
+    mass: float
+    center_of_mass: tuple[float, float, float]
+    inertia: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+    bound_95: dict[str, NotNegative]
+    from_log: dict[str, Share]
+    nrmse: NotNegative
+    nrmse_without: NotNegative
+    notes: list[str]
+    enter: EnterOutput
+
+
+class GainOutput(Output):
+    """Gain of one joint by three methods; `given` only where the mapping file has one."""
+
+    joint: str
+    gain: float | None
+    stderr: float | None
+    total_least_squares: float | None
+    constrained: float | None
+    given: float | UnsetType | None = UNSET
+
+
+class WeighedOutput(Output):
+    """The payload that the given gains would measure, kg and m."""
+
+    mass: float
+    mass_stderr: float
+    centre_of_mass: list[float | None]
+    relative_error: float
+
+
+class GainsOutput(Output):
+    """Drive gains from logs with and without a payload of `mass`, kg."""
+
+    channel: str
+    mass: float
+    joints: list[GainOutput]
+    samples: int
+    cutoff_hz: float | None
+    notes: list[str]
+    payload: WeighedOutput | None
+
+
+class ConsistentOutput(ConsistencyOutput):
+    """Physically consistent links; `model`: the file that was written."""
+
+    model: str | None
+    alarms: list[AlarmOutput]
+
+
+class ExportOutput(Output):
+    """A file that was written; `difference`: of its torque from the model's."""
+
+    file: str
+    format: str
+    notes: list[str]
+    difference: float | None
+    alarms: list[AlarmOutput]
+    consistency: ConsistencyOutput | UnsetType = UNSET
+    effects_file: str | UnsetType | None = UNSET
+
+
+class HiddenOutput(Output):
+    """The second part of the demonstration: an effect that the model knows nothing of."""
+
+    truth: str
+    diagnosis: DiagnosisOutput
+    headline: HeadlineOutput | None
+
+
+class DemoOutput(IdentifyOutput):
+    """The demonstration: an identification, and a hidden effect."""
+
+    report: str
+    hidden: HiddenOutput
+
+
+class ActuatorFile(Output):
+    """The file that ``export`` to actuators writes: one row of plain values per joint; `step` in s."""
+
+    robot: str
+    step: float
+    joints: list[dict[str, Any]]
