@@ -151,8 +151,9 @@ class Diagnosis(Shown):
         if self.error <= self.criteria.floor_tolerance * self.noise_floor:
             return f"no effect is missing: the residual error is that of the sensor noise{suspect}"
         error, noise = self.headline.nrmse, self.headline.noise_floor
-        times = f"{error / noise:.1f} times" if noise > 0 else "more than"
-        said = f"no effect is called missing; the model's error is {times} that of the sensor noise alone"
+        said = (
+            f"no effect is called missing; the model's NRMSE is {error:.2g}, that of the sensor noise alone {noise:.2g}"
+        )
         return f"{said}{suspect}"
 
     def to_dict(self) -> dict[str, Any]:

@@ -92,10 +92,10 @@ def test_a_healthy_robot_raises_no_alarm():
         == "no effect is missing: the residual error is that of the sensor noise"
     )
     far, there = 9 * found.noise_floor, found.headline
-    noisy = replace(found, error=far, headline=replace(there, nrmse=1.7 * there.noise_floor), probabilities={})
-    assert noisy.remainder.endswith("is 1.7 times that of the sensor noise alone")
-    silent = replace(found, error=0.01, noise_floor=0.0, headline=replace(there, noise_floor=0.0), probabilities={})
-    assert silent.remainder.endswith("is more than that of the sensor noise alone")
+    noisy = replace(found, error=far, headline=replace(there, nrmse=0.017, noise_floor=0.0123), probabilities={})
+    assert noisy.remainder.endswith("the model's NRMSE is 0.017, that of the sensor noise alone 0.012")
+    silent = replace(found, error=0.01, headline=replace(there, nrmse=0.002, noise_floor=3e-5), probabilities={})
+    assert silent.remainder.endswith("NRMSE is 0.002, that of the sensor noise alone 3e-05")  # not: 66 times the noise
 
 
 def test_no_missing_effect_beside_a_probable_one_is_explained_on_every_surface():
@@ -104,14 +104,14 @@ def test_no_missing_effect_beside_a_probable_one_is_explained_on_every_surface()
     first = next(f for f in found.findings if f.members)
     weak = replace(first, probability=0.49, gain=3.0, p_value=0.2)
     others = [f for f in found.findings if f is not first]
-    there = replace(found.headline, nrmse=1.7 * found.headline.noise_floor)
+    there = replace(found.headline, nrmse=0.017, noise_floor=0.01)
     result = replace(
         found, error=9 * found.noise_floor, findings=(weak, *others), headline=there,
         probabilities={weak.effect: 0.49, "none": 0.12, "several": 0.39},
     )  # fmt: skip
     where = listed(weak.joints) or "the robot"
     told = (
-        "no effect is called missing; the model's error is 1.7 times that of the sensor noise alone. The most probable "
+        "no effect is called missing; the model's NRMSE is 0.017, that of the sensor noise alone 0.01. The most probable "
         f"effect is {weak.effect} on {where} (49 %), but its evidence may be chance"
     )
     assert result.remainder == told
