@@ -21,8 +21,8 @@ from frischid.robot.robot import Robot
 COMMANDS = main.commands
 NO_FILES = {
     "effects.name", "fetch.name", "add.effect", "add.joints", "identify.estimator", "identify.bbrf", "diagnose.only",
-    "schema.name", "simulate.values", "simulate.channels", "excite.family", "excite.criterion", "excite.separate", "excite.floor",
-    "gains.carrier", "payload.carrier", "payload.frame", "excite.home",
+    "simulate.values", "simulate.channels", "excite.family", "excite.criterion", "excite.separate", "excite.floor",
+    "schema.name", "gains.carrier", "payload.carrier", "payload.frame", "excite.home",
     "export.box", "consistent.box", "studio.host",
     *(f"{command}.{option}" for command in COMMANDS for option in (
         "joints", "lock", "frames", "known", "effects", "torque_joints", "cutoff", "scheduler", "kp", "kd",

@@ -111,8 +111,8 @@ def test_no_missing_effect_beside_a_probable_one_is_explained_on_every_surface()
     )  # fmt: skip
     where = listed(weak.joints) or "the robot"
     told = (
-        "no effect is called missing; the model's NRMSE is 0.017, that of the sensor noise alone 0.01. The most probable "
-        f"effect is {weak.effect} on {where} (49 %), but its evidence may be chance"
+        "no effect is called missing; the model's NRMSE is 0.017, that of the sensor noise alone 0.01. The most "
+        f"probable effect is {weak.effect} on {where} (49 %), but its evidence may be chance"
     )
     assert result.remainder == told
     assert verdict_of(result) == told
