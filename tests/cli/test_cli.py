@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from output_schemas import printed_by
 
 from frischid.cli import main
 from frischid.cli.pages import comparing
@@ -32,8 +33,10 @@ def run(*args, code=0):
 
 
 def data_of(*args, code=0):
-    """What a command prints with --json."""
-    return json.loads(run(*args, "--json", code=code).stdout)
+    """What a command prints with --json; it has the form of the command's schema."""
+    data = json.loads(run(*args, "--json", code=code).stdout)
+    printed_by(args, data)
+    return data
 
 
 def refused(words, *args):

@@ -1,6 +1,7 @@
 """Public data sets: from a local folder here, by checksum always."""
 
 import hashlib
+import json
 import os
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
+from output_schemas import fits
 from scipy.io import savemat
 
 from frischid.cli import main
@@ -139,8 +141,8 @@ def test_the_list():
     assert '"name": "panda"' in result.output
 
 
-def by_hand(name, source, output):
-    return CliRunner().invoke(main, ["fetch", name, "--from", str(source), "-o", str(output)])
+def by_hand(name, source, output, *options):
+    return CliRunner().invoke(main, ["fetch", name, "--from", str(source), "-o", str(output), *options])
 
 
 def emps_files(folder, samples=24841, **changed):
@@ -160,6 +162,7 @@ def test_emps_by_hand(tmp_path):
     log = read_log(tmp_path / "out/train.parquet")
     assert log.joints == ("slide",)
     assert np.allclose(log.tau[:, 0], 35.15 * np.cos(log.t))
+    fits("fetch", json.loads(by_hand("emps", tmp_path / "source", tmp_path / "again", "--json").stdout))
 
 
 @pytest.mark.parametrize(

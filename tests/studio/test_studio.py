@@ -1,5 +1,6 @@
 """The studio: the bench alone, then the page in a real browser: load, play, add, see the error fall, undo, save."""
 
+import json
 import re
 import socket
 import threading
@@ -14,6 +15,7 @@ import pytest
 from browser import OVERLAPS, SOLID, needs_browser, opened, settled
 from cases import MIXED, made
 from click.testing import CliRunner
+from output_schemas import fits
 
 from frischid.cli import main
 from frischid.diagnosis import diagnosis, improvement
@@ -739,6 +741,7 @@ def test_being_open_to_others_is_said(case, tmp_path, monkeypatch):
         assert result.exit_code == 0, result.output
         assert ("anybody who reaches the page can change the model" in result.stdout.replace("\n", " ")) == said
         assert "model-studio.json" in result.stdout.replace("\n", "")
+    fits("studio", json.loads(CliRunner().invoke(main, [*arguments, "--json"]).stdout))
 
 
 def test_what_cannot_be_read_ends_it(case, tmp_path):
