@@ -169,11 +169,16 @@ class SearchOutput(Output):
     joints: dict[str, SearchJointOutput]
 
 
-class FormulaOutput(Output):
-    """The residual error in a formula, where no effect of the catalogue explains it."""
+class DescriptionOutput(Output):
+    """What the residual of a joint depends on (p value of each variable), where no effect explains the residual.
 
-    joints: list[str] | None
-    expression: str
+    `removed`: share of the joint's squared held-out error that the formula explains.
+    """
+
+    joint: str
+    depends_on: dict[str, float]
+    formula: list[str]
+    removed: float
 
 
 class SimulatedRatioOutput(Output):
@@ -214,7 +219,7 @@ class DiagnosisOutput(Output):
     findings: list[FindingOutput]
     contacts: list[ContactOutput]
     notes: list[str]
-    description: FormulaOutput | None
+    description: DescriptionOutput | None
     criteria: DiagnosisCriteria
     simulated: MotionDiagnosisOutput | UnsetType = UNSET
 
