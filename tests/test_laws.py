@@ -31,7 +31,8 @@ from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import prepare
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise, torque
-from frischid.regression.accumulation import accumulate, gram_of
+from frischid.regression.accumulation import accumulate
+from frischid.regression.joint_rows import JointRows
 from frischid.regression.moments import total
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
@@ -235,7 +236,8 @@ def test_gram_of_chunks_equals_gram_of_the_whole(name, cutoff):
     size = 1e-11 * scale[:, :, None] * scale[:, None, :] + 1e-15 * scale.max() ** 2  # some columns are rounding
     for chunk in (3, 64, 100_000):
         blocks = list(regressor.blocks(motion, lowpass, chunk))
-        gram = total(gram_of(regressor, block, joints) for block in blocks)
+        rows = JointRows.of(regressor, joints)
+        gram = total(rows.gram([c]) for c in rows.chunks(motion, lowpass, chunk))
         assert gram.counts.tolist() == [count] * len(joints)
         assert (np.abs(gram.moments - expected) <= size).all()
         t = np.concatenate([b.t for b in blocks])

@@ -12,19 +12,16 @@ Source of the block jackknife: Künsch 1989, Annals of Statistics 17(3).
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain, islice
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from frischid.core.types import Column
 from frischid.errors import InputError
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
-from frischid.regression.block import Block
+from frischid.regression.joint_rows import JointRows
 from frischid.regression.moments import Blocks, Gram
 from frischid.regression.regressor import CHUNK_SAMPLES, Regressor
 from frischid.regression.streaming_qr import StreamingQR
@@ -38,69 +35,6 @@ BLOCK_BYTES = 128 * 2**20
 """Bytes of all blocks together. With hundreds of parameters on dozens of joints, fewer blocks are kept."""
 BLOCKS_KEPT = 24
 """Blocks that are kept however large they are, so that half of them still give standard errors."""
-
-
-def gram_of(regressor: Regressor, block: Block, joints: Sequence[str]) -> Gram:
-    """Moments of one block over the torque rows of `joints`: Σ_k z_k z_kᵀ and Σ_k z_k of each joint."""
-    return _Rows.of(regressor, joints).gram([block])
-
-
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """What of a block's columns enters each joint's moments: the kept columns that act on it, its torque, ones.
-
-    Attributes
-    ----------
-    columns : tuple of Column
-        The p kept columns.
-    joints : tuple of str
-    index : tuple of int
-        Each joint's place in the robot.
-    gathered : tuple of ndarray of int
-        For each joint, rows of ``Z[k, :, j]``.
-    ends : tuple of ndarray of int
-        For each joint, where these rows, without the last, go among the p columns and the torque.
-    places : tuple of ndarray of int
-        For each joint, where the products of these rows go among the (p + 1)² moments.
-    """
-
-    columns: tuple[Column, ...]
-    joints: tuple[str, ...]
-    index: tuple[int, ...]
-    gathered: tuple[NDArray[np.intp], ...]
-    ends: tuple[NDArray[np.intp], ...]
-    places: tuple[NDArray[np.intp], ...]
-
-    @classmethod
-    def of(cls, regressor: Regressor, joints: Sequence[str], base: Sequence[int] | None = None) -> _Rows:
-        """For the columns `base`, all by default."""
-        C = len(regressor.columns)
-        kept = np.arange(C) if base is None else np.asarray(base, dtype=np.intp)
-        index = tuple(regressor.robot.joints.index(name) for name in joints)
-        own = [np.flatnonzero(np.isin(kept, regressor.active[j])) for j in index]
-        gathered = tuple(np.append(kept[where], [C, C + 1]) for where in own)
-        size = len(kept) + 1
-        ends = tuple(np.append(where, len(kept)) for where in own)
-        places = tuple((end[:, None] * size + end).ravel() for end in ends)
-        return cls(tuple(regressor.columns[i] for i in kept), tuple(joints), index, gathered, ends, places)
-
-    def gram(self, blocks: Iterable[Block]) -> Gram:
-        """Moments of blocks together."""
-        result = Gram.zeros(self.columns, self.joints)
-        products = [np.zeros((len(gathered), len(gathered))) for gathered in self.gathered]
-        for block in blocks:
-            every = np.asarray(block.used.all(axis=0))
-            for row, (sums, j, gathered) in enumerate(zip(products, self.index, self.gathered, strict=True)):
-                Z = block.Z[:, :, j].T[gathered]  # columns first: gathered as a whole, and a faster product
-                if not every[j]:
-                    Z = Z[:, block.used[:, j]]
-                sums += Z @ Z.T
-                result.counts[row] += Z.shape[1]
-        flat = result.moments.reshape(len(self.joints), -1)
-        for row, (sums, ends, places) in enumerate(zip(products, self.ends, self.places, strict=True)):
-            flat[row, places] = sums[:-1, :-1].ravel()
-            result.sums[row, ends] = sums[-1, :-1]
-        return result
 
 
 def accumulate(
@@ -143,7 +77,7 @@ def accumulate(
     each, level = 1, 0  # number of blocks added into one, and their number in the last one so far
     # Small products are slower on several threads, and the rounding of sums would depend on the number of threads.
     with _threads().limit(limits=1, user_api="blas"):
-        rows = _Rows.of(regressor, joints, base)
+        rows = JointRows.of(regressor, joints, base)
         for part in _sums(regressor, motions, lowpass, rows, seconds):
             if 0 < level < each:
                 kept.merge(part)
@@ -179,7 +113,7 @@ def _threads() -> ThreadpoolController:
 
 
 def _sums(
-    regressor: Regressor, motions: Iterable[Motion], lowpass: LowPass, rows: _Rows, whole: float
+    regressor: Regressor, motions: Iterable[Motion], lowpass: LowPass, rows: JointRows, whole: float
 ) -> Iterator[Gram]:
     seconds = max(min(1.0, whole / BLOCKS_OF_A_SHORT_LOG), whole / MAX_BLOCKS)
     for motion in motions:
@@ -188,10 +122,10 @@ def _sums(
         samples = seconds / motion.step
         parts = max(1, round(samples / max(CHUNK_SAMPLES, 2 * len(lowpass.taps(motion.step)))))
         chunk = max(1, round(samples / parts / every)) * every
-        blocks = regressor.blocks(motion, lowpass, chunk, kept=False)
-        for first in blocks:
+        chunks = rows.chunks(motion, lowpass, chunk)
+        for first in chunks:
             # one by one: the next one overwrites it
-            yield rows.gram(chain([first], islice(blocks, parts - 1)))
+            yield rows.gram(chain([first], islice(chunks, parts - 1)))
 
 
 def _check_torque_present(motion: Motion, robot: Robot, joints: Sequence[str]) -> None:

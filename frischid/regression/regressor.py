@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 from frischid.core.types import Array, Column
 from frischid.effects import Coulomb, Effect, State, columns_of
 from frischid.effects.dynamics import RigidDynamics
-from frischid.logs.filters import LowPass, decimating_filter
+from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.regression.block import COLUMNS_BESIDE_Y, Block, Samples
+from frischid.regression.chunks import filtered_chunks, part_of
 from frischid.robot.robot import Robot
 
 CHUNK_SAMPLES = 256
@@ -137,24 +138,13 @@ class Regressor:
         ndarray, shape (N, C, J)
         """
         t, q, v, a = samples.t, samples.q, samples.v, samples.a
-        remembered = remembered or {}
         Y = np.empty((len(t), len(self.columns), len(self.robot.joints))) if out is None else out
         rigid = len(self.robot.columns)
-        none = np.zeros((len(t), len(self.robot.joints)))
+        load = None
         if self.loaded:
             self.robot.regressor(q, v, a, Y[:, :rigid])
-        load = self.reference[:rigid] @ Y[:, :rigid] if self.loaded else none
-        written: list[tuple[int, int, Array]] = []
-        column = rigid
-        for number, effect in enumerate(self.effects):
-            if number in remembered:
-                rows = remembered[number]
-            else:
-                torque = self._torque_of(Y, written, column) if effect.loaded else none
-                state = self._state_of(samples, load, torque, self.reference[:rigid])
-                rows = [dict(term.rows) for term in effect.terms(state)]
-            written += [(column + k, joint, values) for k, row in enumerate(rows) for joint, values in row.items()]
-            column += len(rows)
+            load = self.reference[:rigid] @ Y[:, :rigid]
+        written = self.effect_columns(samples, remembered or {}, load)
         # Chunk by chunk: all columns of a sample are written while the sample is in the processor's cache.
         for first in range(0, len(t), 2 * CHUNK_SAMPLES):
             s = slice(first, first + 2 * CHUNK_SAMPLES)
@@ -165,14 +155,40 @@ class Regressor:
                 Y[s, k, joint] = values[s]
         return Y
 
-    def _torque_of(self, Y: Array, written: Sequence[tuple[int, int, Array]], columns: int) -> Array:
-        """Torque of the reference parameters over the rigid columns and the effects' columns before `columns`."""
-        rigid = len(self.robot.columns)
-        torque = self.reference[:rigid] @ Y[:, :rigid]
+    def effect_columns(
+        self, samples: Samples, remembered: Mapping[int, list[dict[int, Array]]], load: Array | None
+    ) -> list[tuple[int, int, Array]]:
+        """Values of the effects' columns at N samples: (column, joint, values) of each joint that a column acts on.
+
+        Parameters
+        ----------
+        samples : Samples
+        remembered : mapping
+            Columns of effects with memory at these samples; see `evaluate`.
+        load : ndarray, shape (N, J), or None
+            Torque of the reference's links, which effects that depend on the load need (`loaded`); None for zero.
+        """
+        none = np.zeros(samples.q.shape)
+        load = none if load is None else load
+        written: list[tuple[int, int, Array]] = []
+        column = rigid = len(self.robot.columns)
+        for number, effect in enumerate(self.effects):
+            if number in remembered:
+                rows = remembered[number]
+            else:
+                torque = self._with_effects(load, written) if effect.loaded else none
+                state = self._state_of(samples, load, torque, self.reference[:rigid])
+                rows = [dict(term.rows) for term in effect.terms(state)]
+            written += [(column + k, joint, values) for k, row in enumerate(rows) for joint, values in row.items()]
+            column += len(rows)
+        return written
+
+    def _with_effects(self, load: Array, written: Sequence[tuple[int, int, Array]]) -> Array:
+        """Torque of the reference parameters: that of the links and that of some effects' columns."""
+        torque = load.copy()
         for k, joint, values in written:
-            if k < columns:
-                torque[:, joint] += self.reference[k] * values
-        return np.asarray(torque)
+            torque[:, joint] += self.reference[k] * values
+        return torque
 
     def remember(self, motion: Motion) -> dict[int, list[dict[int, Array]]]:
         """Columns of effects with memory over a whole motion: position of the effect -> per column, joint -> values."""
@@ -253,9 +269,7 @@ class Regressor:
                 column += len(rows)
         return out
 
-    def blocks(
-        self, motion: Motion, lowpass: LowPass, chunk: int = CHUNK_SAMPLES, kept: bool = True
-    ) -> Iterator[Block]:
+    def blocks(self, motion: Motion, lowpass: LowPass, chunk: int = CHUNK_SAMPLES) -> Iterator[Block]:
         """Filtered and decimated blocks of a motion, in order.
 
         Parameters
@@ -264,53 +278,28 @@ class Regressor:
         lowpass : LowPass
         chunk : int
             Samples that are evaluated at once; the samples of all blocks together do not depend on this number.
-        kept : bool
-            Whether a block is still valid when the next one has come. Blocks that are not share one array, which saves
-            a fifth of the time where nothing is filtered.
         """
-        taps, every = lowpass.taps(motion.step), lowpass.decimation(motion.step)
-        reach = len(taps) - 1
-        stride = max(1, chunk // every) * every
-        width, J = len(self.columns) + COLUMNS_BESIDE_Y, len(self.robot.joints)
-        # With a filter, all chunks share one buffer; the samples that the filter still needs move to its beginning.
-        filtered = bool(reach) or every > 1
-        shared = filtered or not kept
-        room = np.empty((min(stride + reach, len(motion.t)) if shared else 0, width, J))
-        tail, standing = room[:0], np.empty((0, J))
         remembered = self.remember(motion)
-        position = 0
-        while position < len(motion.t):
-            part = slice(position, min(position + stride + reach - len(tail), len(motion.t)))
-            position = part.stop
-            size = len(tail) + part.stop - part.start
-            buffer = room[:size] if shared else np.empty((size, width, J))
-            buffer[: len(tail)] = tail
-            self._fill(motion, part, remembered, buffer[len(tail) :])
-            at_standstill = np.concatenate([standing, motion.standstill[part]])
-            Z, weight = buffer, at_standstill
-            if filtered:
-                F = decimating_filter(taps, len(buffer), every)
-                Z, weight = (F @ buffer.reshape(len(buffer), -1)).reshape(-1, width, J), abs(F) @ at_standstill
-            if len(Z) == 0:
-                return
-            done = len(Z) * every
-            times = motion.t[position - len(buffer) + reach // 2 :][:done:every]
-            yield Block(times, Z, self.counted(weight), motion.source)
-            tail, standing = buffer[done:], at_standstill[done:]
+        shape = (len(self.columns) + COLUMNS_BESIDE_Y, len(self.robot.joints))
+
+        def fill(part: slice, out: Array) -> None:
+            self._fill(Samples.of(motion).part(part), motion.tau[part], part_of(remembered, part), out)
+
+        for t, Z, standstill in filtered_chunks(motion, lowpass, shape, fill, chunk):
+            yield Block(t, Z, self.counted(standstill), motion.source)
 
     def counted(self, standstill: Array) -> NDArray[np.bool_]:
         """Whether each filtered torque counts, from the share of its weight that comes from standstill, both (N, J)."""
         return np.asarray((standstill < STANDSTILL_WEIGHT) | ~self.drops_standstill)
 
-    def _fill(self, motion: Motion, part: slice, remembered: Mapping[int, list[dict[int, Array]]], out: Array) -> None:
+    def _fill(self, samples: Samples, tau: Array, remembered: Mapping[int, list[dict[int, Array]]], out: Array) -> None:
         """Write the columns of a `Block.Z`, unfiltered."""
-        C, samples = len(self.columns), Samples.of(motion).part(part)
-        here = {n: [{j: x[part] for j, x in row.items()} for row in rows] for n, rows in remembered.items()}
-        self.evaluate(samples, here, out[:, :C])
+        C = len(self.columns)
+        self.evaluate(samples, remembered, out[:, :C])
         q, v, a = samples.q, samples.v, samples.a
         known = self.robot.known_torque(q, v, a)
         out[:, C + 2] = 0.0 if known is None else known
-        out[:, C] = motion.tau[part] - out[:, C + 2]
+        out[:, C] = tau - out[:, C + 2]
         out[:, C + 1] = 1.0
         out[:, C + 3], out[:, C + 4], out[:, C + 5] = q, v, a
 

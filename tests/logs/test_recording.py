@@ -13,7 +13,8 @@ from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import prepare
 from frischid.logs.recording import Motions, Recording
-from frischid.regression.accumulation import MAX_BLOCKS, accumulate, gram_of
+from frischid.regression.accumulation import MAX_BLOCKS, accumulate
+from frischid.regression.joint_rows import JointRows
 from frischid.regression.moments import Blocks, total
 from frischid.regression.regressor import Regressor
 
@@ -90,9 +91,8 @@ def test_blocks_are_their_grams_in_half_the_room(monkeypatch):
     robot, lowpass = fr.Robot.load("ur5"), LowPass(5.0)
     log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=100.0)
     regressor = Regressor(robot, fr.BASELINE)
-    grams = [
-        gram_of(regressor, b, robot.joints) for m in prepare(log, lowpass).motions for b in regressor.blocks(m, lowpass)
-    ]
+    rows = JointRows.of(regressor, robot.joints)
+    grams = [rows.gram([c]) for m in prepare(log, lowpass).motions for c in rows.chunks(m, lowpass, 256)]
     blocks = Blocks(grams)
     assert blocks.nbytes < 0.5 * sum(g.moments.nbytes for g in grams)
     for block, gram in zip(blocks, grams, strict=True):

@@ -9,8 +9,9 @@ from cases import exact_log, random_values, robot, whole_regressor
 from frischid.effects import BASELINE
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion, prepare
-from frischid.regression.accumulation import accumulate, gram_of, streaming_qr
+from frischid.regression.accumulation import accumulate, streaming_qr
 from frischid.regression.block import stack
+from frischid.regression.joint_rows import JointRows
 from frischid.regression.moments import total
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
@@ -80,10 +81,11 @@ def test_stacked_rows_say_whose_they_are():
     still = np.zeros_like(motion.standstill)
     still[100:300, 1] = True
     regressor = Regressor(machine, BASELINE)
-    blocks = list(regressor.blocks(replace(motion, standstill=still), LOWPASS))
+    motion = replace(motion, standstill=still)
     joints = machine.joints[::-1]
-    Y, tau, which = stack(blocks, machine, joints)
-    moments = total(gram_of(regressor, block, joints) for block in blocks)
+    Y, tau, which = stack(list(regressor.blocks(motion, LOWPASS)), machine, joints)
+    rows = JointRows.of(regressor, joints)
+    moments = total(rows.gram([chunk]) for chunk in rows.chunks(motion, LOWPASS, 256))
     for j in range(2):
         Z = np.column_stack([Y, tau])[which == j]
         assert len(Z) == moments.counts[j]
