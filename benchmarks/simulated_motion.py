@@ -101,14 +101,14 @@ def main() -> None:
     if folder is None:
         raise SystemExit("set FRISCHID_DATA to the folder with the measured logs")
     robot = fr.Robot.load(folder / "emps" / "emps.urdf")
-    logs = [
+    train, test = (
         fr.read_log(folder / "emps" / "logs" / f"{name}.parquet", robot.joints) for name in ("train", "test_pulses")
-    ]
+    )
     forces = [
-        f"mean force at {speed} m/s: {train:.1f} N in train, {test:.1f} N in test_pulses"
-        for speed, train, test in zip(SPEEDS, *map(steady_forces, logs), strict=True)
+        f"mean force at {speed} m/s: {before:.1f} N in train, {after:.1f} N in test_pulses"
+        for speed, before, after in zip(SPEEDS, steady_forces(train), steady_forces(test), strict=True)
     ]
-    publish("EMPS: simulated position", list(rows(robot, *logs, given.horizon)), given.json, (*NOTES, *forces))
+    publish("EMPS: simulated position", list(rows(robot, train, test, given.horizon)), given.json, (*NOTES, *forces))
 
 
 if __name__ == "__main__":

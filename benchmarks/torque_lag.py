@@ -16,12 +16,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from common import data_folder, parser, publish
 from scipy.interpolate import make_interp_spline
-from six_robots import ROBOTS
+from six_robots import ROBOTS, Measured
 from trust import Part, read
 
 import frischid as fr
@@ -98,8 +99,7 @@ def simulated(kind: Kind, name: str, seed: int) -> dict[str, Any]:
     robot = fr.Robot.load(name)
     motion = fr.random_fourier(robot, SECONDS, seed=seed)
     effects = parse_effects(kind.arm)
-    names = {parameter for parameter in parameters(robot, motion) if "fh" not in parameter or MEMORY in kind.arm}
-    values = {parameter: x for parameter, x in parameters(robot, motion).items() if parameter in names}
+    values = {name: x for name, x in parameters(robot, motion).items() if "fh" not in name or MEMORY in kind.arm}
     true = fr.simulate(
         robot, motion, rate=kind.rate, effects=effects, parameters=values, noise=fr.Noise(q=ENCODER, tau=NOISE),
         channels=(), seed=seed,
@@ -134,13 +134,10 @@ def row(found: fr.Identification, *, kind: str, robot: str, seed: int | None = N
     }
 
 
-def measured(key: str) -> dict[str, Any]:
+def measured(folder: Path, case: Measured) -> dict[str, Any]:
     """One of the measured robots."""
-    folder = data_folder()
-    assert folder is not None
-    case = next(case for case in ROBOTS if case.key == key)
-    robot = fr.Robot.load(folder / key / case.urdf)
-    logs = [read(folder, robot, key, Part(name)) for name in case.fit]
+    robot = fr.Robot.load(folder / case.key / case.urdf)
+    logs = [read(folder, robot, case.key, Part(name)) for name in case.fit]
     found = fr.identify(robot, logs, torque_joints=case.torque_joints, recursion="none")
     return row(found, kind="measured", robot=case.name)
 
@@ -151,10 +148,11 @@ def main() -> None:
     options.add_argument("--kinds", type=int, default=len(KINDS), help="kinds of simulated logs, from the first")
     chosen = options.parse_args()
     rows = [simulated(kind, arm, seed) for kind in KINDS[: chosen.kinds] for arm in ARMS for seed in SEEDS]
-    if data_folder() is None:
+    folder = data_folder()
+    if folder is None:
         print("FRISCHID_DATA is not set: the measured robots are left out", file=sys.stderr)
     else:
-        rows += [{**measured(case.key), "error over that without the lag": None} for case in ROBOTS]
+        rows += [{**measured(folder, case), "error over that without the lag": None} for case in ROBOTS]
     publish("the lag of the torque", rows, chosen.json, ["one fit per row; lags with one standard error"])
 
 

@@ -104,20 +104,18 @@ class JointRows:
         """Moments of chunks together."""
         result = Gram.zeros(self.columns, self.joints)
         summed = [_summed(places) for places in self.places]
-        products: list[Array | None] = [None] * len(summed)
+        products = [np.zeros((len(places), len(places))) for places in self.places]
         for Z, used in chunks:
             every = np.asarray(used.all(axis=0))
-            for row, (j, places) in enumerate(zip(self.index, summed, strict=True)):
+            for row, (sums, j, places) in enumerate(zip(products, self.index, summed, strict=True)):
                 z = Z[:, j, places]
                 if not every[j]:
                     z = z[used[:, j]]
-                before = products[row]
-                products[row] = z.T @ z if before is None else before + z.T @ z
+                sums += z.T @ z
                 result.counts[row] += len(z)
-        for row, (product, ends) in enumerate(zip(products, self.ends, strict=True)):
-            if product is not None:
-                result.moments[row][ends[:, None], ends] = product[:-1, :-1]
-                result.sums[row, ends] = product[-1, :-1]
+        for row, (sums, ends) in enumerate(zip(products, self.ends, strict=True)):
+            result.moments[row][ends[:, None], ends] = sums[:-1, :-1]
+            result.sums[row, ends] = sums[-1, :-1]
         return result
 
 
