@@ -6,8 +6,8 @@ drive's law with the recorded commands, from the first sample to the last; the e
 
 - *authors*: the URDF's links, damping 0.6, armature 0.01, frictionloss 0.2 (their simulator's values);
 - *commands*: `frischid identify --controller pd --kp 20 --kd 1.5`;
-- *angle*: the same with dry friction of the calves that depends on the knee's angle,
-  `frischid add MODEL 'formula("q*tanh(v/0.05)")@...calves'`. The cross-validated error of the fitted part chose it.
+- *found*: the same with the effect that `frischid diagnose` names first on the fitted part, at the joints it names,
+  as `frischid add` adds it.
 
 Then the values of each drive, with their 95 % ranges.
 """
@@ -61,12 +61,12 @@ def run(path: Path) -> dict[str, Any]:
     fitted, held = fr.stretch(whole, stop=SPLIT), fr.stretch(whole, start=SPLIT)
     controller = fr.PDController(kp=KP, kd=KD)
     plain = fr.identify(robot, [fitted], valid=[held], controller=controller, recursion="none")
-    calves = "+".join(n for n in robot.joints if "calf" in n)
-    step = fr.add(plain.model, fr.parse_effects(f'formula("q*tanh(v/0.05)")@{calves}'), [fitted], valid=[held])
+    first = fr.diagnose(plain.model, [fitted]).findings[0]
+    step = fr.add(plain.model, first.members, [fitted], valid=[held], finding=first)
     models = {
         "authors": (plain.model, authors_parameters(plain.model)),
         "commands": (plain.model, None),
-        "angle": (step.model, None),
+        "found": (step.model, None),
     }
     errors = {
         name: {part: position_error(model, log, theta).tolist() for part, log in (("fitted", fitted), ("held", held))}
@@ -75,7 +75,8 @@ def run(path: Path) -> dict[str, Any]:
     return {
         "joints": list(robot.joints),
         "errors": errors,
-        "cross_validated": {"commands": step.error_before, "angle": step.error_after},
+        "cross_validated": {"commands": step.error_before, "found": step.error_after},
+        "first": {"effect": first.effect, "joints": list(first.joints), "probability": first.probability},
         "drives": [x.to_dict() for x in fr.drive_parameters(step.model)],
     }
 
@@ -99,10 +100,13 @@ def main() -> None:
         rows.append(row)
     first, *others = rows
     ratios = ", ".join(f"{row['model']} {first['held rad'] / row['held rad']:.2f}" for row in others)
-    before, after = figures["cross_validated"]["commands"], figures["cross_validated"]["angle"]
+    before, after = figures["cross_validated"]["commands"], figures["cross_validated"]["found"]
     notes = [
         f"held-out error of the authors' model over that of: {ratios}",
-        f"cross-validated NRMSE of the torque on the fitted part: commands {before:.4f}, angle {after:.4f}",
+        f"cross-validated NRMSE of the torque on the fitted part: commands {before:.4f}, found {after:.4f}",
+        "diagnose names first: {effect} of {joints}, probability {probability:.2f}".format(
+            **figures["first"] | {"joints": ", ".join(figures["first"]["joints"])}
+        ),
     ]
     publish("Closed-loop simulated positions, rms", rows, options.json, notes)
     keys = ("joint", "quantity", "value", "lower", "upper", "known")

@@ -107,6 +107,9 @@ def hidden(kind: str, world: Truth, rng: np.random.Generator) -> Hidden:
         return Hidden((kind,), j, lambda q, v, f: unit * share * size / speed * np.abs(v))
     if kind == "load_friction":
         return Hidden((kind, "load_stribeck"), j, lambda q, v, f: unit * share * np.abs(f) * _sign(v))
+    if kind == "position_friction":  # twice the mean at one end of the range, and next to nothing at the other
+        middle = np.mean(world.motions[0][:, j])
+        return Hidden((kind,), j, lambda q, v, f: unit * share * size * (1 + np.tanh((q - middle) / span)) * _sign(v))
     if kind == "cogging":
         return Hidden((kind,), j, lambda q, v, f: unit * share * size * np.sin(order * q + phase))
     if kind == "gravity_tilt":
@@ -135,7 +138,7 @@ def hidden(kind: str, world: Truth, rng: np.random.Generator) -> Hidden:
 
 KINDS = (
     "joint_spring", "stribeck", "quadratic_viscous", "asymmetric_viscous", "load_friction", "cogging", "gravity_tilt",
-    "position_gain", "command_delay", "joint_coupling", "elasticity", "backlash",
+    "position_gain", "command_delay", "joint_coupling", "elasticity", "backlash", "position_friction",
 )  # fmt: skip
 
 

@@ -156,7 +156,7 @@ def trust_in_words() -> str:
 GO2_MODELS = {
     "authors": "the authors' simulator model: damping 0.6, armature 0.01, frictionloss 0.2",
     "commands": "`identify --controller pd`",
-    "angle": "the same, and dry friction of the calves that depends on the knee's angle",
+    "found": "the same, and the first finding of `diagnose`: friction that depends on the position",
 }
 
 

@@ -1,11 +1,14 @@
-"""Shapes for effects that a user names without a shape: the shape that a diagnosis would find."""
+"""Shapes for effects that a user names without a shape: the shape that a diagnosis would find.
+
+Dry friction gets the friction smoothing of the model's own dry friction, as in a diagnosis.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
-from frischid.diagnosis.scored_candidate import scored
+from frischid.diagnosis.scored_candidate import scored, with_model_width
 from frischid.diagnosis.shape_refinement import refined
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
 from frischid.effects import Effect
@@ -42,14 +45,18 @@ def searched(
     """
     chosen: list[Effect] = []
     for effect in effects:
-        if not effect.shapes or "(" in text:
+        if "(" in text:
             chosen.append(effect)
+            continue
+        if not effect.shapes:
+            chosen.append(with_model_width(effect, model.effects))
             continue
         taken: Situation = "changed" if situation == "changed" else "always"
         validator, _ = cross_validator(model, logs, taken, criteria=criteria)
         places = [(n,) for n in effect.joints or model.joints] if effect.candidate == "joint" else [effect.joints]
         for place in places:
-            candidates = [c for c in validator.candidates(effect.variants(place)) if c.columns]
+            variants = [with_model_width(x, model.effects) for x in effect.variants(place)]
+            candidates = [c for c in validator.candidates(variants) if c.columns]
             found = scored(validator, candidates) if candidates else None
             if found is not None:
                 chosen.append(refined(validator, found).effect)

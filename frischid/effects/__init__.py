@@ -28,7 +28,7 @@ from frischid.effects.friction_curves import (
     QuadraticViscous,
     Stribeck,
 )
-from frischid.effects.friction_conditions import LoadFriction, LoadStribeck
+from frischid.effects.friction_conditions import LoadFriction, LoadStribeck, PositionFriction
 from frischid.effects.warming import ThermalDrift, TorqueDrift
 from frischid.effects.self_heating import SelfHeating
 from frischid.effects.friction_memory import CableHose, Hysteresis
@@ -71,6 +71,7 @@ __all__ = [
     "LoadStribeck",
     "Offset",
     "Payload",
+    "PositionFriction",
     "QuadraticViscous",
     "RotorInertia",
     "SelfHeating",

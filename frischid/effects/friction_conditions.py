@@ -1,9 +1,14 @@
-"""Friction that depends on more than the speed: on the load of the gear.
+"""Friction that depends on more than the speed: on the load of the gear, or on the position of the joint.
 
-    τ_f,j = |τ_rigid,j| tanh(q̇_j/w) (fl_j + fsl_j exp(−|q̇_j|/v_s))
+    τ_f,j = |τ_rigid,j| tanh(q̇_j/w) (fl_j + fsl_j exp(−|q̇_j|/v_s)) + fp_j q_j tanh(q̇_j/w)
 
-Source: Bittencourt, Wernholt, Sander-Tavallaey and Brogårdh 2010, "An extended friction model to capture load and
-temperature effects in robot joints", IEEE/RSJ IROS.
+A linkage between motor and joint has a ratio r(q) = dq_motor/dq. By the principle of virtual work, the motor's dry
+friction F acts on the joint as F |r(q)|. Near a position q0 this is F |r(q0)| + F |r|'(q0) (q − q0): a constant, which
+is Coulomb friction, and a slope fp over the position.
+
+Sources: Bittencourt, Wernholt, Sander-Tavallaey and Brogårdh 2010, "An extended friction model to capture load and
+temperature effects in robot joints", IEEE/RSJ IROS; Armstrong 1988, "Friction: experimental determination, modeling and
+compensation", IEEE ICRA, which measured friction of a PUMA 560 over the position.
 """
 
 from __future__ import annotations
@@ -37,7 +42,7 @@ class LoadFriction(Effect):
     looks_like: ClassVar[str] = (
         "the residual drawn against speed has a step at zero, and the step is larger where the load is high"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "drive_gain", "hysteresis")
+    confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "position_friction", "drive_gain", "hysteresis")
     confirmed_by: ClassVar[str] = (
         "record the same slow reversals with the arm stretched out and folded, or with a payload"
     )
@@ -121,3 +126,48 @@ class LoadStribeck(Effect):
             return np.asarray(np.abs(state.load[:, i]) * np.tanh(v / self.width) * fading)
 
         return self.per_joint(state, "fsl", "torque", column, sign=1)
+
+
+@dataclass(frozen=True)
+class PositionFriction(Effect):
+    """Dry friction that grows or falls with the position, ``fp q tanh(q̇/width)``.
+
+    Attributes
+    ----------
+    width : float
+        Speed over which the sign is smoothed, rad/s (m/s).
+    """
+
+    id: ClassVar[str] = "position_friction"
+    title: ClassVar[str] = "friction that depends on the position"
+    equation: ClassVar[str] = "fp·q·tanh(v/width)"
+    sentence: ClassVar[str] = (
+        "the dry friction of {joint} changes along the range of the joint: a linkage with a changing ratio, a gear "
+        "that is not centred, or a guide that is tighter at one end"
+    )
+    looks_like: ClassVar[str] = (
+        "the residual drawn against speed has a step at zero, and the step grows towards one end of the range"
+    )
+    confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "load_friction", "hysteresis", "joint_coupling")
+    confirmed_by: ClassVar[str] = (
+        "record slow movements to and fro over a few degrees, near both ends of the range: the torque jumps by "
+        "different amounts at the reversals"
+    )
+    reference: ClassVar[str] = "Armstrong 1988, IEEE ICRA"
+
+    friction: ClassVar[bool] = True
+    code: ClassVar[Mapping[str, str]] = {"fp": "{q} * tanh({v} / {width})"}
+
+    dry: ClassVar[bool] = True
+    smooths_sign: ClassVar[bool] = True
+
+    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS}
+
+    width: float = SIGN_WIDTH
+
+    def __post_init__(self) -> None:
+        self.require_positive(width="speed in rad/s (m/s)")
+
+    def terms(self, state: State) -> list[Term]:
+        """One column per joint: its position times the smoothed sign of its speed."""
+        return self.per_joint(state, "fp", "position", lambda i: state.q[:, i] * np.tanh(state.v[:, i] / self.width))

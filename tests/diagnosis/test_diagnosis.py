@@ -17,6 +17,7 @@ from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.improvement import add, improve, undo
+from frischid.diagnosis.shape_choice import searched
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
@@ -58,6 +59,7 @@ HIDDEN = [
     ("stribeck(speed=0.1, exponent=2)@elbow_joint", {"fs3": 3.0}, "stribeck"),
     ("asymmetric_viscous@wrist_1_joint", {"fva4": 1.0}, "asymmetric_viscous"),
     ("load_friction@shoulder_lift_joint", {"fl2": 0.1}, "load_friction"),
+    ("position_friction@elbow_joint", {"fp3": 1.0}, "position_friction"),
     ("self_heating(constant=12, exponent=1.5)@wrist_1_joint", {"fvh4": -0.8, "fch4": -0.6}, "self_heating"),
     ("joint_spring@wrist_2_joint", {"ks5": 1.0}, "joint_spring"),
     ("cogging(order=12)@elbow_joint", {"A3": 2.0}, "cogging"),
@@ -80,6 +82,17 @@ def test_a_hidden_effect_is_named_and_removed(effect, values, name):
     step = add(model, best.members, logs, valid=held_out, finding=best)
     assert step.test_after < 0.7 * step.test_before
     assert step.test_after < 1.5 * compare(step.model, held_out).noise_floor
+
+
+def test_an_effect_named_without_a_shape_gets_the_friction_smoothing_of_the_model():
+    """As in a diagnosis: `frischid add model.json load_friction log.csv` is the effect that `diagnose` tried."""
+    logs, wide = [log_of(1)], parse_effects("viscous, coulomb(width=0.05), offset, rotor_inertia")
+    model = identify(UR5, logs, effects=wide, recursion="none").model
+    for text in ("position_friction@elbow_joint", "stribeck@elbow_joint"):
+        (found,) = searched(model, parse_effects(text), text, logs, "always")
+        assert found.width == 0.05
+    stated = "position_friction(width=0.01)@elbow_joint"
+    assert searched(model, parse_effects(stated), stated, logs, "always") == parse_effects(stated)
 
 
 def test_a_healthy_robot_raises_no_alarm():

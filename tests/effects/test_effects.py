@@ -27,6 +27,7 @@ from frischid.effects import (
     LoadFriction,
     LoadStribeck,
     Payload,
+    PositionFriction,
     SelfHeating,
     State,
     Stribeck,
@@ -468,6 +469,34 @@ def test_stribeck_friction_under_load_is_load_friction_that_fades_with_the_speed
     np.testing.assert_allclose(column(LoadStribeck(speed=1e12), state, 1)[:, 1], constant, rtol=1e-9)
     faded = column(LoadStribeck(speed=0.1), state, 1)[:, 1]
     np.testing.assert_allclose(faded, constant * np.exp(-np.abs(state.v[:, 1]) / 0.1), rtol=1e-9, atol=1e-15)
+
+
+def test_dry_friction_of_a_motor_behind_a_linkage_is_a_constant_and_a_slope_over_the_position():
+    """Energy: to and fro, a motor of friction F loses 2 F times its own travel, whatever the linkage."""
+    machine, crank, rod, middle, dry = robot("planar2"), 0.03, 0.05, 2.0, 40.0
+
+    def travel(q):  # m. Length of a ball screw between a crank and a fixed point
+        return np.sqrt(crank**2 + rod**2 - 2 * crank * rod * np.cos(q))
+
+    h = 1e-4
+    ratio = (travel(middle + h) - travel(middle - h)) / (2 * h)
+    slope = dry * (travel(middle + h) - 2 * travel(middle) + travel(middle - h)) / h**2
+    errors = []
+    for reach in (0.2, 0.1, 0.05):  # from the middle to one end and back
+        t = np.linspace(0.0, 2 * np.pi, 20_001)
+        q, v = np.tile((middle + reach * (1 - np.cos(t)) / 2)[:, None], (1, 2)), np.tile(np.sin(t)[:, None], (1, 2))
+        v = reach / 2 * v
+        state = State(machine, t, q, v, 0 * q, 0 * q, 0 * q)
+        sign = column(Coulomb(width=1e-5), state, 0)[:, 0]
+        grows = slope * column(PositionFriction(width=1e-5), state, 0)[:, 0]
+        truth = 2 * dry * (travel(middle + reach) - travel(middle))
+        lost = [
+            np.trapezoid(x * v[:, 0], t) for x in (dry * ratio * sign, (dry * ratio - slope * middle) * sign + grows)
+        ]
+        errors.append(np.abs(np.array(lost) / truth - 1))
+    constant, sloped = np.array(errors).T
+    np.testing.assert_allclose(constant[:-1] / constant[1:], 2.0, rtol=0.1)  # an error of first order in the reach
+    np.testing.assert_allclose(sloped[:-1] / sloped[1:], 4.0, rtol=0.2)  # of second order
 
 
 def test_a_tilted_base_is_the_robot_on_a_tilted_base():

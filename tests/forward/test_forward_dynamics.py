@@ -17,8 +17,8 @@ from frischid.motions.simulation import parameters_of
 SIMULATED = (
     "viscous", "coulomb", "offset", "rotor_inertia", "cogging(order=3)", "joint_coupling", "stribeck",
     "quadratic_viscous", "cubic_viscous", "asymmetric_viscous", "asymmetric_coulomb(width=0.005)", "load_friction",
-    "load_stribeck", "thermal_drift", "joint_spring", "counterbalance", "gear_play", "payload", "gravity_tilt",
-    "drive_gain", "encoder_zero", "formula",
+    "load_stribeck", "position_friction", "thermal_drift", "joint_spring", "counterbalance", "gear_play", "payload",
+    "gravity_tilt", "drive_gain", "encoder_zero", "formula",
 )  # fmt: skip
 
 
