@@ -175,6 +175,21 @@ def commanded_mujoco() -> str:
     return each(head, rows_of("commanded_mujoco"), line)
 
 
+def commanded_free() -> str:
+    """Values moved to the ends of their ranges, and how far the simulated motion moves."""
+    head = ("robot", "called", "moves", "by, median", "motion, others fitted again", "the same on another motion",
+            "motion, others kept", "encoder noise", "moves below it")  # fmt: skip
+
+    def line(row: Row) -> tuple[str, ...]:
+        again, kept = row["most moved mrad"], row["most alone mrad"]
+        sizes = (f"{x:.2g}" for x in (again, row["most moved elsewhere mrad"], kept, row["noise mrad"]))
+        below = f"{round(row['below noise'] * row['moves'])} of {row['moves']}"
+        robot = DRIVES[row["robot"]].partition(",")[0]
+        return robot, row["known"], str(row["moves"]), percent(row["by"]), *sizes, below
+
+    return each(head, rows_of("commanded_free"), line)
+
+
 def commanded_peers() -> str:
     """Drives from commands by frischid and by other tools."""
     head = ("robot", "program", "processor time, s", "over frischid", "median error", "largest error",
