@@ -17,7 +17,8 @@ from frischid.core.types import Array
 from frischid.effects import columns_of
 from frischid.effects.commands import PositionGain
 from frischid.forward.torque_sources import PositionController, RecordedTorque, TorqueSource
-from frischid.logs.controller import PDController, check_commands, check_delay
+from frischid.logs.command_checks import check_commands, check_delay
+from frischid.logs.controller import PDController
 from frischid.logs.delayed_commands import delayed
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion

@@ -26,9 +26,10 @@ from frischid.core.files import read_toml
 from frischid.core.text import shortened
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
+from frischid.logs.command_checks import check_commands, check_delay
 from frischid.logs.controller_values import check_limits, check_value, opened, shown_value
 from frischid.logs.delayed_commands import delayed, velocity_of
-from frischid.logs.log import STANDSTILL_SPAN, Log
+from frischid.logs.log import Log
 
 PUSH_RATE = "controller_push_rate_"
 """Channel of a joint in a driven log: rate of the torque that follows from commands alone, N·m/s (N/s)."""
@@ -38,8 +39,6 @@ VELOCITY_COMMAND = "controller_velocity_command_"
 """Channel of a joint whose kd is open, in a driven log: commanded velocity as it acts, rad/s (m/s); 0 without one."""
 Gains = float | Mapping[str, float]
 """One value for all joints, or a value for each joint named."""
-MOST_DELAY_STEPS = 50
-"""Steps of a log. A command that is older than this says nothing about the joint's motion now."""
 _ROUNDED_STEP = 1e-3  # of a step
 SPLINE_SAMPLES = 20
 """Samples beyond which a cubic spline's slope no longer depends on a sample: its influence falls by 0.27 a sample."""
@@ -297,38 +296,6 @@ class PDController:
             The file cannot be read, or is not such a file.
         """
         return cls.from_dict(read_toml(path, "controller")[0], str(path))
-
-
-def check_commands(log: Log) -> None:
-    """Refuse a log whose commands never move.
-
-    Raises
-    ------
-    InputError
-    """
-    if log.qcmd is None:
-        return
-    span = np.ptp(log.qcmd[:, log.has("qcmd")], axis=0).max()
-    if span < STANDSTILL_SPAN:
-        raise InputError(
-            f"{log.source}: the commanded positions (qcmd_<joint>) never move (largest range {span:.3g} rad): were the "
-            "commands recorded, or a constant? check the columns, or record a motion"
-        )
-
-
-def check_delay(delay: Array, joints: Sequence[str], log: Log) -> None:
-    """Refuse a delay longer than `MOST_DELAY_STEPS` steps of a log.
-
-    Raises
-    ------
-    InputError
-    """
-    longest, step = int(np.argmax(delay)), 1.0 / log.rate
-    if delay[longest] > MOST_DELAY_STEPS * step:
-        raise InputError(
-            f"{log.source}: a delay of {delay[longest]:.4g} s of {joints[longest]} is {delay[longest] / step:.0f} "
-            f"steps of {1e3 * step:.3g} ms, and at most {MOST_DELAY_STEPS} are possible; is the delay in seconds?"
-        )
 
 
 def _numbers() -> list[Field[Any]]:

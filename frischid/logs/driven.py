@@ -12,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from frischid.logs.controller import MOST_DELAY_STEPS, SPLINE_SAMPLES, PDController
+from frischid.logs.command_checks import MOST_DELAY_STEPS
+from frischid.logs.controller import SPLINE_SAMPLES, PDController
 from frischid.logs.current_gains import CurrentGains
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording, joined

@@ -36,7 +36,8 @@ from frischid.effects.commands import PositionGain, VelocityGain
 from frischid.errors import InputError
 from frischid.estimators.torque_scale import TorqueScales, torque_scales
 from frischid.estimators.urdf_prior import urdf_prior
-from frischid.logs.controller import MOST_DELAY_STEPS, REST, Gains, PDController
+from frischid.logs.command_checks import MOST_DELAY_STEPS
+from frischid.logs.controller import REST, Gains, PDController
 from frischid.logs.driven import driven
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log

@@ -8,6 +8,7 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
+from frischid.logs.command_checks import check_commands
 from frischid.logs.delayed_commands import delayed
 from frischid.logs.driven import driven
 
@@ -164,6 +165,31 @@ def test_a_controller_that_does_not_fit_the_robot_or_the_log(robot, measured):
         run(kp=20.0, delay=2.0)
     with pytest.raises(fr.InputError, match=r"commanded positions .* never move"):
         run(replace(servo, qcmd=np.ones_like(servo.q)), kp=20.0)
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (-1.0, "opposite sign of the positions"),
+        (180 / np.pi, "in degrees beside positions in rad"),
+        (-180 / np.pi, "in degrees, with the opposite sign"),
+        (np.pi / 180, "in rad beside positions in degrees"),
+    ],
+)
+def test_commands_of_another_unit_or_sign_are_said(robot, measured, factor, words):
+    servo = measured[1]
+    wrong = servo.qcmd.copy()
+    wrong[:, 1] = 0.3 + factor * wrong[:, 1]
+    with pytest.raises(fr.InputError, match=rf"the commanded positions of joint2 .*{words}"):
+        fr.identify(robot, [replace(servo, qcmd=wrong)], controller=fr.PDController(kp=400.0, kd=4.0))
+
+
+def test_a_servo_that_hardly_follows_has_no_wrong_unit():
+    """Far beyond its bandwidth a servo moves a tenth of the command, late by half a period."""
+    t = np.arange(0.0, 10.0, 0.005)
+    for share, phase in ((0.1, np.pi), (0.4, 0.9 * np.pi), (0.05, 0.5 * np.pi), (1.3, 0.6 * np.pi)):
+        log = fr.Log(t, ("joint",), q=share * np.sin(20 * t - phase)[:, None], qcmd=np.sin(20 * t)[:, None])
+        check_commands(log)
 
 
 def test_the_command_line(tmp_path, measured, robot, monkeypatch):
