@@ -15,6 +15,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,7 @@ def main() -> None:
                     seconds, output = timed([w.replace("MODEL", f"{release}.json") for w in command], source, work)
                     times.setdefault((name, release), []).append(seconds)
                     told[name, release] = result(name, output)
+                    print(f"{name}, {release}: {seconds:.1f} s, {told[name, release]}", file=sys.stderr, flush=True)
     rows = []
     for name in commands:
         before, now = (statistics.median(times[name, release]) for release in ("before", "now"))
@@ -69,6 +71,8 @@ def prepared(data: Path, work: Path) -> dict[str, list[str]]:
     return {
         "identify": ["identify", str(urdf), *logs, "--valid", test, "-o", "MODEL", "--json"],
         "check": ["check", str(urdf), *logs, "--json"],
+        "diagnose": ["diagnose", "MODEL", *logs, "--json"],
+        "improve": ["improve", "MODEL", *logs, "--valid", test, "--json"],
         "report": ["report", "MODEL", test, "-o", "page.html", "--json"],
         "excite": ["excite", str(urdf), "--budget", BUDGET, "-o", "motion.csv", "--json"],
     }
@@ -92,9 +96,17 @@ def result(name: str, output: str) -> str:
         found: Any = json.loads(output)
     except json.JSONDecodeError:
         return ""
-    if name == "excite":
-        return f"{found['cost']:.4g}"
-    return "" if name != "identify" else f"rank {found['rank']}, cut-off {found['cutoff_hz']:.3g} Hz"
+    return {
+        "identify": lambda: f"rank {found['rank']}, cut-off {found['cutoff_hz']:.3g} Hz",
+        "diagnose": lambda: f"{found['verdict']}, {len(found['findings'])} findings",
+        "improve": lambda: f"{len(found['steps'])} steps, NRMSE {last_error(found['steps'])}",
+        "excite": lambda: f"cost {found['cost']:.4g}",
+    }.get(name, str)()
+
+
+def last_error(steps: Sequence[Mapping[str, Any]]) -> str:
+    """Error on the test log after the last step."""
+    return f"{steps[-1]['test_after']:.4f}" if steps else "as before"
 
 
 if __name__ == "__main__":

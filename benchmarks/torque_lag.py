@@ -3,8 +3,9 @@
 Two simulated arms record three motions each: without a lag, with a torque half a sample late at 200 Hz, with a torque
 that is held for one sample at 500 Hz, with friction that has memory, and with a model whose friction is smoothed 50
 times too sharply. A table of the site shows the least and the greatest lag of each kind, and how often a lag is said.
-The error of a fit with a late torque is also compared with the error of the same fit without the lag. With
-FRISCHID_DATA, the measured robots follow: the model is fitted to the logs of `six_robots.py`.
+Every log is fitted twice: with the torque as recorded, and as `identify` does by default, which takes a lag of about a
+sample back. Both cross-validated errors are compared with that of the same log without a lag. With FRISCHID_DATA, the
+pairs of measured logs of `trust.py` follow: both errors on the log that was not fitted.
 """
 
 from __future__ import annotations
@@ -17,13 +18,12 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from common import data_folder, parser, publish
 from scipy.interpolate import make_interp_spline
-from six_robots import ROBOTS, Measured
-from trust import Part, read
+from trust import Pair, loaded, pairs
 
 import frischid as fr
 from frischid.core.types import Array
@@ -37,6 +37,7 @@ SECONDS, NOISE, ENCODER = 20.0, 0.01, 1e-5
 VISCOUS, DRY, ARMATURE = 0.05, 0.06, 0.05  # shares of the torque's range a joint, over its speed and acceleration
 MEMORY = "hysteresis(distance=0.01)"
 WIDTH, SHARP = 0.05, 0.001
+AS_RECORDED_OR_BACK: tuple[float | Literal["auto"], ...] = (0.0, "auto")
 
 
 @dataclass(frozen=True)
@@ -89,9 +90,9 @@ def parameters(robot: fr.Robot, motion: Trajectory) -> dict[str, float]:
     return {f"{kind}{k + 1}": float(x[k]) for kind, x in sizes.items() for k in range(len(robot.joints))}
 
 
-def fitted(kind: Kind, log: fr.Log, robot: fr.Robot) -> fr.Identification:
+def fitted(kind: Kind, log: fr.Log, robot: fr.Robot, lag: float | Literal["auto"]) -> fr.Identification:
     """The model of a log."""
-    return fr.identify(robot, [log], effects=parse_effects(kind.model), recursion="none")
+    return fr.identify(robot, [log], effects=parse_effects(kind.model), recursion="none", torque_lag=lag)
 
 
 def simulated(kind: Kind, name: str, seed: int) -> dict[str, Any]:
@@ -106,9 +107,19 @@ def simulated(kind: Kind, name: str, seed: int) -> dict[str, Any]:
     )  # fmt: skip
     assert true.tau is not None
     log = true if kind.late is None else replace(true, tau=kind.late(true.t, true.tau))
-    found = fitted(kind, log, robot)
-    ratio = None if kind.late is None else error(found) / error(fitted(kind, true, robot))
-    return row(found, kind=kind.name, robot=name, seed=seed) | {"error over that without the lag": ratio}
+    left, found = (fitted(kind, log, robot, lag) for lag in AS_RECORDED_OR_BACK)
+    clean = None if kind.late is None else error(fitted(kind, true, robot, 0.0))
+    return row(found, kind=kind.name, robot=name, seed=seed) | errors(error(left), error(found), clean)
+
+
+def errors(left: float, taken: float, clean: float | None) -> dict[str, Any]:
+    """Errors with the torque as recorded and with the lag taken back, and over the error without a lag."""
+    return {
+        "error, torque as recorded": left,
+        "error, lag taken back": taken,
+        "error over that without the lag": None if clean is None else left / clean,
+        "taken back, over that without the lag": None if clean is None else taken / clean,
+    }
 
 
 def error(found: fr.Identification) -> float:
@@ -116,8 +127,8 @@ def error(found: fr.Identification) -> float:
     return fr.headline(found.model).nrmse
 
 
-def row(found: fr.Identification, *, kind: str, robot: str, seed: int | None = None) -> dict[str, Any]:
-    """The lag of a fit; `said` is the warning, or else the note."""
+def row(found: fr.Identification, *, kind: str, robot: str, seed: int | None = None, logs: str = "") -> dict[str, Any]:
+    """The lag of a fit; `said` is the sentence, or else the note."""
     lag = found.torque_lag
     said = "nothing"
     if lag is not None and lag.significant:
@@ -128,18 +139,23 @@ def row(found: fr.Identification, *, kind: str, robot: str, seed: int | None = N
         "kind": kind,
         "robot": robot,
         "seed": seed,
+        "logs": logs,
         "lag, ms": None if lag is None else 1e3 * lag.lag,
         "standard error, ms": None if lag is None else 1e3 * lag.error,
+        "taken back, ms": None if lag is None else 1e3 * lag.taken,
         "said": said,
     }
 
 
-def measured(folder: Path, case: Measured) -> dict[str, Any]:
-    """One of the measured robots."""
-    robot = fr.Robot.load(folder / case.key / case.urdf)
-    logs = [read(folder, robot, case.key, Part(name)) for name in case.fit]
-    found = fr.identify(robot, logs, torque_joints=case.torque_joints, recursion="none")
-    return row(found, kind="measured", robot=case.name)
+def measured(folder: Path, pair: Pair) -> dict[str, Any]:
+    """One pair of measured logs, with the errors on the log that was not fitted."""
+    robot, fit, valid, options = loaded(pair, folder)
+    left, found = (fr.identify(robot, fit, torque_lag=lag, **options) for lag in AS_RECORDED_OR_BACK)
+    there = [fr.compare(x.model, [valid]).nrmse for x in (left, found)]
+    named = f"{pair.fitted} → {pair.valid}"
+    if pair.cutoff or pair.effects:
+        named += f" ({pair.effects or f'{pair.cutoff:g} Hz'})"
+    return row(found, kind="measured", robot=pair.robot, logs=named) | errors(*there, None)
 
 
 def main() -> None:
@@ -152,7 +168,7 @@ def main() -> None:
     if folder is None:
         print("FRISCHID_DATA is not set: the measured robots are left out", file=sys.stderr)
     else:
-        rows += [{**measured(folder, case), "error over that without the lag": None} for case in ROBOTS]
+        rows += [measured(folder, pair) for pair in pairs()]
     publish("the lag of the torque", rows, chosen.json, ["one fit per row; lags with one standard error"])
 
 

@@ -49,6 +49,11 @@ class Pair:
     cutoff: float | None = None
     effects: str = ""
 
+    @property
+    def fitted(self) -> str:
+        """The fitted logs in words."""
+        return " + ".join(map(str, self.fit)) if len(self.fit) < 3 else f"{len(self.fit)} logs"
+
 
 def pairs() -> list[Pair]:
     """Every pair, in the order of the table."""
@@ -123,8 +128,8 @@ def read(folder: Path, robot: fr.Robot, name: str, part: Part) -> fr.Log:
     return replace(log, **channels, extra={key: value[inside] for key, value in log.extra.items()})
 
 
-def held_against(pair: Pair, folder: Path) -> dict[str, Any]:
-    """One row of the table."""
+def loaded(pair: Pair, folder: Path) -> tuple[fr.Robot, list[fr.Log], fr.Log, dict[str, Any]]:
+    """The robot, the logs to fit, the other log, and options of `identify`."""
     urdf = next(p for p in sorted(folder.joinpath(pair.robot).glob("*.urdf")) if "with_hand" not in p.name)
     robot = fr.Robot.load(urdf)
     fit, valid = (
@@ -134,21 +139,26 @@ def held_against(pair: Pair, folder: Path) -> dict[str, Any]:
     options: dict[str, Any] = {"recursion": "none", "cutoff": pair.cutoff or "auto", "force": True}
     if pair.robot == "tiago":
         options["torque_joints"] = TIAGO_ROWS
-    effects = None
     if pair.effects:
         baseline = fr.identify(robot, fit, **options).model.effects
-        effects = (*baseline, *fr.parse_effects(pair.effects))
+        options["effects"] = (*baseline, *fr.parse_effects(pair.effects))
+    return robot, fit, valid, options
+
+
+def held_against(pair: Pair, folder: Path) -> dict[str, Any]:
+    """One row of the table."""
+    robot, fit, valid, options = loaded(pair, folder)
     try:
-        alone = fr.identify(robot, fit, valid=[valid], effects=effects, prior="none", **options).comparison.nrmse
+        alone = fr.identify(robot, fit, valid=[valid], prior="none", **options).comparison.nrmse
     except IdentifiabilityError:
         alone = float("inf")
-    before = fr.identify(robot, fit, effects=effects, **options)
+    before = fr.identify(robot, fit, **options)
     found = fr.compare(before.model, [valid])
     inside, width = coverage(before.model, valid)
     best = min(alone, found.nominal)
     return {
         "robot": pair.robot,
-        "fitted": " + ".join(map(str, pair.fit)) if len(pair.fit) < 3 else f"{len(pair.fit)} logs",
+        "fitted": pair.fitted,
         "held against": str(pair.valid),
         "cut-off Hz": before.model.lowpass.cutoff,
         "least squares": alone,

@@ -59,6 +59,7 @@ TABLES = dict(
         table_of(robots.go2, "commanded_positions"),
         table_of(robots.go2_drives, "commanded_positions_drives", "commanded_positions"),
         table_of(logs.torque_lag),
+        table_of(logs.torque_lag_taken, "torque_lag"),
         table_of(logs.gains_from_masses),
         table_of(accuracy.coverage),
         table_of(accuracy.estimators),

@@ -11,16 +11,44 @@ SAID = {"behind": "the torque is behind the motion", "ahead": "the torque is ahe
 
 
 def torque_lag() -> str:
-    """Lag of the torque by kind of simulated log, then of each measured robot."""
+    """Lag of the torque by kind of simulated log, then of each measured log that is long enough."""
     rows = rows_of("torque_lag")
     kinds = dict.fromkeys(row["kind"] for row in rows if row["kind"] != "measured")
     lines = [_kind(name, [row for row in rows if row["kind"] == name]) for name in kinds]
+    measured = {(row["robot"], row[LAG]): row for row in rows if row["kind"] == "measured" and row[LAG] is not None}
     lines += [
-        (f"{row['robot']}, measured", "1", _lag(row), SAID.get(row["said"], row["said"]))
-        for row in rows
-        if row["kind"] == "measured"
+        (f"{row['robot']}, measured: {_fitted(row)}", "1", _lag(row), SAID.get(row["said"], row["said"]))
+        for row in measured.values()
     ]
     return table(("logs", "fits", "lag of the torque, ms", "message"), lines)
+
+
+def _fitted(row: Row) -> str:
+    """The fitted logs of a pair, and the cut-off or the effect of the fit if it is a special one."""
+    logs, _, there = row["logs"].partition(" → ")
+    return logs + (f" ({there.partition(' (')[2]}" if "(" in there else "")
+
+
+def torque_lag_taken() -> str:
+    """Errors of fits whose lag of the torque is taken back, with the torque as recorded and with the lag taken back."""
+    rows = [row for row in rows_of("torque_lag") if row["taken back, ms"]]
+    head = (
+        "logs",
+        "taken back, ms",
+        "NRMSE, torque as recorded",
+        "NRMSE, lag taken back",
+        "over the error without a lag",
+    )
+    return table(head, [_taken(row) for row in rows])
+
+
+def _taken(row: Row) -> tuple[str, ...]:
+    named = f"{row['robot']}, measured: {row['logs']}"
+    if row["kind"] != "measured":
+        named = f"{row['robot']}, simulated: {row['kind']}, motion {row['seed']}"
+    errors = (f"{row[f'error, {how}']:.4f}" for how in ("torque as recorded", "lag taken back"))
+    over = row["taken back, over that without the lag"]
+    return named, f"{row['taken back, ms']:.2f}".replace("-", "−"), *errors, "–" if over is None else f"{over:.2f}"
 
 
 def _kind(name: str, rows: Sequence[Row]) -> tuple[str, ...]:

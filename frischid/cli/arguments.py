@@ -154,6 +154,11 @@ def cutoff_of(text: str) -> Any:
     return {"auto": "auto", "none": None}.get(text) if text in {"auto", "none"} else number("--cutoff", text)
 
 
+def torque_lag_of(text: str) -> Any:
+    """Lag of the torque in s, ``auto``, or zero for none."""
+    return {"auto": "auto", "none": 0.0}.get(text) if text in {"auto", "none"} else number("--torque-lag", text)
+
+
 def channels_of(text: str) -> list[str]:
     """Names of derivative channels."""
     channels = [] if text == "none" else [c.strip() for c in text.split(",")]

@@ -17,6 +17,7 @@ from frischid.cli.arguments import (
     matching,
     robot_options,
     torque_joints_option,
+    torque_lag_of,
     valid_option,
 )
 from frischid.cli.controllers import ControllerArguments, controller_options
@@ -65,6 +66,11 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 @click.option("--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default.")
 @click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
 @click.option(
+    "--torque-lag",
+    default="auto",
+    help="Time by which the recorded torque is late: s, none, or auto, which takes a lag of at most 1.5 samples back.",
+)
+@click.option(
     "--velocity",
     type=click.Choice(["auto", "measured", "derived"]),
     default="auto",
@@ -104,6 +110,7 @@ def identify(
     mapping: MapFiles,
     torque_joints: str | None,
     cutoff: str,
+    torque_lag: str,
     velocity: str,
     estimator: str,
     horizon: float | None,
@@ -150,6 +157,7 @@ def identify(
             effects=None if effects is None else effects_of(effects),
             torque_joints=matching(torque_joints, machine.joints),
             cutoff=cutoff_of(cutoff),
+            torque_lag=torque_lag_of(torque_lag),
             velocity=velocity,
             estimator="wls" if simulated else estimator,
             prior=prior,

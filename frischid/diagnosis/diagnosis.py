@@ -266,8 +266,14 @@ def diagnose(
     found = _diagnosis(results, verdict, headline(model, [as_recording(log) for log in valid or moving]))
     judged = set(validator.joints) & found.headline.joints.keys()
     still = standstill_note([name for name in model.joints if name not in judged])
-    said = (still, *said_of(model, logs), *(part.said for part in parts))
+    said = (still, *said_of(model, logs), *(part.said for part in parts), delay_in(model))
     return replace(found, notes=(*found.notes, *filter(None, said)))
+
+
+def delay_in(model: Model) -> str:
+    """A note on the delay of the torque that the model has from its identification; empty where it has none."""
+    late = model.lowpass.lag_in_words
+    return late and f"a delay between torque and position is in the model already: {late}, as its own logs show"
 
 
 def _at_standstill(

@@ -172,7 +172,7 @@ class MotionCache:
         return known_columns(fingerprint(self._columns_depend_on()), self.store)
 
     def _columns_depend_on(self) -> Iterator[Hashable | Array | State]:
-        yield from (robot_text(self.model.robot), self.model.lowpass.cutoff, *self.position.items())
+        yield from (robot_text(self.model.robot), self.model.lowpass, *self.position.items())
         for motion in self.motions:
             yield from (motion.step, motion.raw, self.state(motion), *(picked.read() for picked in motion.picked))
 

@@ -113,6 +113,7 @@ def _options(model: Model, criteria: DiagnosisCriteria) -> IdentifyOptions:
     return IdentifyOptions(
         torque_joints=model.joints,
         cutoff=model.lowpass.cutoff,
+        torque_lag=model.lowpass.torque_lag,
         velocity=model.velocity,
         estimator="wls",
         prior="none" if model.prior is None else "urdf",

@@ -43,11 +43,13 @@ class LowPass:
         Frequency of half amplitude, Hz; None: nothing is filtered.
     reason : str
         Reason for this cut-off.
+    torque_lag : float
+        Time by which the recorded torque is late, s: the torque of the motion at t was recorded at t + `torque_lag`.
 
     Raises
     ------
     InputError
-        The cut-off is not a positive frequency.
+        The cut-off is not a positive frequency, or the lag is no time.
 
     Examples
     --------
@@ -60,10 +62,21 @@ class LowPass:
 
     cutoff: float | None
     reason: str = "given by the user"
+    torque_lag: float = 0.0
 
     def __post_init__(self) -> None:
+        if not np.isfinite(self.torque_lag):
+            raise InputError(f"the torque's lag must be a time in s, got {self.torque_lag}")
         if self.cutoff is not None and not (np.isfinite(self.cutoff) and self.cutoff > 0):
             raise InputError(f"the cut-off must be a positive frequency in Hz, got {self.cutoff}")
+
+    @property
+    def lag_in_words(self) -> str:
+        """What becomes of a torque that was recorded late or early; empty where it is taken as recorded."""
+        if not self.torque_lag:
+            return ""
+        way = "late" if self.torque_lag > 0 else "early"
+        return f"the recorded torque counts as {1e3 * abs(self.torque_lag):.3g} ms {way}"
 
     def taps(self, step: float) -> Array:
         """Symmetric impulse response for samples `step` seconds apart, of odd length and sum 1."""

@@ -8,6 +8,8 @@ Three linear steps, each symmetric in time so that nothing is delayed:
 3. the parallel filter F is applied to τ and to every regressor column, ``F τ = (F Y) θ + F e``
    (`frischid.logs.filters`, applied by `frischid.regression.regressor`).
 
+A torque that was recorded d seconds late is read from its spline at t + d (`LowPass.torque_lag`).
+
 No end is padded: samples at the ends, where a filter lacks samples on one side, are dropped, and a note counts them.
 
 A log at standstill (`frischid.logs.poses`) has nothing to derive: each of its poses is one sample at rest.
@@ -31,7 +33,7 @@ from frischid.logs.filters import LowPass, derivative_taps
 from frischid.logs.log import Log
 from frischid.logs.poses import is_static, poses_of
 from frischid.logs.standstill import PAUSE, find_standstill
-from frischid.logs.time_grid import breaks_of, largest_gap, retimed, uniform
+from frischid.logs.time_grid import at_times, breaks_of, largest_gap, retimed, uniform
 from frischid.logs.wraps import unwrapped, wrap_notes
 
 VELOCITIES = ("auto", "measured", "derived")
@@ -214,6 +216,8 @@ def _at_rest(log: Log, notes: list[str]) -> Prepared:
 def _motion(log: Log, lowpass: LowPass, velocity: str, begin: float) -> tuple[Motion, list[str]]:
     nothing = np.full_like(log.q, np.nan)
     t, q, v, a, tau = uniform(log.t, *(nothing if x is None else x for x in (log.q, log.v, log.a, log.tau)))
+    if lowpass.torque_lag and log.tau is not None:
+        tau = at_times(log.t, log.tau, t + lowpass.torque_lag)
     step = (t[-1] - t[0]) / (len(t) - 1)
     source = Derivatives(q, v, step, lowpass)
     use_v, notes = source.choice(log, velocity)

@@ -120,7 +120,7 @@ def preview_of(log: Log | Recording) -> Log:
 
 
 _PREPARED = Remembered[Prepared]()
-"""Motions of logs in memory, by joints, cut-off and choice of the velocity."""
+"""Motions of logs in memory, by joints, cut-off, lag of the torque and choice of the velocity."""
 
 
 class Motions:
@@ -169,7 +169,7 @@ class Motions:
 
     def _of(self, log: Log | Recording, notes: list[str]) -> Iterator[Motion]:
         if isinstance(log, Log):
-            key = (self.joints, self.lowpass.cutoff, self.velocity)
+            key = (self.joints, self.lowpass.cutoff, self.lowpass.torque_lag, self.velocity)
             prepared = _PREPARED.of(log, key, lambda: self._whole(log))
             notes += [*log.notes, *prepared.notes]
             yield from prepared.motions

@@ -103,11 +103,16 @@ def uniform(t: Array, *channels: Array) -> tuple[Array, ...]:
     grid = t[0] + step * np.arange(count)
     if count == len(t) and np.abs(grid - t).max() < 1e-6 * step:
         return (t, *channels)
-    out = []
-    for x in channels:
-        y = np.full((count, x.shape[1]), np.nan)
-        present = ~np.isnan(x).any(axis=0)
-        if present.any():
-            y[:, present] = make_interp_spline(t, x[:, present], k=3)(np.minimum(grid, t[-1]))
-        out.append(y)
-    return (grid, *out)
+    return (grid, *(at_times(t, x, grid) for x in channels))
+
+
+def at_times(t: Array, x: Array, times: Array) -> Array:
+    """A channel (N, J) at other times (M,), by cubic splines; (M, J), all-NaN columns stay NaN.
+
+    Before the first and after the last sample, the channel keeps its value.
+    """
+    found = np.full((len(times), x.shape[1]), np.nan)
+    present = ~np.isnan(x).any(axis=0)
+    if present.any():
+        found[:, present] = make_interp_spline(t, x[:, present], k=3)(np.clip(times, t[0], t[-1]))
+    return found

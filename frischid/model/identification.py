@@ -4,7 +4,8 @@
 
 One cut-off filters torque and regressor, τ = Y θ becomes moments of [Y τ] over the base parameters, least squares gives
 values and standard errors, the Frisch scheme gives bounds, and the last stage measures the model's error: by
-cross-validation on the logs that were fitted, and on the logs held out.
+cross-validation on the logs that were fitted, and on the logs held out. Where the residuals show that the torque is
+late by less than sampling explains, all stages run again with the torque in time (`frischid.model.torque_lag`).
 """
 
 from __future__ import annotations
@@ -22,20 +23,16 @@ from frischid.errors import InputError
 from frischid.estimators.bbrf import Recursion
 from frischid.estimators.box_qp import Selection
 from frischid.estimators.frisch import Box, Simplex
-from frischid.estimators.held_out import held_out_variance
-from frischid.estimators.least_squares import least_squares_folds
-from frischid.estimators.map_estimate import map_folds
-from frischid.estimators.urdf_prior import UrdfPrior
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.mapping import MappingLike
 from frischid.logs.summary import Data
 from frischid.model.alarms import Alarm
 from frischid.model.amperes import JointCurrents, in_amperes
-from frischid.model.comparison import Comparison, ModelErrors, compare
-from frischid.model.fit_record import FitRecord
+from frischid.model.comparison import Comparison, compare
 from frischid.model.headline import Headline, from_fit
-from frischid.model.identification_alarms import fit_alarms, fit_record, held_at_poses, model_share, unexplained
-from frischid.model.identification_bounds import Bounds, bound_parameters, recursion_record
+from frischid.model.identification_alarms import fit_alarms, held_at_poses, unexplained
+from frischid.model.identification_bounds import Bounds, bound_parameters
+from frischid.model.identification_pass import Measured, measured
 from frischid.model.identification_stages import (
     fit_parameters,
     form_moments,
@@ -43,13 +40,11 @@ from frischid.model.identification_stages import (
     set_prior,
 )
 from frischid.model.identify_options import IdentifyChoices, IdentifyOptions
-from frischid.model.lag_sums import LagSums
 from frischid.model.log_data import Journal, LogData
 from frischid.model.log_examination import check_robot
 from frischid.model.model import Model
 from frischid.model.own_logs import log_entry
-from frischid.model.residual_scores import ResidualScores
-from frischid.model.torque_lag import TorqueLag, described, torque_lag
+from frischid.model.torque_lag import TorqueLag, described
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Gram
 from frischid.robot.robot import Robot
@@ -167,9 +162,9 @@ def identify(
     mapping : LogMap, mapping or path of a TOML file, optional
         Names and units of the columns of data frames.
     **choices
-        Single fields of `IdentifyOptions`, which override `options`: ``torque_joints``, ``cutoff``, ``velocity``,
-        ``estimator``, ``prior``, ``recursion``, ``window``, ``reference``, ``force``, ``controller``, ``currents``,
-        ``criteria``, ``prior_criteria``.
+        Single fields of `IdentifyOptions`, which override `options`: ``torque_joints``, ``cutoff``, ``torque_lag``,
+        ``velocity``, ``estimator``, ``prior``, ``recursion``, ``window``, ``reference``, ``force``, ``controller``,
+        ``currents``, ``criteria``, ``prior_criteria``.
 
     Returns
     -------
@@ -197,12 +192,19 @@ def identify(
     check_robot(robot)
     logs, valid = as_logs(logs, robot.joints, mapping), as_logs(valid, robot.joints, mapping, "valid")
     settings = replace(options or IdentifyOptions(), **choices)
-    return assess(_bounded(robot, logs, valid, effects, settings, Journal(progress)))
+    found = measured(_bounded(robot, logs, valid, effects, settings, Journal(progress)))
+    lag = found.lag
+    if settings.torque_lag == "auto" and lag is not None and lag.below_grain:
+        progress(f"again, with a torque that is {1e3 * lag.lag:.3g} ms late")
+        settings = replace(settings, torque_lag=lag.lag)
+        found = measured(_bounded(robot, logs, valid, effects, settings, Journal(progress)))
+    return assess(found)
 
 
 def identify_again(robot: Robot, logs: Sequence[Data], effects: Sequence[Effect], options: IdentifyOptions) -> Model:
     """The model of `identify` for logs that were identified from before: the lag of their torque is known already."""
-    return assess(_bounded(robot, logs, (), effects, options, Journal(lambda _: None)), with_lag=False).model
+    bounds = _bounded(robot, logs, (), effects, options, Journal(lambda _: None))
+    return assess(measured(bounds, with_lag=False)).model
 
 
 def _bounded(
@@ -218,29 +220,13 @@ def _bounded(
     return bound_parameters(fit_parameters(set_prior(problem)))
 
 
-def assess(bounds: Bounds, *, with_lag: bool = True) -> Identification:
-    """Stage 6: the model, its error on stretches and logs that were left out, and its history.
-
-    Parameters
-    ----------
-    bounds : Bounds
-    with_lag : bool
-        Whether the lag of the torque is estimated; the model does not depend on it.
-    """
+def assess(found: Measured) -> Identification:
+    """Stage 6: the model, its error on stretches and logs that were left out, and its history."""
+    bounds, model, there, lag = found.bounds, found.model, found.there, found.lag
     fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
-    journal, whole = data.journal, problem.whole
-    journal.stage("cross-validation")
-    if fit.posterior is None:
-        folds = least_squares_folds(problem.blocks, bounds.estimate.weights)
-    else:
-        folds = map_folds(problem.blocks, problem.reduction.mapping, fit.posterior)
-    variance = held_out_variance(folds)
+    journal, whole, variance = data.journal, problem.whole, found.variance
     cross_validation = dict(zip(data.joints, _nrmse(whole, variance), strict=True))
-    journal.stage("comparison")
     before = fit_alarms(fit)
-    lags = LagSums(problem, bounds.estimate, wanted=with_lag)
-    model, there = _measured(bounds, ResidualScores(problem, folds, bounds.estimate), lags)
-    lag = torque_lag(problem, bounds.estimate, lags)
     own = None if there is None else from_fit(there, dict(zip(data.joints, np.sqrt(variance), strict=True)), before)
     event = _event(data, problem.effects, cross_validation, own)
     comparison = compare(replace(model, history=(event,)), data.valid) if data.valid else None
@@ -250,7 +236,7 @@ def assess(bounds: Bounds, *, with_lag: bool = True) -> Identification:
     journal.notes += [held_at_poses(there)] if there is not None and at_rest else []
     doubts = [] if at_rest else unexplained(cross_validation, limit)
     journal.notes += described(lag)
-    late = [] if lag is None or not lag.significant else [lag.warning]
+    late = [] if lag is None or not lag.warning else [lag.warning]
     warnings = tuple(dict.fromkeys([*doubts, *late, *journal.warnings]))
     notes = tuple(dict.fromkeys(journal.notes))
     if comparison is not None and headline is not None:
@@ -277,47 +263,6 @@ def assess(bounds: Bounds, *, with_lag: bool = True) -> Identification:
         amperes=in_amperes(model, data.motions),
         torque_lag=lag,
     )
-
-
-def _model(bounds: Bounds, record: FitRecord) -> Model:
-    """The model, as yet without a history."""
-    fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
-    return Model(
-        robot=data.robot,
-        effects=problem.effects,
-        lowpass=data.lowpass,
-        velocity=data.options.velocity,
-        base=problem.reduction.base,
-        expressions=tuple(problem.reduction.expressions()),
-        estimate=bounds.estimate,
-        mean_torque=problem.whole.sums[:, -1] / np.maximum(problem.whole.counts, 1.0),
-        bounds=bounds.boxes,
-        reference=data.options.reference,
-        recursion=recursion_record(bounds, data.options.criteria),
-        prior=None if fit.posterior is None else UrdfPrior.of(fit.posterior),
-        fitted=record,
-        controller=data.options.controller,
-        currents=data.options.currents,
-    )
-
-
-def _measured(bounds: Bounds, scores: ResidualScores, lags: LagSums) -> tuple[Model, Comparison | None]:
-    """The model with its record, and its comparison with its own logs; None where no torque changes."""
-    fit, data, record = bounds.fit, bounds.fit.problem.data, fit_record(bounds.fit)
-    model = _model(bounds, record)
-    errors = ModelErrors(model, residuals_kept=1)
-    for block, fitted in model.evaluate(lags.watch(errors.noise.watch(data.motions))):
-        errors.add(block, fitted)
-        scores.add(block)
-        lags.add(block)
-    record = replace(record, scores=scores.quantiles())
-    try:
-        there = errors.comparison(tuple(log.source for log in data.logs))
-    except InputError:
-        return replace(model, fitted=record), None
-    if fit.posterior is not None:
-        record = replace(record, model_share=model_share(fit.problem, there, fit.posterior.rows))
-    return replace(model, fitted=record), there
 
 
 def _event(

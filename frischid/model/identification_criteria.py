@@ -48,8 +48,8 @@ class IdentificationCriteria:
     lag_least_steps : float
         Smallest lag that counts, in sample steps: time stamps are rounded.
     lag_sampling_steps : float
-        Longest lag, in sample steps, that sampling and held commands explain: a held command acts half a step late on
-        average, and its record may be a step late.
+        Longest lag, in sample steps, that sampling and held commands explain, and that a model takes back: a held
+        command acts half a step late on average, and its record may be a step late.
     lag_stretches : int
         Stretches of time, at least, that give the lag's standard error.
     """

@@ -132,6 +132,7 @@ def read_logs(
     try:
         check_cutoff(options.cutoff, [*logs, *valid])
         seen = summarise(robot, logs, joints, options.cutoff)
+        seen = replace(seen, lowpass=replace(seen.lowpass, torque_lag=options.known_torque_lag))
         streamed = any(isinstance(log, Recording) for log in logs)
         told = partial(journal.passed, of=sum(seen.samples)) if streamed else _nothing
         preparation = Motions(logs, robot.joints, seen.lowpass, options.velocity, told)
@@ -162,9 +163,10 @@ def _check_issues(data: LogData) -> None:
 
 
 def _filtering(lowpass: LowPass) -> str:
+    late = f"; {lowpass.lag_in_words}" if lowpass.torque_lag else ""
     if lowpass.cutoff is None:
-        return f"nothing is low-passed ({lowpass.reason})"
-    return f"torque and every regressor column low-passed at {lowpass.cutoff:g} Hz ({lowpass.reason})"
+        return f"nothing is low-passed ({lowpass.reason}){late}"
+    return f"torque and every regressor column low-passed at {lowpass.cutoff:g} Hz ({lowpass.reason}){late}"
 
 
 def form_moments(data: LogData, effects: Sequence[Effect] | None) -> Problem:

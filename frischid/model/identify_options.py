@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypedDict
 
+from frischid.effects.units import is_number
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.urdf_prior import PriorCriteria
 from frischid.logs.controller import PDController
@@ -18,6 +19,8 @@ ESTIMATORS = ("wls", "ols", "frisch", "frisch_squared", "sensorwise", "eiv", "iv
 PRIORS = ("urdf", "none")
 RECURSIONS = ("strict", "undo", "calibrated", "none")
 Cutoff = float | Literal["auto"] | None
+LONGEST_TORQUE_LAG = 1.0
+"""s; a channel that is later than this belongs to another log."""
 
 
 class IdentifyChoices(TypedDict, total=False):
@@ -25,6 +28,7 @@ class IdentifyChoices(TypedDict, total=False):
 
     torque_joints: Sequence[str] | None
     cutoff: Cutoff
+    torque_lag: float | Literal["auto"]
     velocity: str
     estimator: str
     prior: str | None
@@ -49,6 +53,9 @@ class IdentifyOptions:
         Joints whose torque is fitted; all with a torque channel by default.
     cutoff : float, "auto" or None
         Cut-off of the parallel filter, Hz; None filters nothing.
+    torque_lag : float or "auto"
+        Time by which the recorded torque is late, s; 0 takes the torque as recorded. ``"auto"``: the lag that the logs
+        show is taken back, where all joints agree on a lag that sampling explains (`frischid.model.torque_lag`).
     velocity : {"auto", "measured", "derived"}
         Where velocities come from: the log's own channel, the derivative of the positions, or whichever is less noisy.
     estimator : {"wls", "ols", "frisch", "frisch_squared", "sensorwise", "eiv", "iv"}
@@ -85,6 +92,7 @@ class IdentifyOptions:
 
     torque_joints: Sequence[str] | None = None
     cutoff: Cutoff = "auto"
+    torque_lag: float | Literal["auto"] = "auto"
     velocity: str = "auto"
     estimator: str = "wls"
     prior: str | None = None
@@ -109,8 +117,16 @@ class IdentifyOptions:
                 raise UnknownNameError(kind, name, known)
         if isinstance(self.cutoff, bool) or not (self.cutoff in (None, "auto") or isinstance(self.cutoff, int | float)):
             raise InputError(f"cutoff must be a frequency in Hz, 'auto' or None, got {self.cutoff!r}")
+        lag = self.torque_lag
+        if lag != "auto" and not (is_number(lag) and abs(lag) <= LONGEST_TORQUE_LAG):
+            raise InputError(f"torque_lag must be a time in s between -1 and 1, or 'auto', got {lag!r}")
         if self.prior == "urdf" and self.estimator != "wls":
             raise InputError(f"a prior needs the estimator wls, not {self.estimator}; leave one of the two out")
+
+    @property
+    def known_torque_lag(self) -> float:
+        """The given lag of the torque, s; 0 where the logs are to show one."""
+        return 0.0 if self.torque_lag == "auto" else float(self.torque_lag)
 
     @property
     def with_prior(self) -> bool:

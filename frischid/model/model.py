@@ -36,7 +36,15 @@ from frischid.model.fit_record import FitRecord, normal_reach
 from frischid.model.log_requirements import check_logs_fit, motion_of
 from frischid.model.model_digest import check_digest, check_stored, text_of, without_hash
 from frischid.model.model_file import SCHEMA, read_json, read_records, robot_of
-from frischid.model.model_parts import parts_of, plain_estimate, plain_numbers, plain_part, robot_dict, without_robot
+from frischid.model.model_parts import (
+    filter_dict,
+    parts_of,
+    plain_estimate,
+    plain_numbers,
+    plain_part,
+    robot_dict,
+    without_robot,
+)
 from frischid.model.parameters import Parameter, parameters_by_name
 from frischid.model.stored_paths import located
 from frischid.regression.block import Block
@@ -304,7 +312,7 @@ class Model(Shown):
             "frischid": metadata.version("frischid"),
             "robot": robot_dict(self.robot),
             "effects": [effect.to_dict() for effect in self.effects],
-            "filter": {"cutoff_hz": self.lowpass.cutoff, "reason": self.lowpass.reason, "velocity": self.velocity},
+            "filter": filter_dict(self.lowpass, self.velocity),
             **plain_estimate(self.estimate, self.base, self.expressions, self.bounds, self.mean_torque),
             "reference": plain_numbers(self.reference),
             "standard": plain_numbers(self.standard),

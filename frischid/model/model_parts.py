@@ -104,6 +104,16 @@ def parameter_dict(estimate: Estimate, i: int, bounds: Mapping[str, Box]) -> dic
     }
 
 
+def filter_dict(lowpass: LowPass, velocity: str) -> dict[str, Any]:
+    """How logs are prepared, as a `FilterRecord` has it."""
+    return {
+        "cutoff_hz": lowpass.cutoff,
+        "reason": lowpass.reason,
+        "velocity": velocity,
+        "torque_lag": float(lowpass.torque_lag),
+    }
+
+
 def robot_dict(robot: Robot) -> dict[str, Any]:
     """The robot, its numbers as Python's own."""
     data = robot.to_dict()
@@ -143,7 +153,7 @@ def parts_of(record: ModelRecord, robot: Robot, source: str) -> dict[str, Any]:
     check_columns(record, columns, robot.joints, source)
     return {
         "effects": effects,
-        "lowpass": LowPass(record.filter.cutoff_hz, record.filter.reason),
+        "lowpass": LowPass(record.filter.cutoff_hz, record.filter.reason, record.filter.torque_lag),
         "velocity": record.filter.velocity,
         "base": tuple(x.column for x in record.parameters),
         "expressions": tuple(x.expression for x in record.parameters),

@@ -28,11 +28,12 @@ class RobotRecord(Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class FilterRecord(Struct, forbid_unknown_fields=True, frozen=True):
-    """How logs are filtered."""
+    """How logs are filtered; time by which their torque is late, s."""
 
     cutoff_hz: CutoffHz | None
     reason: str
     velocity: Literal["auto", "measured", "derived"]
+    torque_lag: Annotated[float, Meta(ge=-1, le=1)] = 0.0
 
 
 class ParameterRecord(Struct, forbid_unknown_fields=True, frozen=True):

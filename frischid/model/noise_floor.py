@@ -91,7 +91,7 @@ class NoiseFloor:
         effects = json.dumps([effect.to_dict() for effect in model.effects])
         reference = json.dumps(plain_numbers(model.reference), sort_keys=True)
         theta = model.full_theta.tobytes()
-        return robot_text(model.robot), effects, model.joints, model.lowpass.cutoff, theta, reference
+        return robot_text(model.robot), effects, model.joints, model.lowpass, theta, reference
 
     @property
     def held(self) -> Array:

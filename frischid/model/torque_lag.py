@@ -10,6 +10,10 @@ is taken from s alone: friction with memory, elastic gears and a wrong smoothing
 only where dry friction changes its sign, and each joint has its own d_j there. The derivative is antisymmetric in time.
 So a smoothed torque, which is symmetric, is no lag.
 
+A lag of about a sample step is usual: a held command acts half a step late on average, and a stamp may be a step late.
+`identify` takes such a lag back: the model is fitted again to the torque that was recorded d later, and stores d
+(`LowPass.torque_lag`). A longer lag is said, and is left for the user to explain.
+
 Standard errors are those of an infinitesimal jackknife over stretches of a second or more. A lag of the recording is
 the same on all joints; a model's error is not.
 """
@@ -18,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -60,6 +64,8 @@ class TorqueLag:
         Whether all joints agree on a lag that is neither chance nor the rounding of a time stamp.
     sampling_steps : float
         Longest lag that sampling and held commands explain, in sample steps.
+    taken : float
+        Lag that the model takes back, s; it is a part of `lag`.
     """
 
     lag: float
@@ -70,34 +76,54 @@ class TorqueLag:
     differing: tuple[str, ...]
     significant: bool
     sampling_steps: float
+    taken: float = 0.0
 
     @property
     def sampling(self) -> bool:
         """Whether sampling and holding explain the lag: it is positive and not too long."""
-        return self.significant and 0 < self.lag <= self.sampling_steps * self.step
+        return self.below_grain and self.lag > 0
 
     @property
-    def warning(self) -> str:
-        """One sentence with the remedy; empty where no lag is significant."""
-        if not self.significant:
+    def below_grain(self) -> bool:
+        """Whether the lag, of either sign, is significant and not longer than sampling and holding make one."""
+        return self.significant and abs(self.lag) <= self.sampling_steps * self.step
+
+    @property
+    def said(self) -> str:
+        """One sentence on the lag and on what becomes of it; empty where no lag is significant and none is taken."""
+        if not (self.significant or self.taken):
             return ""
         alike = ", the same on all joints" if len(self.joints) > 1 else ""
         way = "behind" if self.lag > 0 else "ahead of"
         cause = (
             "as sampling and held commands make it"
             if self.sampling
-            else "which is no effect of sampling: compare the clocks and filters of both channels"
+            else "which held commands do not explain: compare the clocks and filters of both channels"
         )
         return (
             f"the torque is {1e3 * abs(self.lag):.3g} ± {1e3 * self.error:.2g} ms {way} the motion "
-            f"({abs(self.lag) / self.step:.2g} sample steps){alike}, {cause}. Parameters are biased "
-            "by this lag: add time_delay (frischid add MODEL time_delay LOGS -o NEW)"
+            f"({abs(self.lag) / self.step:.2g} sample steps){alike}, {cause}. {self._remedy}"
         )
+
+    @property
+    def _remedy(self) -> str:
+        if self.taken:
+            return (
+                f"The model counts the torque as {1e3 * abs(self.taken):.3g} ms {'late' if self.taken > 0 else 'early'}"
+            )
+        if self.below_grain:
+            return "Parameters are biased by this lag: identify with --torque-lag auto"
+        return "Parameters are biased by this lag: add time_delay (frischid add MODEL time_delay LOGS -o NEW)"
+
+    @property
+    def warning(self) -> str:
+        """The sentence on a lag that biases the parameters; empty where there is none, or the model takes it back."""
+        return "" if self.taken else self.said
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
         kept = {**asdict(self), "joints": [asdict(joint) for joint in self.joints], "differing": list(self.differing)}
-        return {**kept, "sampling": self.sampling, "warning": self.warning}
+        return {**kept, "sampling": self.sampling, "said": self.said, "warning": self.warning}
 
 
 def torque_lag(problem: Problem, estimate: Estimate, sums: LagSums) -> TorqueLag | None:
@@ -120,19 +146,23 @@ def torque_lag(problem: Problem, estimate: Estimate, sums: LagSums) -> TorqueLag
         None where the logs are too short, or where the model has a delay of its own.
     """
     data, criteria = problem.data, problem.data.options.criteria
-    found = _lag(sums, data.joints, criteria)
-    if found is None or found[0].p_value > criteria.lag_likely_p_value:
+    taken = data.lowpass.torque_lag
+    found = _lag(sums, data.joints, criteria, taken)
+    if found is None or not found[1].likely:
         return None if found is None else found[0]
-    again = LagSums(problem, estimate, found[1])
+    again = LagSums(problem, estimate, found[1].theta)
     for motion in again.watch(data.motions):
         for block in problem.regressor.blocks(motion, data.lowpass):
             again.add(block)
-    better = _lag(again, data.joints, criteria)
+    better = _lag(again, data.joints, criteria, taken)
     return (better or found)[0]
 
 
 def described(lag: TorqueLag | None) -> Iterator[str]:
-    """A note where joints disagree about a lag that is significant on some of them."""
+    """A note on a lag that the model takes back, or where joints disagree about one that is significant on some."""
+    if lag is not None and lag.taken:
+        yield lag.said
+        return
     own = [] if lag is None else [j for j in lag.joints if j.significant and j.name in lag.differing]
     if lag is None or not own:
         return
@@ -143,30 +173,40 @@ def described(lag: TorqueLag | None) -> Iterator[str]:
     )
 
 
-def _lag(sums: LagSums, names: Sequence[str], criteria: IdentificationCriteria) -> tuple[TorqueLag, Array] | None:
-    """The lag with the corrected parameters (p,); None where too little was recorded."""
+class _Again(NamedTuple):
+    """Corrected parameters (p,), and whether the lag that is left makes them necessary."""
+
+    theta: Array
+    likely: bool
+
+
+def _lag(
+    sums: LagSums, names: Sequence[str], criteria: IdentificationCriteria, taken: float
+) -> tuple[TorqueLag, _Again] | None:
+    """The lag of the logs, a part of which the model takes back; None where too little was recorded."""
     sums.finish()
     J, freedom = len(names), sums.stretches - 1
     if not sums.wanted or sums.stretches < criteria.lag_stretches or not sums.step:
         return None
     one = sums.solved(np.zeros(J, int), np.arange(1, J + 1))
     each = sums.solved(np.arange(J), np.arange(J, 2 * J))
-    lag, error = float(one.value[0]), float(one.error[0])
+    lag, error = float(one.value[0]) + taken, float(one.error[0])
     if not error > 0:
         return None
     p_value = float(2 * stats.t.sf(abs(lag) / error, freedom))
+    likely = 2 * stats.t.sf(abs(lag - taken) / error, freedom) <= criteria.lag_likely_p_value
     # the doubt about the difference itself, because a joint's lag and that of all joints share their errors
     doubt = np.sqrt(np.square(each.influence[:, :J] - one.influence[:, :1]).sum(axis=0))
     bar = stats.t.isf(criteria.lag_differs_p_value / (2 * J), freedom) * doubt
     bar = np.maximum(bar, criteria.lag_differs_share * abs(lag))
-    own = 2 * stats.t.sf(np.abs(each.value[:J]) / np.maximum(each.error[:J], 1e-300), freedom)
+    value = each.value[:J] + taken
+    own = 2 * stats.t.sf(np.abs(value) / np.maximum(each.error[:J], 1e-300), freedom)
     joints = tuple(
         JointLag(n, float(x), float(s), bool(p < criteria.lag_p_value / J))
-        for n, x, s, p in zip(names, each.value, each.error, own, strict=False)
+        for n, x, s, p in zip(names, value, each.error, own, strict=False)
     )
     differing = tuple(j.name for j, most in zip(joints, bar, strict=True) if abs(j.lag - lag) > most)
     known = abs(lag) > criteria.lag_least_steps * sums.step and p_value < criteria.lag_p_value
     limit = criteria.lag_sampling_steps
-    return TorqueLag(lag, error, sums.step, p_value, joints, differing, known and not differing, limit), (
-        sums.theta + one.change
-    )
+    found = TorqueLag(lag, error, sums.step, p_value, joints, differing, known and not differing, limit, taken)
+    return found, _Again(sums.theta + one.change, bool(likely))

@@ -22,7 +22,7 @@ from frischid.errors import InputError
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.regression.joint_rows import JointRows
-from frischid.regression.moments import Blocks, Gram
+from frischid.regression.moments import Blocks, PackedGram
 from frischid.regression.regressor import CHUNK_SAMPLES, Regressor
 from frischid.regression.streaming_qr import StreamingQR
 from frischid.robot.robot import Robot
@@ -114,7 +114,7 @@ def _threads() -> ThreadpoolController:
 
 def _sums(
     regressor: Regressor, motions: Iterable[Motion], lowpass: LowPass, rows: JointRows, whole: float
-) -> Iterator[Gram]:
+) -> Iterator[PackedGram]:
     seconds = max(min(1.0, whole / BLOCKS_OF_A_SHORT_LOG), whole / MAX_BLOCKS)
     for motion in motions:
         _check_torque_present(motion, regressor.robot, rows.joints)

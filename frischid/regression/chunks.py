@@ -18,7 +18,7 @@ from frischid.logs.preprocessing import Motion
 def filtered_chunks(
     motion: Motion,
     lowpass: LowPass,
-    shape: tuple[int, int],
+    shape: tuple[int, ...],
     fill: Callable[[slice, Array], None],
     chunk: int,
     shared: bool = False,
@@ -31,9 +31,9 @@ def filtered_chunks(
     lowpass : LowPass
         Filters the channels, and keeps every D-th sample.
     shape : tuple of int
-        Shape (A, B) of the channels at one sample.
+        Shape (A, ...) of the channels at one sample.
     fill : callable
-        ``fill(part, out)`` writes the unfiltered channels of a slice of n samples into ``out`` (n, A, B). ``out`` holds
+        ``fill(part, out)`` writes the unfiltered channels of n samples into ``out`` (n, A, ...). ``out`` holds
         old numbers, or zeros at first if it is shared.
     chunk : int
         Samples that are evaluated at once.
@@ -44,7 +44,7 @@ def filtered_chunks(
     Yields
     ------
     t : ndarray, shape (M,)
-    Z : ndarray, shape (M, A, B)
+    Z : ndarray, shape (M, A, ...)
     standstill : ndarray, shape (M, J)
         Share of each filtered sample's weight that comes from standstill.
     """

@@ -2,15 +2,16 @@
 
     z_jk = [y_jk ; τ_jk ; 1],   G_j = Σ_k z_jk z_jkᵀ
 
-A link's parameters act on the joints that move the link, and an effect's column acts on one or two joints. So a chunk
-is an array (samples, joints, places): the columns of the links, the effects that act on this joint, the torque, a one.
-The columns of a serial arm that act on a joint are neighbours, so a matrix product takes them without a copy.
+A link's parameters act on the joints that move the link, and an effect's column acts on one or two joints. So a sample
+is one row of numbers, joint after joint: the kept columns that act on the joint, its torque, a one. Pinocchio writes
+all columns of some samples into a small array that stays in the processor's cache, and one gather takes the rows out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +21,16 @@ from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.regression.block import Samples
 from frischid.regression.chunks import filtered_chunks, part_of
-from frischid.regression.moments import Gram
-from frischid.regression.regressor import Regressor
+from frischid.regression.moments import PackedGram
+from frischid.regression.regressor import EFFECT_SAMPLES, Regressor
+
+CACHE_BYTES = 2**19
+"""Bytes of the array that holds all columns of some samples: half a megabyte stays in the cache of a core."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointRows:
-    """Where each joint's columns stand in an array (samples, joints, places), and what becomes of them.
+    """Where each joint's numbers come from, and where they stand in the row of a sample.
 
     Attributes
     ----------
@@ -38,88 +42,107 @@ class JointRows:
     index : tuple of int
         Place of each of them in the robot.
     effects : dict
-        Place of an effect's column in a joint's row, for each (column, joint of the robot).
-    torque : ndarray of int, shape (all joints,)
-        Place of the torque in each joint's row; a one follows.
-    places : tuple of ndarray of int
-        For each joint, the places that are summed: active kept columns, torque, one.
+        Place of an effect's column among the K kept ones, for each (column, joint of the robot).
+    taken : ndarray of int, shape (W,)
+        For each number of a row, its place in [links' columns (J × R), effects (K), torques (J), 1].
+    parts : tuple of slice
+        For each joint, its numbers in a row.
     ends : tuple of ndarray of int
-        For each joint, where these places, without the last, go among the p columns and the torque.
+        For each joint, where these numbers, without the one, go among the p columns and the torque.
     """
 
     regressor: Regressor
     columns: tuple[Column, ...]
     joints: tuple[str, ...]
     index: tuple[int, ...]
-    effects: dict[tuple[int, int], int]
-    torque: NDArray[np.intp]
-    places: tuple[NDArray[np.intp], ...]
+    effects: Mapping[tuple[int, int], int]
+    taken: NDArray[np.intp]
+    parts: tuple[slice, ...]
     ends: tuple[NDArray[np.intp], ...]
 
     @classmethod
     def of(cls, regressor: Regressor, joints: Sequence[str], base: Sequence[int] | None = None) -> JointRows:
         """For the columns `base`, all by default."""
-        rigid = len(regressor.robot.columns)
+        robot, active = regressor.robot, regressor.active
+        J, rigid = len(robot.joints), len(robot.columns)
         kept = np.arange(len(regressor.columns)) if base is None else np.asarray(base, dtype=np.intp)
-        effects: dict[tuple[int, int], int] = {}
-        torque = np.full(len(regressor.robot.joints), rigid)
-        for j, active in enumerate(regressor.active):
-            for c in np.intersect1d(kept[kept >= rigid], active):
-                effects[int(c), j] = int(torque[j])
-                torque[j] += 1
-        index = tuple(regressor.robot.joints.index(name) for name in joints)
-        own = [np.flatnonzero(np.isin(kept, regressor.active[j])) for j in index]
-        places = tuple(
-            np.array([*(int(c) if c < rigid else effects[int(c), j] for c in kept[o]), torque[j], torque[j] + 1])
-            for j, o in zip(index, own, strict=True)
+        index = tuple(robot.joints.index(name) for name in joints)
+        own = [np.flatnonzero(np.isin(kept, active[j])) for j in index]
+        pairs = [(int(c), j) for j, o in zip(index, own, strict=True) for c in kept[o] if c >= rigid]
+        effects = {pair: place for place, pair in enumerate(pairs)}
+        torque, taken, ends = J * rigid + len(pairs), list[int](), [0]
+        for j, o in zip(index, own, strict=True):
+            taken += [j * rigid + int(c) if c < rigid else J * rigid + effects[int(c), j] for c in kept[o]]
+            taken += [torque + j, torque + J]
+            ends.append(len(taken))
+        return cls(
+            regressor,
+            tuple(regressor.columns[i] for i in kept),
+            tuple(joints),
+            index,
+            effects,
+            np.array(taken, dtype=np.intp),
+            tuple(slice(a, b) for a, b in pairwise(ends)),
+            tuple(np.append(o, len(kept)) for o in own),
         )
-        ends = tuple(np.append(o, len(kept)) for o in own)
-        columns = tuple(regressor.columns[i] for i in kept)
-        return cls(regressor, columns, tuple(joints), index, effects, torque, places, ends)
 
     def chunks(self, motion: Motion, lowpass: LowPass, chunk: int) -> Iterator[tuple[Array, NDArray[np.bool_]]]:
-        """Filtered chunks of a motion and whether each torque counts; the next chunk overwrites the one before."""
-        regressor = self.regressor
-        remembered = regressor.remember(motion)
-        shape = (len(regressor.robot.joints), int(self.torque.max(initial=0)) + 2)
+        """Filtered chunks (M, W) of a motion and whether each torque counts; the next overwrites the one before."""
+        regressor, samples = self.regressor, Samples.of(motion)
+        J, rigid = len(regressor.robot.joints), len(regressor.robot.columns)
+        beside = self._beside_the_links(motion)
+        width = J * rigid + len(self.effects) + J + 1
+        every = np.empty((max(1, min(chunk, CACHE_BYTES // (8 * width))), width))
 
         def fill(part: slice, out: Array) -> None:
-            samples, rigid = Samples.of(motion).part(part), len(regressor.robot.columns)
-            regressor.robot.regressor(samples.q, samples.v, samples.a, out[:, :, :rigid].transpose(0, 2, 1))
-            load = out[:, :, :rigid] @ regressor.reference[:rigid] if regressor.loaded else None
-            for column, joint, values in regressor.effect_columns(samples, part_of(remembered, part), load):
-                place = self.effects.get((column, joint))
-                if place is not None:
-                    out[:, joint, place] = values
-            known = regressor.robot.known_torque(samples.q, samples.v, samples.a)
-            tau = motion.tau[part] if known is None else motion.tau[part] - known
-            every = np.arange(len(self.torque))
-            out[:, every, self.torque] = tau
-            out[:, every, self.torque + 1] = 1.0
+            for first in range(part.start, part.stop, len(every)):
+                some = slice(first, min(first + len(every), part.stop))
+                row, now = every[: some.stop - first], samples.part(some)
+                links = row[:, : J * rigid].reshape(-1, J, rigid)
+                regressor.robot.regressor(now.q, now.v, now.a, links.transpose(0, 2, 1))
+                row[:, J * rigid :] = beside(some)
+                there = out[first - part.start : some.stop - part.start]
+                np.take(row, self.taken, axis=1, out=there, mode="clip")  # without a check of each place
 
-        for _, Z, standstill in filtered_chunks(motion, lowpass, shape, fill, chunk, shared=True):
+        for _, Z, standstill in filtered_chunks(motion, lowpass, self.taken.shape, fill, chunk, shared=True):
             yield Z, regressor.counted(standstill)
 
-    def gram(self, chunks: Iterable[tuple[Array, NDArray[np.bool_]]]) -> Gram:
+    def _beside_the_links(self, motion: Motion) -> Callable[[slice], Array]:
+        """Effects, torques and a one of some samples, (n, K + J + 1); computed for many samples at once."""
+        regressor, K, J = self.regressor, len(self.effects), len(self.regressor.robot.joints)
+        samples, remembered = Samples.of(motion), regressor.remember(motion)
+        known, values = slice(0, 0), np.empty((0, K + J + 1))
+
+        def beside(part: slice) -> Array:
+            nonlocal known, values
+            if part.stop > known.stop:
+                known = slice(part.start, min(max(part.stop, part.start + EFFECT_SAMPLES), len(motion.t)))
+                now, size = samples.part(known), known.stop - known.start
+                values = values if len(values) >= size else np.ones((size, K + J + 1))
+                load = regressor.load(now) if regressor.loaded else None
+                for column, joint, x in regressor.effect_columns(now, part_of(remembered, known), load):
+                    place = self.effects.get((column, joint))
+                    if place is not None:
+                        values[:size, place] = x
+                torque = regressor.robot.known_torque(now.q, now.v, now.a)
+                values[:size, K : K + J] = motion.tau[known] if torque is None else motion.tau[known] - torque
+            return values[part.start - known.start : part.stop - known.start]
+
+        return beside
+
+    def gram(self, chunks: Iterable[tuple[Array, NDArray[np.bool_]]]) -> PackedGram:
         """Moments of chunks together."""
-        result = Gram.zeros(self.columns, self.joints)
-        summed = [_summed(places) for places in self.places]
-        products = [np.zeros((len(places), len(places))) for places in self.places]
+        products = [np.zeros((len(ends) + 1, len(ends) + 1)) for ends in self.ends]
+        counts, sums = np.zeros(len(self.joints)), np.zeros((len(self.joints), len(self.columns) + 1))
         for Z, used in chunks:
             every = np.asarray(used.all(axis=0))
-            for row, (sums, j, places) in enumerate(zip(products, self.index, summed, strict=True)):
-                z = Z[:, j, places]
+            for row, (product, j, part) in enumerate(zip(products, self.index, self.parts, strict=True)):
+                z = Z[:, part]
                 if not every[j]:
                     z = z[used[:, j]]
-                sums += z.T @ z
-                result.counts[row] += len(z)
-        for row, (sums, ends) in enumerate(zip(products, self.ends, strict=True)):
-            result.moments[row][ends[:, None], ends] = sums[:-1, :-1]
-            result.sums[row, ends] = sums[-1, :-1]
-        return result
-
-
-def _summed(places: NDArray[np.intp]) -> slice | NDArray[np.intp]:
-    """The places, as a slice if they are neighbours: a product takes a slice without a copy."""
-    first, last = int(places[0]), int(places[-1])
-    return slice(first, last + 1) if last - first == len(places) - 1 else places
+                product += z.T @ z
+                counts[row] += len(z)
+        for row, (product, ends) in enumerate(zip(products, self.ends, strict=True)):
+            sums[row, ends] = product[-1, :-1]
+        squares = tuple(product[:-1, :-1] for product in products)
+        return PackedGram(self.columns, self.joints, self.ends, squares, sums, counts)

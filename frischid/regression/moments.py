@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from frischid.core.types import Array, Column
 from frischid.errors import InputError, UnknownNameError
 
-PACKED_ABOVE = 2**20
-"""Bytes of moments above which a block is packed; packing a smaller block takes longer than adding it."""
+HALVED_ABOVE = 2**20
+"""Bytes of moments above which only a triangle is kept; a triangle of a smaller one costs time and saves little."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,11 @@ class Gram:
     def _check_same(self, other: Gram) -> None:
         if self.columns != other.columns or self.joints != other.joints:
             raise InputError("two Grams of different columns or joints cannot be added or subtracted")
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the moments."""
+        return self.moments.nbytes
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -153,42 +158,53 @@ class Gram:
 class Blocks(Sequence[Gram]):
     """Moments of consecutive stretches of time.
 
-    Large blocks are packed, and unpacked when they are asked for. Moments are symmetric, and a joint's columns of links
-    that it does not move are zero, so only a triangle over the nonzero columns is kept. For a chain of thirty joints
-    that is a sixth of the numbers. Small blocks are not packed: packing takes longer than adding.
+    Blocks may be packed (`PackedGram`): a joint's columns of links that it does not move are zero, so only products of
+    the active columns are kept, and of a large block only a triangle, because moments are symmetric. For a chain of
+    thirty joints that is a sixth of the numbers. A packed block is unpacked when it is asked for.
+
+    Attributes
+    ----------
+    nbytes : int
+        Bytes of all blocks together.
     """
 
-    def __init__(self, grams: Iterable[Gram] = ()) -> None:
-        self._kept: list[Gram | _Packed] = []
+    def __init__(self, grams: Iterable[Gram | PackedGram] = ()) -> None:
+        self._kept: list[Gram | PackedGram] = []
+        self.nbytes = 0
         for gram in grams:
             self.append(gram)
 
-    def append(self, gram: Gram) -> None:
+    def append(self, gram: Gram | PackedGram) -> None:
         """Append a block."""
-        self._kept.append(_kept(gram))
+        self._keep(_kept(gram))
 
-    def merge(self, gram: Gram) -> None:
+    def merge(self, gram: Gram | PackedGram) -> None:
         """Add moments to the last block."""
-        self._kept[-1] = _sum(self._kept[-1], _kept(gram))
+        last = self._kept.pop()
+        self.nbytes -= last.nbytes
+        self._keep(_sum(last, _kept(gram)))
 
     def halve(self) -> None:
         """Add each pair of neighbouring blocks; the number of blocks must be even."""
-        self._kept = [_sum(a, b) for a, b in zip(self._kept[::2], self._kept[1::2], strict=True)]
+        pairs = list(zip(self._kept[::2], self._kept[1::2], strict=True))
+        self._kept, self.nbytes = [], 0
+        for a, b in pairs:
+            self._keep(_sum(a, b))
+
+    def _keep(self, block: Gram | PackedGram) -> None:
+        self._kept.append(block)
+        self.nbytes += block.nbytes
 
     def described(self, columns: Sequence[Column]) -> Blocks:
         """The same moments with other names and units for the columns."""
         found = Blocks()
-        found._kept = [replace(block, columns=tuple(columns)) for block in self._kept]
+        for block in self._kept:
+            found._keep(replace(block, columns=tuple(columns)))
         return found
 
     def total(self) -> Gram:
         """Sum of all blocks; there must be at least one."""
         return _whole(reduce(_sum, self._kept))
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of all blocks together."""
-        return sum(block.moments.nbytes if isinstance(block, Gram) else block.nbytes for block in self._kept)
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -201,56 +217,90 @@ class Blocks(Sequence[Gram]):
         if isinstance(index, int):
             return _whole(self._kept[index])
         found = Blocks()
-        found._kept = self._kept[index]
+        for block in self._kept[index]:
+            found._keep(block)
         return found
 
 
-def _kept(gram: Gram) -> Gram | _Packed:
-    return _Packed.of(gram) if gram.moments.nbytes > PACKED_ABOVE else gram
-
-
-def _whole(block: Gram | _Packed) -> Gram:
-    return block if isinstance(block, Gram) else block.whole()
-
-
-def _sum(a: Gram | _Packed, b: Gram | _Packed) -> Gram | _Packed:
-    if isinstance(a, _Packed) and isinstance(b, _Packed) and all(map(np.array_equal, a.where, b.where)):
-        triangles = tuple(x + y for x, y in zip(a.triangles, b.triangles, strict=True))
-        return replace(a, triangles=triangles, sums=a.sums + b.sums, counts=a.counts + b.counts)
-    return _kept(_whole(a) + _whole(b))
-
-
 @dataclass(frozen=True, eq=False)
-class _Packed:
-    """A Gram without its zeros and without the half that symmetry gives."""
+class PackedGram:
+    """Moments without the zeros, and where they are large, without the half that symmetry gives.
+
+    Attributes
+    ----------
+    columns, joints, sums, counts
+        As in `Gram`.
+    where : tuple of ndarray of int
+        For each joint, its n active columns; the torque, last, is column C.
+    products : tuple of ndarray, shape (n, n), or shape (n (n + 1) / 2,) each
+        Moments of these columns, or their lower triangle.
+    """
 
     columns: tuple[Column, ...]
     joints: tuple[str, ...]
     where: tuple[NDArray[np.intp], ...]
-    triangles: tuple[Array, ...]
+    products: tuple[Array, ...]
     sums: Array
     counts: Array
 
     @classmethod
-    def of(cls, gram: Gram) -> _Packed:
+    def of(cls, gram: Gram) -> PackedGram:
+        """Pack moments: the columns that are zero are left out."""
         where = tuple(np.flatnonzero(np.diag(M)) for M in gram.moments)
-        triangles = tuple(M[own[:, None], own][_lower(len(own))] for M, own in zip(gram.moments, where, strict=True))
-        return cls(gram.columns, gram.joints, where, triangles, gram.sums, gram.counts)
+        squares = tuple(M[own[:, None], own] for M, own in zip(gram.moments, where, strict=True))
+        return cls(gram.columns, gram.joints, where, squares, gram.sums, gram.counts)
+
+    def halved(self) -> PackedGram:
+        """The same with triangles only."""
+        return replace(self, products=tuple(x if x.ndim == 1 else x[_lower(len(x))] for x in self.products))
 
     def whole(self) -> Gram:
         """The Gram that was packed."""
         size = len(self.columns) + 1
         moments = np.zeros((len(self.joints), size, size))
-        for M, own, triangle in zip(moments, self.where, self.triangles, strict=True):
-            square = np.zeros((len(own), len(own)))
-            square[_lower(len(own))] = triangle
-            square.T[_lower(len(own))] = triangle
-            M[own[:, None], own] = square
+        for M, own, product in zip(moments, self.where, self.products, strict=True):
+            M[own[:, None], own] = product if product.ndim == 2 else _square(product, len(own))
         return Gram(self.columns, self.joints, moments, self.sums, self.counts)
 
     @property
     def nbytes(self) -> int:
-        return self.sums.nbytes + sum(x.nbytes + i.nbytes for x, i in zip(self.triangles, self.where, strict=True))
+        """Bytes of the products and of their places."""
+        return self.sums.nbytes + sum(x.nbytes + i.nbytes for x, i in zip(self.products, self.where, strict=True))
+
+
+def _kept(gram: Gram | PackedGram) -> Gram | PackedGram:
+    """How a block is kept."""
+    if isinstance(gram, Gram):
+        return PackedGram.of(gram).halved() if gram.moments.nbytes > HALVED_ABOVE else gram
+    return gram.halved() if sum(8 * len(own) ** 2 for own in gram.where) > HALVED_ABOVE else gram
+
+
+def _whole(block: Gram | PackedGram) -> Gram:
+    return block if isinstance(block, Gram) else block.whole()
+
+
+def _sum(a: Gram | PackedGram, b: Gram | PackedGram) -> Gram | PackedGram:
+    if isinstance(a, PackedGram) and isinstance(b, PackedGram) and _alike(a, b):
+        products = tuple(x + y for x, y in zip(a.products, b.products, strict=True))
+        return replace(a, products=products, sums=a.sums + b.sums, counts=a.counts + b.counts)
+    return _kept(_whole(a) + _whole(b))
+
+
+def _alike(a: PackedGram, b: PackedGram) -> bool:
+    """Whether two packed blocks have their numbers at the same places."""
+    if a.columns != b.columns or a.joints != b.joints:
+        return False
+    if any(x.ndim != y.ndim for x, y in zip(a.products, b.products, strict=True)):
+        return False
+    return a.where is b.where or all(map(np.array_equal, a.where, b.where))
+
+
+def _square(triangle: Array, size: int) -> Array:
+    """The symmetric matrix of a lower triangle."""
+    square = np.zeros((size, size))
+    square[_lower(size)] = triangle
+    square.T[_lower(size)] = triangle
+    return square
 
 
 @lru_cache(maxsize=64)
@@ -258,13 +308,13 @@ def _lower(size: int) -> NDArray[np.bool_]:
     return np.tri(size, dtype=bool)
 
 
-def total(grams: Iterable[Gram]) -> Gram:
+def total(grams: Iterable[Gram | PackedGram]) -> Gram:
     """Sum of at least one Gram, two in memory at a time."""
     if isinstance(grams, Blocks) and len(grams):
         return grams.total()
     result: Gram | None = None
     for part in grams:
-        result = part if result is None else result + part
+        result = _whole(part) if result is None else result + _whole(part)
     if result is None:
         raise InputError("no Gram to sum: no log gave any sample")
     return result

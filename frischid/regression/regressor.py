@@ -138,7 +138,8 @@ class Regressor:
         ndarray, shape (N, C, J)
         """
         t, q, v, a = samples.t, samples.q, samples.v, samples.a
-        Y = np.empty((len(t), len(self.columns), len(self.robot.joints))) if out is None else out
+        rows = (len(t), len(self.robot.joints), len(self.columns))
+        Y = np.empty(rows).transpose(0, 2, 1) if out is None else out  # rows of Pinocchio's array stay rows
         rigid = len(self.robot.columns)
         load = None
         if self.loaded:
@@ -212,12 +213,12 @@ class Regressor:
         used = [e for e in self.effects if not e.memory and any(values[c.name] for c in e.columns(self.robot))]
         static = Regressor(self.robot, used)  # effects that were added after the reference have none there
         static.reference = np.array([values[c.name] for c in static.columns])
-        load = static._load(motion)
+        load = static.load(motion)
         torque = load + static._torque_of_effects(motion, static.reference, load, {})
         rigid = static.reference[: len(self.robot.columns)]
         return self._state_of(Samples.of(motion), load, torque, rigid, self.dry)
 
-    def _load(self, motion: Motion) -> Array:
+    def load(self, motion: Motion | Samples) -> Array:
         """Torque (N, J) of the reference's links, without known parameters."""
         names = [c.name for c in self.robot.columns]
         values = dict(zip(names, self.reference, strict=False))
@@ -244,7 +245,7 @@ class Regressor:
         The links' torque is that of inverse dynamics, which costs a fifth of the links' columns.
         """
         links = RigidDynamics.of(self.robot, theta[: len(self.robot.columns)]).torque(motion.q, motion.v, motion.a)
-        load = self._load(motion) if self.loaded else np.zeros(motion.q.shape)
+        load = self.load(motion) if self.loaded else np.zeros(motion.q.shape)
         return links + self._torque_of_effects(motion, theta, load, self.remember(motion))
 
     def _torque_of_effects(
@@ -280,13 +281,15 @@ class Regressor:
             Samples that are evaluated at once; the samples of all blocks together do not depend on this number.
         """
         remembered = self.remember(motion)
-        shape = (len(self.columns) + COLUMNS_BESIDE_Y, len(self.robot.joints))
+        shape = (len(self.robot.joints), len(self.columns) + COLUMNS_BESIDE_Y)
 
         def fill(part: slice, out: Array) -> None:
-            self._fill(Samples.of(motion).part(part), motion.tau[part], part_of(remembered, part), out)
+            self._fill(
+                Samples.of(motion).part(part), motion.tau[part], part_of(remembered, part), out.transpose(0, 2, 1)
+            )
 
         for t, Z, standstill in filtered_chunks(motion, lowpass, shape, fill, chunk):
-            yield Block(t, Z, self.counted(standstill), motion.source)
+            yield Block(t, Z.transpose(0, 2, 1), self.counted(standstill), motion.source)
 
     def counted(self, standstill: Array) -> NDArray[np.bool_]:
         """Whether each filtered torque counts, from the share of its weight that comes from standstill, both (N, J)."""

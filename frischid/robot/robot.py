@@ -19,6 +19,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -269,12 +270,15 @@ class Robot:
 
     def configuration(self, q: Array) -> Array:
         """Pinocchio configurations of joint positions: (N, J) -> (N, nq), (cos, sin) for continuous joints."""
+        if not self.mimics:
+            return configurations(self.model, np.asarray(q))
         leader, factor, shift = self._leaders
-        full = np.asarray(q)[:, leader] * factor + shift
-        return configurations(self.model, full)
+        return configurations(self.model, np.asarray(q)[:, leader] * factor + shift)
 
     def full_rates(self, x: Array) -> Array:
         """Velocities or accelerations of all bodies' joints: (N, J) -> (N, L)."""
+        if not self.mimics:
+            return np.ascontiguousarray(x)
         leader, factor, _ = self._leaders
         return np.ascontiguousarray(np.asarray(x)[:, leader] * factor)
 
@@ -327,10 +331,11 @@ class Robot:
         plain = self.transforms is None and not self.known and not self.mimics
         full = out if plain else np.empty((len(q), len(self.all_names), len(self.bodies)))
         model, data, compute = self.model, self.data, pin.computeJointTorqueRegressor
-        # Pinocchio's array is column-major: as (joint, parameter), source and target have the same order in memory.
-        rows = zip(full.transpose(0, 2, 1), self.configuration(q), self.full_rates(v), self.full_rates(a), strict=True)
-        for target, x, y, z in rows:
-            target[...] = compute(model, data, x, y, z)
+        rates = self.full_rates(v), self.full_rates(a)
+        arrays = map(compute, repeat(model), repeat(data), self.configuration(q), *rates)
+        # Pinocchio's array is (joint, parameter), row by row: a copy is fastest if the rows of `out` are so too.
+        for target, Y in zip(full.transpose(0, 2, 1), arrays, strict=True):
+            target[...] = Y
         if plain:
             return
         if self.transforms is not None:

@@ -87,12 +87,12 @@ def test_blocks_do_not_grow_with_the_logs():
 
 
 def test_blocks_are_their_grams_in_half_the_room(monkeypatch):
-    monkeypatch.setattr("frischid.regression.moments.PACKED_ABOVE", 0)
+    monkeypatch.setattr("frischid.regression.moments.HALVED_ABOVE", 0)
     robot, lowpass = fr.Robot.load("ur5"), LowPass(5.0)
     log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=100.0)
     regressor = Regressor(robot, fr.BASELINE)
     rows = JointRows.of(regressor, robot.joints)
-    grams = [rows.gram([c]) for m in prepare(log, lowpass).motions for c in rows.chunks(m, lowpass, 256)]
+    grams = [rows.gram([c]).whole() for m in prepare(log, lowpass).motions for c in rows.chunks(m, lowpass, 256)]
     blocks = Blocks(grams)
     assert blocks.nbytes < 0.5 * sum(g.moments.nbytes for g in grams)
     for block, gram in zip(blocks, grams, strict=True):

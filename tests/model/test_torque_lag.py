@@ -41,15 +41,72 @@ def fitted(log, **options):
 
 
 @pytest.mark.parametrize(("rate", "by"), [(200.0, 0.0025), (500.0, 0.001), (200.0, -0.005)])
-def test_a_lag_of_the_record_is_measured_and_said(rate, by):
+def test_a_lag_of_about_a_sample_is_measured_said_and_taken_back(rate, by):
     found = fitted(late(recorded(2, rate), by))
     lag = found.torque_lag
     assert lag.significant
     assert lag.sampling == (by > 0)
-    assert abs(lag.lag - by) < max(4 * lag.error, 0.1 * abs(by))
+    for value in (lag.lag, lag.taken, found.model.lowpass.torque_lag):
+        assert abs(value - by) < max(4 * lag.error, 0.1 * abs(by))
     assert lag.step == pytest.approx(1 / rate)
-    assert lag.warning in found.warnings
-    assert ("behind" if by > 0 else "ahead of") in lag.warning
+    assert lag.said in found.notes
+    assert not lag.warning
+    assert ("behind" if by > 0 else "ahead of") in lag.said
+
+
+def test_a_lag_that_is_taken_back_leaves_no_error():
+    true = recorded(2)
+    clean, taken = fitted(true, cutoff=5.0), fitted(late(true, 0.0025), cutoff=5.0)
+    left = fitted(late(true, 0.0025), cutoff=5.0, torque_lag=0.0)
+    wrong, right = (np.abs(x.model.estimate.theta - clean.model.estimate.theta) for x in (left, taken))
+    assert (right <= np.maximum(0.3 * wrong, clean.model.estimate.stderr)).all()
+    assert taken.headline.nrmse < 1.1 * clean.headline.nrmse < 0.8 * left.headline.nrmse
+    assert left.torque_lag.warning in left.warnings
+    assert "--torque-lag auto" in left.torque_lag.warning
+
+
+def test_a_lag_longer_than_sampling_explains_is_left_to_the_user():
+    found = fitted(late(recorded(2), 0.012))
+    assert found.torque_lag.significant
+    assert not found.torque_lag.taken
+    assert found.model.lowpass.torque_lag == 0
+    assert "time_delay" in found.torque_lag.warning
+
+
+def test_a_given_lag_is_taken_and_the_lag_of_the_log_is_still_measured():
+    found = fitted(late(recorded(2), 0.0025), torque_lag=0.002)
+    assert found.model.lowpass.torque_lag == found.torque_lag.taken == 0.002
+    assert found.torque_lag.lag == pytest.approx(0.0025, abs=0.0003)
+
+
+@pytest.mark.parametrize("wrong", [np.nan, 2.0, "late", None, True])
+def test_a_lag_is_a_time(wrong):
+    with pytest.raises(fr.InputError, match="torque_lag"):
+        fitted(recorded(2), torque_lag=wrong)
+
+
+def test_later_steps_use_the_models_lag(tmp_path):
+    log, test = (late(recorded(seed), 0.0025) for seed in (2, 3))
+    model = fitted(log).model
+    model.save(tmp_path / "model.json")
+    again = fr.Model.load(tmp_path / "model.json")
+    assert again.lowpass == model.lowpass
+    assert fr.compare(again, [test]).nrmse < 0.75 * fr.compare(fitted(log, torque_lag=0.0).model, [test]).nrmse
+    assert fr.add(again, parse_effects("stribeck"), [log]).model.lowpass == model.lowpass
+    found = fr.diagnose(again, [log], effects=["time_delay"])
+    assert found.verdict == "none"
+    assert any("in the model already" in note for note in found.notes)
+
+
+def test_a_recording_in_chunks_has_the_torque_of_the_whole_log(tmp_path, monkeypatch):
+    log = late(recorded(2), 0.0025)
+    write_log(log, tmp_path / "log.csv")
+    recording = fr.Recording.open(tmp_path / "log.csv", ROBOT.joints)
+    options = {"torque_lag": 0.0025, "effects": fr.BASELINE, "prior": "none"}
+    whole = fitted(log, **options).model.estimate
+    monkeypatch.setattr("frischid.logs.recording.RECORDING_CHUNK", 1000)
+    parts = fitted(recording, **options).model.estimate
+    assert parts.theta == pytest.approx(whole.theta, rel=2e-3, abs=1e-3 * np.abs(whole.theta).max())
 
 
 @pytest.mark.parametrize("seed", [2, 3, 4])
@@ -78,7 +135,7 @@ def test_a_lag_of_one_joint_alone_is_no_lag_of_the_record():
 
 def test_the_remedy_removes_the_lag_and_the_error():
     log, test = (late(recorded(seed), 0.0025) for seed in (2, 3))
-    step = fr.add(fitted(log).model, parse_effects("time_delay"), [log], valid=[test])
+    step = fr.add(fitted(log, torque_lag=0.0).model, parse_effects("time_delay"), [log], valid=[test])
     assert step.test_after < 0.8 * step.test_before
     assert step.model.parameters["delay"].value == pytest.approx(0.0025, abs=0.0005)
 
@@ -94,10 +151,15 @@ def test_short_logs_have_no_lag():
 def test_the_command_line_says_the_lag(tmp_path):
     write_log(late(recorded(2), 0.0025), tmp_path / "log.csv")
     words = ["identify", "planar2", str(tmp_path / "log.csv"), "-o", str(tmp_path / "m.json")]
-    plain = CliRunner().invoke(main, words)
-    assert "behind the motion" in " ".join(plain.output.split())
+    plain = " ".join(CliRunner().invoke(main, words).output.split())
+    assert "behind the motion" in plain
+    assert "counts as 2.49 ms late" in plain
     data = json.loads(CliRunner().invoke(main, [*words, "--json"]).output)
     assert data["torque_lag"]["sampling"]
     assert data["torque_lag"]["lag"] == pytest.approx(0.0025, abs=0.0005)
-    kept = json.loads((tmp_path / "m.json").read_text())["history"][-1]
-    assert kept["torque_lag"]["warning"] in kept["warnings"]
+    kept = json.loads((tmp_path / "m.json").read_text())
+    assert kept["filter"]["torque_lag"] == data["torque_lag"]["taken"] == pytest.approx(0.0025, abs=0.0005)
+    assert kept["history"][-1]["torque_lag"]["said"] in kept["history"][-1]["notes"]
+    left = json.loads(CliRunner().invoke(main, [*words, "--torque-lag", "none", "--json"]).output)
+    assert left["torque_lag"]["taken"] == 0
+    assert left["torque_lag"]["warning"] in left["warnings"]

@@ -254,7 +254,7 @@ class LagOfJointOutput(Output):
 
 
 class TorqueLagOutput(Output):
-    """Lag of the torque behind the motion, its standard error and the sampling step, s."""
+    """Lag of the torque behind the motion, its standard error, the sampling step, and what the model takes back, s."""
 
     lag: float
     error: NotNegative
@@ -264,7 +264,9 @@ class TorqueLagOutput(Output):
     differing: list[str]
     significant: bool
     sampling_steps: float
+    taken: float
     sampling: bool
+    said: str
     warning: str
 
 

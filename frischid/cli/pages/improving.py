@@ -7,7 +7,7 @@ from typing import Any
 
 from frischid.cli.pages.page import Page, change, headline_line, quantities, table_of
 from frischid.core.text import sentence
-from frischid.diagnosis.diagnosis import Diagnosis
+from frischid.diagnosis.diagnosis import Diagnosis, delay_in
 from frischid.diagnosis.findings import HOW_RANKED
 from frischid.diagnosis.motion_space import MotionDiagnosis
 from frischid.diagnosis.rivals import IN_WORDS
@@ -164,7 +164,8 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
         rows.append({"effect": effect, "joints": joints, **step_errors(step)})
     parts: list[Any] = [headline_line(last.headline), *([table] if steps else ["no effect was added"])]
     parts.append(verdict_of(last))
-    parts += [f"{sentence(note)}." for note in last.notes if "was not added: " in note]
+    known = delay_in(last.validator.model)
+    parts += [f"{sentence(note)}." for note in last.notes if "was not added: " in note or note == known]
     reach = reach_of(last.validator.model)
     if steps:
         parts.append(in_words(reach))

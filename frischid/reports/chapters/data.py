@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from frischid import figures
-from frischid.core.text import listed
+from frischid.core.text import listed, sentence
 from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study
@@ -31,7 +31,11 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     drawings += [figures.noise(model.robot, study.qualities, channel) for channel in ("tau", "q")]
     return {
         "logs": _logs(study),
-        "done": [f"low-pass: {cut} ({lowpass.reason}), {VELOCITY[model.velocity]}", *_notes(study)],
+        "done": [
+            f"low-pass: {cut} ({lowpass.reason}), {VELOCITY[model.velocity]}",
+            *([sentence(lowpass.lag_in_words)] if lowpass.torque_lag else []),
+            *_notes(study),
+        ],
         "excitation": _excitation(study),
         "drawings": drawings,
     }

@@ -1,0 +1,107 @@
+"""The pass of a fitted model over its own logs: errors, quantiles of the error, share of the URDF, lag of the torque.
+
+    fit → folds (cross-validation) → one pass: e = τ − Y θ → error, floor, quantiles of |e| / σ, lag d
+
+All of them need the residuals sample by sample, so the logs are evaluated once for all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.errors import InputError
+from frischid.estimators.held_out import held_out_variance
+from frischid.estimators.least_squares import least_squares_folds
+from frischid.estimators.map_estimate import map_folds
+from frischid.estimators.urdf_prior import UrdfPrior
+from frischid.model.comparison import Comparison, ModelErrors
+from frischid.model.fit_record import FitRecord
+from frischid.model.identification_alarms import fit_record, model_share
+from frischid.model.identification_bounds import Bounds, recursion_record
+from frischid.model.lag_sums import LagSums
+from frischid.model.model import Model
+from frischid.model.residual_scores import ResidualScores
+from frischid.model.torque_lag import TorqueLag, torque_lag
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A model after the pass over its own logs.
+
+    Attributes
+    ----------
+    bounds : Bounds
+    variance : ndarray, shape (J,)
+        Mean square error of each joint on stretches left out of the fit, (N·m)² (N²).
+    model : Model
+        As yet without a history.
+    there : Comparison or None
+        With its own logs; None where no torque changes.
+    lag : TorqueLag or None
+        Of these logs.
+    """
+
+    bounds: Bounds
+    variance: Array
+    model: Model
+    there: Comparison | None
+    lag: TorqueLag | None
+
+
+def measured(bounds: Bounds, *, with_lag: bool = True) -> Measured:
+    """The model with its record, its comparison with its own logs, and the lag of their torque if it is asked for."""
+    fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
+    data.journal.stage("cross-validation")
+    if fit.posterior is None:
+        folds = least_squares_folds(problem.blocks, bounds.estimate.weights)
+    else:
+        folds = map_folds(problem.blocks, problem.reduction.mapping, fit.posterior)
+    data.journal.stage("comparison")
+    lags = LagSums(problem, bounds.estimate, wanted=with_lag)
+    model, there = _compared(bounds, ResidualScores(problem, folds, bounds.estimate), lags)
+    lag = torque_lag(problem, bounds.estimate, lags)
+    return Measured(bounds, held_out_variance(folds), model, there, lag)
+
+
+def _compared(bounds: Bounds, scores: ResidualScores, lags: LagSums) -> tuple[Model, Comparison | None]:
+    """The model with its record, and its comparison with its own logs; None where no torque changes."""
+    fit, data, record = bounds.fit, bounds.fit.problem.data, fit_record(bounds.fit)
+    model = _model(bounds, record)
+    errors = ModelErrors(model, residuals_kept=1)
+    for block, fitted in model.evaluate(lags.watch(errors.noise.watch(data.motions))):
+        errors.add(block, fitted)
+        scores.add(block)
+        lags.add(block)
+    record = replace(record, scores=scores.quantiles())
+    try:
+        there = errors.comparison(tuple(log.source for log in data.logs))
+    except InputError:
+        return replace(model, fitted=record), None
+    if fit.posterior is not None:
+        record = replace(record, model_share=model_share(fit.problem, there, fit.posterior.rows))
+    return replace(model, fitted=record), there
+
+
+def _model(bounds: Bounds, record: FitRecord) -> Model:
+    """The model, as yet without a history."""
+    fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
+    return Model(
+        robot=data.robot,
+        effects=problem.effects,
+        lowpass=data.lowpass,
+        velocity=data.options.velocity,
+        base=problem.reduction.base,
+        expressions=tuple(problem.reduction.expressions()),
+        estimate=bounds.estimate,
+        mean_torque=problem.whole.sums[:, -1] / np.maximum(problem.whole.counts, 1.0),
+        bounds=bounds.boxes,
+        reference=data.options.reference,
+        recursion=recursion_record(bounds, data.options.criteria),
+        prior=None if fit.posterior is None else UrdfPrior.of(fit.posterior),
+        fitted=record,
+        controller=data.options.controller,
+        currents=data.options.currents,
+    )
