@@ -9,6 +9,7 @@ show when the robot is drawn; they take time themselves.
 from __future__ import annotations
 
 import io
+import os
 import re
 import signal
 import statistics
@@ -107,7 +108,8 @@ def waits(browser: Any, arguments: list[str], port: int) -> dict[str, float]:
     page.set_default_timeout(PATIENCE)
     start = time.perf_counter()
     command = [sys.executable, "-m", "frischid", "studio", *arguments, "--port", str(port)]
-    running = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    compiled = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}  # as on a user's machine
+    running = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=compiled)
     assert running.stdout is not None
     try:
         address = running.stdout.readline().split()[1]  # studio: http://localhost:8080/TOKEN (Ctrl-C ends it)

@@ -45,6 +45,7 @@ NUMERIC = (
     "estimators.autocorrelation",
     "estimators.least_squares",
     "estimators.normal_equations",
+    "estimators.p_values",
     "estimators.frisch",
     "estimators.sensorwise",
     "estimators.bbrf",

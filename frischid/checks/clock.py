@@ -15,7 +15,7 @@ in the next.
 from __future__ import annotations
 
 import numpy as np
-from scipy import ndimage, signal
+from scipy import ndimage
 
 from frischid.checks.channels import testifies
 from frischid.checks.check_criteria import CheckCriteria
@@ -184,6 +184,8 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
 
 def _told_by_positions(q: Array, t: Array, window: int) -> tuple[Array, Array]:
     """Time between samples computed from the positions [s], and 1 / variance of this time [1/s²], both (N - 1,)."""
+    from scipy import signal
+
     taps = signal.savgol_coeffs(window, 3, deriv=1, use="dot")
     slope = ndimage.correlate1d(q, taps, axis=0, mode="nearest")
     speed = slope / ndimage.correlate1d(t, taps, mode="nearest")[:, None]

@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from frischid.checks.channels import testifies
 from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
 from frischid.logs.derivatives import LATE_VELOCITY
-from frischid.logs.filters import LowPass, derivative_taps, noise_level
+from frischid.logs.filters import LowPass, correlate, derivative_taps, noise_level
 from frischid.logs.log import Log
 from frischid.logs.mapping import TICKS_PER_SECOND
 from frischid.logs.time_grid import uniform
@@ -76,8 +75,8 @@ def _both(log: Log, lowpass: LowPass, most: float | None) -> tuple[float, Array,
     half = len(slopes) // 2
     if len(t) < len(slopes) + len(smooth) + 50:
         return step, v[:0], v[:0], np.zeros((2, v.shape[1]))
-    derived = signal.oaconvolve(q - q[0], slopes[::-1, None], mode="valid", axes=0)
-    both = [signal.oaconvolve(x, smooth[:, None], mode="valid", axes=0) for x in (v[half : len(v) - half], derived)]
+    derived = correlate(slopes, q - q[0])
+    both = [correlate(smooth, x) for x in (v[half : len(v) - half], derived)]
     levels = noise_level(v) * np.linalg.norm(smooth), noise_level(q) * np.linalg.norm(np.convolve(slopes, smooth))
     reliability = [1 - (level / np.maximum(x.std(axis=0), 1e-300)) ** 2 for level, x in zip(levels, both, strict=True)]
     return step, both[0], both[1], np.clip(reliability, 0.0, 1.0)

@@ -28,12 +28,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from frischid.core.types import Array
 from frischid.diagnosis.cached_motion import JointData
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.estimators.p_values import ranks_above_zero
 
 LEAST_BLOCKS = 3  # for a variance with two degrees of freedom
 
@@ -68,13 +69,13 @@ def p_value_of(g: Array, energy: Array | None = None) -> float:
     """
     if len(g) < LEAST_BLOCKS or not g.std() > 0:
         return 1.0
-    ranks = float(stats.wilcoxon(g, alternative="greater").pvalue)
+    ranks = ranks_above_zero(g)
     e = np.ones(len(g)) if energy is None else energy
     g, e = g[e > 0], e[e > 0]
     if len(g) < LEAST_BLOCKS:
         return ranks
     spread = float(((g - g.sum() / e.sum() * e) ** 2 / e).sum()) / (len(g) - 1)
-    t = float(stats.t.sf(g.sum() / np.sqrt(max(spread, 1e-300) * e.sum()), len(g) - 1))
+    t = float(special.stdtr(len(g) - 1, -g.sum() / np.sqrt(max(spread, 1e-300) * e.sum())))
     return min(t, ranks)
 
 

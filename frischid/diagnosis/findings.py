@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from frischid.core.text import each_of, listed
 from frischid.core.types import Array
@@ -291,7 +291,7 @@ def refit_finding(validator: CrossValidator, floor: Array) -> Finding:
         removed=float((errors[0] ** 2 - errors[1] ** 2).sum()),
         share=_share(*errors, noise, criteria),
         floors=_in_floors(errors[0], noise),
-        p_value=float(stats.chi2.sf(2 * ratio, parameters)) if gain > 0 else 1.0,
+        p_value=float(special.chdtrc(parameters, 2 * ratio)) if gain > 0 else 1.0,
         parameters={},
         confused_with=(),
         sentence=(

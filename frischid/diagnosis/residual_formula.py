@@ -19,7 +19,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from frischid.core.text import listed
 from frischid.diagnosis.cross_validation import CrossValidator
@@ -75,6 +74,8 @@ def describe(validator: CrossValidator, row: int) -> Description:
 
 
 def _dependence(validator: CrossValidator, row: int) -> dict[str, float]:
+    from scipy import stats
+
     criteria = validator.criteria
     count = int(validator.counts[:, row].sum())
     apart = max(1, round(validator.fit.correlation[row]), -(-count // MOST_ROWS))

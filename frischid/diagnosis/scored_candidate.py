@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from frischid.diagnosis.block_test import block_test
 from frischid.diagnosis.candidate_columns import Candidate
@@ -74,7 +74,7 @@ class ScoredCandidate:
         """P value of a likelihood ratio at least this large, corrected for the candidates tried (Bonferroni)."""
         if self.gain <= 0:
             return 1.0
-        return min(1.0, tried * float(stats.chi2.sf(2 * self.ratio, parameters_of(self.candidate))))
+        return min(1.0, tried * float(special.chdtrc(parameters_of(self.candidate), 2 * self.ratio)))
 
     @property
     def worth_its_name(self) -> bool:

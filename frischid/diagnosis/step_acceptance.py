@@ -27,7 +27,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy import stats
 
 from frischid.core.text import listed
 from frischid.core.types import Array
@@ -35,6 +34,7 @@ from frischid.diagnosis.block_test import LEAST_BLOCKS, p_value_of
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.effects import Effect
+from frischid.estimators.p_values import mean_above_zero
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
@@ -95,7 +95,7 @@ def worse_joints(rises: Sequence[Array], before: Array, after: Array, criteria: 
         rise = rise[rise != 0]
         if len(rise) < LEAST_BLOCKS or after[row] <= (1 + criteria.harmless_rise) * before[row]:
             continue
-        if stats.ttest_1samp(rise, 0.0, alternative="greater").pvalue < level:
+        if mean_above_zero(rise) < level:
             found.append(row)
     return found
 

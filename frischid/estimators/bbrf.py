@@ -42,7 +42,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy import special
 
 from frischid.core.types import Array, Sign
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
@@ -205,7 +205,7 @@ def bbrf(
             raise InputError(
                 f"correlation is {block} rows; a window of {window} needs 1 to {window // 4} (four blocks)"
             )
-        quantile = float(student.isf((1 - calibration.confidence) / (2 * p * count), -(-window // block) - 1))
+        quantile = -float(special.stdtrit(-(-window // block) - 1, (1 - calibration.confidence) / (2 * p * count)))
         extents = calibrated_extents(scaled, window, stride, block, quantile)
     else:
         block = 1

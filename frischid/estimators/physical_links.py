@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy import special
 
 from frischid.core.types import Array
 from frischid.errors import FrischidError, InputError
@@ -158,7 +158,7 @@ def consistent(theta: Array, information: Array, mapping: Array, links: Links, e
     if not problem.solve_fit():
         raise InfeasibleError(_reason(problem, links))
     misfit = problem.misfit
-    reproduces = misfit <= float(chi2.ppf(BOUND_CONFIDENCE, len(theta)))
+    reproduces = misfit <= 2 * float(special.gammaincinv(len(theta) / 2, BOUND_CONFIDENCE))
     blame = () if reproduces else problem.blame(misfit)
     problem.solve_nearest(misfit + PRIOR_SLACK * len(theta))
     values = problem.values

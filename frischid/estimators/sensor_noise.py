@@ -26,12 +26,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import signal
 
 from frischid.core.types import Array
 from frischid.estimators.least_squares import Estimate
 from frischid.estimators.sensorwise import TORQUE, SensorMoments
-from frischid.logs.filters import LowPass, derivative_taps, noise_level
+from frischid.logs.filters import LowPass, correlate, derivative_taps, noise_level
 from frischid.logs.preprocessing import Motion
 from frischid.regression.accumulation import accumulate
 from frischid.regression.moments import Gram
@@ -205,7 +204,7 @@ def moved(motion: Motion, sensor: Sensor, errors: Array) -> Motion:
     for channel, taps in sensor.taps.items():
         cut = reach - len(taps) // 2
         x = getattr(motion, channel).copy()
-        x[:, sensor.joint] += signal.oaconvolve(errors[cut : len(errors) - cut], taps[::-1], mode="valid")
+        x[:, sensor.joint] += correlate(taps, errors[cut : len(errors) - cut])
         arrays[channel] = x
     return replace(motion, **arrays)
 

@@ -43,8 +43,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
-from scipy.stats import t as student
+from scipy import linalg, special
 
 from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
@@ -160,7 +159,7 @@ def sensorwise(data: SensorMoments, *, confidence: float = 0.95, limits: Limits 
         raise IdentifiabilityError(
             f"{len(data.moments)} blocks of time cannot show the sampling error; record at least {SENSORWISE_BLOCKS} s"
         )
-    quantile = float(student.isf((1 - confidence) / (2 * len(data.names)), len(data.moments) - 1))
+    quantile = -float(special.stdtrit(len(data.moments) - 1, (1 - confidence) / (2 * len(data.names))))
     scheme = _Scheme(data, lower, upper, quantile)
     corners = scheme.corners()
     found = [c for c in corners if c is not None]

@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, stats
+from scipy import linalg, special
 
 from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
@@ -231,18 +231,18 @@ class Null:
             return cls(within, None, within)
         median, upper = np.quantile([d.statistic / d.rank for d in found], [0.5, 0.75])
         degrees = np.geomspace(1.0, max(d.rank for d in found), 200)
-        ratios = stats.chi2.ppf(0.75, degrees) / stats.chi2.ppf(0.5, degrees)
+        ratios = special.gammaincinv(degrees / 2, 0.75) / special.gammaincinv(degrees / 2, 0.5)
         freedom = float(degrees[np.abs(ratios - upper / median).argmin()])
-        return cls(max(1.0, float(median * freedom / stats.chi2.ppf(0.5, freedom))), freedom, within)
+        return cls(max(1.0, float(median * freedom / (2 * special.gammaincinv(freedom / 2, 0.5)))), freedom, within)
 
     def p_value(self, found: Deviation, robots: int) -> float:
         """P value of a Λ at least this large, corrected (Bonferroni) for all robots."""
         if np.isfinite(found.usual):
             joints = len(found.error_fleet)
-            chance = stats.f.sf(self.excess(found), joints, joints * (robots - 2))
+            chance = special.fdtrc(joints, joints * (robots - 2), self.excess(found))
         else:
             freedom = self.freedom or found.rank
-            chance = stats.chi2.sf(freedom * self.excess(found), freedom)
+            chance = special.chdtrc(freedom, freedom * self.excess(found))
         return min(1.0, robots * float(chance))
 
     def excess(self, found: Deviation) -> float:

@@ -31,7 +31,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import signal
 
 from frischid.core.remembered import Remembered
 from frischid.core.types import Array
@@ -211,6 +210,8 @@ def _motion_spectrum(f: Array, power: Array, floor: float) -> Array:
 
 def _spectrum(x: Array, step: float) -> tuple[Array, Array, Array]:
     """Frequencies, power spectral density and its floor per column."""
+    from scipy import signal  # takes longer to import than a log to be evaluated
+
     f, power = signal.welch(
         x, 1 / step, nperseg=min(len(x), max(round(8 / step), LEAST_WINDOW)), detrend="linear", axis=0
     )

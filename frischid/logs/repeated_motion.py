@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import signal
+from scipy import fft
 
 from frischid.core.types import Array
 
@@ -70,8 +70,10 @@ def repeat_of(t: Array, q: Array, other_t: Array, other_q: Array, least_shift: f
         return None
     scaled = ((x, (y[:, moves] - q[:, moves].mean(axis=0)) / spread[moves]) for x, y in ((t, q), (other_t, other_q)))
     a, b = (_gridded(*motion) for motion in scaled)
-    lags = signal.correlation_lags(len(a), len(b))
-    cross = sum(signal.correlate(x, y, method="fft") for x, y in zip(a.T, b.T, strict=True))
+    lags = np.arange(1 - len(b), len(a))
+    size = fft.next_fast_len(len(lags), real=True)
+    spectrum = (fft.rfft(a, size, axis=0) * fft.rfft(b, size, axis=0).conj()).sum(axis=1)
+    cross = fft.irfft(spectrum, size)[lags]  # Σ_i a_{i+lag} b_i; negative lags stand at the end
     first, last = np.maximum(lags, 0), np.minimum(lags + len(b), len(a))  # the part of a that overlaps
     power_a, power_b = (np.append(0.0, np.cumsum((x**2).sum(axis=1))) for x in (a, b))
     squares = power_a[last] - power_a[first] + power_b[last - lags] - power_b[first - lags] - 2 * cross

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy import special
 from scipy.spatial.transform import Rotation
 
 from frischid.core.types import Array
@@ -295,7 +295,7 @@ def _in_frame(
     T = np.linalg.inv(parameter_transform(H))
     phi, covariance = T @ phi, T @ covariance @ T.T
     if phi[0] <= 0:
-        bound = float(stats.norm.ppf(0.975) * np.sqrt(covariance[0, 0]))
+        bound = float(special.ndtri(0.975) * np.sqrt(covariance[0, 0]))
         raise IdentifiabilityError(
             f"these logs show no body on the link of {names[1]}: the mass would be {phi[0]:.3g} ± {bound:.2g} kg"
         )
@@ -311,7 +311,7 @@ def _in_frame(
     values = _numbers(physical)
     xx, xy, yy, xz, yz, zz = values[4:]
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    half = stats.norm.ppf(0.975) * spread
+    half = special.ndtri(0.975) * spread
     if values[0] <= half[0]:
         notes = (*notes, "the mass is within its bound of zero: these logs show no body that can be told from none")
     if changed:

@@ -25,7 +25,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from frischid.core.types import Array
 from frischid.estimators.least_squares import Estimate
@@ -193,14 +193,14 @@ def _lag(
     lag, error = float(one.value[0]) + taken, float(one.error[0])
     if not error > 0:
         return None
-    p_value = float(2 * stats.t.sf(abs(lag) / error, freedom))
-    likely = 2 * stats.t.sf(abs(lag - taken) / error, freedom) <= criteria.lag_likely_p_value
+    p_value = float(2 * special.stdtr(freedom, -abs(lag) / error))
+    likely = 2 * special.stdtr(freedom, -abs(lag - taken) / error) <= criteria.lag_likely_p_value
     # the doubt about the difference itself, because a joint's lag and that of all joints share their errors
     doubt = np.sqrt(np.square(each.influence[:, :J] - one.influence[:, :1]).sum(axis=0))
-    bar = stats.t.isf(criteria.lag_differs_p_value / (2 * J), freedom) * doubt
+    bar = -special.stdtrit(freedom, criteria.lag_differs_p_value / (2 * J)) * doubt
     bar = np.maximum(bar, criteria.lag_differs_share * abs(lag))
     value = each.value[:J] + taken
-    own = 2 * stats.t.sf(np.abs(value) / np.maximum(each.error[:J], 1e-300), freedom)
+    own = 2 * special.stdtr(freedom, -np.abs(value) / np.maximum(each.error[:J], 1e-300))
     joints = tuple(
         JointLag(n, float(x), float(s), bool(p < criteria.lag_p_value / J))
         for n, x, s, p in zip(names, value, each.error, own, strict=False)

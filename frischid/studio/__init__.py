@@ -117,6 +117,7 @@ class Studio:
 
         def show(frame: Frame) -> None:
             tab = self.tabs[frame.client.client_id] = Tab(frame, bench, track)
+            tab.draw()
             if frame.client.client_id not in self.server.get_clients():  # it was closed while the tab was drawn
                 self.tabs.pop(frame.client.client_id, None)
                 return

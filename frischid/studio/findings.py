@@ -7,6 +7,7 @@ joints light up in the scene.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -58,12 +59,17 @@ class Findings:
         self._waiting: Any = None
         self._so_far: Any = None
         self._drawn: Any = None
+        self._lock = threading.Lock()
+        self._shown: State | None = None
 
     def show(self, state: State) -> None:
-        """Show the findings of a state, or what is done to find them."""
-        from frischid.diagnosis.findings import HOW_RANKED
-        from frischid.reports.study import missing
+        """Show the findings of a state, or what is done to find them; a diagnosis in another thread may call this."""
+        with self._lock:
+            if state is not self._shown:
+                self._shown = state
+                self._list(state)
 
+    def _list(self, state: State) -> None:
         for handle in [*self._listed, *([] if self._drawn is None else [self._drawn])]:
             handle.remove()
         self._listed, self._waiting, self._so_far, self._drawn = [], None, None, None
@@ -75,6 +81,9 @@ class Findings:
                     self._waiting = self._listed[0]
                     self._rank()
                 return
+            from frischid.diagnosis.findings import HOW_RANKED
+            from frischid.reports.study import missing
+
             passing = [f for f in state.diagnosis.findings if f.significant and f.members]
             rest = len(self.bench.fit) - 1
             first = (

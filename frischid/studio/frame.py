@@ -1,12 +1,14 @@
 """The frame of a page before there is a model: empty panels in their places, and one line of text.
 
-A browser takes a good part of a second to move the panels and to fit the scene between them. It does so while the model
-is read and evaluated.
+A browser takes a good part of a second to move the panels and to fit the scene between them, and another second to load
+the library of the curves. It does both while the model is read and evaluated.
 """
 
 from __future__ import annotations
 
 from typing import Any
+
+from plotly.graph_objects import Figure
 
 READING = "Reading the logs …"
 WIDTH = 430  # pixels of each panel
@@ -43,6 +45,8 @@ class Frame:
         Width and height (from above) of the part that no panel covers, as shares of the page's height.
     headline, motion : handles
         The text at the top of the right panel, and the content of the left one.
+    primer : handle
+        A figure that nobody sees: the browser loads the library of the curves for it.
     """
 
     def __init__(self, client: Any) -> None:
@@ -62,3 +66,4 @@ class Frame:
         self.motion = panel.add_tab("Motion")
         panel.dock_left()
         panel.set_width(WIDTH)
+        self.primer = gui.add_plotly(Figure(), visible=False)

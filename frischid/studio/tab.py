@@ -70,20 +70,24 @@ class Tab:
         with self._lock:  # a control that is used at once waits until the others are there
             self._curves(gui, joints, worst)
             self._work(gui, joints)
-            # First text, then curves (their library takes a second to load), then the robot (longer without a GPU).
             self._headline(self._drawn)
-            self._come()
+            self.findings.show(self._drawn)
+
+    def draw(self) -> None:
+        """Draw curves and robot; findings that come meanwhile are shown at once."""
+        with self._lock:
+            # First text, then curves, then the robot, which takes longer without a GPU.
             self._torque()
+            self.frame.primer.remove()
             self._come()
             from frischid.studio.stage import Stage  # loads while the browser draws the curves
 
-            self.stage = Stage(self.client, bench, track, self._choose, frame.free)
+            self.stage = Stage(self.client, self.bench, self.track, self._choose, self.frame.free)
             self.pose()
             self._stairs(self._drawn)
             # Parts that are hidden at first must not delay the visible ones.
             self._come()
             self._elsewhere(self._drawn)
-            self.findings.show(self._drawn)
 
     def _come(self) -> None:
         """Wait until the browser has read the data sent so far, and for a moment in which it may draw them."""
@@ -156,6 +160,7 @@ class Tab:
 
     def refresh(self) -> None:
         """Show the bench's state, as far as it differs from the one shown."""
+        self.findings.show(self.bench.state)
         with self._lock:
             state, before = self.bench.state, self._drawn
             if state is before:
@@ -169,7 +174,6 @@ class Tab:
                 self._stairs(state)
                 self._elsewhere(state)
                 self.pose()
-            self.findings.show(state)
 
     def _stairs(self, state: State) -> None:
         self._show(self.stairs, figures.staircase(state.model, state.headline))

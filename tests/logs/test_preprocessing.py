@@ -482,3 +482,22 @@ def test_the_clock_of_each_stretch_is_judged_without_the_gap_between_them():
     assert np.abs(retimed(regular).t - t).max() < 5e-5
     true = Log(stamps, ("a",), np.sin(9 * stamps)[:, None])
     assert retimed(true) is true
+
+
+@pytest.mark.parametrize(("cutoff", "rate"), [(5.0, 1000.0), (20.0, 125.0), (0.5, 100.0), (60.0, 500.0)])
+def test_filters_equal_those_of_scipy(cutoff, rate):
+    """They are written out, because scipy.signal takes too long to import."""
+    from scipy import signal
+
+    step, taps = 1 / rate, LowPass(cutoff).taps(1 / rate)
+    length, beta = signal.kaiserord(60.0, min(cutoff, rate / 2 - cutoff) * 2 / rate)
+    np.testing.assert_allclose(taps, signal.firwin(length | 1, cutoff, window=("kaiser", beta), fs=rate), atol=1e-15)
+    for order in (1, 2):
+        found = derivative_taps(order, step, cutoff)
+        there = signal.savgol_coeffs(len(found), 4, deriv=order, delta=step, use="dot")
+        np.testing.assert_allclose(found, there, atol=1e-13 * np.abs(there).max())
+    for samples in (len(taps), len(taps) + 1, 3 * len(taps), 40 * len(taps) + 7):
+        x = np.random.default_rng(0).normal(size=(samples, 3))
+        there = signal.oaconvolve(x, taps[::-1, None], mode="valid", axes=0)
+        np.testing.assert_allclose(correlate(taps, x), there, atol=1e-13)
+    assert correlate(taps, x[: len(taps) - 1]).shape == (0, 3)

@@ -3,6 +3,8 @@
 import json
 import re
 import socket
+import subprocess
+import sys
 import threading
 import time
 import warnings
@@ -21,6 +23,7 @@ from frischid.cli import main
 from frischid.diagnosis import diagnosis, improvement
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
+from frischid.logs.readers import write_log
 from frischid.model import log_examination
 from frischid.model.identification import identify
 from frischid.model.model import Model
@@ -467,7 +470,7 @@ def pixel(page, tab, place):
 
 def in_place(running, page):
     """The one tab, once the panels stand at the page's sides and the camera is where the stage put it."""
-    settled(lambda: running.tabs)  # the curves are there before the robot
+    settled(lambda: any(tab.against.figure is not None for tab in running.tabs.values()))  # this is drawn last
     ((_, tab),) = running.tabs.items()
     width = page.viewport_size["width"]
     scene = width if width < PHONE else width - 2 * WIDTH  # pixels; between the panels there is a little less
@@ -754,8 +757,39 @@ def test_what_cannot_be_read_ends_it(case, tmp_path):
 
 
 def test_a_missing_extra_is_named(case, tmp_path, monkeypatch):
-    import sys
-
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(InputError, match=r'pip install "viser>=1.1" "yourdfpy>=0.0.56"'):
         studio(*case, tmp_path / "model.json")
+
+
+def imported_by(commands):
+    """Modules that a fresh Python has imported after some commands."""
+    asked = [sys.executable, "-c", f"import sys\n{commands}\nprint(*sys.modules)"]
+    return set(subprocess.run(asked, capture_output=True, text=True, check=True).stdout.split())
+
+
+def test_the_address_is_printed_before_anything_heavy_is_imported():
+    """A browser loads the page while models, logs and their libraries are read."""
+    names = imported_by("import frischid.studio, frischid.cli.pages.studio, frischid.cli.inputs")
+    assert not {"scipy", "pinocchio", "trimesh", "frischid.model.model"} & names
+
+
+def test_a_first_look_needs_no_slow_library(case, tmp_path):
+    """`scipy.signal` and `scipy.stats` take half a second to import."""
+    model, logs = case
+    model.save(tmp_path / "model.json")
+    write_log(logs[0], tmp_path / "log.parquet")
+    names = imported_by(
+        "from pathlib import Path\n"
+        "from frischid.logs.readers import read_log\n"
+        "from frischid.model.model import Model\n"
+        "from frischid.studio.bench import Bench\n"
+        "import frischid.studio.tab\n"
+        f"model = Model.load({str(tmp_path / 'model.json')!r})\n"
+        f"log = read_log({str(tmp_path / 'log.parquet')!r}, model.robot.joints)\n"
+        "bench = Bench(model, [log], Path('model.json'))\n"
+        "from frischid.diagnosis.diagnosis import diagnose\n"
+        "assert diagnose(model, [log]).findings"
+    )
+    assert "frischid.diagnosis.diagnosis" in names
+    assert not {"scipy.signal", "scipy.stats"} & names

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
 from frischid.cli.narrow import Wide
-from frischid.model.alarms import Alarm
-from frischid.model.headline import Headline
+
+if TYPE_CHECKING:  # the studio prints its address on such a page before anything heavy is imported
+    from frischid.model.alarms import Alarm
+    from frischid.model.headline import Headline
 
 
 @dataclass(frozen=True)
