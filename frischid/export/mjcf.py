@@ -1,20 +1,22 @@
 """A model in MuJoCo's own format, MJCF, which unlike a URDF can hold rotor inertias, as ``armature``.
 
 The file has the kinematic tree with the identified inertias, and for every joint ``armature``, ``damping`` and
-``frictionloss``, and ``stiffness`` and ``springref`` of a linear spring, tendons for coupled joints, but no shapes.
+``frictionloss``, and ``stiffness`` and ``springref`` of a linear spring, tendons for coupled joints, a second joint for
+an elastic gear or one with play, but no shapes.
 MuJoCo loads the file as it is; its joint and inertial lines can be copied into a scene. `frischid.export.mjcf_share`
 says what of a model is in the file; `frischid.export.mjcf_effects` writes the rest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from frischid.core.types import Array
-from frischid.export.mjcf_share import Share, Tendon, share_of
+from frischid.export.mjcf_gears import GearJoint
+from frischid.export.mjcf_share import Share, share_of
 from frischid.export.names import attribute, number
 from frischid.model.drive_parameters import drive_parameters
 from frischid.model.model import Model
@@ -46,7 +48,7 @@ def mjcf_source(model: Model) -> str:
         *_children(model, bodies, share, -1, "    "),
         "  </worldbody>",
         *_followers(model, bodies),
-        *tendons(share.tendons),
+        *tendons(share),
         *actuators(model),
         "</mujoco>",
     ]
@@ -64,6 +66,7 @@ def _children(model: Model, bodies: Sequence[Body], share: Share, parent: int, i
             f'{indent}<body name={name} pos="{_numbers(body.translation)}" quat="{_numbers([w, x, y, z])}">',
             f"{indent}  {_inertial(share.links[i])}",
             f"{indent}  {_joint(model, body, share)}",
+            *(f"{indent}  {line}" for line in _gears(body, share)),
             *_children(model, bodies, share, i, indent + "  "),
             f"{indent}</body>",
         ]
@@ -93,6 +96,19 @@ def _joint(model: Model, body: Body, share: Share) -> str:
     return f"<joint {' '.join(parts)}/>"
 
 
+def _gears(body: Body, share: Share) -> list[str]:
+    """The joints between the body's motor and the body."""
+    train, kind = share.gears.get(body.joint), "slide" if body.slides else "hinge"
+    place = {"type": kind, "axis": _numbers(body.axis)}
+    return [] if train is None else [gear_line(gear, place) for gear in train.gears]
+
+
+def gear_line(gear: GearJoint, place: Mapping[str, str]) -> str:
+    """The line of the joint of a gear, where `place` has the attributes that it shares with the joint of its motor."""
+    values = " ".join(f'{key}="{text}"' for key, text in (dict(place) | gear.attributes()).items())
+    return f"<joint name={attribute(gear.name)} {values}/>"
+
+
 def _followers(model: Model, bodies: Sequence[Body]) -> list[str]:
     """Mimic joints, as equality constraints."""
     joints = model.robot.joints
@@ -105,10 +121,19 @@ def _followers(model: Model, bodies: Sequence[Body]) -> list[str]:
     return ["  <equality>", *rules, "  </equality>"] if rules else []
 
 
-def tendons(found: Sequence[Tendon]) -> list[str]:
-    """Lines of a fixed tendon for every motor that turns with two joints; none without."""
+def tendons(share: Share) -> list[str]:
+    """Lines of a fixed tendon for every motor that turns with two joints, and for friction behind a gear."""
     rows = []
-    for tendon in found:
+    for joint, loss in share.behind.items():
+        written = {"frictionloss": number(loss)} | DRY
+        values = " ".join(f'{key}="{x}"' for key, x in written.items())
+        turns = [joint, *(gear.name for gear in share.gears[joint].gears)]
+        rows += [
+            f"    <fixed name={attribute(f'link of {joint}')} {values}>",
+            *(f'      <joint joint={attribute(name)} coef="1.0"/>' for name in turns),
+            "    </fixed>",
+        ]
+    for tendon in share.tendons:
         written = {key: number(x) for key, x in tendon.values.items()} | DRY
         values = " ".join(f'{key}="{x}"' for key, x in written.items())
         rows += [

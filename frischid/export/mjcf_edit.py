@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.parsers import expat
 
@@ -19,7 +19,8 @@ import pinocchio as pin
 
 from frischid.core.types import Array
 from frischid.errors import InputError
-from frischid.export.mjcf import actuators, position_attributes, tendons
+from frischid.export.mjcf import actuators, gear_line, position_attributes, tendons
+from frischid.export.mjcf_gears import GearTrain
 from frischid.export.mjcf_share import Share, share_of
 from frischid.export.names import number
 from frischid.model.model import Model
@@ -85,9 +86,16 @@ def edited_mjcf(model: Model, path: Path) -> str:
         assert body.joint is not None
         if joint in robot.joints:
             changes.append(_joint(data, body.joint, _values(model, joint, share, data)))
+            changes += _gears(data, body.joint, share.gears.get(joint))
     if model.controller is not None:
         changes += _positions(model, data)
-    if lines := tendons(share.tendons):
+    if share.gears and re.search(rb"<key\b[^>]*\bqpos\s*=", data):
+        raise InputError(
+            f"{path}: its <keyframe> holds one position for each joint, and the gears of the model add joints "
+            f"({', '.join(gear.name for train in share.gears.values() for gear in train.gears)}); "
+            "move the <keyframe> out of the file, or take the qpos out of it"
+        )
+    if lines := tendons(share):
         last = _last_tag(data)
         changes.append((last, last, "\n".join([*lines, ""])))
     for start, end, text in sorted(changes, reverse=True):
@@ -121,10 +129,31 @@ def _positions(model: Model, data: bytes) -> list[tuple[int, int, str]]:
 def _values(model: Model, joint: str, share: Share, data: bytes) -> dict[str, float]:
     """Attributes of a joint; the angle of its spring in the file's unit: degrees, unless the compiler says radian."""
     values, robot = dict(share.joints[joint]), model.robot
-    radian = re.search(rb"<compiler[^>]*\bangle\s*=\s*[\"']radian", data) is not None
-    if "springref" in values and not radian and not robot.prismatic[robot.joints.index(joint)]:
-        values["springref"] = float(np.rad2deg(values["springref"]))
+    if "springref" in values:
+        values["springref"] = _in_unit(data, values["springref"], bool(robot.prismatic[robot.joints.index(joint)]))
     return values
+
+
+def _gears(data: bytes, tag: _Tag, train: GearTrain | None) -> list[tuple[int, int, str]]:
+    """The joints of gears, as new lines below the joint of their motor, with its place, axis and class."""
+    if train is None:
+        return []
+    text = data[tag.start : tag.end].decode()
+    given = dict(re.findall(r"\b(type|pos|axis|class)\s*=\s*[\"']([^\"']*)[\"']", text))
+    # Of a class of the file, whatever is not a place is set back.
+    none = dict.fromkeys(("armature", "damping", "frictionloss", "stiffness"), "0") if "class" in given else {}
+    indent = re.search(rb"[ \t]*$", data[: tag.start])
+    lead = "\n" + (indent.group().decode() if indent else "")
+    at = tag.end if text.endswith("/>") else data.index(b"</joint>", tag.end) + len(b"</joint>")
+    turns = "slide" if given.get("type") == "slide" else "hinge"
+    wanted = [replace(gear, gap=_in_unit(data, gear.gap, turns == "slide")) for gear in train.gears]
+    return [(at, at, "".join(lead + gear_line(gear, given | none) for gear in wanted))]
+
+
+def _in_unit(data: bytes, angle: float, slides: bool) -> float:
+    """An angle in the file's unit: degrees, unless the compiler says radian."""
+    radian = re.search(rb"<compiler[^>]*\bangle\s*=\s*[\"']radian", data) is not None
+    return angle if radian or slides else float(np.rad2deg(angle))
 
 
 def _last_tag(data: bytes) -> int:

@@ -17,9 +17,8 @@ before the step. What the callback decides:
   links would make the simulation unstable at every step, however short.
 - *Presliding* follows the path of the positions, because the mean of the speeds lags half a step behind.
 
-`elasticity` and `backlash` are left out. Their torque is −M δ̈ with the deflection δ of a spring without mass of its
-own: a force that depends on the acceleration's own derivatives, which no explicit force can follow (1 ms steps of a
-three-joint arm became unstable within 0.2 s). Simulate such a joint as two joints with a spring between them.
+`elasticity` and `backlash` are joints of the XML (`frischid.export.mjcf_gears`). As explicit forces they would depend
+on derivatives of the acceleration itself: 1 ms steps of a three-joint arm became unstable within 0.2 s.
 """
 
 from __future__ import annotations
@@ -33,6 +32,7 @@ from frischid.effects.state import SIGN_WIDTH
 from frischid.export.code import PARTS, filled_in, python_values
 from frischid.export.code_body import Body, NumPy
 from frischid.export.code_columns import CodeColumn, CodeModel, Made
+from frischid.export.mjcf_gears import has_gears
 from frischid.export.mjcf_share import Share, dry_joints, forces, rubs, share_of
 from frischid.export.names import number
 from frischid.export.reach import left_out
@@ -129,7 +129,7 @@ def effects_source(model: Model) -> str | None:
     torques = forces(model)
     torques = replace(torques, effects=tuple(e for e in torques.effects if str(e) not in lost))
     share = share_of(torques)
-    rest = _Rest(torques, share)
+    rest = _Rest(replace(torques, effects=tuple(e for e in torques.effects if not has_gears(torques, e))), share)
     if not any(rest._is_left(c) for c in rest.columns):
         return None
     dry = dry_joints(torques, share.held)

@@ -3,6 +3,7 @@
     viscous, Coulomb, armature, a linear spring with its offset: of the joint
     joint_coupling:  f = fvm ṡ + fcm sgn ṡ + Iam s̈ with s = q_i + ratio q_j is a fixed tendon of length s
     a payload:       part of the inertia of its body
+    elasticity, backlash:  a second joint of the body (`frischid.export.mjcf_gears`)
     a coupled rotor: Im ratio² is the joint's armature; only its reaction on the joints before it is left
 
 MuJoCo refuses negative values of all these, and a body that no mass distribution can have: such a coefficient goes to
@@ -16,6 +17,7 @@ from dataclasses import dataclass, replace
 from frischid.core.types import Array
 from frischid.effects import Effect, JointCoupling, JointSpring, Offset, Payload, RotorInertia, TimeDelay
 from frischid.export.code_columns import CodeModel
+from frischid.export.mjcf_gears import GearTrain, has_gears, trains_of
 from frischid.model.model import Model
 from frischid.robot.inertia import is_physical
 
@@ -54,12 +56,18 @@ class Share:
     tendons : tuple of Tendon
     links : ndarray, shape (L, 10)
         Inertial parameters with the payload, about the joints' frames.
+    gears : dict of str to GearTrain
+        Joint -> the gears behind its motor.
+    behind : dict of str to float
+        Joint -> dry friction behind its gears, on the link, N·m (N).
     """
 
     held: frozenset[str]
     joints: dict[str, dict[str, float]]
     tendons: tuple[Tendon, ...]
     links: Array
+    gears: dict[str, GearTrain]
+    behind: dict[str, float]
 
 
 def forces(model: Model) -> Model:
@@ -93,15 +101,24 @@ def share_of(model: Model) -> Share:
             if is_physical(heavier).all():
                 links, carried = heavier, (*carried, effect)
                 held |= {c.name for c in effect.columns(model.robot)}
+        elif has_gears(model, effect):
+            held |= {column.name for column in effect.columns(model.robot)}
         else:
             held |= _of_joints(model, effect, joints)
     for tendon in tendons:
         number = f"{model.robot.numbers[tendon.first]}_{model.robot.numbers[tendon.second]}"
         symbols = {"damping": "fvm", "frictionloss": "fcm", "armature": "Iam"}
         held |= {f"{symbols[key]}{number}" for key in tendon.values}
+    gears, behind = trains_of(model), {}
+    for joint, train in gears.items():
+        own = joints[joint]
+        own["armature"] = own.get("armature", 0.0) or train.rotor
+        if train.rubbing and own.get("frictionloss"):
+            behind[joint] = train.rubbing * own["frictionloss"]
+            own["frictionloss"] = max(own["frictionloss"] - behind[joint], 0.0)
     for joint in dry_joints(model, frozenset(held)):
         joints[joint]["frictionloss"] = max(joints[joint].get("frictionloss", 0.0), LEAST_LOSS)
-    return Share(frozenset(held), joints, tuple(tendons), links)
+    return Share(frozenset(held), joints, tuple(tendons), links, gears, behind)
 
 
 def dry_joints(model: Model, held: frozenset[str]) -> tuple[str, ...]:

@@ -1,8 +1,7 @@
 """What a model can be exported to, and which of its effects each format leaves out.
 
     C, NumPy: every effect whose class states its columns (all of the catalogue);   URDF: viscous and Coulomb friction
-    MJCF: as C, what the XML has no place for in a Python file beside it (`frischid.export.mjcf_effects`), but neither
-    elasticity nor backlash
+    MJCF: as C, what the XML has no place for in a Python file beside it (`frischid.export.mjcf_effects`)
 
 Code of a model with memory is a step function: it must be called at every sample, see `frischid.export.code_columns`.
 """
@@ -15,6 +14,7 @@ from typing import Any
 
 from frischid.effects import EFFECTS, Backlash, Effect, Elasticity, JointSpring, columns_of
 from frischid.export.code_columns import CodeModel, NoCodeError
+from frischid.export.mjcf_gears import has_gears
 from frischid.export.mjcf_share import forces, share_of
 from frischid.model.model import Model
 
@@ -97,7 +97,7 @@ def left_out(model: Model, kind: str) -> tuple[str, ...]:
     torques = [e for e in model.effects if not e.of_controller]  # no torque of the robot, and no format has a delay
     if kind == "MJCF":
         filled = _filled(model)
-        return tuple(str(e) for e in torques if isinstance(e, Elasticity | Backlash) or not _writable(filled, e))
+        return tuple(str(e) for e in torques if not (has_gears(filled, e) or _explicit(filled, e)))
     return tuple(str(e) for e in torques if e.id not in URDF_EFFECTS)
 
 
@@ -160,6 +160,11 @@ def _code(model: Model) -> Reach:
         return Reach("code", steps=CodeModel.of(filled).remembers)
     except NoCodeError:
         return Reach("code", refused=tuple(str(e) for e in model.effects if not _writable(filled, e)))
+
+
+def _explicit(model: Model, effect: Effect) -> bool:
+    """Whether MuJoCo can be given the effect as a force; it cannot of a gear with a negative compliance or gap."""
+    return not isinstance(effect, Elasticity | Backlash) and _writable(model, effect)
 
 
 def _writable(model: Model, effect: Effect) -> bool:

@@ -23,7 +23,8 @@ from frischid.export.consistency import Box, Consistency, as_identified, make_co
 from frischid.export.mjcf import mjcf_source
 from frischid.export.mjcf_edit import edited_mjcf
 from frischid.export.mjcf_effects import MARK, effects_source
-from frischid.export.mjcf_share import delays, forces
+from frischid.export.mjcf_gears import LEAST_ROTOR
+from frischid.export.mjcf_share import delays, forces, share_of
 from frischid.export.proofread import proofread
 from frischid.export.reach import URDF_EFFECTS, beside, left_out
 from frischid.model.model import Model
@@ -310,6 +311,19 @@ def _notes_of_pair(model: Model) -> list[str]:
     out = (*rest, *left_out(model, "MJCF"))
     ids = dict.fromkeys(e.id for e in forces(model).effects if str(e) not in out)
     notes = [f"in the XML: {', '.join(ids) or 'no effect'}"]
+    share = share_of(model)
+    if gears := share.gears:
+        named = ", ".join(gear.name for train in gears.values() for gear in train.gears)
+        notes.append(
+            f"added joints, each in the body and on the axis of its motor's joint: {named}. The motor's joint is what "
+            "its encoder shows; the link stands where both together turn it"
+        )
+        light = [joint for joint, train in gears.items() if share.joints[joint]["armature"] == train.rotor]
+        if light:
+            notes.append(
+                f"armature of {', '.join(light)}: {100 * LEAST_ROTOR:g} % of the link's inertia, because the model has "
+                "no rotor inertia there, and a motor before a gear needs one"
+            )
     if rest:
         notes.append(f"in the Python file beside it: {', '.join(rest)}")
     if late:

@@ -263,12 +263,16 @@ def test_both_files_are_written_or_none_and_no_file_of_the_user_is_lost(tmp_path
 
 
 def test_nothing_is_said_twice_and_what_cannot_be_is_said(tmp_path):
-    texts = "elasticity, backlash@joint1, time_delay, cogging@joint2"
+    texts = "elasticity@joint2, backlash@joint1, time_delay, cogging@joint2"
     model = with_effects("planar2", parse_effects(f"viscous, coulomb, {texts}"))
     done = export(model, tmp_path / "arm.xml", force=True)
-    out, inside, other, late = done.notes
-    assert out == "left out of the MJCF file: elasticity(period=0, rubbing=0), backlash(size=0.003, rubbing=0)@joint1"
-    assert (inside, other) == ("in the XML: viscous, coulomb", "in the Python file beside it: cogging(order=12)@joint2")
+    inside, gears, light, other, late = done.notes
+    assert inside == "in the XML: viscous, coulomb, elasticity, backlash"
+    assert gears.startswith(
+        "added joints, each in the body and on the axis of its motor's joint: spring of joint2, play"
+    )
+    assert light.startswith("armature of joint2, joint1: 1 % of the link's inertia")
+    assert other == "in the Python file beside it: cogging(order=12)@joint2"
     assert late.startswith("in neither file, because a late record of the torque is no force")
 
 

@@ -31,9 +31,9 @@ def test_every_effect_of_the_catalogue_can_be_code(fitted):
         code, mjcf, urdf = reach_of(model)
         assert code.whole, name
         of_controller = fr.EFFECTS[name].of_controller
-        assert mjcf.whole == (name not in ("elasticity", "backlash"))
-        inside = (*XML_ALONE, "time_delay")
-        assert (mjcf.beside == ()) == (of_controller or not mjcf.whole or name in inside), name
+        assert mjcf.whole, name
+        inside = (*XML_ALONE, "time_delay", "elasticity", "backlash")
+        assert (mjcf.beside == ()) == (of_controller or name in inside), name
         assert urdf.whole == (of_controller or name in ("viscous", "coulomb"))
 
 
@@ -71,7 +71,7 @@ def test_a_class_without_code_is_named(fitted):
 def test_improve_searches_only_among_effects_that_an_export_holds(fitted, tmp_path, monkeypatch):
     model = fitted[0]
     assert set(exportable(model, "c")) == {name for name in EFFECTS if any(EFFECTS[name].candidates(model.robot))}
-    assert set(exportable(model, "mjcf")) == set(exportable(model, "c")) - {"elasticity", "backlash"}
+    assert set(exportable(model, "mjcf")) == set(exportable(model, "c"))
     assert "joint_spring" not in exportable(model, "urdf")
     hidden = parse_effects("viscous, coulomb, offset, rotor_inertia, joint_spring@joint2")
     motion = fr.random_fourier(model.robot, 20.0, seed=3)
