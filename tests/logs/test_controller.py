@@ -8,9 +8,11 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
+from frischid.cli.pages import joint_drives
 from frischid.logs.command_checks import check_commands
 from frischid.logs.delayed_commands import delayed
 from frischid.logs.driven import driven
+from frischid.model.drive_parameters import DriveParameter
 
 T = np.arange(0.0, 6.0, 0.01)
 JOINTS = ("joint1", "joint2")
@@ -182,6 +184,18 @@ def test_commands_of_another_unit_or_sign_are_said(robot, measured, factor, word
     wrong[:, 1] = 0.3 + factor * wrong[:, 1]
     with pytest.raises(fr.InputError, match=rf"the commanded positions of joint2 .*{words}"):
         fr.identify(robot, [replace(servo, qcmd=wrong)], controller=fr.PDController(kp=400.0, kd=4.0))
+
+
+def test_identify_names_the_joints_whose_values_the_logs_leave_open(monkeypatch):
+    known = [("joint1", "armature", "open"), ("joint2", "armature", "open"), ("joint1", "viscous", "roughly")]
+    known += [("joint2", "coulomb", "open"), ("joint2", "viscous", "identified")]
+    rows = [DriveParameter(joint, what, "", 1.0, 0.0, 2.0, word) for joint, what, word in known]
+    monkeypatch.setattr(joint_drives, "drive_parameters", lambda _: rows)
+    assert joint_drives.left_open(None) == [
+        "these logs leave values of drives open: armature of joint1 and joint2; Coulomb friction of joint2"
+    ]
+    monkeypatch.setattr(joint_drives, "drive_parameters", lambda _: rows[2:3])
+    assert joint_drives.left_open(None) == []
 
 
 def test_a_servo_that_hardly_follows_has_no_wrong_unit():

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from frischid.cli.pages.comparing import error_tables, motion_table
-from frischid.cli.pages.joint_drives import MEANING, amperes, drives
+from frischid.cli.pages.joint_drives import MEANING, amperes, drives, left_open
 from frischid.cli.pages.page import Page, figure, headline_line, table_of, warning_lines
 from frischid.forward.output_error import OutputError
 from frischid.logs.log import Log
@@ -41,7 +41,7 @@ def identification(found: Identification, output: str | None, *, whole: bool = F
     parts += [cross_validation(found), *warning_lines(_brief(found, found.warnings)), summary(found)]
     parts += [f"  {escape(n)}" for n in _brief(found, found.notes)]
     if model.controller is not None:
-        parts += [drives(model), f"  {MEANING}"]
+        parts += [drives(model), *warning_lines(left_open(model)), f"  {MEANING}"]
     if found.amperes:
         parts.append(amperes(found.amperes))
     parts.append(parameters(model) if whole else f"  {len(model.expressions)} parameters: --parameters lists them")

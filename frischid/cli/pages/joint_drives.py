@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from frischid.cli.pages.page import figure, table_of
+from frischid.core.text import listed
 from frischid.model.amperes import JointCurrents
 from frischid.model.drive_parameters import DriveParameter, drive_parameters
 from frischid.model.model import Model
@@ -32,6 +33,17 @@ def drives(model: Model) -> Table:
     for joint in model.joints:
         table.add_row(joint, *(_cell(values.get((joint, q))) for q in there))
     return table
+
+
+def left_open(model: Model) -> list[str]:
+    """One sentence that names the joints whose values the logs leave open; none where every value is known."""
+    found: dict[str, list[str]] = {}
+    for x in drive_parameters(model):
+        if x.known == "open":
+            friction = " friction" if x.quantity in ("viscous", "coulomb") else ""
+            found.setdefault(TITLES[x.quantity] + friction, []).append(x.joint)
+    said = "; ".join(f"{title} of {listed(joints)}" for title, joints in found.items())
+    return [f"these logs leave values of drives open: {said}"] if said else []
 
 
 def _cell(x: DriveParameter | None) -> str:
