@@ -25,7 +25,8 @@ from frischid.cli import main
 from frischid.effects import Formula, State
 from frischid.logs.controller import PDController
 from frischid.logs.driven import driven
-from frischid.logs.mapping import DEFAULT_RULES, FILE_RULES, JOINT_RULES, LogMap
+from frischid.logs.mapping import LogMap
+from frischid.logs.mapping_rules import DEFAULT_RULES, FILE_RULES, JOINT_RULES
 from frischid.logs.readers import read_chunks, read_log, write_log
 from frischid.logs.recording import Recording
 from frischid.regression.regressor import Regressor

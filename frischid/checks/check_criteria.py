@@ -299,8 +299,7 @@ class CheckCriteria:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        found = {name: list(x) if isinstance(x, tuple) else x for name, x in asdict(self).items()}
-        return found | {"fault_costs": dict(self.fault_costs)}
+        return asdict(self)
 
 
 DEFAULT_CRITERIA = CheckCriteria()

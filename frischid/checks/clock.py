@@ -23,7 +23,7 @@ from frischid.checks.log_issue import Notebook
 from frischid.core.types import Array
 from frischid.logs.filters import noise_level
 from frischid.logs.log import CHANNELS, Log
-from frischid.logs.mapping import TICKS_PER_SECOND
+from frischid.logs.mapping_rules import TICKS_PER_SECOND
 from frischid.logs.repeated_motion import LEAST_OVERLAP, repeat_of
 
 

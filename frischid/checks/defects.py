@@ -21,7 +21,8 @@ from frischid.logs.csv_layout import Layout, csv_layout
 from frischid.logs.csv_text import is_number
 from frischid.logs.layouts import layout_of
 from frischid.logs.log import GARBAGE
-from frischid.logs.mapping import TICKS_PER_SECOND, LogMap
+from frischid.logs.mapping import LogMap
+from frischid.logs.mapping_rules import TICKS_PER_SECOND
 from frischid.logs.tables import CSV
 
 

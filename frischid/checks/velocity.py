@@ -19,7 +19,7 @@ from frischid.core.types import Array
 from frischid.logs.derivatives import LATE_VELOCITY
 from frischid.logs.filters import LowPass, correlate, derivative_taps, noise_level
 from frischid.logs.log import Log
-from frischid.logs.mapping import TICKS_PER_SECOND
+from frischid.logs.mapping_rules import TICKS_PER_SECOND
 from frischid.logs.time_grid import uniform
 
 _DEGREES_PER_RADIAN = 180 / np.pi

@@ -17,7 +17,8 @@ import numpy as np
 from frischid.core.types import Array
 from frischid.errors import InputError, close_names
 from frischid.logs.log import CHANNELS, Log, check_times, check_values, is_usable
-from frischid.logs.mapping import RADIANS_PER_UNIT, TICKS_PER_SECOND, JointMap, LogMap
+from frischid.logs.mapping import JointMap, LogMap
+from frischid.logs.mapping_rules import RADIANS_PER_UNIT, TICKS_PER_SECOND
 from frischid.logs.repeated_rows import without_repeats
 from frischid.logs.restarts import RESTART_GAP, continued
 from frischid.logs.table import Table

@@ -17,27 +17,24 @@ Logs of one robot may have different columns. Each layout is then a section ``[l
 and what stands outside holds for all; or there are several mapping files. `frischid.logs.layouts` finds the layout of a
 log.
 
-Every key is checked when the mapping is made, so that a mistyped key is an error and is not silently ignored.
+Every key is checked when the mapping is made (`frischid.logs.mapping_rules`), so that a mistyped key is an error and is
+not silently ignored.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from frischid.core.files import read_toml
 from frischid.core.text import shortened
 from frischid.errors import InputError, UnknownNameError
-from frischid.logs.log import CHANNELS, GARBAGE
+from frischid.logs.log import CHANNELS
 from frischid.logs.log_file import StoredFile
-
-RADIANS_PER_UNIT = {"rad": 1.0, "m": 1.0, "deg": np.pi / 180}
-TICKS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+from frischid.logs.mapping_rules import DEFAULT_RULES, FILE_RULES, JOINT_RULES, TABLES, checked
 
 
 @dataclass(frozen=True)
@@ -178,19 +175,19 @@ class LogMap:
                 raise UnknownNameError("table", key, TABLES, source)
             if not isinstance(table, Mapping):
                 raise InputError(f"{source}: {key} must be a table, found {shortened(table)}")
-        file = _checked(content.get("file", {}), FILE_RULES, f"[file] of {source}")
+        file = checked(content.get("file", {}), FILE_RULES, f"[file] of {source}")
         if "rate" in file and "time" in file:
             raise InputError(f"{source}: rate is for files without a time column; leave out time or rate")
         if file.get("header", True) and "columns" in file:
             raise InputError(f"{source}: columns = [...] names those of a file with header = false")
-        default = _checked(content.get("default", {}), DEFAULT_RULES, f"[default] of {source}")
+        default = checked(content.get("default", {}), DEFAULT_RULES, f"[default] of {source}")
         tau_from = default.pop("tau_from", None)
         joint = {
-            name: _checked(table, JOINT_RULES, f"[joint.{name}] of {source}")
+            name: checked(table, JOINT_RULES, f"[joint.{name}] of {source}")
             for name, table in content.get("joint", {}).items()
         }
         for name, gain in content.get("current_gain", {}).items():
-            _checked({"current_gain": gain}, JOINT_RULES, f"[current_gain] {name} of {source}")
+            checked({"current_gain": gain}, JOINT_RULES, f"[current_gain] {name} of {source}")
             if joint.setdefault(name, {}).setdefault("current_gain", gain) != gain:
                 raise InputError(f"{source}: joint {name} has two different current gains")
         return cls(
@@ -208,7 +205,6 @@ class LogMap:
 
 MappingLike = LogMap | Mapping[str, Any] | str | Path | Sequence[str | Path] | None
 """What `LogMap.of` takes."""
-TABLES = ("file", "default", "joint", "current_gain", "layout")
 
 
 def _with_shared(content: Mapping[str, Any], part: Any) -> dict[str, Any]:
@@ -224,70 +220,3 @@ def _with_shared(content: Mapping[str, Any], part: Any) -> dict[str, Any]:
             both = [n for n in own if isinstance(own[n], Mapping) and isinstance(shared.get(n), Mapping)]
             joined[key] |= {n: {**shared[n], **own[n]} for n in both}
     return joined
-
-
-Rule = tuple[Callable[[Any], bool], str]
-
-
-def _one_of(*options: Any) -> Rule:
-    # true == 1 in Python, but sign = true is a mistake.
-    return lambda x: any(type(x) is type(o) and x == o for o in options), f"one of {', '.join(map(repr, options))}"
-
-
-def _is_finite(x: Any) -> bool:
-    # A whole number of TOML has as many digits as are written; float() would raise OverflowError.
-    return isinstance(x, int | float) and not isinstance(x, bool) and abs(x) <= GARBAGE
-
-
-def _is_names(x: Any) -> bool:
-    return isinstance(x, list | tuple) and all(isinstance(n, str) for n in x) and len(set(x)) == len(x) > 0
-
-
-COLUMN_RULE: Rule = (
-    lambda x: isinstance(x, str) or (isinstance(x, int) and not isinstance(x, bool) and 0 <= x <= GARBAGE),
-    "a column name, or a column number from 0",
-)
-TEMPLATE_RULE: Rule = (lambda x: isinstance(x, str) and x.count("{joint}") == 1, "a text with {joint} in it once")
-BOOL_RULE = _one_of(True, False)
-SIGN_RULE = _one_of(1, -1)
-NONZERO_RULE: Rule = (lambda x: _is_finite(x) and abs(x) * GARBAGE >= 1, "a number other than 0")
-TAU_FROM_RULE = _one_of("tau", "current")
-
-FILE_RULES: dict[str, Rule] = {
-    "time": COLUMN_RULE,
-    "time_unit": _one_of(*TICKS_PER_SECOND),
-    "zero_time": BOOL_RULE,
-    "header": BOOL_RULE,
-    "delimiter": (lambda x: isinstance(x, str) and len(x.encode()) == 1, "one character"),
-    "columns": (_is_names, "a list of different names"),
-    "joints": (_is_names, "a list of different names"),
-    "topic": (lambda x: isinstance(x, str) and x != "", "the name of a topic"),
-    "rate": (lambda x: _is_finite(x) and x > 0, "samples per second, a number above 0"),
-    "logs": (_is_names, "a list of different patterns of file names"),
-    "angle_unit": _one_of("rad", "deg"),
-}
-DEFAULT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, TEMPLATE_RULE) | {"tau_from": TAU_FROM_RULE}
-JOINT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, COLUMN_RULE) | {
-    "sign": SIGN_RULE,
-    "offset": (_is_finite, "a number"),
-    "gear_ratio": NONZERO_RULE,
-    "torque_sign": SIGN_RULE,
-    "torque_factor": NONZERO_RULE,
-    "current_factor": NONZERO_RULE,
-    "current_gain": NONZERO_RULE,
-    "tau_from": TAU_FROM_RULE,
-    "angle_unit": _one_of(*RADIANS_PER_UNIT),
-}
-
-
-def _checked(table: Any, rules: Mapping[str, Rule], where: str) -> dict[str, Any]:
-    """Keys and values of one table of a mapping file; an error lists the keys that the table may hold."""
-    if not isinstance(table, Mapping):
-        raise InputError(f"{where}: expected a table, found {shortened(table)}")
-    for key, value in table.items():
-        if key not in rules:
-            raise UnknownNameError("key", key, rules, where)
-        is_right, expected = rules[key]
-        if not is_right(value):
-            raise InputError(f"{where}: {key} = {shortened(value)}, expected {expected}")
-    return dict(table)

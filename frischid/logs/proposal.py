@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from frischid.core.text import one_line, quoted
 
@@ -39,6 +40,12 @@ class Proposal:
     gains: dict[str, float] = field(default_factory=dict)
     set_points: list[str] = field(default_factory=list)
     factors: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    def tables(self) -> dict[str, dict[str, Any]]:
+        """The mapping as `LogMap.from_dict` takes it."""
+        joints = {joint: {**columns, **self.factors.get(joint, {})} for joint, columns in self.joints.items()}
+        tables: dict[str, dict[str, Any]] = {"file": self.file, "joint": joints, "current_gain": self.gains}
+        return {name: table for name, table in tables.items() if table}
 
     def toml(self, source: str) -> str:
         """Text of the mapping file."""

@@ -197,7 +197,7 @@ class ModelRecord(Struct, forbid_unknown_fields=True, frozen=True):
     history: list[dict[str, Any]]
     covariance: list[list[float]]
     information: list[list[float]]
-    previous: dict[str, Any] | None
+    previous: Annotated[dict[str, Any], Meta(extra_json_schema={"$ref": "#/$defs/ModelRecord"})] | None
     robot: RobotRecord | None = None
     standard: dict[str, float] | None = None
     recursion: RecursionRecord | None = None

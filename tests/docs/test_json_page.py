@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+from typing import get_args, get_type_hints
 
 import pytest
 from click.testing import CliRunner
@@ -11,6 +12,7 @@ from jsonschema import Draft202012Validator, ValidationError
 from output_schemas import fits, printed_by
 
 from frischid.cli import main
+from frischid.cli.outputs.models import HistoryStepOutput
 from frischid.cli.outputs.schemas import FURTHER, OUTPUTS, TYPES, schema_of
 
 LINES = {
@@ -101,3 +103,17 @@ def test_files_and_outputs_of_options_have_the_form_of_their_schemas(filled, tmp
     printed(f"export model.json -o {tmp_path}/actuators.json")
     fits("actuator_file", json.loads((tmp_path / "actuators.json").read_text()))
     fits("model_file", json.loads((filled / "model.json").read_text()))
+
+
+def test_every_step_of_a_model_has_the_form_of_its_schema(filled, tmp_path, monkeypatch):
+    monkeypatch.chdir(filled)
+    printed(f"add model.json joint_spring@joint2 log.csv --valid test.csv -o {tmp_path}/added.json")
+    printed(f"consistent {tmp_path}/added.json -o {tmp_path}/consistent.json")
+    printed(f"fleet robot.urdf 'fleet/**/*.parquet' --scheduler none -o {tmp_path}/fleet.json")
+    moved = "identify robot.urdf log.csv --estimator output_error --horizon 0.2"
+    printed(f"{moved} -o {tmp_path}/moved.json")
+    actions = set()
+    for name in ("consistent", "fleet", "moved"):
+        actions |= {step["action"] for step in printed(f"history {tmp_path}/{name}.json")["steps"]}
+        fits("model_file", json.loads((tmp_path / f"{name}.json").read_text()))
+    assert actions == set(get_args(get_type_hints(HistoryStepOutput)["action"]))

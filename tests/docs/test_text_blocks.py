@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
-from frischid.logs.mapping import DEFAULT_RULES, FILE_RULES, JOINT_RULES
+from frischid.logs.mapping_rules import DEFAULT_RULES, FILE_RULES, JOINT_RULES
 from frischid.logs.readers import write_log
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any, Literal, get_args
 
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET, Meta, UnsetType
 
 from frischid.cli.outputs.parts import (
     AlarmOutput,
@@ -21,6 +21,14 @@ from frischid.cli.outputs.parts import (
     TorqueLagOutput,
 )
 from frischid.diagnosis.criteria import DiagnosisCriteria
+from frischid.diagnosis.situation import Situation
+from frischid.estimators.urdf_prior import PriorCriteria
+from frischid.export.actuators import NAMES
+from frischid.forward.shooting import OutputErrorOptions
+from frischid.logs.log_file import LogFile
+from frischid.model.alarms import AlarmCriteria
+from frischid.model.drive_parameters import Known
+from frischid.model.identification_criteria import IdentificationCriteria
 from frischid.model.model_records import ControllerRecord, CurrentsRecord, NotNegative, PriorRecord, Share
 
 Pair = tuple[float, float]
@@ -144,11 +152,68 @@ class ImproveOutput(Output):
     last: DiagnosisOutput
 
 
+class StepLogOutput(Output):
+    """One log of a step: its hash, and its file where it came from one."""
+
+    source: str
+    sha256: str | None
+    samples: int | UnsetType | None = UNSET
+    file: LogFile | UnsetType = UNSET
+
+
+class StepPriorOutput(Output):
+    """The prior of a step; `rows`: rows that the data of each joint counted for."""
+
+    kind: Literal["urdf"]
+    rows: float
+    scales: dict[str, float]
+
+
+class StepCriteriaOutput(Output):
+    """Every number that decided in `identify`."""
+
+    identification: IdentificationCriteria
+    prior: PriorCriteria
+    alarms: AlarmCriteria
+
+
+class HistoryStepOutput(Output):
+    """One step of a model, as its file holds it (`history` of the model file); each action has its own keys."""
+
+    action: Literal["identify", "identify fleet", "output_error", "add", "consistent"]
+    effects: list[str]
+    logs: list[StepLogOutput]
+    test_logs: list[StepLogOutput] | UnsetType = UNSET
+    cross_validated: HeadlineOutput | UnsetType = UNSET
+    test: HeadlineOutput | UnsetType = UNSET
+    test_before: NotNegative | UnsetType = UNSET
+    error_before: NotNegative | UnsetType | None = UNSET
+    error_after: NotNegative | UnsetType | None = UNSET
+    measured_on: str | UnsetType = UNSET
+    situation: Situation | UnsetType = UNSET
+    sentence: str | UnsetType = UNSET
+    torque_lag: TorqueLagOutput | UnsetType = UNSET
+    prior: StepPriorOutput | UnsetType = UNSET
+    criteria: StepCriteriaOutput | UnsetType = UNSET
+    robots: int | UnsetType = UNSET
+    log_count: int | UnsetType = UNSET
+    first_log: str | UnsetType = UNSET
+    samples: int | UnsetType = UNSET
+    different: list[str] | UnsetType = UNSET
+    kept: list[str] | UnsetType = UNSET
+    options: OutputErrorOptions | UnsetType = UNSET
+    misfit: float | UnsetType = UNSET
+    largest_change_in_standard_errors: float | UnsetType = UNSET
+    active: list[tuple[str, str]] | UnsetType = UNSET
+    notes: list[str] | UnsetType = UNSET
+    warnings: list[str] | UnsetType = UNSET
+
+
 class HistoryOutput(Output):
-    """The steps of a model, as its file holds them (`history` of the model file)."""
+    """The steps of a model."""
 
     headline: HeadlineOutput | None
-    steps: list[dict[str, Any]]
+    steps: list[HistoryStepOutput]
 
 
 class QualityOutput(Output):
@@ -283,9 +348,19 @@ class DemoOutput(IdentifyOutput):
     hidden: HiddenOutput
 
 
+def _actuator_row() -> dict[str, Any]:
+    number = {"type": ["number", "null"]}
+    properties: dict[str, Any] = {"joint": {"type": "string"}}
+    for name in NAMES.values():
+        properties |= {name: number, f"{name}_low": number, f"{name}_high": number}
+        properties[f"{name}_known"] = {"enum": list(get_args(Known))}
+    properties |= {f"delay_steps{end}": number for end in ("", "_low", "_high")}
+    return {"properties": properties, "required": ["joint"], "additionalProperties": False}
+
+
 class ActuatorFile(Output):
     """The file that ``export`` to actuators writes: one row of plain values per joint; `step` in s."""
 
     robot: str
     step: float
-    joints: list[dict[str, Any]]
+    joints: list[Annotated[dict[str, Any], Meta(extra_json_schema=_actuator_row())]]

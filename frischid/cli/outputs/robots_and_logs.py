@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET, Meta, UnsetType
 
+from frischid.checks.check_criteria import CheckCriteria
 from frischid.checks.log_issue import Sureness
 from frischid.cli.outputs.parts import Output
+from frischid.logs.mapping_rules import mapping_schema
 from frischid.model.model_records import NotNegative, Share
 
 
@@ -70,11 +72,14 @@ class FetchedOutput(Output):
     logs: list[str]
 
 
-class MapOutput(Output):
-    """A proposed mapping file: its table [file], its columns by joint and channel, and the reasons."""
+MappingFile = Annotated[dict[str, Any], Meta(extra_json_schema=mapping_schema())]
+"""The tables of a mapping file; the type of a key comes from the rules that the reader has."""
 
-    file: dict[str, Any]
-    joints: dict[str, dict[str, Any]]
+
+class MapOutput(Output):
+    """A proposed mapping file, and the reasons."""
+
+    mapping: MappingFile
     reasons: list[str]
     missing: list[str]
     guesses: list[str]
@@ -162,7 +167,7 @@ class CheckOutput(Output):
     ok: bool
     correction: str
     robot_correction: list[str]
-    criteria: dict[str, Any]
+    criteria: CheckCriteria
 
 
 class CutOutput(Output):
@@ -238,6 +243,9 @@ class PackageOutput(Output):
     module: str | UnsetType = UNSET
 
 
+Plain = bool | int | float | str | None
+
+
 class EffectOutput(Output):
     """One effect of the catalogue; `parameters`: its shape parameters with their defaults."""
 
@@ -250,7 +258,7 @@ class EffectOutput(Output):
     confused_with: list[str]
     confirmed_by: str
     reference: str
-    parameters: dict[str, Any]
+    parameters: dict[str, Plain | list[Plain]]
     package: PackageOutput | None
 
 
@@ -282,10 +290,20 @@ class DoctorOutput(Output):
     passed: bool
 
 
-class PaperTableOutput(Output):
-    """Figures of one table of the paper, by their names in the table."""
+class SpreadOutput(Output):
+    """Mean and standard deviation over the runs, one of each per column of the table."""
 
-    numbers: dict[str, Any]
+    mean: list[float | None]
+    deviation: list[float | None]
+
+
+PaperNumbers = dict[str, bool | float | list[float | None] | SpreadOutput | None]
+
+
+class PaperTableOutput(Output):
+    """Figures of one table of the paper, by their names there: a list of rows, or numbers by name."""
+
+    numbers: dict[str, list[float | dict[str, Plain] | None] | PaperNumbers | None]
     notes: list[str]
 
 

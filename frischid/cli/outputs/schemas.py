@@ -42,6 +42,7 @@ FURTHER: dict[str, Any] = {
     "identify_output_error": models.MovedOutput,
     "demo_practice": robots_and_logs.PracticeOutput,
     "model_file": ModelRecord,
+    "mapping_file": robots_and_logs.MappingFile,
     "actuator_file": models.ActuatorFile,
 }
 """Outputs of some options, and files that no command prints."""
@@ -63,4 +64,7 @@ def schema_of(name: str) -> dict[str, Any]:
     ['output', 'samples', 'seconds']
     """
     schema = msgspec.json.schema(TYPES[name])
+    for part in schema.get("$defs", {}).values():
+        if "properties" in part:  # a dataclass says nothing of further keys
+            part.setdefault("additionalProperties", False)
     return {"$schema": DIALECT, "title": f"frischid {name}", **schema}

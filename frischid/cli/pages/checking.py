@@ -87,7 +87,7 @@ def check(reports: Sequence[LogReport], correction: Correction | None = None) ->
         for report in reports
     ]
     parts += correction.lines()
-    criteria = reports[0].criteria.to_dict() if reports else {}
+    criteria = reports[0].criteria.to_dict()
     ok = not any(report.issues for report in reports)
     data = {"logs": logs, "ok": ok, "correction": correction.mapping, "robot_correction": list(correction.robot)}
     return Page({**data, "criteria": criteria}, parts)
@@ -188,8 +188,12 @@ def cut(part: Log, output: str) -> Page:
 
 def proposal(found: Proposal, text: str, output: str | None) -> Page:
     """A proposed mapping file."""
-    data = {"file": found.file, "joints": found.joints, "reasons": found.reasons, "missing": list(found.missing)}
-    data["guesses"] = found.guesses
+    data = {
+        "mapping": found.tables(),
+        "reasons": found.reasons,
+        "missing": list(found.missing),
+        "guesses": found.guesses,
+    }
     joints = f"{len(found.joints)} joints found, {len(found.missing)} without a position column"
     if found.guesses:
         joints += f"; {len(found.guesses)} guess{'es' * (len(found.guesses) > 1)} to look at"
