@@ -52,7 +52,7 @@ class UnknownNameError(InputError):
     """
 
     def __init__(self, kind: str, name: str, valid: Iterable[str], where: str = "") -> None:
-        options = sorted(set(valid))
+        options = sorted({name or "''" for name in valid})
         close = close_names(str(name), options)
         listing = ", ".join(close or options[:40]) or "(none)"
         more = f" (+{len(options) - 40} more)" if not close and len(options) > 40 else ""

@@ -90,7 +90,7 @@ def check_excitation(
             "weak excitation",
             f"parameters fitted to a part of this log predict the rest with NRMSE {free:.2g}, the URDF's own "
             f"parameters with {nominal:.2g}; {len(unseen)} of {int(rigid.sum())} rigid base parameters have a standard "
-            "error larger than the parameter itself in the URDF",
+            "error above their value in the URDF",
             (),
             "likely",
             "record a motion that excites more (frischid excite), add logs, or use a prior",

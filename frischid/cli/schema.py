@@ -16,7 +16,7 @@ from frischid.errors import UnknownNameError
 @click.argument("name", required=False)
 @json_option
 def schema(name: str | None, as_json: bool) -> None:
-    """Print the JSON Schema of what a command prints with --json, or of a file; without NAME, list the names."""
+    """Print the JSON Schema of an output or a file. Without NAME, list the names."""
     from frischid.cli.outputs.schemas import TYPES, schema_of
     from frischid.cli.pages.page import Page
 

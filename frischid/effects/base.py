@@ -56,7 +56,7 @@ class Effect(ABC):
     ...     id = "propeller_drag"
     ...
     ...     def terms(self, state):
-    ...         return self.per_joint(state, "cd", "rate^2", lambda i: abs(state.v[:, i]) * state.v[:, i], sign=1)
+    ...         return self.per_joint(state, "cd", "velocity^2", lambda i: abs(state.v[:, i]) * state.v[:, i], sign=1)
     >>> robot = fr.Robot.load("planar2")
     >>> [f"{c.name}, {c.unit}" for c in PropellerDrag(joints=("joint2",)).columns(robot)]
     ['cd2, N·m·s²/rad²']

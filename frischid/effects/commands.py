@@ -145,7 +145,7 @@ class VelocityGain(Effect):
     def terms(self, state: State) -> list[Term]:
         """One column per joint: its velocity less the commanded one."""
         wanted = {i: _channel(state, VELOCITY_COMMAND + name) for i, name, _ in self.acts_on(state.robot)}
-        return self.per_joint(state, "kd", "rate", lambda i: state.v[:, i] - wanted[i], sign=1)
+        return self.per_joint(state, "kd", "velocity", lambda i: state.v[:, i] - wanted[i], sign=1)
 
 
 def _channel(state: State, name: str) -> Array:

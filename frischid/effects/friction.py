@@ -48,7 +48,7 @@ class Viscous(Effect):
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint: its speed."""
-        return self.per_joint(state, "fv", "rate", lambda i: state.v[:, i], sign=1)
+        return self.per_joint(state, "fv", "velocity", lambda i: state.v[:, i], sign=1)
 
     def nominal(self, robot: Robot) -> list[float]:
         """``<dynamics damping>`` of the URDF."""

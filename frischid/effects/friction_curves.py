@@ -105,7 +105,7 @@ class QuadraticViscous(Effect):
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint: speed times its size."""
-        return self.per_joint(state, "fvv", "rate^2", lambda i: state.v[:, i] * np.abs(state.v[:, i]))
+        return self.per_joint(state, "fvv", "velocity^2", lambda i: state.v[:, i] * np.abs(state.v[:, i]))
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class CubicViscous(Effect):
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint: the third power of its speed."""
-        return self.per_joint(state, "fvvv", "rate^3", lambda i: state.v[:, i] ** 3)
+        return self.per_joint(state, "fvvv", "velocity^3", lambda i: state.v[:, i] ** 3)
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ class AsymmetricViscous(Effect):
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint: the size of its speed."""
-        return self.per_joint(state, "fva", "rate", lambda i: np.abs(state.v[:, i]))
+        return self.per_joint(state, "fva", "velocity", lambda i: np.abs(state.v[:, i]))
 
 
 @dataclass(frozen=True)

@@ -125,6 +125,6 @@ class SelfHeating(Effect):
         """Two columns per joint: its speed and the smoothed sign of its speed, both times the heat."""
         warm = {i: heat(state.t, state.v[:, i], self.constant, self.exponent) for i, *_ in self.acts_on(state.robot)}
         return [
-            *self.per_joint(state, "fvh", "rate", lambda i: state.v[:, i] * warm[i]),
+            *self.per_joint(state, "fvh", "velocity", lambda i: state.v[:, i] * warm[i]),
             *self.per_joint(state, "fch", "", lambda i: np.tanh(state.v[:, i] / self.width) * warm[i]),
         ]

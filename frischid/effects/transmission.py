@@ -215,7 +215,7 @@ class JointCoupling(Effect):
         i, j = robot.joints.index(first), robot.joints.index(second)
         speed, acceleration = (x[:, i] + self.ratio * x[:, j] for x in (state.v, state.a))
         columns = {
-            ("fvm", "rate"): speed,
+            ("fvm", "velocity"): speed,
             ("fcm", ""): np.tanh(speed / self.width),
             ("Iam", "acceleration"): acceleration,
         }

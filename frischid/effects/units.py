@@ -24,14 +24,14 @@ TEMPERATURE_UNITS: UnitPair = ("°C", "°C")
 
 TORQUE_UNITS: dict[str, UnitPair] = {
     "": TORQUE_PAIR,
-    "rate": ("N·m·s/rad", "N·s/m"),
-    "rate^2": ("N·m·s²/rad²", "N·s²/m²"),
-    "rate^3": ("N·m·s³/rad³", "N·s³/m³"),
+    "velocity": ("N·m·s/rad", "N·s/m"),
+    "velocity^2": ("N·m·s²/rad²", "N·s²/m²"),
+    "velocity^3": ("N·m·s³/rad³", "N·s³/m³"),
     "acceleration": ("kg·m²", "kg"),
     "position": ("N·m/rad", "N/m"),
     "position^2": ("N·m/rad²", "N/m²"),
     "position^3": ("N·m/rad³", "N/m³"),
-    "rate kelvin": ("N·m·s/(rad·K)", "N·s/(m·K)"),
+    "velocity kelvin": ("N·m·s/(rad·K)", "N·s/(m·K)"),
     "kelvin": ("N·m/K", "N/K"),
     "torque": ("1", "1"),
     "torque rate": ("s", "s"),

@@ -138,7 +138,7 @@ class ThermalDrift(Warming):
         warmth = {i: self.warmth(state, name) for i, name, _ in self.acts_on(state.robot)}
         mark, per = self.mark
         return [
-            *self.per_joint(state, f"fv{mark}", f"rate {per}".strip(), lambda i: state.v[:, i] * warmth[i]),
+            *self.per_joint(state, f"fv{mark}", f"velocity {per}".strip(), lambda i: state.v[:, i] * warmth[i]),
             *self.per_joint(state, f"fc{mark}", per, lambda i: np.tanh(state.v[:, i] / self.width) * warmth[i]),
         ]
 

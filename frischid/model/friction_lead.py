@@ -52,7 +52,7 @@ class _Lead(Coulomb):
             after, before = (self.sign_at(state, joint, self.lead + h) for h in (self.span, -self.span))
             return np.asarray((after - before) / (2.0 * self.span))
 
-        terms = self.per_joint(state, "early", "rate", rate)
+        terms = self.per_joint(state, "early", "velocity", rate)
         return [replace(term, column=replace(term.column, effect="friction_lead")) for term in terms]
 
 

@@ -217,7 +217,7 @@ def _verdict(distances: Sequence[float], runs: int, authors: bool) -> str:
     limit = float(student.isf(_CHANCE / (4 * len(distances)), runs - 1))
     apart = sum(z > limit for z in distances)
     if apart:
-        return f"{apart} of {len(distances)} parameters have a mean more than {limit:.1f} s.e. from the printed one."
+        return f"Parameters with a mean more than {limit:.1f} s.e. from the printed one: {apart} of {len(distances)}."
     return (
         f"Every mean agrees with the printed one: at most {max(distances):.1f} s.e. apart, where chance alone allows "
         f"{limit:.1f} (95 %, all means together)."

@@ -74,7 +74,7 @@ def read_urdf(robot: str | Path) -> tuple[str, str]:
     elif path.is_dir():
         raise InputError(f"{path} is a folder; give the .urdf file inside it")
     elif names:
-        raise UnknownNameError("robot", text, names)
+        raise UnknownNameError("robot", text, names, "the list of `frischid info`, and there is no such file")
     elif not path.exists():
         raise InputError(f"{path}: no such URDF file; give a path, or a name that `frischid info` lists")
     try:

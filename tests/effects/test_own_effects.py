@@ -119,7 +119,7 @@ def test_a_base_class_of_several_effects_is_no_effect(catalogue):
 
 
 def test_a_coefficient_of_two_effects_names_both(catalogue):
-    kind = defined(terms=lambda self, state: self.per_joint(state, "fv", "rate", lambda i: state.v[:, i]))
+    kind = defined(terms=lambda self, state: self.per_joint(state, "fv", "velocity", lambda i: state.v[:, i]))
     with pytest.raises(InputError, match="parameter fv2 comes twice, from viscous and from detent@joint2"):
         columns_of(robot("planar2"), [*parse_effects("viscous"), kind(("joint2",))])
     kind = defined(terms=lambda self, state: self.per_joint(state, "m", "", lambda i: state.v[:, i]))

@@ -151,12 +151,12 @@ def _parameters(facts: Mapping[str, Any]) -> list[str]:
         return [f"  {facts['nominal']}"] if "nominal" in facts else []
     if not unseen:
         return [
-            f"  this log determines all {facts['rigid_parameters']} rigid base parameters: their standard errors are "
-            "below their size in the URDF"
+            f"  this log determines all {facts['rigid_parameters']} rigid base parameters that are not 0 in the URDF: "
+            "their standard errors are below their values there"
         ]
     return [
-        f"  this log alone does not determine {len(unseen)} of {facts['rigid_parameters']} rigid base parameters "
-        f"(standard error above their size in the URDF): {', '.join(unseen)}"
+        f"  of {facts['rigid_parameters']} rigid base parameters that are not 0 in the URDF, this log alone does not "
+        f"determine {len(unseen)} (standard error above the URDF's value): {', '.join(unseen)}"
     ]
 
 

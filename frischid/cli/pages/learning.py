@@ -83,10 +83,10 @@ def _hidden(result: Demo) -> list[Any]:
     """The second part: the hidden effect, the diagnosis, the fall of the error."""
     step, best = result.step, result.diagnosis.findings[0]
     found = quantities(best.found(result.model.robot))
-    values = ", ".join(f"{k} {v:.4g}" for k, v in STRENGTH.items())
+    values = ", ".join(f"{k} = {v:.4g}" for k, v in STRENGTH.items())
     return [
-        f"[bold]A hidden effect.[/bold] The same arm with {HIDDEN} ({values}) that the model knows nothing of. "
-        "frischid diagnose:",
+        f"[bold]A hidden effect.[/bold] The same arm has a spring now: {HIDDEN} with {values}. Its model has none. "
+        "frischid diagnose prints:",
         *diagnosis(result.diagnosis).parts[:3],
         f"{best.sentence}. Found: {found}.",
         f"Added: {fall_of(step)}",
@@ -115,7 +115,10 @@ def demo(result: Demo, output: str | None, page: str) -> Page:
     ]
     if output:
         parts.append(f"model written to {output}")
-    parts.append(f"report on the arm with the hidden effect written to {page}: open it in a browser")
+    parts += [
+        f"report on the arm with the hidden effect written to {page}: open it in a browser",
+        "next, with a log and a URDF of your own: frischid map LOG ROBOT -o map.toml",
+    ]
     data = identified(found)
     for row, true in zip(data["parameters"], result.truth, strict=True):
         row["true"] = float(true)
