@@ -37,6 +37,11 @@ def figaroh_ratio() -> str:
     return f"{by('against_figaroh', 'variant', 'figaroh')['× frischid']:.0f}"
 
 
+def moments_us() -> str:
+    """Time of one sample in moments, µs."""
+    return f"{by('regressor', 'variant', 'streamed into moments')['µs per sample']:.1f}"
+
+
 def against_mujoco() -> str:
     """Armature and damping by mujoco.sysid and by frischid."""
     head = ("program", "samples", "processor time, s", "over frischid", "worst armature", "worst damping")
@@ -122,3 +127,23 @@ def fleet() -> str:
 
     notes = data("fleet")["notes"]
     return each(head, rows, line) + f"\n{notes[0]}; {notes[4]}.\n"
+
+
+def small_fleets_count() -> str:
+    """Simulated small fleets."""
+    return str(len(rows_of("small_fleets")))
+
+
+def small_fleets_loads() -> str:
+    """Fleets in which the arm with a load is found."""
+    return str(sum(row["load found"] for row in rows_of("small_fleets")))
+
+
+def small_fleets_frictions() -> str:
+    """Fleets in which the arm with more friction is found."""
+    return str(sum(row["friction found"] for row in rows_of("small_fleets")))
+
+
+def small_fleets_others() -> str:
+    """Unchanged arms that are named, in all fleets."""
+    return str(sum(row["unchanged arms named"] for row in rows_of("small_fleets")))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator, Sequence
 
 from table_parts import Row, each, middle, rows_of, table
@@ -95,3 +97,79 @@ def gains_doubt() -> str:
     """Median relative standard error of the gains that the masses determine, in percent."""
     known = [row["relative standard error"] for row in rows_of("gains_from_masses")]
     return f"{100 * middle(x for x in known if x < 1):.0f} %"
+
+
+def _measured(name: str) -> Row:
+    (found,) = (row for row in rows_of("measured_commands") if row["figure"] == name)
+    return found
+
+
+def _value(name: str, digits: int) -> str:
+    return f"{_measured(name)['value']:.{digits}f}".replace("-", "−")
+
+
+def _with_error(row: Row, digits: int, digits_of_error: int) -> str:
+    return f"{row['value']:.{digits}f} ± {row['error']:.{digits_of_error}f}".replace("-", "−")
+
+
+def clock_ur10e() -> str:
+    """Slope of the UR10e's clock."""
+    return _with_error(_measured("clock of the UR10e"), 2, 3)
+
+
+def clock_tiago() -> str:
+    """Slope of TIAGo's clock."""
+    return _with_error(_measured("clock of TIAGo"), 2, 2)
+
+
+def velocity_lag() -> str:
+    """Lag of TIAGo's velocities, s."""
+    return _value("TIAGo's velocity, s late", 2)
+
+
+def zero_torques() -> str:
+    """Least and largest share of TIAGo's torques that are zero, of three joints."""
+    least, most = (100 * _measured(f"TIAGo's zeros, {which} share")["value"] for which in ("least", "largest"))
+    return f"{least:.0f} to {most:.0f} %"
+
+
+def missing_hand() -> str:
+    """Mass of the hand that the Panda lacks, kg."""
+    return _value("missing hand, kg", 2)
+
+
+def payload_by_check() -> str:
+    """The UR10e's payload by `check`, kg."""
+    return _value("payload by check, kg", 1)
+
+
+def payload_by_diagnose() -> str:
+    """The UR10e's payload by `diagnose`, kg."""
+    return _value("payload by diagnose, kg", 2)
+
+
+def payload_mass() -> str:
+    """The UR10e's payload by `payload`, kg."""
+    return _value("payload, kg", 2)
+
+
+def payload_found() -> str:
+    """The same with its bound."""
+    return _with_error(_measured("payload, kg"), 2, 2)
+
+
+def payload_by_gains() -> str:
+    """The UR10e's payload with the gains of the data set, kg."""
+    return _with_error(_measured("payload by the data set's gains, kg"), 2, 2)
+
+
+def gain_ratios() -> str:
+    """Gains from the payload over those of the data set, joint by joint."""
+    rows = [row for row in rows_of("measured_commands") if re.fullmatch(r"gain of \w+, ratio", row["figure"])]
+    return ", ".join(_with_error(row, 2, 2) for row in rows)
+
+
+def set_points_within() -> str:
+    """Largest distance of the gains that `map` proposes from those of the data set, in percent."""
+    ratios = [row["value"] for row in rows_of("measured_commands") if row["figure"].endswith("by map, ratio")]
+    return f"{math.ceil(100 * max(abs(ratio - 1) for ratio in ratios))} %"

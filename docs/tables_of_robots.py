@@ -141,6 +141,18 @@ def band_in_words(good: float = 0.88) -> str:
     return f"The 90 % band holds at least {100 * good:.0f} % of the measurements on {most}, and {others}.\n"
 
 
+def bands_hold() -> str:
+    """Pairs on which the 90 % band holds at least 88 % of the measurements."""
+    rows = rows_of("trust")
+    return f"{sum(row['90 % holds'] >= 0.88 for row in rows)} of {len(rows)}"
+
+
+def tiago_improves() -> str:
+    """Fall of TIAGo's error on the test log by the effects that `improve` adds, in percent."""
+    (row,) = (row for row in rows_of("six_robots") if row["key"] == "tiago")
+    return f"{100 * (1 - row['improved'] / row['identified']):.1f} %"
+
+
 def trust_in_words() -> str:
     """The prior against the better of the two alternatives, over all pairs."""
     rows = rows_of("trust")
