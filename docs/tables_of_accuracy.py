@@ -103,7 +103,7 @@ METHODS = {
     "frisch box": "classical Frisch box",
     "bbrf calibrated": "BBRF, calibrated (`--bbrf calibrated`)",
     "sensor-wise": "**sensor-wise Frisch** (`--estimator sensorwise`)",
-    "eiv": "errors in variables ± Bonferroni t · s.e. (`--estimator eiv`)",
+    "eiv, estimated": "errors in variables ± Bonferroni t · s.e. (`--estimator eiv`)",
 }
 """Method of `benchmarks/estimators.py` -> its name on the pages."""
 

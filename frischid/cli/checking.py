@@ -155,7 +155,8 @@ def map_columns(log: str, robot: str, output: str | None, rate: float | None, as
 
     Names, their order, the motion and the URDF's torque decide the column of each of ROBOT's joints.
 
-    Exit code 0: names or motion decide everything. 1: something is guessed, and said. 2: nothing fits, nothing written.
+    Exit code 0: names or motion decide everything. 1: something is guessed, and the file
+    names it. 2: nothing fits, and no file is written.
     """
     from frischid.cli.pages import checking as show
     from frischid.core.files import write_text

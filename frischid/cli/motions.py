@@ -162,9 +162,9 @@ def excite(
 
     The motion keeps the limits of position, speed, acceleration and torque at all times. Bodies with collision shapes
     touch neither one another nor the floor, which is at the height of the base (--floor); other obstacles are not
-    known. With
-    --home, the way to the motion and the way back keep the same limits. With --drives, the motion is one of commands
-    for a robot without a torque sensor: chirps (or steps) of every joint, with the amplitudes that tell most.
+    known. With --home, the way to the motion and the way back keep the same limits. With --drives, the command plans
+    position commands for a robot without a torque sensor: chirps (or steps) of every joint, with the amplitudes that
+    determine the drives best.
     """
     from frischid.cli.pages import motions as show
     from frischid.effects import parse_effects
