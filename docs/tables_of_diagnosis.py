@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import random
 from collections.abc import Sequence
 
 from table_parts import Row, data, rows_of, share, table
@@ -97,6 +98,41 @@ def calibration_error(rows: Sequence[Row]) -> float:
         here = [row for row in rows if low <= row["probability"] < high or row["probability"] == high == 1.0]
         error += abs(sum(row["probability"] - row["correct"] for row in here)) / len(rows)
     return error
+
+
+def by_chance(rows: Sequence[Row]) -> float:
+    """Mean calibration error of answers that are right exactly as often as stated: what chance alone causes."""
+    draw = random.Random(0)
+    drawn = ([{**row, "correct": draw.random() < row["probability"]} for row in rows] for _ in range(1000))
+    return sum(map(calibration_error, drawn)) / 1000
+
+
+def chance_error() -> str:
+    """What chance alone causes, over all cases."""
+    return f"{by_chance(rows_of('calibration')):.2f}"
+
+
+def chance_errors() -> str:
+    """The same for each generator alone."""
+    rows = rows_of("calibration")
+    parts = [[row for row in rows if row["generator"] == g] for g in dict.fromkeys(row["generator"] for row in rows)]
+    return " and ".join(f"{by_chance(part):.2f}" for part in parts)
+
+
+def new_cases() -> list[Row]:
+    """Cases that were run last."""
+    return [row for row in rows_of("calibration") if str(row["seed"]) in ("61001", "61101")]
+
+
+def new_error() -> str:
+    """Calibration error of these cases, and what chance causes."""
+    return f"{calibration_error(new_cases()):.2f}, and chance causes {by_chance(new_cases()):.2f}"
+
+
+def new_sure() -> str:
+    """Right ones among their sure answers."""
+    sure = [row for row in new_cases() if row["probability"] >= 0.9]
+    return f"{sum(row['correct'] for row in sure)} of {len(sure)}"
 
 
 def found_by_background() -> str:
