@@ -159,15 +159,7 @@ def filled(page: Path) -> str:
     """Text of a page with its tables and figures as the data have them."""
     prefix = "docs/robots/" if page.parent == ROOT else ""
     text = TABLE.sub(lambda m: f"{m[1]}\n{between(m[2], prefix)}\n{m[3]}", page.read_text(encoding="utf-8"))
-    return FIGURE.sub(lambda m: f"{m[1]}{figure(m[2]) or m[3]}{m[4]}", text)
-
-
-def figure(name: str) -> str:
-    """The figure of a mark; empty where no result is stored, and then the page keeps what it has."""
-    try:
-        return FIGURES[name]()
-    except (FileNotFoundError, IndexError):  # no such file, or no such method in it
-        return ""
+    return FIGURE.sub(lambda m: f"{m[1]}{FIGURES[m[2]]()}{m[4]}", text)
 
 
 def main() -> None:

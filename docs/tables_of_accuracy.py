@@ -121,7 +121,7 @@ def estimators() -> str:
     def line(name: str) -> tuple[str, ...]:
         rows = method(name)
         cover = ", ".join(f"{row['cover %']:.0f} %" for row in rows)
-        width = ", ".join(f"{row['width']:.2g}" if math.isfinite(row["width"]) else "–" for row in rows)
+        width = ", ".join(f"{row['width']:{'.0f' if row['width'] > 10 else '.2g'}}".replace("inf", "–") for row in rows)
         error = ", ".join(f"{row['error']:.2f}" if math.isfinite(row["error"]) else "–" for row in rows)
         return METHODS[name], cover, width, error
 
@@ -152,12 +152,12 @@ def estimator_runs() -> str:
 
 def eiv_error() -> str:
     """Error of `eiv` over that of least squares at the most noise."""
-    return f"{method('eiv')[-1]['error']:.2f}"
+    return f"{method('eiv, estimated')[-1]['error']:.2f}"
 
 
 def eiv_error_least() -> str:
     """The same at the least noise."""
-    return f"{method('eiv')[0]['error']:.2f}"
+    return f"{method('eiv, estimated')[0]['error']:.2f}"
 
 
 def commanded_mujoco() -> str:
