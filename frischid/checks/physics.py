@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from frischid.checks.explanation import Explanation, explain
+from frischid.checks.lag import clear_lag
 from frischid.checks.log_issue import Notebook, Sureness, span
 from frischid.checks.payload import beats_links, check_payload, payload_errors
 from frischid.checks.sketch import Sketch
@@ -39,11 +40,13 @@ def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) ->
     Returns
     -------
     Sketch
-        The log, reduced to the joints whose torques the URDF explains.
+        The log with the named faults undone, and with its torques moved to earlier times where they are clearly late.
     """
     if not sketch.robot.nominal.any():
         notes.facts["nominal"] = "the URDF has no inertials: torques cannot be compared with it"
         return sketch
+    if (sketch.excess > notes.criteria.bad_nrmse).any() and (lag := clear_lag(sketch)):
+        sketch = sketch.moved_earlier(lag)
     bad = bool((sketch.excess > notes.criteria.bad_nrmse).any())
     found = explain(sketch.thinned(sketch.criteria.few_samples)) if bad else None
     if found is None:

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 from scipy.optimize import nnls
 
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
@@ -57,6 +58,8 @@ class Sketch:
     criteria : CheckCriteria
     given_nominal : ndarray, shape (M, J), or None
         Rigid torque that replaces the URDF's, for a hypothesis about the rigid torque.
+    earlier : float
+        Time by which the torques were moved to earlier times, s: see `moved_earlier`.
     """
 
     robot: Robot
@@ -72,6 +75,7 @@ class Sketch:
     ends: tuple[int, ...]
     criteria: CheckCriteria = DEFAULT_CRITERIA
     given_nominal: Array | None = None
+    earlier: float = 0.0
 
     @classmethod
     def of(
@@ -171,6 +175,18 @@ class Sketch:
     def excess(self) -> Array:
         """`asis` beyond the error that white noise causes, (R,)."""
         return np.asarray(np.sqrt(np.maximum(self.asis**2 - self.white**2, 0.0)))
+
+    def moved_earlier(self, lag: float) -> Sketch:
+        """The sketch with the torques of a recording that was `lag` seconds late; what has no torque then is not used."""
+        tau, used, start = self.tau.copy(), self.used.copy(), 0
+        for end in self.ends:
+            t, part = self.t[start:end], slice(start, end)
+            if len(t) > 3:
+                at = np.clip(t + lag, t[0], t[-1])
+                tau[part, self.rows] = make_interp_spline(t, self.tau[part, self.rows])(at)
+                used[part] &= (at == t + lag)[:, None]
+            start = end
+        return replace(self, tau=tau, used=used, earlier=self.earlier + lag)
 
     def with_(self, **changes: Any) -> Sketch:
         """Copy with some arrays replaced; the rigid torque is computed anew unless it is one of them."""
