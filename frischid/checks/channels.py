@@ -227,7 +227,8 @@ def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
     limits, criteria = robot.limits, notes.criteria
     lower, upper = limits.lower, limits.upper
     limited = np.isfinite(lower) & np.isfinite(upper)
-    room = np.where(limited, upper - lower, np.inf)
+    # a zero that is off, or the column of another joint, goes beyond the limits by no more than a turn
+    room = np.where(limited, np.maximum(upper - lower, 2 * np.pi), np.inf)
     # over several samples, because stamps of arrival may be next to one another
     apart = min(criteria.degree_samples, len(log) - 1)
     typical = np.percentile(

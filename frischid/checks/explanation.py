@@ -30,10 +30,10 @@ from itertools import combinations
 import numpy as np
 
 from frischid.checks.check_criteria import CheckCriteria
-from frischid.checks.faults import Fault, cost
+from frischid.checks.faults import Fault
 from frischid.checks.payload import LEAST_ERROR, evidence
-from frischid.checks.position_faults import position_faults
-from frischid.checks.robot_faults import robot_faults, shared_faults
+from frischid.checks.position_faults import joint_faults, position_faults, with_torques
+from frischid.checks.robot_faults import robot_faults, shared_errors, shared_faults
 from frischid.checks.row_fits import RowFits, local_fits
 from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
@@ -43,8 +43,10 @@ SHARED_KINDS = ("mounting", "payload")
 ROBOT_KINDS = (*SHARED_KINDS, "motor coupling")
 LINK_ERRORS = (0.1, 0.2, 0.4)
 """Errors of links' masses in URDFs, standard deviations: the likeliest of them is the rival of fitted numbers."""
-WIDE_BEAM = 24
-"""Hypotheses about positions to which faults of the robot are added."""
+WIDE_BEAM = 6
+"""Hypotheses to which faults of the robot are added."""
+SHARED_SAMPLES = 100
+"""Samples on which hypotheses are compared before faults of the robot are added."""
 BEAM = 3
 """Hypotheses from which further faults are tried."""
 
@@ -97,12 +99,14 @@ def explain(sketch: Sketch) -> Explanation | None:
     starts = [null, *_alone(sketch, found[0]), *_best(found), *_readings(sketch, (), simple=True)]
     found += [*_of_the_robot(starts), *_without_one_row(sketch)]
     found += _of_the_robot(h for h in found if len(h.faults) == 1 and h.faults[0].kind in SHARED_KINDS)
-    if (top := max(found, key=_score)) and not (_is_enough(top, null) and _is_good(top)):
+    if _has_room(max([*found, null], key=_score)):
         for start in _best(found):
             for item in position_faults(start.sketch):
                 found += _readings(item.sketch, (*start.faults, item.fault))
-        by_position = [h for h in found if h.faults and not _has_robot_fault(h)]
-        found += _of_the_robot([*_different(by_position), *_best(h for h in found if _has_robot_fault(h))])
+        found += [_hypothesis((item.fault,), item.sketch) for item in joint_faults(sketch)]
+        behind = _behind_the_robot(found)
+        found += (shared := _of_the_robot([*behind, *_best(h for h in found if _has_robot_fault(h))]))
+        found += _of_the_robot(_best(h for h in shared if h.faults[-1].kind in SHARED_KINDS))
         found += _of_the_robot(_best(h for h in found if len(h.faults) == 2 and _has_robot_fault(h)))
     likeliest = max([*found, null], key=_score)
     found += [h for h in _parts(likeliest) if h.faults]
@@ -116,6 +120,12 @@ def explain(sketch: Sketch) -> Explanation | None:
     needed = max((h for h in enough if h.key <= best.key and (h is best or _is_good(h))), key=_fewest_faults)
     best = replace(best, faults=_by_evidence(best))
     return Explanation(best, float(1 / (1 + np.exp(np.clip(-gap, -50, 50)))), runner, needed)
+
+
+def _hypothesis(faults: tuple[Fault, ...], sketch: Sketch) -> Hypothesis:
+    """Some faults that a sketch holds undone."""
+    errors = sketch.errors(sketch.nominal)
+    return Hypothesis(faults, RowFits(sketch).total(errors) - sum(f.cost for f in faults), errors, sketch)
 
 
 def _score(hypothesis: Hypothesis) -> float:
@@ -136,14 +146,27 @@ def _best(found: Iterable[Hypothesis]) -> list[Hypothesis]:
     return list(kept.values())
 
 
-def _different(found: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """The best hypothesis for each fault of the positions: a fault of the robot may hide how good it is."""
-    kept: dict[frozenset[tuple[str, tuple[str, ...]]], Hypothesis] = {}
+def _behind_the_robot(found: Iterable[Hypothesis]) -> list[Hypothesis]:
+    """The best few hypotheses, if gravity and a body on the last link are fitted beside each.
+
+    A fault of the robot may hide how good a fault of the positions is. One fit of all that the rows share shows this.
+    """
+    kept: dict[frozenset[tuple[str, tuple[str, ...]]], tuple[float, Hypothesis]] = {}
     for hypothesis in sorted(found, key=_score, reverse=True):
-        at_positions = [f for f in hypothesis.faults if f.kind in POSITION_KINDS]
-        if len(at_positions) <= 1 and all(f.discrete or f in at_positions for f in hypothesis.faults):
-            kept.setdefault(hypothesis.key, hypothesis)
-    return list(kept.values())[:WIDE_BEAM]
+        at_positions = any(f.kind in POSITION_KINDS for f in hypothesis.faults)
+        if at_positions and hypothesis.key not in kept and not any(f.torque is not None for f in hypothesis.faults):
+            errors = shared_errors(hypothesis.sketch.thinned(SHARED_SAMPLES))
+            score = RowFits(hypothesis.sketch).total(errors) - sum(f.cost for f in hypothesis.faults)
+            kept[hypothesis.key] = score, hypothesis
+    return [h for _, h in sorted(kept.values(), key=lambda x: -x[0])[:WIDE_BEAM]]
+
+
+def _has_room(hypothesis: Hypothesis) -> bool:
+    """Whether a better hypothesis is possible: one of a single fault that explains all that proves anything."""
+    fits, costs = RowFits(hypothesis.sketch), [f.cost for f in hypothesis.faults]
+    least = np.minimum(hypothesis.errors, fits.criteria.urdf_error)
+    room = fits.total(least) - fits.total(hypothesis.errors) + sum(costs) - min(costs, default=0.0)
+    return bool(room > np.log(fits.criteria.least_odds))
 
 
 def _has_robot_fault(hypothesis: Hypothesis) -> bool:
@@ -171,25 +194,14 @@ def _readings(sketch: Sketch, faults: tuple[Fault, ...], *, simple: bool = False
 def _merged(faults: Sequence[Fault], joints: int, criteria: CheckCriteria) -> tuple[tuple[Fault, ...], float]:
     """Faults of a joint's positions and torques together are one fault; and the cost that this saves."""
     left, refund = _one_sign_each(faults), 0.0
-    for kind, partner, together in (
-        ("position sign", "torque sign", "position sign"),
-        ("swapped positions", "swapped torques", "swapped joints"),
-    ):
+    for kind, partner in (("position sign", "torque sign"), ("swapped positions", "swapped torques")):
         for one in [f for f in left if f.kind == kind]:
             other = next((f for f in left if f.kind == partner and set(f.where) == set(one.where)), None)
             if other is None:
                 continue
-            what = one.what.replace("its positions have", "its positions and torques have")
-            what = what.replace("their positions are", "their positions and torques are")
-            fix = (*one.fix, *other.fix)
-            if kind == "position sign":
-                fix = tuple(f for f in one.fix if f[1] == "sign")
-            choices = joints * (joints - 1) // 2 if kind == "swapped positions" else joints
-            price = cost(criteria, together, choices)
-            refund += one.cost + other.cost - price
-            advice = one.advice.replace(" and torque_sign = -1", "")
-            left = [f for f in left if f is not one and f is not other]
-            left.append(replace(one, kind=together, what=what, cost=price, fix=fix, advice=advice))
+            both = with_torques(one, joints, criteria)
+            refund += one.cost + other.cost - both.cost
+            left = [both if f is one else f for f in left if f is not other]
     return tuple(left), refund
 
 
@@ -215,25 +227,20 @@ def _of_the_robot(starts: Iterable[Hypothesis]) -> list[Hypothesis]:
         for item in robot_faults(start.sketch):
             if item.fault.kind in {f.kind for f in start.faults}:
                 continue
-            fits = RowFits(item.sketch)
-            errors = item.sketch.errors(item.sketch.nominal)
-            score = fits.total(errors) - item.fault.cost - sum(f.cost for f in start.faults)
-            found.append(Hypothesis((*start.faults, item.fault), score, errors, item.sketch))
+            found.append(_hypothesis((*start.faults, item.fault), item.sketch))
     return found
 
 
 def _alone(sketch: Sketch, reading: Hypothesis) -> list[Hypothesis]:
     """Each fault of a reading of the torques without the others, which may be taking up a fault of the robot."""
     rows = dict(zip(sketch.names, sketch.rows, strict=True))
-    found, fits, springs = [], RowFits(sketch), reading.sketch.nominal - sketch.nominal
+    found, springs = [], reading.sketch.nominal - sketch.nominal
     for fault in reading.faults:
         columns = [rows[name] for name in fault.where if name in rows]
         tau, nominal = sketch.tau.copy(), sketch.nominal.copy()
         tau[:, columns] = reading.sketch.tau[:, columns]
         nominal[:, columns] += springs[:, columns]
-        read = replace(sketch, tau=tau, given_nominal=nominal)
-        errors = read.errors(nominal)
-        found.append(Hypothesis((fault,), fits.total(errors) - fault.cost, errors, read))
+        found.append(_hypothesis((fault,), replace(sketch, tau=tau, given_nominal=nominal)))
     return found
 
 
@@ -244,9 +251,7 @@ def _parts(hypothesis: Hypothesis) -> list[Hypothesis]:
         for dropped in combinations(added, n):
             kept = tuple(f for f in hypothesis.faults if f not in dropped)
             nominal = hypothesis.sketch.nominal - sum(f.torque for f in dropped if f.torque is not None)
-            read = replace(hypothesis.sketch, given_nominal=nominal)
-            errors = read.errors(nominal)
-            found.append(Hypothesis(kept, RowFits(read).total(errors) - sum(f.cost for f in kept), errors, read))
+            found.append(_hypothesis(kept, replace(hypothesis.sketch, given_nominal=nominal)))
     return found
 
 

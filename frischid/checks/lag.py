@@ -6,8 +6,8 @@ over a common delay of all joints j (the product is the likelihood of joints wit
 recording is common to all joints. Joints with different delays have filters of their own, or friction that lags.
 
 A torque that is late hides other faults, and other faults hide the delay. A linear fit of each row by itself,
-Y_j(t_k) θ_j in place of τ_nominal,j, does not depend on signs, gains, exchanged torques, bodies or the tilt of the base.
-So `clear_lag` finds a delay before those faults are known.
+Y_j(t_k) θ_j in place of τ_nominal,j, does not depend on signs, gains, exchanged torques or bodies. So `clear_lag` finds
+a delay before those faults are known.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
 
 RANK_TOLERANCE = 1e-4
-"""Singular value over the largest: a smaller one belongs to a combination of parameters that the motion hardly shows."""
+"""Singular value over the largest: a smaller one is that of parameters which the motion hardly shows."""
 
 
 def check_lag(sketch: Sketch, notes: Notebook) -> None:

@@ -31,6 +31,7 @@ from frischid.checks.log_issue import Notebook
 from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch, shared_fit
 from frischid.core.types import Array
+from frischid.robot.robot import Robot
 
 LEAST_ERROR = 1e-6
 """NRMSE: noise-free logs are not infinitely sure."""
@@ -61,18 +62,28 @@ class Body:
     torque: Array | None = None
 
 
+def last_joint(robot: Robot) -> str:
+    """The joint that the most others carry."""
+    return robot.bodies[int(np.argmax([len(list(robot.model.supports[k])) for k in robot.numbers.values()]))]
+
+
+def last_link(sketch: Sketch) -> Array:
+    """Columns of the parameters of the last link, (M, P, J); P is below 10 where a robot has no full body there."""
+    robot, joint = sketch.robot, last_joint(sketch.robot)
+    last = [i for i, column in enumerate(robot.columns) if column.joint == joint]
+    Y = np.empty((len(sketch), len(robot.columns), len(robot.joints)))
+    robot.regressor(sketch.q, sketch.v, sketch.a, Y)
+    return Y[:, last]
+
+
 def payload_errors(sketch: Sketch) -> Body:
     """Fit a body on the last link."""
     few = sketch.thinned(sketch.criteria.few_samples)
-    robot = few.robot
-    joint = robot.bodies[int(np.argmax([len(list(robot.model.supports[k])) for k in robot.numbers.values()]))]
-    last = [i for i, column in enumerate(robot.columns) if column.joint == joint]
-    if len(last) < 10 or not len(few.rows):
+    robot, joint, Y = few.robot, last_joint(few.robot), last_link(few)
+    if Y.shape[1] < 10 or not len(few.rows):
         return Body(joint, 0.0, np.zeros(3), 0.0)
-    Y = np.empty((len(few), len(robot.columns), len(robot.joints)))
-    robot.regressor(few.q, few.v, few.a, Y)
-    phi = shared_fit(few, {int(j): Y[:, last, j] for j in few.rows}, few.tau - few.nominal)[:10]
-    body = np.einsum("nck,c->nk", Y[:, last], phi)
+    phi = shared_fit(few, {int(j): Y[:, :, j] for j in few.rows}, few.tau - few.nominal)[:10]
+    body = np.einsum("nck,c->nk", Y, phi)
     after = float(np.sum(few.errors(few.nominal + body) ** 2))
     before = float(np.sum(few.asis**2))
     mass, centre = float(phi[0]), phi[1:4] / (phi[0] or 1.0)

@@ -17,6 +17,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.checks.check_criteria import CheckCriteria
 from frischid.checks.faults import Fault, Fix, cost
 from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch
@@ -36,6 +37,20 @@ class Moved:
 
 def position_faults(sketch: Sketch) -> Iterator[Moved]:
     """The sketch with one fault of the positions undone, for every such fault."""
+    robot = sketch.robot
+    yield from _signs_and_exchanges(sketch)
+    for turning in np.flatnonzero(~robot.prismatic):
+        yield from _zeros(sketch, int(turning))
+    if not (np.abs(sketch.q[:, ~robot.prismatic]) > 2 * np.pi).any():
+        return  # within one turn each way: as degrees, the robot would hardly have moved
+    degrees = moved(sketch, np.where(robot.prismatic, 1.0, np.deg2rad(1.0)), None)
+    what = "the positions are in degrees: in radians the model explains the torques"
+    advice = 'set angle_unit = "deg" under [file] in a mapping file'
+    fix = (("", "angle_unit", "deg"),)
+    yield Moved(degrees, Fault("degrees", what, robot.joints, advice, cost(sketch.criteria, "degrees"), fix=fix))
+
+
+def _signs_and_exchanges(sketch: Sketch) -> Iterator[Moved]:
     robot, J = sketch.robot, len(sketch.robot.joints)
     for j in range(J):
         turn = np.where(np.arange(J) == j, -1.0, 1.0)
@@ -53,15 +68,40 @@ def position_faults(sketch: Sketch) -> Iterator[Moved]:
         price = cost(sketch.criteria, "swapped positions", J * (J - 1) // 2)
         advice = "exchange the columns in the mapping file"
         yield Moved(moved(sketch, None, order), Fault("swapped positions", what, pair, advice, price, fix=fix))
-    for turning in np.flatnonzero(~robot.prismatic):
-        yield from _zeros(sketch, int(turning))
-    if not (np.abs(sketch.q[:, ~robot.prismatic]) > 2 * np.pi).any():
-        return  # within one turn each way: as degrees, the robot would hardly have moved
-    degrees = moved(sketch, np.where(robot.prismatic, 1.0, np.deg2rad(1.0)), None)
-    what = "the positions are in degrees: in radians the model explains the torques"
-    advice = 'set angle_unit = "deg" under [file] in a mapping file'
-    fix = (("", "angle_unit", "deg"),)
-    yield Moved(degrees, Fault("degrees", what, robot.joints, advice, cost(sketch.criteria, "degrees"), fix=fix))
+
+
+def joint_faults(sketch: Sketch) -> Iterator[Moved]:
+    """The sketch with one fault of positions and torques together undone: an axis reversed, two joints exchanged."""
+    rows = [int(j) for j in sketch.rows]
+    for item in _signs_and_exchanges(sketch):
+        at = [sketch.robot.joints.index(name) for name in item.fault.where]
+        if set(at) <= set(rows):
+            tau = sketch.tau.copy()
+            tau[:, at] = -tau[:, at] if len(at) == 1 else tau[:, at[::-1]]
+            yield Moved(replace(item.sketch, tau=tau), with_torques(item.fault, len(rows), sketch.criteria))
+
+
+def with_torques(fault: Fault, rows: int, criteria: CheckCriteria) -> Fault:
+    """The fault of positions and torques together that begins as this fault of positions.
+
+    Parameters
+    ----------
+    fault : Fault
+        "position sign" or "swapped positions".
+    rows : int
+        Number of joints whose torque is judged.
+    criteria : CheckCriteria
+    """
+    what = fault.what.replace("its positions have", "its positions and torques have")
+    what = what.replace("their positions are", "their positions and torques are")
+    if fault.kind == "position sign":
+        fix = tuple(f for f in fault.fix if f[1] == "sign")
+        price = cost(criteria, "position sign", rows)
+        return replace(fault, what=what, cost=price, fix=fix, advice=fault.advice.replace(" and torque_sign = -1", ""))
+    one, other = fault.where
+    price = cost(criteria, "swapped joints", rows * (rows - 1) // 2)
+    fix = (*fault.fix, (one, "tau", other), (other, "tau", one))
+    return replace(fault, kind="swapped joints", what=what, cost=price, fix=fix)
 
 
 def moved(sketch: Sketch, factor: Array | None, order: NDArray[np.intp] | None) -> Sketch:

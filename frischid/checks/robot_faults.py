@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from frischid.checks.faults import Fault, cost
-from frischid.checks.payload import payload_errors
+from frischid.checks.payload import last_link, payload_errors
 from frischid.checks.position_faults import Moved
 from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch, shared_fit
@@ -49,6 +49,18 @@ def shared_faults(fits: RowFits) -> Iterator[Moved]:
         yield Moved(replace(sketch, given_nominal=sketch.nominal + body.torque), fault)
 
 
+def shared_errors(sketch: Sketch) -> Array:
+    """NRMSE of each judged row, (R,), if any gravity and any body on the last link are fitted beside friction."""
+    force, last = gravity_torques(sketch), last_link(sketch)
+    columns = {int(j): np.column_stack([force[:, :, j].T, last[:, :, j]]) for j in sketch.rows}
+    shared = columns[int(sketch.rows[0])].shape[1]
+    fitted = shared_fit(sketch, columns, sketch.tau - sketch.nominal)[:shared]
+    nominal = sketch.nominal.copy()
+    for j, X in columns.items():
+        nominal[:, j] += X @ fitted
+    return sketch.errors(nominal)
+
+
 def _mounting(sketch: Sketch, n: float) -> Iterator[Moved]:
     robot = sketch.robot
     length = float(np.linalg.norm(robot.gravity))
@@ -78,12 +90,7 @@ def gravity_of(sketch: Sketch) -> Array:
     right angles to it (Gauss-Newton on the sphere): masses that are wrong must not pass for another length.
     """
     few = sketch.thinned(sketch.criteria.few_samples)
-    zero = np.zeros_like(few.q)
-    pull = []
-    for axis in np.eye(3):
-        robot = Robot.from_dict({**few.robot.to_dict(), "gravity": axis.tolist()})
-        pull.append(robot.inverse_dynamics(few.q, zero, zero))
-    force = np.array(pull)
+    force = gravity_torques(few)
     own, length = np.asarray(few.robot.gravity), float(np.linalg.norm(few.robot.gravity))
     rest = few.tau - (few.nominal - np.einsum("i,inj->nj", own, force))
     gravity = shared_fit(few, {int(j): force[:, :, j].T for j in few.rows}, rest)[:3]
@@ -93,6 +100,15 @@ def gravity_of(sketch: Sketch) -> Array:
         columns = {int(j): force[:, :, j].T @ across.T for j in few.rows}
         gravity = gravity + across.T @ shared_fit(few, columns, rest - np.einsum("i,inj->nj", gravity, force))[:2]
     return np.asarray(gravity * length / max(float(np.linalg.norm(gravity)), 1e-12))
+
+
+def gravity_torques(sketch: Sketch) -> Array:
+    """Torque of a gravity of 1 m/s² along each axis of the base, (3, M, J)."""
+    zero, found = np.zeros_like(sketch.q), []
+    for axis in np.eye(3):
+        robot = Robot.from_dict({**sketch.robot.to_dict(), "gravity": axis.tolist()})
+        found.append(robot.inverse_dynamics(sketch.q, zero, zero))
+    return np.array(found)
 
 
 def _couplings(fits: RowFits) -> Iterator[Moved]:

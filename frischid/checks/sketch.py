@@ -177,7 +177,7 @@ class Sketch:
         return np.asarray(np.sqrt(np.maximum(self.asis**2 - self.white**2, 0.0)))
 
     def moved_earlier(self, lag: float) -> Sketch:
-        """The sketch with the torques of a recording that was `lag` seconds late; what has no torque then is not used."""
+        """The sketch with torques that were `lag` seconds late put right; samples without a torque are not used."""
         tau, used, start = self.tau.copy(), self.used.copy(), 0
         for end in self.ends:
             t, part = self.t[start:end], slice(start, end)

@@ -331,6 +331,40 @@ def test_a_spring_does_not_hide_a_tilted_base(log):
     assert found["spring"].where == (UR.joints[1],)
 
 
+@pytest.mark.parametrize("where", [(1,), (1, 2)])
+def test_a_body_does_not_hide_a_reversed_axis_or_exchanged_joints(log, where):
+    carrying, order, sign = with_body(log, 8.0), np.arange(6), np.ones(6)
+    if len(where) == 1:
+        sign[list(where)] = -1
+    else:
+        order[list(where)] = where[::-1]
+    faulty = replace(
+        carrying, q=(sign * carrying.q)[:, order], v=None, a=None, tau=(sign * np.asarray(carrying.tau))[:, order]
+    )
+    kind = "position sign" if len(where) == 1 else "swapped joints"
+    found, _ = issues(faulty)
+    assert set(found) == {kind, "payload"}
+    assert found[kind].where == tuple(UR.joints[j] for j in where)
+
+
+def test_a_late_torque_of_a_fast_motion_does_not_hide_a_body():
+    """The delay alone makes the error of every torque larger than a log is accepted with."""
+    motion = random_fourier(UR, 20, seed=3, harmonics=20)
+    fast = with_body(simulate(UR, motion, rate=100, noise=Noise(q=1e-5, tau=0.02), channels=()), 8.0)
+    late = replace(fast, tau=np.column_stack([np.interp(fast.t - 0.08, fast.t, x) for x in np.asarray(fast.tau).T]))
+    found, report = issues(late)
+    assert set(found) == {"payload", "late torque"}
+    assert abs(report.facts["torque_lag"] - 0.08) < 0.003
+
+
+def test_the_column_of_another_joint_is_not_called_degrees():
+    panda = Robot.load("panda", joints=[f"panda_joint{k}" for k in range(1, 8)])
+    log = simulate(panda, random_fourier(panda, 20, seed=2), rate=100, noise=Noise(q=1e-5, tau=0.02), channels=())
+    order = np.array([0, 1, 2, 5, 4, 3, 6])
+    (report,) = check(panda, [replace(log, q=log.q[:, order], v=None, a=None, tau=np.asarray(log.tau)[:, order])])
+    assert "degrees" not in {issue.kind for issue in report.issues}
+
+
 def test_nothing_is_named_where_something_else_explains_more(log):
     """Three wrong gains are no fault that is named; a likely story that explains less must not take their place."""
     tau = np.array(log.tau)
