@@ -347,14 +347,21 @@ def test_a_body_does_not_hide_a_reversed_axis_or_exchanged_joints(log, where):
     assert found[kind].where == tuple(UR.joints[j] for j in where)
 
 
-def test_a_late_torque_of_a_fast_motion_does_not_hide_a_body():
+@pytest.mark.parametrize("fault", ["joint zero", "spring", "swapped torques"])
+def test_a_late_torque_of_a_fast_motion_does_not_hide_another_fault(fault):
     """The delay alone makes the error of every torque larger than a log is accepted with."""
     motion = random_fourier(UR, 20, seed=3, harmonics=20)
-    fast = with_body(simulate(UR, motion, rate=100, noise=Noise(q=1e-5, tau=0.02), channels=()), 8.0)
-    late = replace(fast, tau=np.column_stack([np.interp(fast.t - 0.08, fast.t, x) for x in np.asarray(fast.tau).T]))
-    found, report = issues(late)
-    assert set(found) == {"payload", "late torque"}
-    assert abs(report.facts["torque_lag"] - 0.08) < 0.003
+    fast = simulate(UR, motion, rate=100, noise=Noise(q=1e-5, tau=0.02), channels=())
+    if fault == "joint zero":
+        fast = shifted(fast, 2, 0.9)
+    elif fault == "spring":
+        fast = with_spring(fast, 1)
+    else:
+        fast = replace(fast, tau=np.asarray(fast.tau)[:, [0, 2, 1, 3, 4, 5]])
+    late = np.column_stack([np.interp(fast.t - 0.2, fast.t, x) for x in np.asarray(fast.tau).T])
+    found, report = issues(replace(fast, tau=late))
+    assert set(found) == {fault, "late torque"}
+    assert abs(report.facts["torque_lag"] - 0.2) < 0.005
 
 
 def test_the_column_of_another_joint_is_not_called_degrees():
