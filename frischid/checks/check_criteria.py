@@ -14,9 +14,11 @@ The numbers were chosen by hand; no sweep over them was recorded. A change of an
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import pi
 from typing import Any
+
+import msgspec
 
 FAULT_COSTS = (
     ("all torque signs", 1.0),
@@ -299,7 +301,7 @@ class CheckCriteria:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return asdict(self)
+        return dict(msgspec.json.decode(msgspec.json.encode(self)))
 
 
 DEFAULT_CRITERIA = CheckCriteria()
