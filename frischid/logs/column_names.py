@@ -64,7 +64,7 @@ OTHER_WORDS = {
 torque that a controller's own model does not explain."""
 TIME_WORDS = {
     *("t", "time", "stamp", "timestamp", "sec", "secs", "seconds", "nsec", "nanosec", "clock", "datetime", "date"),
-    *("zeit", "tm", "ipoc"),
+    *("zeit", "tm", "ipoc", "ts"),
 }
 CLOCK_UNITS = {"ms", "us", "µs", "ns", "s"}
 MEASURED_WORDS = {"actual", "act", "measured", "meas", "present", "ist", "feedback", "fbk"}
@@ -74,6 +74,7 @@ FILLER_WORDS = MEASURED_WORDS | {
     "link",
     "axis",
     "achse",
+    "achs",
     "gelenk",
     "state",
     "states",
@@ -84,6 +85,10 @@ FILLER_WORDS = MEASURED_WORDS | {
     "j",
     "",
 }
+COMPOUND = "achs|gelenk|motor|ist|soll"
+"""First parts of German compounds that end in a quantity."""
+LEAST_OF_COMPOUND = 4
+"""Letters. Shorter quantities also end other words."""
 LEAST_LIKENESS = 0.55
 """Share of matching characters (`difflib`) below which a column's name does not match a joint's."""
 CLEAR_LIKENESS = 0.8
@@ -110,9 +115,7 @@ def split(name: str) -> tuple[str | None, str]:
     >>> split("position_command_elbow")
     ('qcmd', 'elbow')
     """
-    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", unit_of(name)[1])
-    words = [w for w in re.split(r"[^0-9A-Za-z]+", spaced.lower()) if w]
-    words = [part for w in words for part in (_counted(w) or [w])]
+    words = [part for w in _without_unit(name) for part in (_counted(w) or [w])]
     if set(words) & OTHER_WORDS:
         return None, name
     if commanded := set(words) & SETPOINT_WORDS:
@@ -151,10 +154,18 @@ def set_point(name: str) -> tuple[str | None, str]:
     >>> set_point("target_moment_3"), set_point("actual_current_3")
     (('tau', '3'), (None, 'actual_current_3'))
     """
-    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", unit_of(name)[1])
-    words = [w for w in re.split(r"[^0-9A-Za-z]+", spaced.lower()) if w]
+    words = _without_unit(name)
     plain = [w for w in words if w not in SETPOINT_WORDS]
     return split("_".join(plain)) if len(plain) < len(words) else (None, name)
+
+
+def _without_unit(name: str) -> list[str]:
+    """Words of a column's name without its unit; a German compound is cut: ``Achsmoment`` -> ``achs``, ``moment``."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", unit_of(name)[1])
+    words = [w for w in re.split(r"[^0-9A-Za-z]+", spaced.lower()) if w]
+    quantities = "|".join(sorted(w for w in ALL_CHANNEL_WORDS if len(w) >= LEAST_OF_COMPOUND))
+    cut = [re.fullmatch(rf"({COMPOUND})({quantities})", w) for w in words]
+    return [part for w, match in zip(words, cut, strict=True) for part in (match.groups() if match else (w,))]
 
 
 def _counted(word: str) -> list[str] | None:

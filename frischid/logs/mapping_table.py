@@ -83,6 +83,7 @@ def time_column(table: Table, found: Proposal) -> str | None:
     clocks = [n for n in table.names if n in table.numeric and (words[n] & TIME_WORDS or unit_of(n)[0] in CLOCK_UNITS)]
     by_name = [n for n in growing if n in clocks] or [n for n in clocks if _is_repeated_clock(table.numeric[n])]
     even = [n for n in growing if n not in by_name and _is_even(table.numeric[n])]
+    even.sort(key=lambda n: _counts_rows(table.numeric[n]))
     name = next(iter([*by_name, *even]), None)
     if name is None:
         return None
@@ -161,6 +162,11 @@ def _is_repeated_clock(x: NDArray[np.generic]) -> bool:
     """Whether a column never falls and has a new value every few rows: a clock whose rows were recorded repeatedly."""
     steps = np.diff(np.asarray(x, dtype=float))
     return bool(len(steps) and steps.min() >= 0 and (steps > 0).mean() > 1 / ROWS_PER_STAMP)
+
+
+def _counts_rows(x: NDArray[np.generic]) -> bool:
+    """Whether a column grows by one from row to row: a clock does so only in a unit of the sampling step."""
+    return bool((np.diff(np.asarray(x, dtype=float)) == 1).all())
 
 
 def _is_even(x: NDArray[np.generic]) -> bool:

@@ -66,6 +66,27 @@ def test_plain_names_before_others_that_are_explained_as_well(tmp_path, robot, l
     np.testing.assert_allclose(read.tau, log.tau, atol=1e-6)
 
 
+def test_german_compounds(tmp_path, robot, log):
+    assert split("Istposition_A1") == ("q", "a_1")
+    assert split("motor_current_1") == ("current", "motor_1")
+    head = [
+        "Zeit[s]",
+        *(f"{word} A{j + 1} [{unit}]" for word, unit in (("Achsposition", "°"), ("Achsmoment", "Nm")) for j in J),
+    ]
+    found, read = mapped(write(tmp_path / "a.csv", head, [log.t, np.rad2deg(log.q), log.tau]), robot)
+    assert not found.guesses
+    np.testing.assert_allclose(read.q, log.q, atol=1e-6)
+    np.testing.assert_allclose(read.tau, log.tau, atol=1e-6)
+
+
+@pytest.mark.parametrize("clock", ["ts", "elapsed"])
+def test_a_counter_of_rows_is_no_clock_beside_a_clock(tmp_path, robot, log, clock):
+    head = ["cnt", clock, *(f"J{j + 1}_{word}" for word in ("angle", "speed", "torque") for j in J)]
+    found, read = mapped(write(tmp_path / "a.csv", head, [np.arange(len(log)), log.t, log.q, log.v, log.tau]), robot)
+    assert found.file["time"] == clock
+    np.testing.assert_allclose(read.v, log.v, atol=1e-6)
+
+
 def test_degrees_from_0_to_360(tmp_path, robot, log):
     head = ["timestamp_us", *(f"actuators[{j}].{word}" for word in ("position", "velocity", "torque") for j in J)]
     columns = [1e6 * (log.t + 5), np.rad2deg(log.q) % 360, np.rad2deg(log.v), log.tau]
