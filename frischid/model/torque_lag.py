@@ -130,7 +130,7 @@ def torque_lag(problem: Problem, estimate: Estimate, sums: LagSums) -> TorqueLag
     """The lag from the sums of a pass over the logs.
 
     Where a lag is likely, the parameters are wrong by it, and a second pass is made with corrected ones: the standard
-    error of the first pass is then too large.
+    error of the first pass is then too large. Where the joints differ in spite of such errors, there is no common lag.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def torque_lag(problem: Problem, estimate: Estimate, sums: LagSums) -> TorqueLag
     data, criteria = problem.data, problem.data.options.criteria
     taken = data.lowpass.torque_lag
     found = _lag(sums, data.joints, criteria, taken)
-    if found is None or not found[1].likely:
+    if found is None or found[0].differing or not found[1].likely:
         return None if found is None else found[0]
     again = LagSums(problem, estimate, found[1].theta)
     for motion in again.watch(data.motions):
