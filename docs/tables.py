@@ -86,6 +86,7 @@ TABLES = dict(
         table_of(cost.against_mujoco),
         table_of(cost.startup),
         table_of(cost.regressor),
+        table_of(cost.previous_release),
         table_of(cost.scaling),
         table_of(cost.scaling_diagnose, script="scaling"),
         table_of(cost.fleet),
@@ -128,6 +129,8 @@ FIGURES: dict[str, Callable[[], str]] = {
         cost.small_fleets_others,
         cost.figaroh_ratio,
         cost.mujoco_ratio,
+        cost.loops_for_25,
+        cost.regressor_over_loop,
     )
 }
 """Name of a mark within a sentence -> its figure."""

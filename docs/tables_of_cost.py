@@ -42,6 +42,16 @@ def moments_us() -> str:
     return f"{by('regressor', 'variant', 'streamed into moments')['µs per sample']:.1f}"
 
 
+def loops_for_25() -> str:
+    """Bare loops of a whole job that is 25 times faster than figaroh."""
+    return f"{by('against_figaroh', 'variant', 'figaroh')['× bare loop'] / 25:.2f}"
+
+
+def regressor_over_loop() -> str:
+    """Time of the full regressor over that of the bare loop."""
+    return f"{by('regressor', 'variant', 'full regressor')['ratio']:.2f}"
+
+
 def against_mujoco() -> str:
     """Armature and damping by mujoco.sysid and by frischid."""
     head = ("program", "samples", "processor time, s", "over frischid", "worst armature", "worst damping")
@@ -76,6 +86,17 @@ def regressor() -> str:
     return (
         each(("job", "over the bare loop"), rows, lambda row: (row["variant"], f"{row['ratio']:.2f}")) + f"\n{words}.\n"
     )
+
+
+def previous_release() -> str:
+    """Processor time of the commands in release 0.1.0 and now."""
+    head = ("command", "0.1.0, s", "now, s", "now over 0.1.0", "result in 0.1.0", "result now")
+
+    def line(row: Row) -> tuple[str, ...]:
+        times = (f"{row['before, s']:.1f}", f"{row['now, s']:.1f}", f"{row['ratio']:.2f}")
+        return row["command"], *times, row["result before"] or "–", row["result now"] or "–"
+
+    return each(head, rows_of("previous_release"), line)
 
 
 def scaling() -> str:

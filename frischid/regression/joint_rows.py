@@ -131,18 +131,20 @@ class JointRows:
         return beside
 
     def gram(self, chunks: Iterable[tuple[Array, NDArray[np.bool_]]]) -> PackedGram:
-        """Moments of chunks together."""
-        products = [np.zeros((len(ends) + 1, len(ends) + 1)) for ends in self.ends]
+        """Moments of at least one chunk together."""
+        squares: list[Array] = []
         counts, sums = np.zeros(len(self.joints)), np.zeros((len(self.joints), len(self.columns) + 1))
         for Z, used in chunks:
-            every = np.asarray(used.all(axis=0))
-            for row, (product, j, part) in enumerate(zip(products, self.index, self.parts, strict=True)):
-                z = Z[:, part]
-                if not every[j]:
-                    z = z[used[:, j]]
-                product += z.T @ z
-                counts[row] += len(z)
-        for row, (product, ends) in enumerate(zip(products, self.ends, strict=True)):
-            sums[row, ends] = product[-1, :-1]
-        squares = tuple(product[:-1, :-1] for product in products)
-        return PackedGram(self.columns, self.joints, self.ends, squares, sums, counts)
+            rows = self._rows(Z, used)
+            products = [z.T @ z for z in rows]
+            squares = [a + b for a, b in zip(squares, products, strict=True)] if squares else products
+            counts += [len(z) for z in rows]
+        for row, (square, ends) in enumerate(zip(squares, self.ends, strict=True)):
+            sums[row, ends] = square[-1, :-1]
+        return PackedGram(self.columns, self.joints, self.ends, tuple(x[:-1, :-1] for x in squares), sums, counts)
+
+    def _rows(self, Z: Array, used: NDArray[np.bool_]) -> list[Array]:
+        """The rows of each joint that count, (n, numbers of the joint)."""
+        every = np.asarray(used.all(axis=0))
+        parts = zip(self.index, self.parts, strict=True)
+        return [Z[:, part] if every[j] else Z[used[:, j], part] for j, part in parts]
