@@ -53,11 +53,11 @@ def check_lag(sketch: Sketch, notes: Notebook) -> None:
     where = tuple(sketch.names[k] for k, yes in zip(judged, own, strict=True) if yes)
     alike = gone > criteria.slight_lag_share and seen > criteria.alike_lag_joints
     if abs(common) > criteria.significant_errors * spread and (gone > criteria.common_lag_share or alike):
-        by, sure = f"{abs(common):.3g} ± {spread:.2g} s", "likely" if gone > criteria.common_lag_share else "possible"
-        _late(notes, by, common, gone, (), sure)
+        by = f"{1e3 * abs(common):.1f} ± {1e3 * spread:.1f} ms"
+        _late(notes, by, common, gone, (), "likely" if gone > criteria.common_lag_share else "possible")
     elif where:
         alone = np.isin([sketch.names[k] for k in judged], where)
-        by = span(np.abs(lag[alone]), " s")
+        by = span(1e3 * np.abs(lag[alone]), " ms")
         _late(notes, by, float(lag[alone].sum()), float(removed[alone].min()), where, "possible")
 
 

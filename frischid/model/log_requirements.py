@@ -32,8 +32,8 @@ def check_logs_fit(robot: Robot, joints: Sequence[str], logs: Sequence[Log | Rec
             )
         if isinstance(log, Log):
             check_torque(head, joints)
-        there = head.select(joints).has("tau")
-        missing = [n for n, known in zip(joints, there, strict=True) if not known]
+        there = head.has("tau")
+        missing = [n for n, j in zip(joints, head.index(joints), strict=True) if not there[j]]
         if missing:
             raise InputError(
                 f"{log.source}: no torque (tau_<joint>) of {', '.join(missing)}, which the model was fitted to; "

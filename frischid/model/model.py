@@ -46,6 +46,7 @@ from frischid.model.model_parts import (
     without_robot,
 )
 from frischid.model.parameters import Parameter, parameters_by_name
+from frischid.model.remembered_blocks import blocks_of
 from frischid.model.stored_paths import located
 from frischid.regression.block import Block
 from frischid.regression.regressor import Regressor
@@ -277,7 +278,7 @@ class Model(Shown):
         """As `blocks`, for logs that `motions` has prepared already."""
         regressor = Regressor(self.robot, self.effects, self.reference)
         for motion in motions:
-            for block in regressor.blocks(motion, self.lowpass):
+            for block in blocks_of(regressor, motion, self.lowpass):
                 yield block, self.full_theta @ block.Y
 
     def made_from(self, log: Data) -> bool:

@@ -91,7 +91,8 @@ class NoiseFloor:
         effects = json.dumps([effect.to_dict() for effect in model.effects])
         reference = json.dumps(plain_numbers(model.reference), sort_keys=True)
         theta = model.full_theta.tobytes()
-        return robot_text(model.robot), effects, model.joints, model.lowpass, theta, reference
+        filtered = model.lowpass.cutoff, model.lowpass.torque_lag
+        return robot_text(model.robot), effects, model.joints, filtered, theta, reference
 
     @property
     def held(self) -> Array:

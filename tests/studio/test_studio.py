@@ -24,11 +24,12 @@ from frischid.diagnosis import diagnosis, improvement
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.logs.readers import write_log
-from frischid.model import log_examination
+from frischid.model import log_examination, noise_floor
 from frischid.model.identification import identify
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
+from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 
 pytest.importorskip("viser", reason="the extra frischid[studio] is not installed")
@@ -793,3 +794,27 @@ def test_a_first_look_needs_no_slow_library(case, tmp_path):
     )
     assert "frischid.diagnosis.diagnosis" in names
     assert not {"scipy.signal", "scipy.stats"} & names
+
+
+def test_a_click_computes_the_noise_floor_and_the_columns_of_a_log_once(case, tmp_path, monkeypatch):
+    """In the fit, and again for the page: the second time they are remembered."""
+    seen = {"floor": [], "columns": []}
+    floor, columns = noise_floor._through_the_motion, Regressor.blocks
+
+    def counted_floor(model, motion):
+        seen["floor"].append(id(motion))
+        return floor(model, motion)
+
+    def counted_columns(self, motion, lowpass, *options):
+        seen["columns"].append((id(motion), self.effects, self.reference.tobytes(), lowpass.cutoff))
+        return columns(self, motion, lowpass, *options)
+
+    model, logs = case
+    bench = Bench(model, [replace(log) for log in logs], tmp_path / "model.json")  # nothing is known of new objects
+    monkeypatch.setattr(noise_floor, "_through_the_motion", counted_floor)
+    monkeypatch.setattr(Regressor, "blocks", counted_columns)
+    bench.add(SPRING, bench.state.revision)
+    bench.close()
+    for calls in seen.values():
+        assert calls
+        assert len(set(calls)) == len(calls)
