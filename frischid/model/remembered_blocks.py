@@ -15,17 +15,17 @@ from frischid.model.model_parts import robot_text
 from frischid.regression.block import COLUMNS_BESIDE_Y, Block
 from frischid.regression.regressor import Regressor
 
-KEPT_BYTES = 8 * 2**20
+KEPT_BLOCK_BYTES = 8 * 2**20
 """Bytes of the blocks of one motion up to which they are kept: half a minute of a six-joint arm without decimation."""
-_BLOCKS = Remembered[tuple[Block, ...]]()
+_MOTION_BLOCKS = Remembered[tuple[Block, ...]]()
 
 
 def blocks_of(regressor: Regressor, motion: Motion, lowpass: LowPass) -> Iterable[Block]:
     """The blocks of a motion, in order; those of a short one are computed once."""
     numbers = (len(regressor.columns) + COLUMNS_BESIDE_Y) * len(regressor.robot.joints)
-    if len(motion.t) // lowpass.decimation(motion.step) * numbers * 8 > KEPT_BYTES:
+    if len(motion.t) // lowpass.decimation(motion.step) * numbers * 8 > KEPT_BLOCK_BYTES:
         return regressor.blocks(motion, lowpass)
     effects = json.dumps([effect.to_dict() for effect in regressor.effects])
     filtered = lowpass.cutoff, lowpass.torque_lag
     key = (robot_text(regressor.robot), effects, regressor.reference.tobytes(), filtered)
-    return _BLOCKS.of(motion, key, lambda: tuple(regressor.blocks(motion, lowpass)))
+    return _MOTION_BLOCKS.of(motion, key, lambda: tuple(regressor.blocks(motion, lowpass)))
