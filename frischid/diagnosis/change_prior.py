@@ -5,8 +5,18 @@ a weak one from the URDF, carried to the base parameters θ_b = K θ,
 
     θ ~ N(θ_URDF, P),   P = diag(spread²);      θ_b ~ N(K θ_URDF, K P Kᵀ).
 
-If the robot *changed* since it was identified, the identification itself is the prior: mean θ̂, and its information
-matrix Λ as precision.
+If the robot *changed* since it was identified, the identification itself is the prior: mean θ̂, and covariance m C.
+The covariance C of an identification counts all of its residual as the model's error, which does not average out over
+a log. The sensors' noise does average out, so a share m of C is there on another motion (`FitRecord.model_share`, the
+mean over the joints). With C itself, long new logs would count many times as much as the logs before the change, and
+a fit would put the change into the old parameters before any effect is judged.
+
+**The residual is the evidence.** Under this prior N(θ̂, P) the torque of the new logs has the covariance
+σ² (I + Y P Yᵀ), with Y in units of the noise σ. So the log likelihood of a change is −½ eᵀ (I + Y P Yᵀ)⁻¹ e with
+e = (τ − Y θ̂) / σ. Along an eigenvector of Y P Yᵀ with eigenvalue d, a fit under N(θ̂, P) leaves 1/(1 + d) of e. The
+evidence is the square of 1/√(1 + d) of e. So the diagnosis fits under a stronger prior, P' with d' = √(1 + d) − 1 in
+place of d. Then its sums of squared residuals, block by block of time too, are the evidence (`evidence_prior`). Where
+the logs before the change say nothing (d → ∞), the new logs decide alone.
 
 The most likely standard parameters, given an identification θ̂_b of covariance Σ, are the conditional mean of the first
 Gaussian,
@@ -34,13 +44,35 @@ from frischid.model.model import Model
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
 
+ROUNDING = 1e-12  # share of the diagonal of a precision that is added
+LEAST_SHARE = 1e-6  # against division by zero: of a perfect log
 _UNSTATED = 10.0  # N·m (N): torque limit of a robot whose URDF states none
 _STATES = 16  # random configurations from which a joint's typical inertia is taken
 
 
 def identification_prior(model: Model) -> Prior:
-    """Prior of a robot that changed since it was identified: the identification itself."""
-    return Prior(model.estimate.theta, model.estimate.information)
+    """Prior of a robot that changed since it was identified: the identification, with its error on another motion."""
+    share = 1.0 if model.fitted is None else float(model.fitted.model_share.mean())
+    return Prior(model.estimate.theta, model.estimate.information / max(share, LEAST_SHARE))
+
+
+def evidence_prior(prior: Prior, information: Array) -> Prior:
+    """Prior under which the squared residual of a fit is the evidence, as the module's text explains.
+
+    Parameters
+    ----------
+    prior : Prior
+        Of what was known before the change.
+    information : ndarray, shape (p, p)
+        Σ_j ω_j Y_jᵀY_j of the new logs.
+    """
+    scale = np.sqrt(np.diag(prior.precision))
+    R = linalg.cholesky(prior.precision / np.outer(scale, scale) + ROUNDING * np.eye(len(scale)), lower=True)
+    half = linalg.solve_triangular(R, information / np.outer(scale, scale), lower=True)
+    d, Q = linalg.eigh(linalg.solve_triangular(R, half.T, lower=True))
+    stronger = 1.0 + np.sqrt(1.0 + np.maximum(d, 0.0))  # d / (√(1 + d) − 1)
+    S = scale[:, None] * (R @ Q)
+    return Prior(prior.mean, np.asarray((S * stronger) @ S.T))
 
 
 def weak_urdf_prior(model: Model, criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA) -> Prior:

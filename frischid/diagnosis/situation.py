@@ -25,7 +25,7 @@ from typing import Literal
 import numpy as np
 
 from frischid.core.parallel import Workers
-from frischid.diagnosis.change_prior import identification_prior, weak_urdf_prior
+from frischid.diagnosis.change_prior import evidence_prior, identification_prior, weak_urdf_prior
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.logs.log import Log
@@ -75,11 +75,18 @@ def cross_validator(
         changed = not own and _error_as_it_is(validator) > criteria.changed_error_ratio * refit
         situation = "changed" if changed else "always"
     if situation == "changed":
-        validator = validator.with_prior(identification_prior(model))
+        validator = _from_before(validator)
     if not own:
         known = criteria.known_residual_factor * validator.model.estimate.sigma / validator.spread
         validator = validator.with_known_residual(known)
     return validator, situation
+
+
+def _from_before(validator: CrossValidator) -> CrossValidator:
+    """The fit of a changed robot, whose residual is the evidence for a change."""
+    known = identification_prior(validator.model)
+    fit = validator.with_prior(known).fit
+    return validator.with_prior(evidence_prior(known, fit.information - known.precision))
 
 
 def priors_of(validator: CrossValidator, situation: Situation) -> list[CrossValidator]:
