@@ -70,15 +70,16 @@ def cross_validator(
     logs = need_motion(logs, model.robot.joints)
     validator = CrossValidator.of(model, logs, weak_urdf_prior(model, criteria), criteria=criteria, workers=workers)
     own = any(model.made_from(log) for log in logs)
+    known = validator if own and situation != "changed" else _from_before(validator)
     if situation == "auto":
-        refit = float(validator.base_nrmse().mean())
+        refit = min(float(v.base_nrmse().mean()) for v in (validator, known))
         changed = not own and _error_as_it_is(validator) > criteria.changed_error_ratio * refit
         situation = "changed" if changed else "always"
     if situation == "changed":
-        validator = _from_before(validator)
+        validator = known
     if not own:
-        known = criteria.known_residual_factor * validator.model.estimate.sigma / validator.spread
-        validator = validator.with_known_residual(known)
+        residual = criteria.known_residual_factor * validator.model.estimate.sigma / validator.spread
+        validator = validator.with_known_residual(residual)
     return validator, situation
 
 
