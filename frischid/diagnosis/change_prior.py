@@ -51,7 +51,12 @@ _STATES = 16  # random configurations from which a joint's typical inertia is ta
 
 
 def identification_prior(model: Model) -> Prior:
-    """Prior of a robot that changed since it was identified: the identification, with its error on another motion."""
+    """The identification as the prior of a robot that has not changed: a missing effect may have biased it."""
+    return Prior(model.estimate.theta, model.estimate.information)
+
+
+def prior_before_change(model: Model) -> Prior:
+    """The identification as the prior of a robot that changed afterwards, with its error on another motion."""
     share = 1.0 if model.fitted is None else float(model.fitted.model_share.mean())
     return Prior(model.estimate.theta, model.estimate.information / max(share, LEAST_SHARE))
 

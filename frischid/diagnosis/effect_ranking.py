@@ -178,8 +178,9 @@ def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[S
         beside = scored(given, [other.together])
         if beside is None or beside.gain <= 0 or beside.explained < criteria.rival_addition * top.explained:
             rivals.append(other)
-    sure = [r for r in rivals if r.p_value <= criteria.significance]
-    simpler = [r for r in rivals if r.kind.id in top.kind.generalises] + [r for r in sure if r.gain > top.gain]
+    wider = [r for r in rivals if top.kind.id in r.kind.generalises]
+    sure = [r for r in rivals if r.gain > top.gain and r.p_value <= criteria.significance and r not in wider]
+    simpler = [r for r in rivals if r.kind.id in top.kind.generalises] + sure
     first = max(simpler, key=lambda r: r.gain, default=top)
     names = {top.kind.id, *(r.kind.id for r in rivals)} - {first.kind.id}
     result = [replace(first, rivals=tuple(sorted(names)), entered=True, own=top.own)]

@@ -25,7 +25,12 @@ from typing import Literal
 import numpy as np
 
 from frischid.core.parallel import Workers
-from frischid.diagnosis.change_prior import evidence_prior, identification_prior, weak_urdf_prior
+from frischid.diagnosis.change_prior import (
+    evidence_prior,
+    identification_prior,
+    prior_before_change,
+    weak_urdf_prior,
+)
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.logs.log import Log
@@ -70,22 +75,21 @@ def cross_validator(
     logs = need_motion(logs, model.robot.joints)
     validator = CrossValidator.of(model, logs, weak_urdf_prior(model, criteria), criteria=criteria, workers=workers)
     own = any(model.made_from(log) for log in logs)
-    known = validator if own and situation != "changed" else _from_before(validator)
     if situation == "auto":
-        refit = min(float(v.base_nrmse().mean()) for v in (validator, known))
+        refit = float(validator.base_nrmse().mean())
         changed = not own and _error_as_it_is(validator) > criteria.changed_error_ratio * refit
         situation = "changed" if changed else "always"
     if situation == "changed":
-        validator = known
+        validator = _from_before(validator)
     if not own:
-        residual = criteria.known_residual_factor * validator.model.estimate.sigma / validator.spread
-        validator = validator.with_known_residual(residual)
+        known = criteria.known_residual_factor * validator.model.estimate.sigma / validator.spread
+        validator = validator.with_known_residual(known)
     return validator, situation
 
 
 def _from_before(validator: CrossValidator) -> CrossValidator:
     """The fit of a changed robot, whose residual is the evidence for a change."""
-    known = identification_prior(validator.model)
+    known = prior_before_change(validator.model)
     fit = validator.with_prior(known).fit
     return validator.with_prior(evidence_prior(known, fit.information - known.precision))
 

@@ -9,7 +9,7 @@ import pytest
 
 from frischid.diagnosis.block_test import p_value_of
 from frischid.diagnosis.candidate_columns import Candidate
-from frischid.diagnosis.change_prior import evidence_prior, identification_prior, weak_urdf_prior
+from frischid.diagnosis.change_prior import evidence_prior, prior_before_change, weak_urdf_prior
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator, Score
 from frischid.diagnosis.diagnosis import diagnose
@@ -164,7 +164,7 @@ def identified(seed: int):
 def test_the_prior_of_a_changed_robot_has_the_spread_that_the_estimate_has_on_another_motion():
     """Noise averages out over a log and the model's error does not, so a share of the covariance is there elsewhere."""
     model = identified(1)
-    prior = identification_prior(model)
+    prior = prior_before_change(model)
     np.testing.assert_array_equal(prior.mean, model.estimate.theta)
     ratio = np.diag(np.linalg.inv(prior.precision)) / np.diag(model.estimate.covariance)
     np.testing.assert_allclose(ratio, model.fitted.model_share.mean(), rtol=1e-3)
@@ -209,7 +209,7 @@ def test_a_changed_robot_is_not_held_to_more_certainty_than_there_is():
     truth = identify(ARM, [log_of(1, noise=0.0)], effects=BASELINE, recursion="none").model.estimate.theta
     squares = []
     for seed in range(12):
-        prior = identification_prior(identified(seed))
+        prior = prior_before_change(identified(seed))
         error = prior.mean - truth
         squares.append(error @ prior.precision @ error / len(truth))
     assert 0.2 < np.mean(squares) < 3.0
