@@ -44,8 +44,8 @@ from frischid.model.model import Model
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
 
-ROUNDING = 1e-12  # share of the diagonal of a precision that is added
-LEAST_SHARE = 1e-6  # against division by zero: of a perfect log
+PRECISION_ROUNDING = 1e-12  # share of the diagonal of a precision that is added
+LEAST_MODEL_SHARE = 1e-6  # against division by zero: of a perfect log
 _UNSTATED = 10.0  # N·m (N): torque limit of a robot whose URDF states none
 _STATES = 16  # random configurations from which a joint's typical inertia is taken
 
@@ -58,7 +58,7 @@ def identification_prior(model: Model) -> Prior:
 def prior_before_change(model: Model) -> Prior:
     """The identification as the prior of a robot that changed afterwards, with its error on another motion."""
     share = 1.0 if model.fitted is None else float(model.fitted.model_share.mean())
-    return Prior(model.estimate.theta, model.estimate.information / max(share, LEAST_SHARE))
+    return Prior(model.estimate.theta, model.estimate.information / max(share, LEAST_MODEL_SHARE))
 
 
 def evidence_prior(prior: Prior, information: Array) -> Prior:
@@ -72,7 +72,7 @@ def evidence_prior(prior: Prior, information: Array) -> Prior:
         Σ_j ω_j Y_jᵀY_j of the new logs.
     """
     scale = np.sqrt(np.diag(prior.precision))
-    R = linalg.cholesky(prior.precision / np.outer(scale, scale) + ROUNDING * np.eye(len(scale)), lower=True)
+    R = linalg.cholesky(prior.precision / np.outer(scale, scale) + PRECISION_ROUNDING * np.eye(len(scale)), lower=True)
     half = linalg.solve_triangular(R, information / np.outer(scale, scale), lower=True)
     d, Q = linalg.eigh(linalg.solve_triangular(R, half.T, lower=True))
     stronger = 1.0 + np.sqrt(1.0 + np.maximum(d, 0.0))  # d / (√(1 + d) − 1)

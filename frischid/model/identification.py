@@ -44,7 +44,7 @@ from frischid.model.log_data import Journal, LogData
 from frischid.model.log_examination import check_robot
 from frischid.model.model import Model
 from frischid.model.own_logs import log_entry
-from frischid.model.torque_lag import TorqueLag, described
+from frischid.model.torque_lag import TorqueLag, described, refused
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Gram
 from frischid.robot.robot import Robot
@@ -197,8 +197,20 @@ def identify(
     if settings.torque_lag == "auto" and lag is not None and lag.below_grain:
         progress(f"again, with a torque that is {1e3 * lag.lag:.3g} ms late")
         settings = replace(settings, torque_lag=lag.lag)
-        found = measured(_bounded(robot, logs, valid, effects, settings, Journal(progress)))
+        again = measured(_bounded(robot, logs, valid, effects, settings, Journal(progress)))
+        found = again if _left_out(again) < _left_out(found) else _as_recorded(found, lag)
     return assess(found)
+
+
+def _left_out(found: Measured) -> float:
+    """NRMSE on stretches that were left out of the fit, mean over the joints."""
+    return float(np.mean(_nrmse(found.bounds.fit.problem.whole, found.variance)))
+
+
+def _as_recorded(found: Measured, lag: TorqueLag) -> Measured:
+    """The fit to the torque as recorded: a lag that raises the error on stretches left out is the model's error."""
+    found.bounds.fit.problem.data.journal.notes.append(refused(lag))
+    return replace(found, lag=replace(lag, significant=False))
 
 
 def identify_again(robot: Robot, logs: Sequence[Data], effects: Sequence[Effect], options: IdentifyOptions) -> Model:

@@ -12,7 +12,8 @@ So a smoothed torque, which is symmetric, is no lag.
 
 A lag of about a sample step is usual: a held command acts half a step late on average, and a stamp may be a step late.
 `identify` takes such a lag back: the model is fitted again to the torque that was recorded d later, and stores d
-(`LowPass.torque_lag`). A longer lag is said, and is left for the user to explain.
+(`LowPass.torque_lag`). A longer lag is said, and is left for the user to explain. A lag that is taken back must lower
+the error on stretches left out of the fit. Otherwise a missing effect imitates a lag, and the torque counts as it is.
 
 Standard errors are those of an infinitesimal jackknife over stretches of a second or more. A lag of the recording is
 the same on all joints; a model's error is not.
@@ -170,6 +171,15 @@ def described(lag: TorqueLag | None) -> Iterator[str]:
     yield (
         f"the torque seems to lag the motion by {1e3 * lag.lag:.3g} ± {1e3 * lag.error:.2g} ms, but not on all joints "
         f"alike ({', '.join(said)}): friction, elasticity or a torque filter of single drives, not a delay of the log"
+    )
+
+
+def refused(lag: TorqueLag) -> str:
+    """The sentence on a lag that is not taken back, because the error on stretches left out of the fit would rise."""
+    return (
+        f"the torque seems to lag the motion by {1e3 * lag.lag:.3g} ± {1e3 * lag.error:.2g} ms, but with this lag taken"
+        " back the error on stretches that were left out of the fit rises: a missing effect imitates a lag, and the"
+        " model counts the torque as recorded"
     )
 
 

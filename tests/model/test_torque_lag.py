@@ -65,6 +65,18 @@ def test_a_lag_that_is_taken_back_leaves_no_error():
     assert "--torque-lag auto" in left.torque_lag.warning
 
 
+def test_a_lag_that_raises_the_error_on_stretches_left_out_is_refused(monkeypatch):
+    """Whatever imitates the lag: the torque counts as recorded, and a note says so."""
+    log = recorded(3)
+    wrong = replace(fitted(log).torque_lag, lag=0.004, error=1e-4, p_value=0.0, significant=True, differing=())
+    monkeypatch.setattr("frischid.model.identification_pass.torque_lag", lambda *_: wrong)
+    found, plain = fitted(log), fitted(log, torque_lag=0.0)
+    assert found.model.lowpass.torque_lag == 0.0
+    assert found.torque_lag.said == ""
+    assert any("imitates a lag" in note for note in found.notes)
+    np.testing.assert_array_equal(found.model.estimate.theta, plain.model.estimate.theta)
+
+
 def test_a_lag_longer_than_sampling_explains_is_left_to_the_user():
     found = fitted(late(recorded(2), 0.012))
     assert found.torque_lag.significant

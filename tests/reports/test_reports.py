@@ -589,7 +589,10 @@ def test_the_ladder_shows_the_error_before_the_steps(spring):
     elsewhere = replace(error, logs=tuple(f"../elsewhere/{source}" for source in error.logs)).to_dict()
     first = {"action": "identify", "effects": [], "test": elsewhere | {"nrmse": 0.5}}
     last = {"action": "add", "effects": ["joint_spring@joint2"], "test_before": 0.5, "test": elsewhere}
-    for history, said in (((first, last), "before joint_spring"), ((first, last, last), "before all added effects")):
+    for history, said in (
+        ((first, last), "before joint_<wbr>spring"),
+        ((first, last, last), "before all added effects"),
+    ):
         text = chapter("verdict", replace(shown, model=replace(shown.model, history=history)))
         assert said in text
         assert "50.0\u00a0%" in text
