@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from common import data_folder, parser, publish
@@ -56,6 +56,9 @@ def score(model: fr.Model, log: fr.Log) -> float:
     return float(1e3 * np.sqrt(((moved.q[0, :, 0] - log.q[START:, 0]) ** 2).mean()))
 
 
+AS_RECORDED = "baseline, torque as recorded"
+
+
 def published(linear: fr.Model) -> fr.Model:
     """The model with the published parameters."""
     theta = np.array([PUBLISHED[c.name.removesuffix("R")] for c in linear.estimate.columns])
@@ -76,8 +79,9 @@ def steady_forces(log: fr.Log) -> list[float]:
 def rows(robot: fr.Robot, train: fr.Log, test: fr.Log, horizon: float) -> Iterator[dict[str, Any]]:
     options = fr.OutputErrorOptions(horizon=horizon, samples=int(20 * horizon), rounds=1)
 
-    def linear(effects: str, log: fr.Log) -> fr.Model:
-        return fr.identify(robot, [log], effects=fr.parse_effects(BASELINE + effects), recursion="none").model
+    def linear(effects: str, log: fr.Log, lag: float | Literal["auto"] = "auto") -> fr.Model:
+        basis = fr.parse_effects(BASELINE + effects)
+        return fr.identify(robot, [log], effects=basis, recursion="none", torque_lag=lag).model
 
     def row(name: str, fitted_by: str, model: fr.Model) -> dict[str, Any]:
         return {"model": name, "parameters": fitted_by, "train mm": score(model, train), "test mm": score(model, test)}
@@ -86,6 +90,8 @@ def rows(robot: fr.Robot, train: fr.Log, test: fr.Log, horizon: float) -> Iterat
         model = linear(effects, train)
         if name == "baseline":
             yield row(name, "published", published(model))
+            recorded = fr.output_error(linear(effects, train, 0.0), [train], options=options).model
+            yield row(AS_RECORDED, "output_error", recorded)
         yield row(name, "linear", model)
         yield row(name, "output_error", fr.output_error(model, [train], options=options).model)
     refitted = fr.output_error(linear(MODELS[REFITTED], test), [test], options=options).model

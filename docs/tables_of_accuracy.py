@@ -85,6 +85,7 @@ def simulated_motion() -> str:
     """Error of the simulated position of the EMPS."""
     head = ("effects", "parameters", "train, mm", "test_pulses, mm")
     words = {"baseline": "viscous, Coulomb, offset", "published": "published (Janot, Gautier and Brunot 2019)"}
+    words["baseline, torque as recorded"] = "viscous, Coulomb, offset; torque as recorded"
     words["output_error on test_pulses"] = "`output_error`, fitted to `test_pulses`: no score"
     rows = [
         (
