@@ -6,7 +6,7 @@
     new logs, only the part beyond the known residual counts: the residual on the training logs was there before.
     Effects that did not enter follow, in order of their own evidence.
 4.  An effect that explains nearly as much as the first, and adds nothing beside the first, is a *rival*: these data
-    cannot distinguish the two. The simpler of two rivals comes first.
+    cannot distinguish the two. The simpler of two rivals comes first, or the one with more gain after its price.
 5.  An effect is named as confused with the first, too, where the first leaves no less error on its own joints than that
     effect does: a paired test over blocks of time (`block_test.less_error`).
 
