@@ -75,6 +75,13 @@ def torque_joints_option(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option("--torque-joints", help=said)(command)
 
 
+torque_lag_option = click.option(
+    "--torque-lag",
+    default="auto",
+    help="Time by which the recorded torque is late: s, none, or auto, which takes a lag of at most 1.5 samples back.",
+)
+
+
 def _map_files(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -> MapFiles:
     return given if len(given) > 1 else (given or (None,))[0]
 

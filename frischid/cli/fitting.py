@@ -18,6 +18,7 @@ from frischid.cli.arguments import (
     robot_options,
     torque_joints_option,
     torque_lag_of,
+    torque_lag_option,
     valid_option,
 )
 from frischid.cli.controllers import ControllerArguments, controller_options
@@ -65,11 +66,7 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 @controller_options
 @click.option("--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default.")
 @click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
-@click.option(
-    "--torque-lag",
-    default="auto",
-    help="Time by which the recorded torque is late: s, none, or auto, which takes a lag of at most 1.5 samples back.",
-)
+@torque_lag_option
 @click.option(
     "--velocity",
     type=click.Choice(["auto", "measured", "derived"]),
@@ -136,7 +133,9 @@ def identify(
                 "--controller; leave "
                 "these out, or identify on this machine without --scheduler"
             )
-        fleet = FleetArguments(effects, mapping, torque_joints, cutoff, velocity, prior or "urdf", output, scheduler)
+        fleet = FleetArguments(
+            effects, mapping, torque_joints, cutoff, velocity, prior or "urdf", output, scheduler, torque_lag=torque_lag
+        )
         run_fleet(robot, RobotArguments(**options), logs, fleet, as_json)
         return
     from frischid.cli.pages import fitting as show

@@ -18,6 +18,8 @@ from frischid.cli.arguments import (
     matching,
     robot_options,
     scheduler_option,
+    torque_lag_of,
+    torque_lag_option,
     workers_option,
 )
 from frischid.cli.group import main
@@ -36,6 +38,7 @@ DIAGNOSED = 20  # robots that are diagnosed by default, those that differ most f
 @map_option
 @click.option("--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default.")
 @click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
+@torque_lag_option
 @click.option(
     "--velocity",
     type=click.Choice(["auto", "measured", "derived"]),
@@ -65,6 +68,7 @@ def fleet(
     mapping: MapFiles,
     torque_joints: str | None,
     cutoff: str,
+    torque_lag: str,
     velocity: str,
     prior: Literal["urdf", "none"],
     scheduler: str | None,
@@ -83,7 +87,18 @@ def fleet(
     without folders, the file's name.
     """
     arguments = FleetArguments(
-        effects, mapping, torque_joints, cutoff, velocity, prior, output, scheduler, workers, strict, diagnosed
+        effects,
+        mapping,
+        torque_joints,
+        cutoff,
+        velocity,
+        prior,
+        output,
+        scheduler,
+        workers,
+        strict,
+        diagnosed,
+        torque_lag,
     )
     run_fleet(robot, RobotArguments(**options), logs, arguments, as_json)
 
@@ -94,7 +109,7 @@ class FleetArguments:
 
     Attributes
     ----------
-    effects, mapping, torque_joints, cutoff, velocity, prior, output
+    effects, mapping, torque_joints, cutoff, velocity, prior, output, torque_lag
         As for `identify`.
     scheduler : str or None
         Address of a Dask scheduler, ``local`` or ``none``.
@@ -117,6 +132,7 @@ class FleetArguments:
     workers: int | None = None
     strict: bool = False
     diagnosed: int = DIAGNOSED
+    torque_lag: str = "auto"
 
 
 def run_fleet(
@@ -139,6 +155,7 @@ def run_fleet(
             effects=tuple(effects_of(arguments.effects)),
             torque_joints=None if joints is None else tuple(joints),
             cutoff=cutoff_of(arguments.cutoff),
+            torque_lag=torque_lag_of(arguments.torque_lag),
             velocity=arguments.velocity,
             mapping=None if arguments.mapping is None else LogMap.of(arguments.mapping),
             strict=arguments.strict,

@@ -23,6 +23,7 @@ from importlib import resources
 
 import numpy as np
 
+from frischid.core.text import sentence
 from frischid.core.types import Array
 from frischid.effects.state import SIGN_WIDTH
 from frischid.export.code_body import Body as CodeBody
@@ -124,6 +125,7 @@ def _head(code: CodeModel, lead: str) -> str:
         f"Joints in order: {', '.join(robot.joints)}.",
         f"Effects: {', '.join(str(e) for e in model.effects) or 'none'}.",
         *(f"Held still: {n} at {x!r} rad (m)." for n, x in robot.locked.items()),
+        *([sentence(late)] if (late := model.lowpass.lag_of_a_record) else []),
     ]
     return "\n".join(lead + comment(line) for line in lines)
 

@@ -277,10 +277,10 @@ def _difference(model: Model, text: str) -> float:
 
 
 def _notes(model: Model, kind: str) -> list[str]:
-    """Notes on effects and values that the format cannot hold."""
+    """Notes on effects and values that the format cannot hold, and on a torque that was recorded late."""
+    notes = [late] if (late := model.lowpass.lag_of_a_record) else []
     if kind in ("C", "NumPy"):
-        return [STEP_FUNCTION] if CodeModel.of(model).remembers else []
-    notes = []
+        return notes + ([STEP_FUNCTION] if CodeModel.of(model).remembers else [])
     if left := left_out(model, kind):
         notes.append(f"left out of the {kind} file: {', '.join(left)}")
     if kind == "MJCF":

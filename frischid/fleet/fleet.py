@@ -47,6 +47,7 @@ from frischid.fleet.jobs import (
     paired,
     summary,
     tools,
+    torque_lag,
 )
 from frischid.fleet.log_paths import LogPath
 from frischid.fleet.results import SIGNIFICANCE, Fleet, Member
@@ -75,6 +76,8 @@ class FleetOptions:
     ----------
     effects, torque_joints, cutoff, velocity
         As for `frischid.model.identification.identify`.
+    torque_lag : float or "auto"
+        As for `identify`; ``"auto"`` takes the lag that `identify` finds on five logs, spread evenly over the fleet.
     mapping : LogMap or None
         Meaning of the logs' columns.
     strict : bool
@@ -88,6 +91,7 @@ class FleetOptions:
     effects: tuple[Effect, ...] = BASELINE
     torque_joints: tuple[str, ...] | None = None
     cutoff: float | Literal["auto"] | None = "auto"
+    torque_lag: float | Literal["auto"] = "auto"
     velocity: str = "auto"
     mapping: LogMap | None = None
     strict: bool = False
@@ -237,7 +241,23 @@ def _job(
         options.mapping,
     )
     filtering = "nothing is low-passed" if lowpass.cutoff is None else f"low-passed at {lowpass.cutoff:g} Hz"
-    return job, reduction, [f"{filtering} ({lowpass.reason}), from {len(good)} logs spread over the fleet"]
+    notes = [f"{filtering} ({lowpass.reason}), from {len(good)} logs spread over the fleet"]
+    whole = [p for p, x in zip(chosen, looks, strict=True) if isinstance(x, Look) and x.holds(held, fitted)]
+    job, late = _in_time(pool, job, whole, options)
+    return job, reduction, notes + late
+
+
+def _in_time(pool: Workers, job: Job, logs: Sequence[LogPath], options: FleetOptions) -> tuple[Job, list[str]]:
+    """The job with the lag of the fleet's torque, from as many logs as a fleet has parts, and a note where it is taken.
+
+    The robots of a fleet are recorded in the same way. A robot that is not differs from the others.
+    """
+    taken, notes = options.torque_lag, list[str]()
+    if taken == "auto":
+        few = [logs[i] for i in np.unique(np.linspace(0, len(logs) - 1, min(FOLDS, len(logs))).astype(int))]
+        taken, notes = pool.gather(pool.map(torque_lag, [few], job, options.prior))[0]
+    lowpass = replace(job.lowpass, torque_lag=float(taken))
+    return replace(job, lowpass=lowpass), notes or [lowpass.lag_in_words] * bool(taken)
 
 
 def _compared(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -28,6 +29,8 @@ from frischid.logs.preprocessing import prepare
 from frischid.logs.readers import read_log
 from frischid.logs.recording import Motions, Recording, chunks_of, preview_of
 from frischid.logs.summary import summarise
+from frischid.model.identification import identify
+from frischid.model.identify_options import IdentifyOptions
 from frischid.model.model import Model
 from frischid.regression.accumulation import accumulate
 from frischid.regression.moments import Gram, total
@@ -115,6 +118,10 @@ class Look:
     torques: tuple[str, ...]
     spectra: LogSpectra
 
+    def holds(self, joints: Sequence[str], torques: Sequence[str]) -> bool:
+        """Whether the log has these joints, and the torques of those."""
+        return set(joints) <= set(self.joints) and set(torques) <= set(self.torques)
+
 
 def look(
     log_path: LogPath, joints: tuple[str, ...], rows: tuple[str, ...] | None, mapping: LogMap | None
@@ -129,6 +136,24 @@ def look(
             return Look(head.joints, torques, spectra)
     except _LOG_FAULTS as error:
         return _skipped(log_path, error)
+
+
+def torque_lag(log_paths: Sequence[LogPath], job: Job, prior: str) -> tuple[float, list[str]]:
+    """The lag that `identify` takes back on some logs, s, and a note; zero where the logs say nothing of a lag."""
+    robot, _ = tools(job.robot, job.effects)
+    names = (*robot.joints, *robot.locked)
+    try:
+        with ExitStack() as opened:
+            paths = [opened.enter_context(local(one.address)) for one in log_paths]
+            logs = [_open(p, one.address, names, job.mapping) for p, one in zip(paths, log_paths, strict=True)]
+            options = IdentifyOptions(
+                torque_joints=job.rows, cutoff=job.lowpass.cutoff, velocity=job.velocity, prior=prior, recursion="none"
+            )
+            found = identify(robot, logs, effects=job.effects, options=options)
+    except _LOG_FAULTS as error:
+        return 0.0, [f"the lag of the torque was not estimated: {_skipped(log_paths[0], error).reason}"]
+    lag = found.torque_lag
+    return found.model.lowpass.torque_lag, [] if lag is None or not lag.said else [f"{lag.said}, on {len(logs)} logs"]
 
 
 def measure(log_path: LogPath, job: Job) -> LogMoments | Skipped:

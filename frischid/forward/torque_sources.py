@@ -41,6 +41,10 @@ def between(t: Array, values: Array, at: Array) -> Array:
 class RecordedTorque:
     """A torque over time, for open-loop simulation: a cubic Hermite spline, which straight lines would flatten.
 
+    A torque that was recorded d seconds late acted at its time stamps less d. For the record of a log that a model
+    counts as late, give the times ``log.t - model.lowpass.torque_lag``; the functions that take logs do this
+    themselves.
+
     Attributes
     ----------
     t : ndarray, shape (N,)

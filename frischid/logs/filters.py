@@ -82,6 +82,18 @@ class LowPass:
         way = "late" if self.torque_lag > 0 else "early"
         return f"the recorded torque counts as {1e3 * abs(self.torque_lag):.3g} ms {way}"
 
+    @property
+    def lag_of_a_record(self) -> str:
+        """Advice for comparing a recorded torque with one that is in time; empty where a record needs no shift."""
+        if not self.torque_lag:
+            return ""
+        way, shift = ("late", "ahead") if self.torque_lag > 0 else ("early", "back")
+        late = f"{1e3 * abs(self.torque_lag):.3g} ms"
+        return (
+            f"the torque is that of the motion at the same instant; the logs recorded it {late} {way}. To replay or "
+            f"compare a recorded torque, read the record {late} {shift}"
+        )
+
     def taps(self, step: float) -> Array:
         """Symmetric impulse response for samples `step` seconds apart, of odd length and sum 1."""
         if self.cutoff is None or self.cutoff >= 0.4 / step:

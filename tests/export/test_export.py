@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from functools import cache
 
 import mujoco
@@ -372,3 +373,15 @@ def test_commands(tmp_path):
         done = run(main, ["consistent", str(raw), *wrong])
         assert done.exit_code == 2
         assert "error:" in done.output
+
+
+@pytest.mark.parametrize("suffix", [".urdf", ".xml", ".c", ".py"])
+def test_files_of_a_model_whose_torque_was_recorded_late_say_so(tmp_path, suffix):
+    model = physical("planar2")
+    late = replace(model, lowpass=replace(model.lowpass, torque_lag=0.0025))
+    said = [note for note in export(late, tmp_path / f"out{suffix}").notes if "2.5 ms late" in note]
+    assert len(said) == 1
+    assert "read the record 2.5 ms ahead" in said[0]
+    if suffix in {".c", ".py"}:
+        assert "read the record 2.5 ms ahead" in (tmp_path / f"out{suffix}").read_text()
+    assert not any("ms late" in note for note in export(model, tmp_path / f"plain{suffix}").notes)

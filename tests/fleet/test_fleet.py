@@ -348,6 +348,29 @@ def test_a_fleet_of_broken_logs_is_refused_by_name(arm, tmp_path):
         identify_fleet(arm, find_logs([str(path)]))
 
 
+def test_a_torque_that_all_robots_record_late_is_read_in_time(arm, folder, tmp_path, alone):
+    """One lag of the whole fleet, of a few logs; the parameters are those of the torque in time, and files say it."""
+    for k in range(12, 19):
+        log = fr.read_log(folder / f"r{k:02d}" / "log.parquet", arm.joints)
+        acted = fr.RecordedTorque(log.t + 0.01, log.tau)
+        fr.write_log(replace(log, tau=acted.torque(log.t, log.q, log.q)), tmp_path / f"r{k:02d}.parquet")
+    paths = find_logs([f"{tmp_path}/*.parquet"])
+    in_time = identify_fleet(arm, paths, FleetOptions(diagnosed=0))
+    as_recorded = identify_fleet(arm, paths, FleetOptions(diagnosed=0, torque_lag=0.0))
+    assert in_time.model.lowpass.torque_lag == pytest.approx(0.01, rel=0.1)
+    assert any("ms behind the motion" in note and "on 5 logs" in note for note in in_time.notes)
+    assert as_recorded.model.lowpass.torque_lag == 0.0
+    off = [
+        np.abs(x.model.estimate.theta - alone.model.estimate.theta)[-len(FRICTION) :].max()
+        for x in (as_recorded, in_time)
+    ]
+    assert off[1] < 0.5 * off[0]
+    errors = [np.mean([m.deviation.error_fleet.mean() for m in x.members]) for x in (as_recorded, in_time)]
+    assert errors[1] < 0.7 * errors[0]
+    stated = identify_fleet(arm, paths, FleetOptions(diagnosed=0, torque_lag=0.01))
+    assert "the recorded torque counts as 10 ms late" in stated.notes
+
+
 def test_the_command_line(folder, tmp_path, alone):
     options = ["--joints", "shoulder*,elbow*", "--lock", "wrist_*=0", "--scheduler", "none", "--json"]
     pattern = f"{folder}/**/*.parquet"

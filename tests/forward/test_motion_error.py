@@ -78,3 +78,50 @@ def test_the_tip_of_a_planar_arm_is_on_a_circle():
     q = np.column_stack([np.linspace(-2, 2, 9), np.zeros(9)])
     reach = np.linalg.norm(tip_positions(machine, q), axis=1)
     np.testing.assert_allclose(reach, reach[0])
+
+
+def late(log, by):
+    """The log with a torque that was recorded `by` seconds late."""
+    acted = fr.RecordedTorque(log.t + by, log.tau)
+    return replace(log, tau=acted.torque(log.t, log.q, log.q))
+
+
+@cache
+def models_of_a_late_record():
+    """Models of a record that is 2.5 ms late: as recorded, and in time."""
+    model, (log, _) = made()
+    options = {"effects": SMOOTH, "recursion": "none", "cutoff": 10.0}
+    return [fr.identify(model.robot, [late(log, 0.0025)], torque_lag=x, **options).model for x in (0.0, 0.0025)]
+
+
+def tip_after_half_a_second(model, log):
+    return compare_simulated(model, [log], horizons=[0.5]).horizons[0].tip
+
+
+def test_a_torque_that_was_recorded_late_acts_earlier():
+    """The lag that the model takes back is taken back in the simulation too: nothing of its error is left."""
+    model, (_, test) = made()
+    clean = tip_after_half_a_second(model, test)
+    as_recorded, in_time = (tip_after_half_a_second(m, late(test, 0.0025)) for m in models_of_a_late_record())
+    assert in_time < 0.3 * as_recorded
+    assert in_time < 2 * clean + 0.1
+
+
+def test_a_fit_of_the_motion_reads_a_late_torque_in_time():
+    _, (log, test) = made()
+    options = fr.OutputErrorOptions(horizon=0.5, rounds=1, iterations=3)
+    fitted = [fr.output_error(m, [late(log, 0.0025)], options=options).model for m in models_of_a_late_record()]
+    as_recorded, in_time = (tip_after_half_a_second(m, late(test, 0.0025)) for m in fitted)
+    assert in_time < 0.3 * as_recorded
+
+
+def test_the_stamps_of_a_late_record_are_moved_in_a_simulation_of_ones_own():
+    _, (_, test) = made()
+    model, recorded = models_of_a_late_record()[1], late(test, 0.0025)
+    start = fr.Starts(test.q[100:101], test.v[100:101], test.t[100:101])
+    as_recorded, in_time = (
+        fr.ForwardDynamics(model).simulate(fr.RecordedTorque(recorded.t - d, recorded.tau), start, np.array([0.0, 0.5]))
+        for d in (0.0, model.lowpass.torque_lag)
+    )
+    off = [np.linalg.norm(x.q[0, 1] - test.q[200]) for x in (as_recorded, in_time)]
+    assert off[1] < 0.3 * off[0]
