@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import figures_of_motion as motion
 import tables_of_accuracy as accuracy
 import tables_of_cost as cost
 import tables_of_diagnosis as diagnosis
@@ -131,6 +132,26 @@ FIGURES: dict[str, Callable[[], str]] = {
         cost.mujoco_ratio,
         cost.loops_for_25,
         cost.regressor_over_loop,
+        motion.far_so101,
+        motion.identified_so101,
+        motion.identified_panda,
+        motion.identified_go2,
+        motion.identified_right,
+        motion.alone_in_a_sum,
+        motion.chirps_narrow,
+        motion.emps_drift_train,
+        motion.emps_drift_test,
+        motion.emps_train,
+        motion.emps_test,
+        motion.emps_recorded_test,
+        motion.emps_own_train,
+        motion.emps_own_test,
+        motion.emps_more_force,
+        motion.emps_lag,
+        motion.emps_as_recorded,
+        motion.calf_without,
+        motion.calf_with,
+        motion.calves_named,
     )
 }
 """Name of a mark within a sentence -> its figure."""

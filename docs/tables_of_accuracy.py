@@ -86,6 +86,7 @@ def simulated_motion() -> str:
     head = ("effects", "parameters", "train, mm", "test_pulses, mm")
     words = {"baseline": "viscous, Coulomb, offset", "published": "published (Janot, Gautier and Brunot 2019)"}
     words["baseline, torque as recorded"] = "viscous, Coulomb, offset; torque as recorded"
+    words["linear"] = "least squares"
     words["output_error on test_pulses"] = "`output_error`, fitted to `test_pulses`: no score"
     rows = [
         (

@@ -86,7 +86,7 @@ class Explanation:
         else:
             against = " and ".join(f"{f.kind} of {', '.join(f.where) or 'the robot'}" for f in self.runner_up.faults)
         odds = f"probability {min(self.probability, 0.99):.2f} against {against}"
-        return f"with the other faults named here: {odds} alone" if said > 1 else odds
+        return f"{odds} alone, if the other faults named here are real" if said > 1 else odds
 
 
 def explain(sketch: Sketch) -> Explanation | None:

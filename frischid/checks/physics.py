@@ -82,7 +82,7 @@ def _say(found: Explanation, sketch: Sketch, notes: Notebook) -> Sketch:
     for fault in faults:
         # Behind a fault without fitted numbers, one with fitted numbers may only take up what the URDF misses anyway.
         behind = fault not in needed or (not fault.discrete and any(f.discrete for f in found.best.faults))
-        unseen = "visible only after the other faults are corrected: then check again"
+        unseen = "seen only with the other faults corrected: correct those, then check again"
         what = f"{fault.what} ({unseen if behind else found.odds(len(faults))})"
         blocks = fault.blocks and fault in needed
         notes.add(fault.kind, what, fault.where, "possible" if behind else sure, fault.advice, blocks=blocks)
@@ -101,9 +101,9 @@ def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebo
     names = tuple(n for n, yes in zip(sketch.names, bad, strict=True) if yes)
     figures = (
         f"NRMSE {span(sketch.asis[bad])} with the URDF's inertials and fitted friction, "
-        f"{span(sketch.without[bad])} with "
+        f"{span(sketch.without[bad])} with friction alone, "
+        f"{span(free[bad])} with freely fitted parameters (cross-validated)"
     )
-    figures += f"friction alone, {span(free[bad])} with free parameters on stretches left out of their fit"
     rigid = before - min(best, before)
     share = (before - nominal) / rigid if rigid > criteria.rigid_share * before else 1.0
     other = squared(free[bad], cap) < criteria.free_ratio * squared(sketch.asis[bad], cap)

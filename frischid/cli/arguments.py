@@ -78,7 +78,11 @@ def torque_joints_option(command: Callable[..., Any]) -> Callable[..., Any]:
 torque_lag_option = click.option(
     "--torque-lag",
     default="auto",
-    help="Time by which the recorded torque is late: s, none, or auto, which takes a lag of at most 1.5 samples back.",
+    help="Time by which the recorded torque is late: s, none, or auto. auto estimates the lag, and corrects it up to "
+    "1.5 samples where the cross-validated error falls.",
+)
+cutoff_option = click.option(
+    "--cutoff", default="auto", help="Cut-off of the low-pass filter of torque and regressor: Hz, auto, or none."
 )
 
 
@@ -92,7 +96,7 @@ map_option = click.option(
     type=InputPath(),
     multiple=True,
     callback=_map_files,
-    help="TOML file that explains the logs' columns; of several, each log takes the one that fits.",
+    help="Mapping file (TOML): the meaning of the logs' columns; repeatable, each log takes the one that fits.",
 )
 effects_option = click.option(
     "--effects",

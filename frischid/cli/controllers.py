@@ -65,7 +65,7 @@ class ControllerArguments:
         options = ", ".join(f"--{n.replace('_', '-')}" for n in [*self.values, *["held_commands"] * self.held])
         if self.controller is None:
             if options:
-                raise InputError(f"{options}: say which controller has it: --controller pd")
+                raise InputError(f"{options} describes a controller; add --controller pd (or --controller FILE.toml)")
             return None
         found = PDController() if self.controller == "pd" else PDController.load(self.controller)
         values: dict[str, Any] = {KEYS[name]: _values(name, text, joints) for name, text in self.values.items()}
@@ -102,8 +102,8 @@ def controller_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--controller",
             type=InputPath(),
             metavar="pd|FILE",
-            help="Logs hold commanded positions (qcmd_<joint>) instead of torque: the controller that turns commands "
-            "into torque; pd, or a TOML file.",
+            help="The controller that turns commands into torque, for logs of commanded positions (qcmd_<joint>) "
+            "without torque: pd, or a TOML file.",
         ),
         click.option(
             "--kp",
@@ -114,15 +114,15 @@ def controller_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--kd",
             metavar="VALUES",
-            help=f"The controller's torque per velocity error, N·m·s/rad: {each} auto, or JOINT=auto, finds kd beside "
-            "vcmd columns, and only its sum with viscous friction without them.",
+            help=f"The controller's torque per velocity error, N·m·s/rad: {each} With auto (or JOINT=auto), "
+            "kd is found from logs with vcmd columns, and without these only the sum of kd and viscous friction.",
         ),
         click.option("--effort-limit", metavar="VALUES", help=f"The drive's largest torque, N·m: {each}"),
         click.option("--dead-band", metavar="VALUES", help=f"Position error below which the drive rests, rad: {each}"),
         click.option(
             "--delay",
             metavar="VALUES",
-            help=f"Age of a command when it begins to act, s: {each} auto finds one delay for all joints.",
+            help=f"Age of a command when it begins to act, s: {each} With auto, one delay of all joints is found.",
         ),
         click.option("--delay-doubt", metavar="VALUES", help=f"Standard error of the delay, s: {each}"),
         click.option(

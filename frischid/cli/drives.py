@@ -10,6 +10,7 @@ from frischid.cli.arguments import (
     MapFiles,
     RobotArguments,
     cutoff_of,
+    cutoff_option,
     effects_of,
     effects_option,
     json_option,
@@ -29,7 +30,7 @@ from frischid.cli.paths import InputPath
 @click.option("--payload", type=float, required=True, help="Mass of the payload, kg.")
 @click.option("--com", type=float, nargs=3, help="Payload's centre of mass in the carrying joint's frame, m, if known.")
 @click.option("--carrier", help="Joint whose link carries the payload; the last by default.")
-@click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
+@cutoff_option
 @robot_options
 @effects_option
 @map_option

@@ -10,6 +10,7 @@ from frischid.cli.arguments import (
     MapFiles,
     RobotArguments,
     cutoff_of,
+    cutoff_option,
     effects_of,
     effects_option,
     json_option,
@@ -65,7 +66,7 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 @map_option
 @controller_options
 @click.option("--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default.")
-@click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
+@cutoff_option
 @torque_lag_option
 @click.option(
     "--velocity",
@@ -76,7 +77,7 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 @click.option(
     "--estimator",
     default="wls",
-    help="wls, ols, frisch (eq. 24), frisch_squared, sensorwise, eiv, iv, output_error (simulated motion).",
+    help="wls, ols, frisch (the paper's eq. 24), frisch_squared, sensorwise, eiv, iv, output_error (simulated motion).",
 )
 @click.option(
     "--horizon",
@@ -130,8 +131,7 @@ def identify(
         if valid or estimator != "wls" or window or bbrf not in {"strict", "none"} or controller.controller:
             raise InputError(
                 "--scheduler sums moments and cannot be combined with --valid, --estimator, --bbrf, --window or "
-                "--controller; leave "
-                "these out, or identify on this machine without --scheduler"
+                "--controller; leave these out, or identify on this machine without --scheduler"
             )
         fleet = FleetArguments(
             effects, mapping, torque_joints, cutoff, velocity, prior or "urdf", output, scheduler, torque_lag=torque_lag

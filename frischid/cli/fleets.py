@@ -11,6 +11,7 @@ from frischid.cli.arguments import (
     MapFiles,
     RobotArguments,
     cutoff_of,
+    cutoff_option,
     effects_of,
     effects_option,
     json_option,
@@ -37,7 +38,7 @@ DIAGNOSED = 20  # robots that are diagnosed by default, those that differ most f
 @effects_option
 @map_option
 @click.option("--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default.")
-@click.option("--cutoff", default="auto", help="Cut-off of the parallel filter: Hz, auto, or none.")
+@cutoff_option
 @torque_lag_option
 @click.option(
     "--velocity",

@@ -39,7 +39,7 @@ from frischid.errors import InputError
 @click.option("--noise-q", default=0.0, help="Noise of the positions, rad (m).")
 @click.option("--noise-v", default=0.0, help="Noise of the velocities.")
 @click.option("--noise-a", default=0.0, help="Noise of the accelerations.")
-@click.option("--noise-tau", default=0.0, help="Noise of the torques over each joint's standard deviation.")
+@click.option("--noise-tau", default=0.0, help="Noise of the torques, as a share of each joint's standard deviation.")
 @click.option("--quantum", default=0.0, help="Resolution of the encoders, rad (m).")
 @click.option("--channels", default="v,a", help="Derivatives in the log: v,a or v or none.")
 @click.option("--seed", default=0, show_default=True, help="Seed of the motion and the noise.")
@@ -103,7 +103,10 @@ def simulate(
 @click.option("--duration", default=20.0, show_default=True, help="Seconds.")
 @click.option("--rate", default=100.0, show_default=True, help="Samples per second.")
 @click.option(
-    "--repeat", default=1, show_default=True, help="Runs of the motion; the difference between two runs is noise."
+    "--repeat",
+    default=1,
+    show_default=True,
+    help="Number of runs of the motion; from the differences between runs, diagnose measures the noise.",
 )
 @click.option(
     "--family",
@@ -114,7 +117,7 @@ def simulate(
 @click.option(
     "--floor", default="0", show_default=True, help="Height of the floor above the base, m; none: the base hangs."
 )
-@click.option("--budget", default=30_000, show_default=True, help="Evaluations of the criterion.")
+@click.option("--budget", default=30_000, show_default=True, help="Largest number of evaluations of the criterion.")
 @click.option("--seed", default=0, show_default=True, help="The same seed gives the same motion.")
 @click.option("--starts", default=1, show_default=True, help="Searches from different starts; the best is kept.")
 @scheduler_option

@@ -72,7 +72,7 @@ def options_of_the_output() -> list[click.Parameter]:
             type=click.IntRange(20, 1000),
             expose_value=False,
             callback=keep(ASKED_WIDTH),
-            help="Characters per line of output; the terminal's width, COLUMNS, or 140 into a pipe, by default.",
+            help="Characters per line of output. Default: the terminal's width or COLUMNS; 140 into a pipe.",
         ),
         click.Option(["--quiet"], is_flag=True, expose_value=False, callback=keep(QUIET), help="Show no progress."),
     ]

@@ -90,7 +90,10 @@ class Store:
         while done < len(view):
             got = os.preadv(self._file.fileno(), [view[done:]], place + done)
             if not got:
-                raise OSError("a temporary file has become shorter while it was read")
+                raise OSError(
+                    "a temporary file became shorter while frischid read it; free space in the folder of temporary "
+                    "files (TMPDIR), and start again"
+                )
             done += got
         return out
 

@@ -104,7 +104,10 @@ class Dask(Workers):
         try:
             return list(self.client.gather(list(handles)))
         except KilledWorker as error:
-            raise InputError(f"a part of the work kills every worker that gets it (out of memory?): {error}") from error
+            raise InputError(
+                f"every worker that got one part of the work ended, probably for lack of memory ({error}); "
+                "start fewer workers per machine, or give shorter logs"
+            ) from error
 
 
 def _same(value: Any) -> Any:
@@ -156,7 +159,10 @@ def workers(scheduler: str | None = None, count: int | None = None) -> Iterator[
     try:
         client = Client(scheduler, timeout=10)
     except (OSError, ValueError, AssertionError) as error:  # on a busy machine, Dask's own loop is late
-        raise InputError(f"{scheduler}: no Dask scheduler answers there ({error})") from error
+        raise InputError(
+            f"{scheduler}: no Dask scheduler answers there ({error}); check the address, or start one with `dask "
+            "scheduler`"
+        ) from error
     with client:
         _check_versions(client, scheduler)
         yield Dask(client)
@@ -187,7 +193,10 @@ def _check_versions(client: Any, scheduler: str) -> None:
     own = metadata.version("frischid")
     for worker, found in client.run(version).items():
         if found != own:
-            raise InputError(f"{scheduler}: the worker at {worker} has frischid {found}, this is {own}")
+            raise InputError(
+                f"{scheduler}: the worker at {worker} has frischid {found}, and this process has {own}; install one "
+                "version on all machines"
+            )
 
 
 def version() -> str:

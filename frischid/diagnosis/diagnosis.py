@@ -241,7 +241,7 @@ def diagnose(
     """
     logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     if not logs:
-        raise InputError("there is no log to diagnose")
+        raise InputError("there is no log to diagnose; give at least one")
     for name in effects or ():
         if name not in EFFECTS:
             raise UnknownNameError("effect", name, EFFECTS)

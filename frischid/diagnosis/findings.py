@@ -118,15 +118,17 @@ class Finding:
         explains = f"it explains {self.share:.0%} of the error above the sensor noise there"
         if self.floors == 0 and self.share > 0:
             least = criteria.nearly_explained
-            where = f"all of that error is at reversals and standstill, and an effect must explain {least:.0%} of it"
-            return "" if self.share >= least else f"{explains}, {where}"
+            why = f"and must explain {least:.0%}, because all of that error is at reversals and standstill"
+            return "" if self.share >= least else f"{explains}, {why}"
         if self.floors <= criteria.floor_tolerance:
             return "the error there is hardly more than the sensor noise"
         if self.share == 0:
             return "it explains none of the error above the sensor noise there"
         least = criteria.half_explained
         if self.floors <= criteria.clear_error and self.share < least:
-            return f"{explains}; where the error is {self.floors:.1f} times the noise, {least:.0%} must be explained"
+            return (
+                f"{explains}, and must explain {least:.0%}, because the error is only {self.floors:.1f} times the noise"
+            )
         return ""
 
     @property

@@ -183,7 +183,7 @@ def improve(
     steps: list[Step] = []
     refused: dict[str, Refusal] = {}
     if not logs:
-        raise InputError("there is no log to diagnose")
+        raise InputError("there is no log to diagnose; give at least one")
     check_logs(logs, valid)
     model.check([*logs, *valid])
     if situation == "auto":

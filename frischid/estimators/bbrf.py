@@ -203,7 +203,8 @@ def bbrf(
         block = correlation_length(scaled, window) if block is None else block
         if not 1 <= block <= window // 4:
             raise InputError(
-                f"correlation is {block} rows; a window of {window} needs 1 to {window // 4} (four blocks)"
+                f"the correlation length is {block} rows; a window of {window} rows needs four blocks, so give 1 to "
+                f"{window // 4} rows, or a larger window"
             )
         quantile = -float(special.stdtrit(-(-window // block) - 1, (1 - calibration.confidence) / (2 * p * count)))
         extents = calibrated_extents(scaled, window, stride, block, quantile)

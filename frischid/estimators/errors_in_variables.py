@@ -320,7 +320,10 @@ def solve_scaled(A: Array, b: Array, names: Sequence[str]) -> tuple[Array, float
     if condition > WORST_CONDITION:
         worst = np.abs(vectors[-1])
         blind = [names[i] for i in np.argsort(-worst)[:6] if worst[i] > 0.1 * worst.max()]
-        raise IdentifiabilityError(f"this log cannot distinguish {', '.join(blind)} (condition number {condition:.1e})")
+        raise IdentifiabilityError(
+            f"this log cannot distinguish {', '.join(blind)} (condition number {condition:.1e}); "
+            "record a motion that moves these joints more, or leave an effect out"
+        )
     return scale * np.linalg.solve(scaled, scale * b), condition
 
 

@@ -149,7 +149,10 @@ def _errors(
     # Every member is judged on the same stretches, so the blocks of each stretch are added once.
     blocks = list(held_out_stretches(accumulate(regressor, motions, lowpass, joints, base=kept)))
     if sum(int(b.counts.sum()) for b in blocks) < 2 * reduction.rank:
-        raise IdentifiabilityError("too few samples to choose the width of dry friction's sign")
+        raise IdentifiabilityError(
+            "the logs have too few samples to choose the width of dry friction's sign; record longer, or give the "
+            "width, for example coulomb(width=0.01)"
+        )
     place = {c.name: k for k, c in enumerate(blocks[0].columns)}
     found = {}
     for k, member in enumerate(members):

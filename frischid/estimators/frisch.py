@@ -182,7 +182,10 @@ def simplex(moments: Array, names: Sequence[str]) -> Simplex:
     # dᵀΣd with d = [θ; −1] cannot be told from zero below the rounding of Σ's unit-size entries
     rounding = 64 * (p + 1) * np.finfo(float).eps * (1.0 + np.abs(ols).sum()) ** 2
     if residual < -rounding:
-        raise InputError("the moments are not those of real data: they imply a negative torque residual")
+        raise InputError(
+            "the moments imply a negative squared error of the torque, so they are no sum over samples; check that "
+            "only logs that had been added were subtracted"
+        )
     exact = bool(residual <= rounding)
     if exact:
         vertices = np.repeat(ols[:, None], p + 1, axis=1)

@@ -104,7 +104,8 @@ def iv(
             simulated = _simulated(regressor, base, theta, reference)
             if simulated is None:
                 notes.append(
-                    "some mass matrix of the current model is not positive: the reference itself is the instrument"
+                    "a mass matrix of the current model is not positive definite, so its motion cannot be simulated; "
+                    "the reference motion is the instrument"
                 )
             sums.add(number, here, reference if simulated is None else simulated)
         moments = sums.blocks()

@@ -20,6 +20,11 @@ from frischid.errors import IdentifiabilityError
 from frischid.estimators.parameter_prior import ParameterPrior
 from frischid.regression.moments import Gram
 
+UNDETERMINED = (
+    "the logs and the prior together do not determine every parameter; record a motion that moves all joints, or "
+    "leave an effect out"
+)
+
 
 class MapProblem:
     """The moments in terms of nonnegative and free variables x: θ_b = A x."""
@@ -93,7 +98,7 @@ class WeightedRows:
         """Minimise ½ ‖Sx − t‖² over the variables' bounds, (m,)."""
         R, target = self.triangle, self.target
         if (np.abs(np.diag(R)) <= len(R) * np.finfo(float).eps).any():
-            raise IdentifiabilityError("the log and the prior together leave a parameter undetermined")
+            raise IdentifiabilityError(UNDETERMINED)
         return _nearest(R, target, self.bounded) * self.scale
 
     def root(self) -> Array:
@@ -140,7 +145,7 @@ def bounded_minimum(H: Array, b: Array, bounded: NDArray[np.bool_]) -> Array:
     try:
         L = linalg.cholesky(H * np.outer(scale, scale), lower=True)
     except linalg.LinAlgError as error:
-        raise IdentifiabilityError("the log and the prior together leave a parameter undetermined") from error
+        raise IdentifiabilityError(UNDETERMINED) from error
     return _nearest(L.T, linalg.solve_triangular(L, b * scale, lower=True), bounded) * scale
 
 

@@ -47,12 +47,14 @@ def reference_inertias(links: Links) -> tuple[Array, tuple[str, ...]]:
     for i, (name, P) in enumerate(zip(links.names, pseudo_inertia(links.nominal), strict=True)):
         m, h = P[3, 3], P[:3, 3]
         if m <= 0:
-            notes.append(f"{name}: the URDF gives it no mass; taken as {LIGHTEST * usual:.3g} kg as a prior")
+            notes.append(f"{name}: the URDF gives this link no mass; the prior takes {LIGHTEST * usual:.3g} kg")
             m, h, P = LIGHTEST * usual, np.zeros(3), np.zeros((4, 4))
         spread, axes = np.linalg.eigh(P[:3, :3] - np.outer(h, h) / m)
         least = m * (THINNEST * links.length) ** 2
         if spread[0] < -1e-9 * m and masses[i] > 0:
-            notes.append(f"{name}: the URDF's own inertia is not physical; the nearest that is was taken as the prior")
+            notes.append(
+                f"{name}: no body can have the URDF's inertia of this link; the prior takes the nearest possible one"
+            )
         inner = (axes * np.maximum(spread, least)) @ axes.T + np.outer(h, h) / m
         out[i] = np.block([[inner, h[:, None]], [h[None, :], np.array([[m]])]])
     return out, tuple(notes)

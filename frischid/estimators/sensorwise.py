@@ -165,7 +165,11 @@ def sensorwise(data: SensorMoments, *, confidence: float = 0.95, limits: Limits 
     found = [c for c in corners if c is not None]
     middle = scheme.point(np.mean([c.x for c in found], axis=0)) if found else None
     if middle is None:
-        raise IdentifiabilityError("no noise of the sensors explains the residual; the model must lack an effect")
+        raise IdentifiabilityError(
+            "no noise of the sensors within its limits explains the residual error; look for a missing effect "
+            "(frischid diagnose), "
+            "or give wider limits"
+        )
     return scheme.result(middle, corners, [middle, *found, *scheme.extremes(middle)])
 
 
@@ -196,7 +200,8 @@ def compensated(data: SensorMoments, sigma: Mapping[str, float]) -> tuple[Array,
         factor = linalg.cho_factor(M[:-1, :-1] * np.outer(scale, scale))
     except linalg.LinAlgError:
         raise IdentifiabilityError(
-            "the sensors' noise as given explains more than the regressor holds; give smaller standard deviations"
+            "the given noise of the sensors is larger than the variation of some column of the regressor; give "
+            "smaller standard deviations"
         ) from None
     theta = scale * linalg.cho_solve(factor, scale * M[:-1, -1])
     scores = blocks[:, :-1, -1] - blocks[:, :-1, :-1] @ theta
@@ -213,7 +218,9 @@ def _variance_limits(sensors: tuple[str, ...], limits: Limits) -> tuple[Array, A
         if name not in sensors:
             raise UnknownNameError("sensor", name, sensors)
         if not 0 <= low <= high:
-            raise InputError(f"sensor {name}: standard deviations need 0 ≤ least ≤ largest, got {low} and {high}")
+            raise InputError(
+                f"sensor {name}: the limits of the standard deviation must be 0 ≤ lower ≤ upper, got {low} and {high}"
+            )
     pairs = [limits.get(name, (0.0, np.inf)) for name in sensors]
     return np.array([low**2 for low, _ in pairs]), np.array([high**2 for _, high in pairs])
 
@@ -221,7 +228,7 @@ def _variance_limits(sensors: tuple[str, ...], limits: Limits) -> tuple[Array, A
 def _exact(data: SensorMoments, theta: Array) -> SensorWise:
     p, S = len(data.names), len(data.sensors)
     box, vertices = Box(data.names, theta, theta), np.repeat(theta[:, None], S, axis=1)
-    note = "the data leave no residual: there is no noise to share out, and all bounds are the one solution"
+    note = "the residual error is zero, so the sensors have no noise, and lower and upper bounds are equal"
     return SensorWise(
         data.names, data.sensors, theta, np.zeros((p, p)), vertices, np.zeros(S), box, box, exact=True, notes=(note,)
     )
@@ -247,7 +254,8 @@ class _Scheme:
         self.start = self.moments.sum(axis=0) - np.tensordot(lower, self.sums, axes=1)
         if np.linalg.eigvalsh(self.start)[0] <= 0:
             raise IdentifiabilityError(
-                "the least noise the limits ask of the sensors is more than the residual; lower their first values"
+                "the lower limits of the sensors' noise alone cause more error than the log has; give smaller lower "
+                "limits"
             )
         self.size = np.abs(self.sums).max(axis=(1, 2))  # of each sensor's effect, to compare directions
         self.seen: dict[bytes, _Point | None] = {}
@@ -334,8 +342,9 @@ class _Scheme:
         loose = [n for n, c in zip(data.sensors, corners, strict=True) if c is not None and not c.bounded]
         if not all(c.bounded for c in points):
             notes.append(
-                f"bounds are open: noise of {', '.join(loose) or 'several sensors'} large enough to explain the "
-                "residual would hide the regressor; give data-sheet limits"
+                f"some bounds are infinite: noise of {', '.join(loose) or 'several sensors'} could explain the whole "
+                "residual error, and would be as large as the signal; give limits of the noise, for example from the "
+                "data sheet"
             )
         excess = min(c.x[-1] for c in points)
         if excess > self.upper[-1] * (1 + 1e-9):

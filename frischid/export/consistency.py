@@ -241,8 +241,8 @@ def _extras(model: Model, regressor: Regressor, mapping: Array) -> tuple[Extras,
         signs.append(0 if contradicted else column.sign)
         if contradicted:
             notes.append(
-                f"{column.name} is {x:.3g} ± {s:.2g} {column.unit}, of the wrong sign by more than its error: it must "
-                "have another cause than its name says, and stays as identified"
+                f"{column.name} = {x:.3g} ± {s:.2g} {column.unit} has an impossible sign, by more than its error. "
+                "Another cause than its name says must be behind this value, and the value stays as identified"
             )
     usable = np.where(scale > 0, scale, 1.0)
     return Extras(tuple(c.name for c in columns), nominal, usable, np.array(signs, dtype=int)), notes
@@ -271,7 +271,7 @@ def _boxes(
             raise UnknownNameError("joint", name, robot.bodies, robot.source)
         low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
         if low.shape != (3,) or high.shape != (3,) or not (low < high).all():
-            raise InputError(f"the box of {name} must be two corners of three numbers, the first below the second, m")
+            raise InputError(f"the box of {name} must be two corners of three numbers in m, the first below the second")
         chosen[name] = (low, high)
     return chosen, tuple(notes)
 

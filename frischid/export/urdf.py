@@ -160,7 +160,7 @@ def export(
             )
     elif into is not None:
         if kind != "MJCF":
-            raise InputError(f"{target}: `into` is for MJCF; name the file .xml")
+            raise InputError(f"{target}: --into (into=) writes MJCF only; give the output a name that ends with .xml")
         text = edited_mjcf(physical, Path(into))
     else:
         text = {"MJCF": mjcf_source, "C": c_source, "NumPy": numpy_source}[kind](physical)
@@ -315,8 +315,8 @@ def _notes_of_pair(model: Model) -> list[str]:
     if gears := share.gears:
         named = ", ".join(gear.name for train in gears.values() for gear in train.gears)
         notes.append(
-            f"added joints, each in the body and on the axis of its motor's joint: {named}. The motor's joint is what "
-            "its encoder shows; the link stands where both together turn it"
+            f"added joints, each in the body and on the axis of its motor's joint: {named}. The motor's joint has the "
+            "encoder's angle; the link's angle is the sum of both"
         )
         light = [joint for joint, train in gears.items() if share.joints[joint]["armature"] == train.rotor]
         if light:

@@ -204,7 +204,7 @@ def _job(
 ) -> tuple[Job, Reduction, list[str]]:
     """Filter, joints and base parameters, from a look at some logs that are spread evenly over the fleet."""
     if not logs:
-        raise InputError("there is no log to identify from")
+        raise InputError("there is no log to identify from; give at least one")
     index = np.unique(np.linspace(0, len(logs) - 1, min(_FIRST_LOOKS, len(logs))).astype(int))
     rows = options.torque_joints
     chosen = [logs[i] for i in index]
@@ -226,7 +226,7 @@ def _job(
     fitted = [n for n in (rows or have) if n in held]
     if not fitted:
         raise InputError(
-            "no joint of the logs has a torque channel; give tau_<joint> columns, or current gains in a map"
+            "no joint of the logs has a torque channel; give tau_<joint> columns, or current gains in a mapping file"
         )
     spectra = sum((x.spectra for x in good), LogSpectra())
     lowpass = spectra.lowpass() if options.cutoff == "auto" else LowPass(options.cutoff)

@@ -75,7 +75,10 @@ def robot_of(address: str, pattern: str) -> str:
     if _ROBOT in pattern:
         match = re.fullmatch(_expression(pattern), address)
         if match is None:
-            raise InputError(f"{address}: the pattern {pattern} does not say which robot recorded it")
+            raise InputError(
+                f"{address}: the name of the robot cannot be read with the pattern {pattern}; correct the text around "
+                f"{{robot}}"
+            )
         return match["robot"]
     fixed = pattern[: found.start()] if (found := _WILD.search(pattern)) else pattern
     below = PurePosixPath(address[len(fixed[: fixed.rfind("/") + 1]) :])

@@ -177,7 +177,10 @@ class ForwardDynamics:
                 self._extra[name] = (np.zeros(1), np.zeros(1))
         for name in self._channels:
             if name not in self._extra:
-                raise InputError(f"an effect of the model reads the channel {name}, which the log does not have")
+                raise InputError(
+                    f"an effect of the model reads the channel {name}, which the log does not have; add a column "
+                    f"{name} to the log, or simulate a model without this effect"
+                )
 
     def mass_matrix(self, q: Array, which: int = 0) -> Array:
         """Inertia of links, rotors and other effects of acceleration, (N, J, J), kg·m² (kg), at positions (N, J)."""

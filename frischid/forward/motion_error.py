@@ -173,7 +173,7 @@ def compare_simulated(
     """
     logs = as_logs(logs, model.robot.joints, mapping)
     if not logs:
-        raise InputError("there is no log to simulate")
+        raise InputError("there is no log to simulate; give at least one")
     if not horizons or not all(0 < h < math.inf for h in horizons):
         raise InputError(f"horizons must be positive times in s, got {list(horizons)}")
     if sources is not None and len(sources) != len(logs):
@@ -194,7 +194,9 @@ def compare_simulated(
         wholes.append(_errors_of_whole(forward, motion, source, step))
     if not parts:
         shortest = min(horizons)
-        raise InputError(f"no log is longer than the shortest horizon, {shortest:g} s; give a shorter one")
+        raise InputError(
+            f"no log is longer than the shortest horizon, {shortest:g} s; give a shorter horizon, or longer logs"
+        )
     found = [_summary(model, h, [x for length, x in parts if length == h]) for h in sorted({h for h, _ in parts})]
     names = tuple(log.source for log in logs)
     return MotionComparison(tuple(found), _summary(model, None, wholes), tip_joint(model.robot), names, closed)

@@ -90,7 +90,7 @@ class OutputError(Shown):
     tested: tuple[MotionComparison, MotionComparison] | None = None
 
     def __repr__(self) -> str:
-        return f"OutputError(position error {self.ratio:.2f} of the linear answer's)"
+        return f"OutputError(position error {self.ratio:.2f} times that of least squares)"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -153,7 +153,7 @@ def output_error(
     logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     options = options or OutputErrorOptions()
     if not logs:
-        raise InputError("there is no log to fit the motion of")
+        raise InputError("there is no log to fit the motion of; give at least one")
     model.check(logs)
     shooting = Shooting(model, need_motion(logs, model.robot.joints), options)
     z = np.zeros(len(model.estimate.theta))

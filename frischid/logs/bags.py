@@ -82,7 +82,7 @@ def bag_tables(
         The bag has no such topic of joint states.
     """
     if not path.exists():
-        raise InputError(f"{path}: there is no such bag")
+        raise InputError(f"{path}: there is no such bag; check the path")
     with ExitStack() as stack:
         try:
             bag = (_open_mcap if path.suffix.lower() == ".mcap" else _open_rosbag)(path, stack)

@@ -158,7 +158,7 @@ def _columns_of_joints(
     }
     claimed = [name for columns in explicit.values() for name in columns.values()]
     if twice := sorted({name for name in claimed if claimed.count(name) > 1}):
-        raise InputError(f"{form.source}: column {', '.join(twice)} is given twice")
+        raise InputError(f"{form.source}: column {', '.join(twice)} is given to two channels; correct one of them")
     free = [name for name in table.names if name not in claimed]
 
     def columns_of(joint: str) -> dict[str, str]:

@@ -60,7 +60,9 @@ class CurrentGains:
                     f"the doubt about the torque per ampere of {joint} must be at least 0, got {shortened(value)}"
                 )
             if joint not in self.gain:
-                raise InputError(f"a doubt about the torque per ampere of {joint}, whose gain is not given")
+                raise InputError(
+                    f"there is a doubt about the torque per ampere of {joint}, and no gain; give the gain too"
+                )
 
     def drive(self, log: Log) -> Log:
         """The log with the torque of its currents; a joint whose torque was measured keeps it.

@@ -71,7 +71,7 @@ def _by_channel(folder: Path) -> Table:
         part = read_table(path, LogMap())
         t = np.asarray(part.values("t"), dtype=float)
         if not np.array_equal(table.setdefault("t", t), t):
-            raise InputError(f"{path}: its stamps are not those of the other channels")
+            raise InputError(f"{path}: the time stamps differ from those of the other channels; fetch the files again")
         for name in part.names:
             joint = name.removeprefix("- ").removesuffix(f"_{kind}")
             if name != "t" and name not in part.unusable:
@@ -135,9 +135,9 @@ DATASETS = {
         },
         {"dynamic": "dynamic", "slow": "calibration_slow", "payload": "calibration_weight"},
         _by_channel,
-        "Efforts are raw controller values; as torque = gain x effort the owners take 13.6 for arm_1 and arm_2, "
-        "-8.7 for arm_3 and "
-        "arm_4, -20.6 for arm_5 to arm_7. The torso's has no usable unit. `frischid check` finds the rest.",
+        "Efforts are raw controller values; as torque = gain x effort the owners take 13.6 for arm_1 and arm_2, -8.7 "
+        "for arm_3 and arm_4, -20.6 for arm_5 to arm_7. The torso's has no usable unit. `frischid check` finds the "
+        "rest.",
     ),
     "ur10e": Dataset(
         "UR10e, eight motions with motor currents, one of them with a payload of 2.805 kg (2020)",

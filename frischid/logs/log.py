@@ -152,7 +152,7 @@ class Log:
                     f"({N} samples, {J} joints: {', '.join(self.joints)})"
                 )
         if J == 0 or len(set(self.joints)) < J:
-            raise InputError(f"{self.source}: joint names must be at least one and unique: {self.joints}")
+            raise InputError(f"{self.source}: a log needs one or more joints with different names, got {self.joints}")
         taken = {"t"} | {f"{c}_{joint}" for c in CHANNELS for joint in self.joints}
         if clash := sorted(taken & set(self.extra)):
             raise InputError(f"{self.source}: extra columns may not be called {', '.join(clash)}; rename them")

@@ -189,7 +189,10 @@ class LogMap:
         for name, gain in content.get("current_gain", {}).items():
             checked({"current_gain": gain}, JOINT_RULES, f"[current_gain] {name} of {source}")
             if joint.setdefault(name, {}).setdefault("current_gain", gain) != gain:
-                raise InputError(f"{source}: joint {name} has two different current gains")
+                raise InputError(
+                    f"{source}: joint {name} has two different current gains, under [current_gain] and under "
+                    f"[joint.{name}]; delete one"
+                )
         return cls(
             **file | {key: tuple(file.get(key, ())) for key in ("columns", "joints", "logs")},
             default={**cls().default, **default},
@@ -210,7 +213,9 @@ MappingLike = LogMap | Mapping[str, Any] | str | Path | Sequence[str | Path] | N
 def _with_shared(content: Mapping[str, Any], part: Any) -> dict[str, Any]:
     """Tables of one layout, with those outside of the layouts as defaults."""
     if not isinstance(part, Mapping) or "layout" in part:
-        raise InputError(f"a layout must be a table of tables without layouts, found {shortened(part)}")
+        raise InputError(
+            f"a [layout.NAME] must hold the tables of a mapping, and no further layout; found {shortened(part)}"
+        )
     joined: dict[str, Any] = {**part}
     for key in TABLES[:-1]:
         shared, own = content.get(key, {}), part.get(key, {})

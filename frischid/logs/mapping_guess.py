@@ -249,8 +249,8 @@ def _drop_unexplained_torques(table: Table, robot: Robot, t: Array | None, found
     torque, current = (unexplained(robot.keep(joints), grid, range(J), range(k * J, (k + 1) * J)) for k in (1, 2))
     if np.median(current) < UNEXPLAINED <= np.median(torque):
         found.guesses.append(
-            f"{columns[1][0]} ... left out: the URDF explains {columns[2][0]} ... and not these torques, which may be "
-            "what the controller's own model leaves over"
+            f"{columns[1][0]} ... left out: the URDF does not explain these torques, and explains the currents "
+            f"{columns[2][0]} ...; perhaps the controller's own model was subtracted from the torques"
         )
         for joint in joints:
             del found.joints[joint]["tau"]
@@ -267,8 +267,8 @@ def _take_set_torques(
         if wanted:
             by_channel[channel] = wanted
             found.guesses.append(
-                f"{next(iter(wanted))} ...: a desired value, taken because the file has no measured one; right if this "
-                "is all that the drive is asked for, and no feed-forward part of that"
+                f"{next(iter(wanted))} ...: a desired value, taken because the file has no measured one; right only if "
+                "it is the whole command to the drive, and not its feed-forward part alone"
             )
             return
 

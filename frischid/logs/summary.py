@@ -115,7 +115,7 @@ def _check_poses(robot: Robot, logs: Sequence[Data]) -> None:
 def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
     """Lock the joints that some log does not hold."""
     if not logs:
-        raise InputError("there is no log to identify from")
+        raise InputError("there is no log to identify from; give at least one")
     heads = [preview_of(log) for log in logs]
     held = [n for n in robot.joints if all(n in log.joints for log in heads)]
     if not held:

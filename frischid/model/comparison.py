@@ -199,7 +199,7 @@ def compare(
     """
     logs = as_logs(logs, model.robot.joints, mapping)
     if not logs:
-        raise InputError("there is no log to compare the model with")
+        raise InputError("there is no log to compare the model with; give at least one")
     model.check(logs)
     errors = ModelErrors(model, residuals_kept)
     progress("comparing")

@@ -194,7 +194,7 @@ def payload(
     if any(effect.id == "payload" for effect in model.effects):
         raise InputError("the model has a payload already; give the model of the robot without it")
     if not logs:
-        raise InputError("there is no log with the body")
+        raise InputError("there is no log with the body; give at least one")
     body = Payload(joints=(name,), full=True)
     regressor = Regressor(robot, (*model.effects, body), model.reference)
     bare = len(Regressor(robot, model.effects, model.reference).columns)

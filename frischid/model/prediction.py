@@ -88,7 +88,7 @@ def predict(
     Prediction
     """
     if not logs:
-        raise InputError("there is no log to predict")
+        raise InputError("there is no log to predict; give at least one")
     index, reach = model.torque_index, model.interval_reach(INTERVAL)
     parts: dict[str, list[Array]] = {
         k: [] for k in ("t", "q", "v", "a", "measured", "fitted", "lower", "upper", "used")

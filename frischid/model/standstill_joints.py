@@ -84,7 +84,7 @@ def pose_note(poses: int, samples: int) -> str:
         return ""
     these = "The samples are" if poses == samples else f"{poses} of the {samples} samples are"
     return (
-        f"{these} poses of an arm at standstill: they compare gravity. Dry friction may hold any torque up to its own "
-        "size (the noise floor holds it as far as the model knows it). They say nothing about inertia and viscous "
-        "friction: record a motion"
+        f"{these} poses of an arm at standstill: they compare gravity only. Dry friction can take any torque up to its "
+        "own size there; the noise floor includes the dry friction of the model. Inertia and viscous friction are not "
+        "compared: record a motion"
     )

@@ -76,7 +76,10 @@ class Gram:
 
     def _check_same(self, other: Gram) -> None:
         if self.columns != other.columns or self.joints != other.joints:
-            raise InputError("two Grams of different columns or joints cannot be added or subtracted")
+            raise InputError(
+                "moments of different columns or joints cannot be added or subtracted; make both with the same effects "
+                "and joints"
+            )
 
     @property
     def nbytes(self) -> int:
@@ -316,5 +319,5 @@ def total(grams: Iterable[Gram | PackedGram]) -> Gram:
     for part in grams:
         result = _whole(part) if result is None else result + _whole(part)
     if result is None:
-        raise InputError("no Gram to sum: no log gave any sample")
+        raise InputError("there are no moments to sum, because no log gave a sample; give longer logs")
     return result

@@ -57,7 +57,7 @@ def page_of(result: Any) -> Markup:
 @singledispatch
 def next_of(result: Any) -> tuple[str, str]:
     """What most users want next of a result: in words, and the line of Python."""
-    raise InputError(f"nothing follows a {type(result).__name__}")
+    raise InputError(f"a {type(result).__name__} has no suggested next step")
 
 
 @next_of.register

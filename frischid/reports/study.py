@@ -220,11 +220,11 @@ def study(
         Called with the name of each step of the work.
     """
     if not logs:
-        raise InputError("there is no log to report on")
+        raise InputError("there is no log to report on; give at least one")
     named = models if isinstance(models, Mapping) else {"model": models}
     for model in named.values():
         if not isinstance(model, Model):
-            raise InputError(f"model must be a Model, got {type(model).__name__}: fr.Model.load(path)")
+            raise InputError(f"model must be a Model, got {type(model).__name__}: frischid.Model.load(path)")
         model.check(logs)
     model = next(iter(named.values()))
     progress("comparing (stage 1 of 5)")

@@ -68,11 +68,16 @@ def mimic_rules(urdf: str) -> dict[str, MimicRule]:
         seen = {name}
         while leader in direct:
             if leader in seen:
-                raise InputError(f"mimic joints {sorted(seen)} follow one another in a circle")
+                raise InputError(
+                    f"the mimic joints {', '.join(sorted(seen))} follow one another in a circle; remove one <mimic> "
+                    "from the URDF"
+                )
             seen.add(leader)
             leader, inner, more = direct[leader]
             factor, shift = factor * inner, factor * more + shift
         if not any(j.get("name") == leader and j.get("type") != "fixed" for j in joints):
-            raise InputError(f"mimic joint '{name}' follows '{leader}', which is not a moving joint of the URDF")
+            raise InputError(
+                f"mimic joint '{name}' follows '{leader}', which is not a moving joint of the URDF; correct its <mimic>"
+            )
         resolved[name] = MimicRule(leader, factor, shift)
     return resolved

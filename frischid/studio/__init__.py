@@ -110,7 +110,7 @@ class Studio:
 
         data = whole_logs(logs, model.robot.joints, mapping)
         if not data:
-            raise InputError("there is no log to show")
+            raise InputError("there is no log to show; give at least one")
         check_writable(output)
         bench = self.bench = Bench(model, data, Path(output))
         track = Track.of(bench)

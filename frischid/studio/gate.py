@@ -165,5 +165,8 @@ class Gate:
                 vars(server)["serve"] = real
         if not guarded:
             opened.stop()
-            raise InputError(f"this version of viser cannot be guarded: {install_command('studio')} --upgrade")
+            raise InputError(
+                f"with this version of viser, the studio cannot refuse pages of other sites; update viser: "
+                f"{install_command('studio')} --upgrade"
+            )
         return opened

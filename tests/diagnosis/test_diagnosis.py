@@ -467,11 +467,11 @@ def test_dry_friction_that_turns_a_little_early_or_late_raises_no_alarm():
         (
             1.5,
             0.4,
-            "it explains 40% of the error above the sensor noise there; where the error is 1.5 times the noise",
+            "it explains 40% of the error above the sensor noise there, and must explain 50%, because the",
         ),
         (1.5, 0.6, ""),
         (1.1, 1.0, "the error there is hardly more than the sensor noise"),
-        (0.0, 0.6, "it explains 60% of the error above the sensor noise there, all of that error is at reversals"),
+        (0.0, 0.6, "it explains 60% of the error above the sensor noise there, and must explain"),
         (0.0, 0.9, ""),
         (2.5, 0.0, "it explains none of the error above the sensor noise there"),
         (0.0, 0.0, "the error there is hardly more than the sensor noise"),

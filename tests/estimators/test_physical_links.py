@@ -171,8 +171,8 @@ def test_nominal_links_that_cannot_exist_are_replaced_and_named():
     nominal[1, [4, 6, 9]] = 0.1, 0.1, 100.0
     found = consistent(*problem(nominal=nominal))
     assert found.feasible
-    assert "one: the URDF gives it no mass" in found.notes[0]
-    assert "two: the URDF's own inertia is not physical" in found.notes[1]
+    assert "one: the URDF gives this link no mass" in found.notes[0]
+    assert "two: no body can have the URDF's inertia of this link" in found.notes[1]
 
 
 def test_shapes_are_checked():

@@ -79,7 +79,7 @@ def test_the_command_says_which_masses_are_a_free_choice(tmp_path):
     done = CliRunner().invoke(main, run, catch_exceptions=False)
     said = " ".join(done.output.split())
     assert "mass is" in said
-    assert "free: the logs determine this mass only in sums with other parameters" in said
+    assert "free: the logs determine this mass only in a sum with other parameters" in said
     data = json.loads(CliRunner().invoke(main, [*run[:4], "--json"]).stdout)
     assert data["consistency"]["free_masses"] == ["joint1", "joint2"]
     assert "free besides: the first moments mx, my, mz and the inertias about the joint, Ixx to Izz" in said

@@ -228,7 +228,7 @@ def test_the_command_line(tmp_path, measured, robot, monkeypatch):
         (["--controller", "pd", "--kp", "elbow=20"], "unknown joint 'elbow'"),
         (["--controller", "pd", "--kp", "twenty"], "--kp: 'twenty' is not a number"),
         (["--controller", "pd", "--kp", "-20"], "kp must be above 0"),
-        (["--kp", "20"], "--kp: say which controller has it: --controller pd"),
+        (["--kp", "20"], "--kp describes a controller; add --controller pd"),
         (["--controller", "wrong.toml"], "unknown key 'kq'"),
         (["--controller", "none.toml"], "the controller file cannot be read"),
     ]:

@@ -135,7 +135,7 @@ def test_given_gains_are_kept() -> None:
 @pytest.mark.parametrize(
     ("gain", "doubt", "said"),
     [({"a": 0.0}, {}, "of a must be a number other than 0"), ({"a": 1.0}, {"a": -1.0}, "at least 0"),
-     ({"a": 1.0}, {"b": 0.1}, "whose gain is not given")],
+     ({"a": 1.0}, {"b": 0.1}, "and no gain; give the gain too")],
 )  # fmt: skip
 def test_impossible_gains_are_refused(gain: dict[str, float], doubt: dict[str, float], said: str) -> None:
     with pytest.raises(InputError, match=said):

@@ -108,7 +108,7 @@ def test_a_viser_that_opens_its_server_in_another_way_is_stopped():
         def stop(self):
             stopped.append(True)
 
-    with pytest.raises(InputError, match="cannot be guarded"):
+    with pytest.raises(InputError, match="cannot refuse pages of other sites"):
         Gate("127.0.0.1").opened(Other)
     assert stopped == [True]
 

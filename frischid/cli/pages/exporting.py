@@ -90,11 +90,10 @@ def _free(model: Model) -> list[str]:
     if not any(free_parameters(model).values()):
         return []
     return [
-        "free: the logs determine this mass only in sums with other parameters. The split nearest to the URDF's links "
-        "was chosen, with masses near the URDF's own; the torque is the same for any other. Do not read such a mass as "
-        "measured. free besides: the first moments mx, my, mz and the inertias about the joint, Ixx to Izz, for which "
-        "the same is true, or on which the torque does not depend at all; centre of mass and principal inertias follow "
-        "from these and from the mass"
+        "free: the logs determine this mass only in a sum with other parameters. The sum is divided such that the links "
+        "are nearest to the URDF's; every other division gives the same torque. Do not read such a mass as measured. "
+        "free besides: the first moments mx, my, mz and the inertias about the joint, Ixx to Izz, that are free in the "
+        "same way, or do not act on the torque. Centre of mass and principal inertias follow from them and the mass"
     ]
 
 

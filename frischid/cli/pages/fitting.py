@@ -56,14 +56,15 @@ def moved(result: OutputError, logs: Sequence[Log | Recording], output: str | No
     error = headline(model, logs)
     parts: list[Any] = [
         headline_line(error),
-        f"simulated positions: {100 * (1 - result.ratio):.0f} % less error on the fitted logs than the linear answer",
-        f"singular values of the motion, in standard errors of the linear answer: {result.singular_values[0]:.3g} to "
-        f"{result.singular_values[-1]:.2g}; below 1 the linear answer is kept",
+        f"error of the simulated positions on the fitted logs: {100 * (1 - result.ratio):.0f} % less than with the "
+        "least-squares parameters",
+        f"singular values of the motion, in standard errors of least squares: {result.singular_values[0]:.3g} to "
+        f"{result.singular_values[-1]:.2g}; in directions below 1, the least-squares values are kept",
     ]
     if kept:
-        parts.append(f"parameters mostly of the linear answer: {escape(', '.join(kept))}")
+        parts.append(f"parameters that mostly keep their least-squares values: {escape(', '.join(kept))}")
     if result.tested is not None:
-        for name, found in zip(("linear answer", "output error"), result.tested, strict=True):
+        for name, found in zip(("least squares", "output error"), result.tested, strict=True):
             parts += [f"on the test logs, {name}:", motion_table(found)]
     parts.append(parameters(model))
     if output:
@@ -166,10 +167,8 @@ def summary(found: Identification) -> str:
     cut = "unfiltered" if model.lowpass.cutoff is None else f"low-passed at {model.lowpass.cutoff:g} Hz"
     return (
         f"[bold]{model.robot.name}[/bold]: {found.reduction.rank} base parameters from {found.samples} samples "
-        f"({cut}), "
-        f"effects {', '.join(str(x) for x in model.effects)}; {e.estimator}, condition {e.condition:.3g}, "
-        f"rank gap {found.reduction.gap:.2g}"
-        f"{f'; {cost}' if (cost := found.reduction.described_cost()) else ''}"
+        f"({cut}), effects {', '.join(str(x) for x in model.effects)}; {e.estimator}, condition {e.condition:.3g}, "
+        f"rank gap {found.reduction.gap:.2g}{f'; {cost}' if (cost := found.reduction.described_cost()) else ''}"
     )
 
 

@@ -72,7 +72,8 @@ def simulated(moved: MotionDiagnosis) -> list[Any]:
     refused = [f"{f.finding.effect}: {f.refused}." for f in moved.findings if f.refused]
     return [
         table,
-        f"change: of the simulated error with this effect, mean over all joints of its logarithm; without any: {each}",
+        "change: how the simulated error changes with this effect, as the geometric mean over all joints. Errors "
+        f"without any further effect: {each}",
         *refused,
     ]
 

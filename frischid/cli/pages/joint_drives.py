@@ -71,11 +71,11 @@ def _pair(x: tuple[float, float] | None) -> str:
 
 
 MEANING = (
-    "in brackets: the 95 % range; roughly: the range reaches further than 5 % from the value; open: the logs leave the "
-    "value open within this range; in a sum: the logs show the value only together with the links' (--parameters lists "
-    "the sums), and the URDF divides the sum, or, of a kd that is left open, only kd + viscous (--json has this sum, "
-    "with its range); as a ratio: the logs show the value over kp more exactly than the value (--json has the ratio). "
-    "All values grow in proportion to kp. A drive that damps its own joint shows kd + viscous friction only: viscous "
-    "is the rest after kd"
+    "In brackets: the 95 % range. roughly: the range is wider than ± 5 % of the value. open: the logs do not "
+    "determine the value; it may be anywhere in the range. in a sum: the logs determine only a sum. A sum with values "
+    "of the links is divided as in the URDF (--parameters lists these sums); of an open kd, only kd + viscous is "
+    "known (--json has this sum, with its range). as a ratio: the logs determine value/kp better than the value "
+    "(--json has the ratio). All values grow in proportion to kp. Where the drive damps the joint's own velocity, the "
+    "logs determine only kd + viscous friction, and viscous is this sum less kd"
 )
 """Explanation below the table, for a model with a controller."""
