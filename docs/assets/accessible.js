@@ -19,3 +19,9 @@
     new MutationObserver(name).observe(document.body, { childList: true, subtree: true });
   });
 })();
+// A browser breaks a line after a hyphen: "--" would stand alone before "scheduler". Short words of code stay whole.
+document.addEventListener("DOMContentLoaded", () => {
+  document.querySelectorAll(".md-content :not(pre) > code").forEach((code) => {
+    if (/^\S{1,30}$/.test(code.textContent)) code.style.whiteSpace = "nowrap";
+  });
+});

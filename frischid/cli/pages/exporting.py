@@ -90,7 +90,7 @@ def _free(model: Model) -> list[str]:
     if not any(free_parameters(model).values()):
         return []
     return [
-        "free: the logs determine this mass only in a sum with other parameters. The sum is divided such that the links "
+        "free: the logs determine this mass only in a sum with other parameters. The sum is divided so that the links "
         "are nearest to the URDF's; every other division gives the same torque. Do not read such a mass as measured. "
         "free besides: the first moments mx, my, mz and the inertias about the joint, Ixx to Izz, that are free in the "
         "same way, or do not act on the torque. Centre of mass and principal inertias follow from them and the mass"
