@@ -20,7 +20,7 @@ EDGES = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 """Limits of the ranges of probability."""
 REACH = 1.645
 """Standard errors on either side of a share that hold 90 % of a normal distribution."""
-SIZE, LEFT, TOP, BOTTOM = 300, 64, 14, 48
+SIZE, LEFT, TOP, BOTTOM, WIDTH, NEAR = 300, 64, 14, 48, 520, 12
 STYLE = (
     "text{font-family:sans-serif;font-size:12px;fill:#1d2733}.frame{fill:none;stroke:#8895a7}"
     ".even{stroke:#8895a7;stroke-dasharray:4 4}.bar{stroke:#4a6fa5}.mark{fill:#4a6fa5}"
@@ -58,7 +58,8 @@ def picture() -> str:
         return round(TOP + SIZE * (1 - p), 1)
 
     lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {LEFT + SIZE + 24} {TOP + SIZE + BOTTOM}" role="img">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {LEFT + SIZE + 32} {TOP + SIZE + BOTTOM}" '
+        f'width="{WIDTH}" role="img">',
         "<title>Stated probability against the share of right answers</title>",
         f"<style>{STYLE}</style>",
         '<rect width="100%" height="100%" fill="#fff"/>',
@@ -71,11 +72,16 @@ def picture() -> str:
     lines.append(f'<text class="middle" x="{x(0.5)}" y="{y(0) + 38}">stated probability</text>')
     middle = f"{x(0) - 44} {y(0.5)}"
     lines.append(f'<text class="middle" transform="translate({middle}) rotate(-90)">share of right answers</text>')
+    for row, words in enumerate(("number: cases", "bar: 90 % interval")):
+        lines.append(f'<text class="end" x="{x(1) - 8}" y="{y(0) - 24 + 16 * row}">{words}</text>')
     for said, right, cases in points():
         low, high = interval(right, cases)
         lines.append(f'<line class="bar" x1="{x(said)}" y1="{y(low)}" x2="{x(said)}" y2="{y(high)}"/>')
         lines.append(f'<circle class="mark" cx="{x(said)}" cy="{y(right / cases)}" r="4"/>')
-        lines.append(f'<text class="middle" x="{x(said)}" y="{round(y(low) + 13, 1)}">{cases}</text>')
+        if x(1) - x(said) < NEAR:  # beside the frame, where no other bar is
+            lines.append(f'<text x="{x(1) + 4}" y="{y(right / cases) + 4}">{cases}</text>')
+        else:
+            lines.append(f'<text class="middle" x="{x(said)}" y="{round(y(low) + 13, 1)}">{cases}</text>')
     return "\n".join([*lines, "</svg>"]) + "\n"
 
 

@@ -19,9 +19,14 @@
     new MutationObserver(name).observe(document.body, { childList: true, subtree: true });
   });
 })();
-// A browser breaks a line after a hyphen: "--" would stand alone before "scheduler". Short words of code stay whole.
+// A browser breaks a line after a hyphen: "--" would stand alone before "scheduler". Short words of code stay whole, and long
+// ones break after an underscore or a colon.
 document.addEventListener("DOMContentLoaded", () => {
   document.querySelectorAll(".md-content :not(pre) > code").forEach((code) => {
     if (/^\S{1,30}$/.test(code.textContent)) code.style.whiteSpace = "nowrap";
+    else if (/^\S{31,}$/.test(code.textContent)) {
+      const parts = code.textContent.split(/(?<=_|::)/);
+      code.replaceChildren(...parts.flatMap((part) => [part, document.createElement("wbr")]));
+    }
   });
 });
