@@ -23,7 +23,7 @@
 // ones break after an underscore or a colon.
 document.addEventListener("DOMContentLoaded", () => {
   document.querySelectorAll(".md-content :not(pre) > code").forEach((code) => {
-    if (/^\S{1,30}$/.test(code.textContent)) code.style.whiteSpace = "nowrap";
+    if (/^(\S{1,30}|.{1,16})$/.test(code.textContent)) code.style.whiteSpace = "nowrap";
     else if (/^\S{31,}$/.test(code.textContent)) {
       const parts = code.textContent.split(/(?<=_|::)/);
       code.replaceChildren(...parts.flatMap((part) => [part, document.createElement("wbr")]));
