@@ -118,7 +118,9 @@ def controller_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "kd is found from logs with vcmd columns, and without these only the sum of kd and viscous friction.",
         ),
         click.option("--effort-limit", metavar="VALUES", help=f"The drive's largest torque, N·m: {each}"),
-        click.option("--dead-band", metavar="VALUES", help=f"Position error below which the drive gives no torque, rad: {each}"),
+        click.option(
+            "--dead-band", metavar="VALUES", help=f"Position error below which the drive gives no torque, rad: {each}"
+        ),
         click.option(
             "--delay",
             metavar="VALUES",

@@ -110,6 +110,12 @@ def test_every_page_ends_with_a_next_step(page):
 
 
 @pytest.mark.parametrize("page", TEXTS, ids=name_of)
+def test_no_paragraph_ends_a_list_by_a_short_indent(page):
+    """The site's Markdown wants four spaces; after fewer, all further items would be one paragraph."""
+    assert not re.search(r"\n\n {1,3}\S", text_of(page))
+
+
+@pytest.mark.parametrize("page", TEXTS, ids=name_of)
 def test_relative_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)\s]+)\)", text_of(page)):
         if not target.startswith(("http", "#")):
