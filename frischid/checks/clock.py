@@ -20,6 +20,7 @@ from scipy import ndimage
 from frischid.checks.channels import testifies
 from frischid.checks.check_criteria import CheckCriteria
 from frischid.checks.log_issue import Notebook
+from frischid.core.text import percent
 from frischid.core.types import Array
 from frischid.logs.filters import noise_level
 from frischid.logs.log import CHANNELS, Log
@@ -53,7 +54,7 @@ def check_clock(log: Log, notes: Notebook, *, still: bool = False) -> None:
     if repeated.mean() > criteria.repeated_share:
         notes.add(
             "repeated samples",
-            f"{int(repeated.sum())} rows ({repeated.mean():.1%}) repeat the row before under a new stamp while "
+            f"{int(repeated.sum())} rows ({percent(repeated.mean(), 1)}) repeat the row before under a new stamp while "
             "the robot "
             "moves",
             (),
@@ -154,9 +155,9 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
     if jitter > criteria.host_jitter and error < criteria.clear_slope_error and arrived:
         notes.add(
             "host clock",
-            f"{words}, a jitter of {jitter:.1%} of a step that the positions do not show (they follow the jitter by a "
-            f"factor of {slope:.2f} ± {error:.2f}; a real jitter has 1): the stamps are times of arrival, not of "
-            "measurement",
+            f"{words}, a jitter of {percent(jitter, 1)} of a step that the positions do not show (they follow the "
+            f"jitter by a factor of {slope:.2f} ± {error:.2f}; a real jitter has 1): the stamps are times of arrival, "
+            "not of measurement",
             (),
             "certain",
             advice,
@@ -165,9 +166,9 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
         still, double = (float(np.mean(np.abs(y + mean[use] / usual - k) < 0.25)) for k in (0, 2))
         notes.add(
             "host clock",
-            f"{words}; the positions stand still over {still:.1%} of the steps and advance by two over "
-            f"{double:.1%}, and the stamps do not show this: samples were read from a buffer, not when they were "
-            "measured",
+            f"{words}; the positions stand still over {percent(still, 1)} of the steps and advance by two over "
+            f"{percent(double, 1)}, and the stamps do not show this: samples were read from a buffer, not when they "
+            "were measured",
             (),
             "certain",
             advice,

@@ -21,6 +21,7 @@ from scipy.interpolate import make_interp_spline
 
 from frischid.checks.log_issue import Notebook, span
 from frischid.checks.sketch import Sketch
+from frischid.core.text import percent
 from frischid.core.types import Array
 
 RANK_TOLERANCE = 1e-4
@@ -133,7 +134,8 @@ def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, 
     notes.add(
         "late torque" if sign > 0 else "early torque",
         f"the torque {'lags the motion' if sign > 0 else 'runs ahead of the motion'} by {by.lstrip('-')}: "
-        f"shifting the torque by this time explains {gone:.0%} of the squared error of the URDF with fitted friction",
+        f"shifting the torque by this time explains {percent(gone)} of the squared error of the URDF with fitted "
+        "friction",
         where,
         "likely" if sure == "likely" else "possible",
         "record both with one clock and one filter, shift the columns, or add time_delay (frischid effects time_delay)",

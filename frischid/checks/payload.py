@@ -30,6 +30,7 @@ from frischid.checks.faults import cost
 from frischid.checks.log_issue import Notebook
 from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch, shared_fit
+from frischid.core.text import percent
 from frischid.core.types import Array
 from frischid.robot.robot import Robot
 
@@ -106,7 +107,7 @@ def check_payload(sketch: Sketch, notes: Notebook) -> bool:
         few, payload_errors(few)
     ):
         return False
-    what = f"explains {body.removed:.0%} of the squared error of the nominal URDF"
+    what = f"explains {percent(body.removed)} of the squared error of the nominal URDF"
     at = ", ".join(f"{x:.2f}" for x in np.round(body.centre, 2) + 0.0)
     if body.mass > 0:
         notes.add(

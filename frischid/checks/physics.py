@@ -18,6 +18,7 @@ from frischid.checks.lag import clear_lag
 from frischid.checks.log_issue import Notebook, Sureness, span
 from frischid.checks.payload import beats_links, check_payload, payload_errors
 from frischid.checks.sketch import Sketch
+from frischid.core.text import percent
 from frischid.core.types import Array
 
 
@@ -110,8 +111,8 @@ def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebo
     if np.isfinite(free).all() and other and share < criteria.wrong_robot_share:
         notes.add(
             "wrong robot",
-            f"the URDF's inertials explain {max(share, 0):.0%} of the error that freely fitted parameters explain: "
-            f"{figures}",
+            f"the URDF's inertials explain {percent(max(share, 0))} of the error that freely fitted parameters "
+            f"explain: {figures}",
             names,
             "likely" if share < criteria.likely_wrong_share else "possible",
             "is it the URDF of the robot that was measured (model, hand, mounting: --base-rpy), and are the "

@@ -39,6 +39,10 @@ class Wide(Table):
         self.droppable = tuple(droppable)
 
 
+class Command(str):
+    """A command to copy: it continues on the next line as a shell reads it."""
+
+
 def fitted(part: Any, width: int) -> list[RenderableType]:
     """A part of a page as it fits a terminal.
 
@@ -53,6 +57,8 @@ def fitted(part: Any, width: int) -> list[RenderableType]:
     -------
     list of renderable
     """
+    if isinstance(part, Command):
+        return _continued(part, width)
     if not isinstance(part, Table):
         return [part]
     cells = [[str(column.header), *(str(cell) for cell in column.cells)] for column in part.columns]
@@ -73,6 +79,18 @@ def fitted(part: Any, width: int) -> list[RenderableType]:
         table.add_row(*(cells[k][row] for k in kept))
     note = [f"[dim](no room for: {escape(', '.join(left_out))}; --json has all)[/dim]"] if left_out else []
     return [*title, table, *note]
+
+
+def _continued(command: str, width: int) -> list[RenderableType]:
+    """A command in lines that end with a backslash; quoted words stay whole."""
+    lines = [""]
+    for word in re.findall(r"(?:'[^']*'|\S)+", command):
+        if lines[-1] and cell_len(f"{lines[-1]} {word} \\") > width:
+            lines[-1] += " \\"
+            lines.append(f"  {word}")
+        else:
+            lines[-1] += f" {word}" if lines[-1] else word
+    return [Text(line) for line in lines]
 
 
 def _sizes(cells: Sequence[Sequence[str]], width: int) -> list[int]:
@@ -109,7 +127,7 @@ def _width(sizes: Sequence[int]) -> int:
 
 def _least(cells: Sequence[str]) -> int:
     return max(
-        (cell_len(word) for cell in cells for word in re.split(r"[ \n]", Text.from_markup(cell).plain)), default=1
+        (cell_len(word) for cell in cells for word in re.split(r"[ \n](?!%)", Text.from_markup(cell).plain)), default=1
     )
 
 

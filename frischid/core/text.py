@@ -32,6 +32,18 @@ def each_of(names: Sequence[str]) -> str:
     return f"each of {listed(names)}" if len(names) > 1 else listed(names) or "the robot"
 
 
+def percent(share: float, digits: int = 0) -> str:
+    """A share as every surface writes it.
+
+    Examples
+    --------
+    >>> from frischid.core.text import percent
+    >>> percent(0.25), percent(0.0123, 1)
+    ('25 %', '1.2 %')
+    """
+    return f"{100 * share:.{digits}f} %"
+
+
 def sentence(text: str) -> str:
     """A text with a capital at its beginning, unless its first word is a name: of a joint, an effect, a file.
 

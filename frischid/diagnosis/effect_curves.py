@@ -62,7 +62,7 @@ class Shape:
 
 
 def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> Shape | None:
-    """Curve of a finding on the joint where it explains most.
+    """Curve of a finding: of the joints that the effect acts on, the one where it explains most.
 
     Parameters
     ----------
@@ -86,7 +86,8 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
     if fit is None or sum(len(t) for t in validator.data.times) != len(prediction.t):
         return None
     curves = [_curve(validator, row, candidate, fit) for row in range(len(validator.joints))]
-    row = max(range(len(curves)), key=lambda k: curves[k].share)
+    acts = [k for k, name in enumerate(validator.joints) if name in finding.joints]
+    row = max(acts or range(len(curves)), key=lambda k: curves[k].share)
     residual, added = curves[row].residual, curves[row].added
     where = _samples(validator, row)
     columns = {k: getattr(prediction, k)[where, row] for k in ("q", "v", "a")}

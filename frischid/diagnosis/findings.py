@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from frischid.core.text import each_of, listed
+from frischid.core.text import each_of, listed, percent
 from frischid.core.types import Array
 from frischid.diagnosis.change_prior import weak_urdf_prior
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
@@ -37,8 +37,9 @@ OLD_PARAMETERS = "old_parameters"
 """Identifier of the finding that the identified parameters no longer hold."""
 
 HOW_RANKED = (
-    "The most probable cause stands first. The other figures of a row are for this effect alone, so a lower row may "
-    "have the larger figure. Many of the lower effects are not needed once the first is in the model."
+    "Of the effects that are called missing, the most probable stands first. The other figures of a row are for this "
+    "effect alone, so a lower row may have the larger figure. Many of the lower effects are not needed once the first "
+    "is in the model."
 )
 
 
@@ -115,10 +116,10 @@ class Finding:
         Sensor noise and undetermined dry friction may cause all of the error that the effect explains.
         """
         criteria = self.criteria
-        explains = f"it explains {self.share:.0%} of the error above the sensor noise there"
+        explains = f"it explains {percent(self.share)} of the error above the sensor noise there"
         if self.floors == 0 and self.share > 0:
             least = criteria.nearly_explained
-            why = f"and must explain {least:.0%}, because all of that error is at reversals and standstill"
+            why = f"and must explain {percent(least)}, because all of that error is at reversals and standstill"
             return "" if self.share >= least else f"{explains}, {why}"
         if self.floors <= criteria.floor_tolerance:
             return "the error there is hardly more than the sensor noise"
@@ -126,9 +127,7 @@ class Finding:
             return "it explains none of the error above the sensor noise there"
         least = criteria.half_explained
         if self.floors <= criteria.clear_error and self.share < least:
-            return (
-                f"{explains}, and must explain {least:.0%}, because the error is only {self.floors:.1f} times the noise"
-            )
+            return f"{explains}, and must explain {percent(least)}, because the error is only {self.floors:.1f} times the noise"
         return ""
 
     @property
@@ -160,7 +159,10 @@ class Finding:
     @property
     def change(self) -> str:
         """Relative change of the mean cross-validated error with this effect alone, in words."""
-        return f"{100 * (self.error_after / self.error_before - 1):+.0f} %" if self.error_before > 0 else "–"
+        if self.error_before <= 0:
+            return "–"
+        change = round(100 * (self.error_after / self.error_before - 1))
+        return f"{change:+d} %" if change else "0 %"
 
     def found(self, robot: Robot) -> list[tuple[str, float, str]]:
         """Name, value and unit of each of `parameters` (unit empty for a pure number), coefficients first."""

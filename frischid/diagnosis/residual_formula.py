@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frischid.core.text import listed
+from frischid.core.text import listed, percent
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.gear_steps import evenly_spaced_jumps
 from frischid.diagnosis.residual_variables import MOST_ROWS, thinned, variables
@@ -62,7 +62,7 @@ class Description:
         depends = ", ".join(self.depends_on) or "no variable alone"
         formula = listed([f"'{f}'" for f in self.formula])
         verb = "describes" if len(self.formula) == 1 else "describe"
-        described = f"; {formula} {verb} {self.removed:.0%} of it (a description, not a cause)" if formula else ""
+        described = f"; {formula} {verb} {percent(self.removed)} of it (a description, not a cause)" if formula else ""
         return f"The residual error of {self.joint} depends on {depends}{described}"
 
 

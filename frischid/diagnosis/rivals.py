@@ -11,7 +11,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from frischid.core.text import listed
+from frischid.core.text import percent
 from frischid.diagnosis.findings import Finding
 from frischid.effects import EFFECTS
 
@@ -93,7 +93,7 @@ def _placed(finding: Finding) -> str:
 
 def cause_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:
     """The hypotheses of `shared` with their probabilities, as ``A (50 %), B (20 %) or C (10 %)``; empty without any."""
-    told = [f"{r.words} ({100 * r.probability:.0f} %)" for r in shared(findings, probabilities)]
+    told = [f"{r.words} ({percent(r.probability)})" for r in shared(findings, probabilities)]
     return f"{', '.join(told[:-1])} or {told[-1]}" if told else ""
 
 
@@ -109,15 +109,20 @@ def sentence_of(findings: Sequence[Finding], probabilities: Mapping[str, float],
     )
 
 
+def suspect_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> Finding | None:
+    """The finding of the most probable cause, where this is an effect that is not called missing."""
+    name = max(probabilities, key=probabilities.__getitem__, default="")
+    finding = next((f for f in findings if f.effect == name), None)
+    return finding if finding is not None and finding.refused else None
+
+
 def suspected(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:
     """A sentence on the most probable cause where this is an effect that is not called missing; empty otherwise.
 
     The ranking shows this probability beside the verdict that no effect is missing. Both are right: this effect is the
     most probable of the causes, and the logs do not show that it acts.
     """
-    name = max(probabilities, key=probabilities.__getitem__, default="")
-    finding = next((f for f in findings if f.effect == name), None)
-    if finding is None or not finding.refused:
+    finding = suspect_of(findings, probabilities)
+    if finding is None:
         return ""
-    where = listed(finding.joints) or "the robot"
-    return f". The most probable effect is {name} on {where} ({100 * finding.probability:.0f} %), but {finding.refused}"
+    return f". The most probable effect is {finding.title} ({percent(finding.probability)}), but {finding.refused}"

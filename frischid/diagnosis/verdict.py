@@ -34,7 +34,7 @@ from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.hypotheses import OTHERS
 from frischid.diagnosis.residual_formula import Description
 from frischid.diagnosis.reversal_residuals import only_at_reversals
-from frischid.diagnosis.rivals import sentence_of
+from frischid.diagnosis.rivals import sentence_of, suspect_of
 from frischid.diagnosis.situation import Situation
 from frischid.diagnosis.unmodelled_terms import UnmodelledTerm
 
@@ -141,10 +141,7 @@ def notes_on(
     shared = sentence_of(results.findings, probabilities, validator.model.robot.source)
     if shared and verdict != "contact":
         notes.append(shared)
-    withheld = next((f for f in results.findings if f.sure and f.withheld), None)
-    if verdict == "none" and withheld is not None:
-        where = listed(withheld.joints) or "the robot"
-        notes.append(f"more than chance, but not called missing: {withheld.effect} on {where}; {withheld.withheld}")
+    notes += not_called_missing(results.findings, probabilities, verdict)
     if full.known_residual.any():
         factor = validator.criteria.known_residual_factor
         notes.append(
@@ -155,6 +152,17 @@ def notes_on(
         where, first = full.joints[unmodelled.row], results.ranking.effects[0].kind.id
         notes.append(f"on {where} {unmodelled.words} explains far more than {first} does, so {first} is not the cause")
     return notes + ([str(description)] if description is not None else [])
+
+
+def not_called_missing(findings: Sequence[Finding], probabilities: Mapping[str, float], verdict: Verdict) -> list[str]:
+    """Why a likely effect is not called missing; where nothing is, `Diagnosis.remainder` says that of the likeliest."""
+    suspect = suspect_of(findings, probabilities)
+    withheld = next((f for f in findings if f.sure and f.withheld), None)
+    if verdict == "none" and withheld is not None and withheld is not suspect:
+        return [f"more than chance, but not called missing: {withheld.title}; {withheld.withheld}"]
+    if verdict != "none" and suspect is not None:
+        return [f"the most probable cause, {suspect.title}, is not called missing: {suspect.refused}"]
+    return []
 
 
 def with_refit(verdict: Verdict, findings: Sequence[Finding], refit: Finding) -> tuple[Verdict, list[Finding]]:

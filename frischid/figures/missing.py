@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import plotly.graph_objects as go
 
-from frischid.core.text import listed
 from frischid.figures.failure import binned
 from frischid.figures.style import (
     BLUE,
@@ -29,7 +27,7 @@ if TYPE_CHECKING:
     from frischid.diagnosis.effect_curves import Shape
 
 
-def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = False) -> Drawing:
+def shape(found: Shape, title: str, sliding: bool = False) -> Drawing:
     """Residual of the joint where a finding explains most, with the fitted curve of the finding.
 
     Parameters
@@ -37,8 +35,6 @@ def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = 
     found : Shape
     title : str
         Title of the effect.
-    joints : sequence of str
-        Joints that the effect acts on; none for the whole robot.
     sliding : bool
         Whether the joint is prismatic.
     """
@@ -51,9 +47,8 @@ def shape(found: Shape, title: str, joints: Sequence[str] = (), sliding: bool = 
         if found.stretch
         else "Diamonds: residual; blue line: fitted effect (shaded: 90 % of its torque there). The nearer, the better"
     )
-    elsewhere = "" if not joints or found.joint in joints else f", where it removes more than on {listed(joints)}"
     reading = (
-        f"{how}. Drawn on {found.joint}{elsewhere}: {title}, refitted with the model to all of the logs that select. "
+        f"{how}. Drawn on {found.joint}: {title}, refitted with the model to all of the logs that select. "
         "The residual holds the sensors' noise and all other causes too."
     )
     where = (

@@ -19,6 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from frischid.core.text import percent
 from frischid.core.types import Array
 from frischid.logs.cutoff_choice import LogSpectra
 
@@ -153,8 +154,8 @@ def undetermined(disagreement: Mapping[str, float], criteria: AlarmCriteria) -> 
             "log-leaves-open",
             "severe",
             f"The logs do not determine the model: on the same motion at {criteria.faster:g} times the speed, a fit "
-            f"without the URDF and the fit with the URDF differ by {middle:.0%} of the torque's standard deviation "
-            "(median joint). There the URDF decides, not the measurement.",
+            f"without the URDF and the fit with the URDF differ by {percent(middle)} of the torque's standard "
+            "deviation (median joint). There the URDF decides, not the measurement.",
             "Trust the model only on motions like the fitted ones. Plan a motion that excites more (frischid excite), "
             "and record it.",
             where,
@@ -231,7 +232,7 @@ def noisy_cutoff(spectra: LogSpectra, cutoff: float | None, criteria: AlarmCrite
         Alarm(
             "cut-off-admits-noise",
             "severe",
-            f"With {at}, {middle:.0%} of the acceleration's power is noise of the positions (median joint).",
+            f"With {at}, {percent(middle)} of the acceleration's power is noise of the positions (median joint).",
             "Lower the cut-off (--cutoff, cutoff=), to a few times the motion's own frequencies.",
             (),
             middle,
@@ -251,7 +252,7 @@ def gains_from_masses(doubts: Mapping[str, float]) -> list[Alarm]:
     if not doubts:
         return []
     known = {n: x for n, x in doubts.items() if x < 1.0}
-    least = f" (± {min(known.values()):.0%} to {max(known.values()):.0%})" if known else ""
+    least = f" (± {percent(min(known.values()))} to {percent(max(known.values()))})" if known else ""
     unknown = [n for n in doubts if n not in known]
     more = f"; those of {', '.join(unknown)} are guessed" if unknown else ""
     return [

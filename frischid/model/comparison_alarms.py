@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frischid.core.text import listed
+from frischid.core.text import listed, percent
 from frischid.core.types import Array
 from frischid.model.alarms import Alarm, AlarmCriteria
 
@@ -125,7 +125,8 @@ def _extrapolation(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
             Alarm(
                 "faster-than-fitted",
                 "doubt",
-                f"{wide:.0%} of the samples are faster, or accelerate more, than any fitted sample (median joint).",
+                f"{percent(wide)} of the samples are faster, or accelerate more, than any fitted sample (median "
+                "joint).",
                 "Identify from logs as fast as these.",
                 tuple(n for n, x in zip(seen.joints, seen.outside, strict=True) if x > criteria.outside_share),
                 wide,

@@ -47,7 +47,7 @@ AS_THE_SENSORS = 1.15
 _GRADES = {
     "A": "as good as the sensors allow, or nearly",
     "B": "near the limit of the sensors",
-    "C": "half-way from the URDF with fitted friction to the limit of the sensors",
+    "C": "halfway from the URDF with fitted friction to the limit of the sensors",
     "D": "better than the URDF with fitted friction, far from the limit of the sensors",
     "E": "hardly better than the URDF with fitted friction",
     "F": "no better than the URDF with fitted friction",

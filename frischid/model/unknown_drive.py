@@ -31,6 +31,7 @@ from functools import cached_property
 import numpy as np
 from scipy import optimize
 
+from frischid.core.text import percent
 from frischid.effects import BASELINE
 from frischid.effects.commands import PositionGain, VelocityGain
 from frischid.errors import InputError
@@ -113,7 +114,7 @@ def known_controller(
         controller = replace(controller, kd_near=search.damping(delay))
     if open_gains:
         controller = _with_gains(controller, open_gains, search.at(delay), search.joints)
-        each = ", ".join(f"{n} {controller.gain(n):.4g} ± {controller.gain_doubt(n):.0%}" for n in open_gains)
+        each = ", ".join(f"{n} {controller.gain(n):.4g} ± {percent(controller.gain_doubt(n))}" for n in open_gains)
         notes.append(f"kp in N·m/rad (N/m), from the URDF's masses, with one standard error: {each}")
     return controller
 

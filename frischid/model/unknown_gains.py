@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frischid.core.text import percent
 from frischid.core.types import Array
 from frischid.effects import BASELINE
 from frischid.estimators.torque_scale import TorqueScales, torque_scales
@@ -91,7 +92,7 @@ def known_currents(
 
 
 def _said(gains: dict[str, float], doubts: dict[str, float], lost: Sequence[str]) -> list[str]:
-    found = ", ".join(f"{n} {gains[n]:.4g} ± {doubts[n]:.0%}" for n in gains if n not in lost)
+    found = ", ".join(f"{n} {gains[n]:.4g} ± {percent(doubts[n])}" for n in gains if n not in lost)
     notes = []
     if found:
         notes.append(f"torque per ampere in N·m/A (N/A), from the URDF's masses, with one standard error: {found}")

@@ -9,12 +9,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from frischid.core.text import listed
+from frischid.core.text import listed, percent
 from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.improvement import next_step
-from frischid.diagnosis.rivals import cause_of
+from frischid.diagnosis.rivals import cause_of, suspect_of
 from frischid.diagnosis.roles import diagnose_with, roles
 from frischid.diagnosis.step import Refusal
 from frischid.errors import FrischidError, InputError
@@ -123,6 +123,12 @@ class Study:
         return [f"frischid improve would not add {r.finding.title}: {r.reason}" for r in self.refused]
 
     @property
+    def passed_over(self) -> list[str]:
+        """Effects that are more probable than the proposed one, and that `improve` would not add."""
+        suspect = None if self.diagnosis is None else suspect_of(self.diagnosis.findings, self.diagnosis.probabilities)
+        return [*([] if suspect is None else [suspect.effect]), *(x.finding.effect for x in self.refused)]
+
+    @property
     def weak(self) -> list[str]:
         """Parameters that the logs say little of: less than half of their knowledge comes from the logs.
 
@@ -134,21 +140,24 @@ class Study:
         return [c.name for c, x, s in zip(e.columns, e.theta, e.stderr, strict=True) if s > HARDLY_KNOWN * abs(x)]
 
     def warnings(self) -> list[str]:
-        """Reasons to doubt the model, most serious first."""
+        """Reasons to doubt the model beside its alarms, most serious first."""
         found = []
+        alarmed = {(alarm.id, joint) for alarm in self.headline.alarms for joint in alarm.joints}
         if not self.held_out:
             found.append("Every log here was used to fit the model: its error on new motion may be larger.")
         limit = IdentificationCriteria().unexplained_nrmse
-        hopeless = [n for n, j in self.verdict.joints.items() if j.nrmse > limit]
+        hopeless = [
+            n for n, j in self.verdict.joints.items() if j.nrmse > limit and ("worse-than-constant", n) not in alarmed
+        ]
         if hopeless:
             found.append(
                 f"The model hardly predicts the torque of {listed(hopeless)}: check for swapped columns, a wrong sign, "
                 "a dead channel, or a missing effect."
             )
-        worse = [n for n, j in self.verdict.joints.items() if j.nominal < j.nrmse and n not in hopeless]
+        worse = [n for n, j in self.verdict.joints.items() if j.nominal < j.nrmse <= limit]
         if worse:
             found.append(f"The URDF with fitted friction predicts {listed(worse)} better than this model does.")
-        if self.impossible:
+        if self.impossible and all(alarm.id != "impossible-sign" for alarm in self.headline.alarms):
             found.append(f"The sign of {listed(self.impossible)} is physically impossible.")
         identified: Mapping[str, Any] = next((e for e in reversed(self.model.history) if "warnings" in e), {})
         of_logs = [f"{Path(q.source).name}: {w}" for q in self.qualities for w in q.warnings]
@@ -169,7 +178,7 @@ def missing(diagnosis: Diagnosis) -> str:
     best = next((f for f in diagnosis.findings if f.significant and f.members), None)
     named = "" if best is None else f"{best.effect} on {listed(best.joints) or 'the whole robot'}"
     cause = cause_of(diagnosis.findings, diagnosis.probabilities)
-    sure = "" if best is None or cause else f" (probability {100 * best.probability:.0f} %)"
+    sure = "" if best is None or cause else f" (probability {percent(best.probability)})"
     if diagnosis.verdict == "contact":
         count = len(diagnosis.contacts)
         touched = f"Something touched the robot {'once' if count == 1 else f'{count} times'} (left out)"

@@ -158,7 +158,7 @@ class Findings:
         if shape is None:
             return
         sliding = bool(robot.prismatic[robot.joints.index(joint)])
-        drawn = figures.shape(shape, EFFECTS[finding.effect].title, finding.joints, sliding)
+        drawn = figures.shape(shape, EFFECTS[finding.effect].title, sliding)
         figure = drawn.figure.update_layout(height=None, margin={"t": 44})
         with self.folder:
             self._drawn = self.gui.add_plotly(

@@ -2,6 +2,7 @@
 
 import io
 import re
+import shlex
 
 import pytest
 from click.testing import CliRunner
@@ -12,7 +13,7 @@ from rich.console import Console
 from test_cli import fitted, logs, run  # noqa: F401 (fixtures)
 
 from frischid.cli import main, output
-from frischid.cli.narrow import Wide
+from frischid.cli.narrow import Command, Wide
 from frischid.cli.narrow import fitted as pieces_of
 from frischid.cli.pages.page import alarm_lines
 
@@ -153,3 +154,12 @@ def test_the_help_of_every_command_keeps_within_the_width(width):
         shown = CliRunner().invoke(main, [name, "--help"], terminal_width=width).output
         text = [x for x in shown.splitlines() if ": frischid " not in x]  # a command to copy stays in one line
         assert all(cell_len(x) <= width for x in text), name
+
+
+def test_a_command_to_copy_continues_over_lines_as_a_shell_reads_it():
+    command = "next: frischid diagnose model.json 'a log with a name.csv' another_log.parquet --map map.toml"
+    lines = printed(Command(command), 40).splitlines()
+    assert all(cell_len(line) <= 40 for line in lines)
+    assert all(line.endswith(" \\") for line in lines[:-1])
+    assert shlex.split("\n".join(lines).replace("\\\n", "")) == shlex.split(command)
+    assert printed(Command(command), 200).splitlines() == [command]

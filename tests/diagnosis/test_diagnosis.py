@@ -18,6 +18,7 @@ from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.improvement import add, improve, undo
 from frischid.diagnosis.shape_choice import searched
+from frischid.diagnosis.verdict import not_called_missing
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
@@ -253,7 +254,7 @@ def test_the_command_line(tmp_path):
     assert len({f["effect"] for f in data["findings"]}) == len(data["findings"])
     assert set(data["search"]["joints"]["elbow_joint"]) == {"error", "noise_floor"}
     shown = runner.invoke(main, ["diagnose", model, paths[0], "--valid", paths[1]])
-    assert "an effect is missing" in shown.output
+    assert "An effect is missing" in shown.output
     new = str(tmp_path / "new.json")
     added = ["add", model, "asymmetric_viscous", paths[0], "--joints", "wrist_1*", "--valid", paths[1], "-o", new]
     result = runner.invoke(main, [*added, "--json"])
@@ -467,11 +468,11 @@ def test_dry_friction_that_turns_a_little_early_or_late_raises_no_alarm():
         (
             1.5,
             0.4,
-            "it explains 40% of the error above the sensor noise there, and must explain 50%, because the",
+            "it explains 40 % of the error above the sensor noise there, and must explain 50 %, because the",
         ),
         (1.5, 0.6, ""),
         (1.1, 1.0, "the error there is hardly more than the sensor noise"),
-        (0.0, 0.6, "it explains 60% of the error above the sensor noise there, and must explain"),
+        (0.0, 0.6, "it explains 60 % of the error above the sensor noise there, and must explain"),
         (0.0, 0.9, ""),
         (2.5, 0.0, "it explains none of the error above the sensor noise there"),
         (0.0, 0.0, "the error there is hardly more than the sensor noise"),
@@ -505,14 +506,24 @@ def test_a_small_effect_that_leaves_less_than_the_floor_is_found():
     )
 
 
-def test_what_is_withheld_is_told():
+def test_what_is_withheld_is_told_once():
     logs = [log_of(s, "hysteresis@wrist_2_joint", fh5=0.06) for s in (1, 2)]
     strict = DiagnosisCriteria(clear_error=1e3, half_explained=0.999)
     found = diagnose(identify(UR5, logs[:1], recursion="none").model, logs, criteria=strict)
     withheld = next(f for f in found.findings if f.sure and f.withheld)
     assert found.verdict == "none"
-    (told,) = [note for note in found.notes if withheld.withheld in note]
-    assert told.startswith("more than chance, but not called missing: ")
+    (told,) = [text for text in (found.remainder, *found.notes) if withheld.withheld in text]
+    assert withheld.title in told
+
+
+def test_a_probable_cause_that_is_not_called_missing_is_told():
+    """The verdict names the most probable cause, so a reader looks for its finding."""
+    logs = [log_of(s, "hysteresis@wrist_2_joint", fh5=0.06) for s in (1, 2)]
+    found = diagnose(identify(UR5, logs[:1], recursion="none").model, logs).findings
+    likely = replace(found[-1], gain=-1.0, p_value=1.0)
+    (told,) = not_called_missing([*found[:-1], likely], {found[0].effect: 0.2, likely.effect: 0.8}, "effect")
+    assert told == f"the most probable cause, {likely.title}, is not called missing: its evidence may be chance"
+    assert not_called_missing(found, {found[0].effect: 0.8, likely.effect: 0.2}, "effect") == []
 
 
 @pytest.mark.parametrize(("burst", "found"), [(0.05, False), (0.2, True)])

@@ -97,7 +97,7 @@ def test_alarms_of_a_fit():
     assert too_short(20.0, CRITERIA) == []
     spectra = LogSpectra(tuple(JointSpectrum(0.5, x / 10.0**5, np.nan) for x in (0.1, 2.0, 3.0)), 200.0)
     assert noisy_cutoff(spectra, 5.0, CRITERIA) == []
-    for cutoff, said in ((10.0, "a cut-off of 10 Hz, 67%"), (None, "no filter, 100%")):
+    for cutoff, said in ((10.0, "a cut-off of 10 Hz, 67 %"), (None, "no filter, 100 %")):
         (alarm,) = noisy_cutoff(spectra, cutoff, CRITERIA)
         assert alarm.id == "cut-off-admits-noise"
         assert said in alarm.sentence

@@ -20,6 +20,7 @@ from frischid.diagnosis.effect_curves import correlation_ratio, shape_of
 from frischid.diagnosis.improvement import add, improve
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
+from frischid.figures.failure import worst
 from frischid.figures.robot_picture import robot_picture
 from frischid.figures.style import number
 from frischid.logs.readers import read_log
@@ -35,7 +36,7 @@ from frischid.motions.trajectory import random_fourier
 from frischid.reports.chapters import CHAPTERS
 from frischid.reports.chapters.history import rounded
 from frischid.reports.page import page, report
-from frischid.reports.study import missing, study
+from frischid.reports.study import Study, missing, study
 from frischid.reports.study import opened as capital
 from frischid.reports.templates import environment, packed_plotly, render
 from frischid.robot.robot import Robot
@@ -206,6 +207,21 @@ def test_the_file_refers_to_nothing_outside_and_holds_plotly_once(spring):
     assert text.count(packed_plotly()["packed"]) == 1
     assert len(text) < 2.6e6, "a page of a small robot is small"
     assert "default-src 'none'" in text
+
+
+def test_a_warning_does_not_repeat_an_alarm(spring, monkeypatch):
+    monkeypatch.setattr(Study, "impossible", ["Ia2"])
+    found = spring[1]
+    assert any("physically impossible" in text for text in found.warnings())
+    alarm = Alarm("impossible-sign", "doubt", "The sign of Ia2 is impossible.", "Look for an effect.", ("joint2",))
+    told = replace(found, headline=replace(found.headline, alarms=(alarm,)))
+    assert not any("physically impossible" in text for text in told.warnings())
+
+
+def test_a_condition_of_a_joint_with_a_small_error_is_no_place_where_the_model_fails(spring):
+    whole = spring[1].comparison
+    assert "joint2" in worst(whole, above=whole.nrmse)
+    assert worst(whole, above=10 * whole.nrmse) == ""
 
 
 def test_verdict_names_the_spring_and_counts_the_warnings(spring):

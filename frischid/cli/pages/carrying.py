@@ -7,6 +7,7 @@ from typing import Any
 from rich.markup import escape
 
 from frischid.cli.pages.page import Page, table_of
+from frischid.core.text import percent
 from frischid.model.payload_identification import IdentifiedPayload
 
 BODY_UNITS = {"mass": "kg"} | dict.fromkeys("xyz", "m")
@@ -16,7 +17,7 @@ def payload(found: IdentifiedPayload, output: str | None) -> Page:
     """Numbers with bounds, and the text to enter."""
     table = table_of("quantity", "unit", "value", "± (95 %)", "from the log")
     for name, x in found.values.items():
-        numbers = f"{x:.4g}", f"{found.bound[name]:.2g}", f"{found.from_log[name]:.0%}"
+        numbers = f"{x:.4g}", f"{found.bound[name]:.2g}", percent(found.from_log[name])
         table.add_row(name, BODY_UNITS.get(name, "kg·m²"), *numbers)
     parts: list[Any] = [
         escape(f"body on the link of {found.carrier}, in the frame {found.frame}; inertia about the centre of mass"),

@@ -10,6 +10,7 @@ from rich.markup import escape
 
 from frischid.checks import LogIssue, LogReport
 from frischid.cli.pages.page import Page, figure, table_of
+from frischid.core.text import percent
 from frischid.logs.datasets import Dataset
 from frischid.logs.log import Log
 from frischid.logs.proposal import Proposal
@@ -120,10 +121,10 @@ def _clock(facts: Mapping[str, Any]) -> list[str]:
     low, usual, high = facts["steps_ms"]
     words = f"  true rate {facts['mean_rate_hz']:.4g} Hz, steps {low:.4g} to {high:.4g} ms (usual {usual:.4g} ms)"
     if "stamps_follow" in facts:
-        words += f", jitter {facts['jitter']:.1%} of a step; the positions follow it by a factor of "
+        words += f", jitter {percent(facts['jitter'], 1)} of a step; the positions follow it by a factor of "
         words += f"{facts['stamps_follow']:.2f} ± {facts['stamps_follow_error']:.2g} (1: stamps are true)"
     if facts.get("missing_share"):
-        words += f"; {facts['missing_share']:.1%} of the samples missing"
+        words += f"; {percent(facts['missing_share'], 1)} of the samples missing"
     again = facts.get("comes_again_after")
     said = f"  the motion comes again after {again:.4g} s: a diagnosis measures the noise there" if again else ""
     return [words, said] if said else [words]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from frischid.cli.pages.page import Page, depends, figure, headline_line, table_of
+from frischid.core.text import percent
 from frischid.forward.motion_error import MotionComparison
 from frischid.model.comparison import Comparison
 from frischid.model.headline import AS_THE_SENSORS, Headline
@@ -68,8 +69,8 @@ def error_tables(result: Comparison) -> list[Any]:
     ]
     if result.standstill > 0:
         parts.append(
-            f"{result.standstill:.1%} of the torque samples are left out: the joint is at standstill, where dry "
-            f"friction is undetermined (NRMSE with them {result.nrmse_with_standstill:.4f})"
+            f"{percent(result.standstill, 1)} of the torque samples are left out: the joint is at standstill, where "
+            f"dry friction is undetermined (NRMSE with them {result.nrmse_with_standstill:.4f})"
         )
     return parts
 

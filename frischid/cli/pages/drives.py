@@ -7,6 +7,7 @@ from typing import Any
 from rich.markup import escape
 
 from frischid.cli.pages.page import Page, figure, plain, table_of
+from frischid.core.text import percent
 from frischid.export.drive_gains import Gains
 
 UNCERTAIN_GAIN = 0.05  # standard error over value, above which a drive gain is called uncertain
@@ -33,7 +34,7 @@ def gains(found: Gains) -> Page:
     weak = [n for n, g, s in zip(found.joints, found.gains, found.stderr, strict=True) if s > UNCERTAIN_GAIN * abs(g)]
     parts: list[Any] = [table]
     if weak:
-        parts.append(f"uncertain with this payload (s.e. above {UNCERTAIN_GAIN:.0%}): {', '.join(weak)}")
+        parts.append(f"uncertain with this payload (s.e. above {percent(UNCERTAIN_GAIN)}): {', '.join(weak)}")
     cut = "unfiltered" if found.lowpass.cutoff is None else f"low-passed at {found.lowpass.cutoff:g} Hz"
     data: dict[str, Any] = {
         "channel": found.channel,

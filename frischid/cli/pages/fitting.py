@@ -11,9 +11,11 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from frischid.cli.narrow import Command
 from frischid.cli.pages.comparing import error_tables, motion_table
 from frischid.cli.pages.joint_drives import MEANING, amperes, drives, left_open
 from frischid.cli.pages.page import Page, figure, headline_line, table_of, warning_lines
+from frischid.core.text import percent
 from frischid.forward.output_error import OutputError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
@@ -56,7 +58,7 @@ def moved(result: OutputError, logs: Sequence[Log | Recording], output: str | No
     error = headline(model, logs)
     parts: list[Any] = [
         headline_line(error),
-        f"error of the simulated positions on the fitted logs: {100 * (1 - result.ratio):.0f} % less than with the "
+        f"error of the simulated positions on the fitted logs: {percent(1 - result.ratio)} less than with the "
         "least-squares parameters",
         f"singular values of the motion, in standard errors of least squares: {result.singular_values[0]:.3g} to "
         f"{result.singular_values[-1]:.2g}; in directions below 1, the least-squares values are kept",
@@ -84,13 +86,13 @@ def _brief(found: Identification, messages: Sequence[str]) -> list[str]:
     return list(messages)
 
 
-def _next(found: Identification, output: str) -> str:
+def _next(found: Identification, output: str) -> Command:
     """The command that most users want next, with the mapping file where there was one."""
     files = {x["file"]["mapping"]["path"] for x in found.model.fitted_logs if (x.get("file") or {}).get("mapping")}
     near = [min(path, os.path.relpath(path), key=len) for path in sorted(map(str, files))]
     maps = "".join(f" --map {shlex.quote(path)}" for path in near)
     logs = " ".join(shlex.quote(x["source"]) for x in found.model.fitted_logs)
-    return f"next: frischid diagnose {shlex.quote(output)} {logs}{maps}"
+    return Command(f"next: frischid diagnose {shlex.quote(output)} {logs}{maps}")
 
 
 def identified(found: Identification) -> dict[str, Any]:
@@ -156,7 +158,7 @@ def parameters(model: Model, truth: Sequence[float] | None = None) -> Table:
         ]
         expected = [] if truth is None else [figure(truth[i])]
         row = [column.name, model.expressions[i], column.unit, *expected, figure(e.theta[i]), figure(e.stderr[i])]
-        share = [] if e.from_data is None else [f"{e.from_data[i]:.0%}"]
+        share = [] if e.from_data is None else [percent(e.from_data[i])]
         table.add_row(*row, *share, *boxes)
     return table
 

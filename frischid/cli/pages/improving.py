@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from frischid.cli.pages.page import Page, change, headline_line, quantities, table_of
-from frischid.core.text import sentence
+from frischid.core.text import percent, sentence
 from frischid.diagnosis.diagnosis import Diagnosis, delay_in
 from frischid.diagnosis.findings import HOW_RANKED
 from frischid.diagnosis.motion_space import MotionDiagnosis
@@ -21,7 +21,7 @@ from frischid.model.model import Model
 def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
     """Verdict, ranking, effects that these data cannot distinguish, and the simulated motion of each finding."""
     changed = "changed since it was identified" if result.situation == "changed" else "has not changed"
-    head = f"[bold]{verdict_of(result)}[/bold] (assumed: the robot {changed})."
+    head = f"[bold]{sentence(verdict_of(result))}[/bold] (assumed: the robot {changed})."
     parts: list[Any] = [head, headline_line(result.headline)]
     for c in result.contacts:
         parts.append(f"contact in {c.source} from {c.start:.2f} to {c.stop:.2f} s on {', '.join(c.joints)}; left out")
@@ -29,7 +29,7 @@ def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
     effects = [f for f in result.findings if f.effect != result.verdict]  # the first line has the verdict
     for f in effects[:10]:
         where = ", ".join(f.joints) or "robot"
-        evidence = (f.change, f"{f.share:.0%}", f"{f.gain:.1f}", f"{f.probability:.0%}")
+        evidence = (f.change, percent(f.share), f"{f.gain:.1f}", percent(f.probability))
         table.add_row(f.effect, where, *evidence, ", ".join(f.confused_with))
     if result.fit is None:
         parts += [f"{sentence(note)}." for note in result.notes[1:]]
@@ -42,7 +42,7 @@ def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
         best = significant[0]
         found = quantities(best.found(result.validator.model.robot))
         confirm = f" Found: {found}. To confirm: {EFFECTS[best.effect].confirmed_by}." if best.effect in EFFECTS else ""
-        parts.append(f"{best.sentence}.{confirm}")
+        parts.append(f"{sentence(best.sentence)}.{confirm}")
     if len(significant) > 1:
         parts.append(f"{HOW_RANKED} `frischid improve` adds them one at a time.")
     parts.append(
@@ -82,8 +82,8 @@ def elsewhere(result: Diagnosis) -> str:
     """Probabilities of the hypotheses that are no effect, and of all findings below the table, in words."""
     shown = {f.effect for f in result.findings[:10]}
     below = sum(p for name, p in result.probabilities.items() if name not in shown and name not in IN_WORDS)
-    told = [f"{words} {result.probabilities[name]:.0%}" for name, words in IN_WORDS.items()]
-    return ", ".join([*told, *([f"an effect further down {below:.0%}"] if below >= 0.005 else [])])
+    told = [f"{words} {percent(result.probabilities[name])}" for name, words in IN_WORDS.items()]
+    return ", ".join([*told, *([f"an effect further down {percent(below)}"] if below >= 0.005 else [])])
 
 
 def verdict_of(result: Diagnosis) -> str:
@@ -164,7 +164,7 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
         joints = list(finding.joints) if finding is not None else []
         rows.append({"effect": effect, "joints": joints, **step_errors(step)})
     parts: list[Any] = [headline_line(last.headline), *([table] if steps else ["no effect was added"])]
-    parts.append(verdict_of(last))
+    parts.append(f"{sentence(verdict_of(last))}.")
     known = delay_in(last.validator.model)
     parts += [f"{sentence(note)}." for note in last.notes if "was not added: " in note or note == known]
     reach = reach_of(last.validator.model)

@@ -11,6 +11,7 @@ from frischid.cli.pages.comparing import comparison
 from frischid.cli.pages.fitting import identified, parameters, summary
 from frischid.cli.pages.improving import diagnosis, fall_of
 from frischid.cli.pages.page import Page, quantities, table_of, warning_lines
+from frischid.core.text import sentence
 from frischid.effects import EFFECTS, Effect
 from frischid.effects.symbols import symbols_of
 
@@ -88,7 +89,7 @@ def _hidden(result: Demo) -> list[Any]:
         f"[bold]A hidden effect.[/bold] The same arm has a spring now: {HIDDEN} with {values}. Its model has none. "
         "frischid diagnose prints:",
         *diagnosis(result.diagnosis).parts[:3],
-        f"{best.sentence}. Found: {found}.",
+        f"{sentence(best.sentence)}. Found: {found}.",
         f"Added: {fall_of(step)}",
     ]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from frischid import figures
-from frischid.core.text import listed, sentence
+from frischid.core.text import listed, percent, sentence
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.effect_curves import shape_of
 from frischid.diagnosis.findings import HOW_RANKED, Finding
@@ -44,7 +44,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "diagnosis": diagnosis,
         "missing": said,
         "contacts": contacts,
-        "chances": [f"{IN_WORDS.get(k, k)} {100 * p:.0f} %" for k, p in _likely(diagnosis)],
+        "chances": [f"{IN_WORDS.get(k, k)} {percent(p)}" for k, p in _likely(diagnosis)],
         "notes": [sentence(note) for note in diagnosis.notes[1:] if note != shared and f"; {note}" not in said],
         "refused": study.refusals,
         "separate": separating_command(diagnosis.findings, diagnosis.probabilities, source) if pair else "",
@@ -63,7 +63,7 @@ def _likely(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 
 def _row(f: Finding) -> list[str]:
-    evidence = [f.change, f"{100 * f.share:.0f} %", number(f.gain, 3), f"{100 * f.probability:.0f} %"]
+    evidence = [f.change, percent(f.share), number(f.gain, 3), percent(f.probability)]
     return [f.effect, ", ".join(f.joints) or "robot", *evidence, ", ".join(f.confused_with) or "–"]
 
 
@@ -94,8 +94,8 @@ def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
     general = f" (in general: {listed(kind.confused_with)})" if kind.confused_with else ""
     plan = f" To plan a motion that distinguishes it from {other}:" if other else ""
     evidence = (
-        f"probability that this is the cause {100 * finding.probability:.0f} %; error {finding.change}, "
-        f"cross-validated; explains {100 * finding.share:.0f} % of the error above the sensor noise on its joints; log "
+        f"probability that this is the cause {percent(finding.probability)}; error {finding.change}, "
+        f"cross-validated; explains {percent(finding.share)} of the error above the sensor noise on its joints; log "
         f"likelihood gained {finding.gain:.0f}"
     )
     card["facts"] = [
@@ -110,5 +110,5 @@ def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
         card["separate"] = command_for([finding, *rival], study.model.robot.source)
     shape = shape_of(study.diagnosis, finding, study.prediction) if study.diagnosis is not None else None
     if shape is not None:
-        card["shape"] = figures.shape(shape, kind.title, finding.joints, study.sliding(shape.joint))
+        card["shape"] = figures.shape(shape, kind.title, study.sliding(shape.joint))
     return card

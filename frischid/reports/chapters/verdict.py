@@ -32,7 +32,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "error": study.headline,
         "ladder": _ladder(study),
         "forecast": study.proposed is not None,
-        "worst_condition": figures.failure.worst(study.comparison),
+        "worst_condition": figures.failure.worst(study.comparison, above=study.comparison.nrmse),
         "missing": "" if study.diagnosis is None else missing(study.diagnosis),
         "refused": study.refusals[0] if study.proposed is None and study.refused else "",
         "next": _next(study, model_path),
@@ -140,7 +140,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
     if best is not None:
         where = f" --joints {shlex.quote(','.join(best.joints))}" if best.joints else ""
         add = f"frischid add {given} {best.effect}{where} LOG... -o {better}"
-        refused = listed([x.finding.effect for x in study.refused])
+        refused = listed(study.passed_over)
         found.append({"kind": "add", "effect": best.effect, "change": best.change, "command": add, "refused": refused})
     if study.weak:
         more = " …" * (len(study.weak) > LISTED)
@@ -154,5 +154,5 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         again = f"frischid report {better} LOG..." if best is not None else "frischid check ROBOT LOG..."
         found = [*found[: STEPS_PROPOSED - 1], {"kind": "wait", "added": best is not None, "command": again}]
     else:
-        found.append({"kind": "use", "command": f"frischid export {given} -o controller.c"})
+        found.append({"kind": "use", "command": f"frischid export {given if best is None else better} -o controller.c"})
     return found[:STEPS_PROPOSED]
