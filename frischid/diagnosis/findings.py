@@ -127,7 +127,8 @@ class Finding:
             return "it explains none of the error above the sensor noise there"
         least = criteria.half_explained
         if self.floors <= criteria.clear_error and self.share < least:
-            return f"{explains}, and must explain {percent(least)}, because the error is only {self.floors:.1f} times the noise"
+            times = f"{self.floors:.1f} times the noise"
+            return f"{explains}, and must explain {percent(least)}, because the error is only {times}"
         return ""
 
     @property
