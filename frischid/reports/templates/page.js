@@ -8,7 +8,7 @@
   };
   const SHEET = 900; // pixels of A4 or Letter at the width of a page that is printed, with room for a title
   // Height of a figure on paper over that on the screen; the first place that holds the figure decides.
-  const ON_PAPER = [["#torque .grid", 0.8], ["#torque", 0.74], ["#fails details", 0.68], ["#fails", 0.62],
+  const ON_PAPER = [["#torque .grid", 0.9], ["#torque", 0.74], ["#fails details", 0.68], ["#fails", 0.62],
     ["#missing", 0.68], ["#parameters .grid", 0.75], ["#data", 0.8], ["body", 1]];
   const wanted = window.matchMedia("(prefers-color-scheme: dark)");
   const plots = [...document.querySelectorAll(".plot")];
