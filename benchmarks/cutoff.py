@@ -14,7 +14,8 @@ error through each model's own filter stands beside it: that one falls with the 
 a low cut-off takes ripple and noise out of the measurement too.
 
 The best of a scan is itself an estimate. So the range beside a ratio is that of a block bootstrap (Künsch 1989): blocks
-of a second of the held-out log are drawn anew, with the residuals of both models together.
+of a second of the held-out log are drawn anew, with the residuals of both models together. And the lowest of a dozen
+errors is low by chance. So the ratio that chance gives stands there too: that of cut-offs which are all equally good.
 """
 
 from __future__ import annotations
@@ -210,7 +211,7 @@ def simulated(name: str, sensors: Sensors, seed: int, scan: Sequence[float]) -> 
         "best": tried[best],
         "error / best": tried[auto] / tried[best],
         "held-out / best": found[auto] / found[lowest],
-        "range": ratio_range(seen[auto], seen[lowest], other),
+        **spread(seen, auto, lowest, other),
     }
 
 
@@ -251,7 +252,7 @@ def measured(pair: Pair, folder: Path, scan: Sequence[float]) -> dict[str, Any]:
         "error": tried[auto],
         "best": tried[best],
         "error / best": tried[auto] / tried[best],
-        "range": ratio_range(seen[auto], seen[best], valid),
+        **spread(seen, auto, best, valid),
         "lowest through own filter": min(own.values()),
         "at Hz": min(own, key=lambda f: own[f]),
     }
@@ -265,20 +266,40 @@ def _held_out(model: fr.Model, valid: fr.Log) -> float:
         return float("inf")
 
 
-def ratio_range(model: fr.Model, best: fr.Model, valid: fr.Log) -> str:
-    """Range of 95 % of the ratio of two models' held-out errors, by a block bootstrap over the held-out log."""
-    found = [fr.compare(m, [valid]) for m in (model, best)]
-    one, two = (np.where(c.residuals.used, c.residuals.residual**2, 0.0) for c in found)
-    used, t = found[0].residuals.used, found[0].residuals.t
-    std = np.array([j.rmse / j.nrmse for j in found[0].joints])
+def spread(models: dict[float, fr.Model], auto: float, lowest: float, valid: fr.Log) -> dict[str, str]:
+    """What the held-out log alone does to a ratio, by a block bootstrap: two ranges.
+
+    *range* holds 95 % of the ratios of the two errors. *of equals* is the median and the 95 % quantile of the ratio to
+    the lowest error if every cut-off that is not clearly worse were as good as the automatic one.
+    """
+    found = {}
+    for f, model in models.items():
+        with suppress(InputError):  # see `_held_out`
+            found[f] = fr.compare(model, [valid])
+    own = found[auto]
+    some = own.residuals.used.any(axis=1)  # a block in which every joint rests has no residual
+    used, t = own.residuals.used[some], own.residuals.t[some]
+    std = np.array([j.rmse / j.nrmse for j in own.joints])
     block = np.unique(np.floor((t - t[0]) / BLOCK_SECONDS).astype(int), return_inverse=True)[1]
-    sums = [np.array([np.bincount(block, x) for x in values.T]).T for values in (one, two, 1.0 * used)]
-    drawn = np.random.default_rng(0).integers(len(sums[0]), size=(DRAWS, len(sums[0])))
-    first, second, count = (x[drawn].sum(axis=1) for x in sums)
-    with np.errstate(invalid="ignore"):  # a joint may rest in all blocks of a draw
-        errors = [np.nanmean(np.sqrt(x / count) / std, axis=1) for x in (first, second)]
-    low, high = np.quantile(errors[0] / errors[1], (0.025, 0.975))
-    return f"{low:.2f} to {high:.2f}"
+    drawn = np.random.default_rng(0).integers(block.max() + 1, size=(DRAWS, block.max() + 1))
+
+    def sums(values: Array) -> Array:
+        return np.array([np.bincount(block, x) for x in values.T]).T
+
+    count = sums(1.0 * used)[drawn].sum(axis=1)
+    errors: dict[float, Array] = {}
+    relative: list[Array] = []
+    for f, c in found.items():
+        squares = sums(np.where(used, c.residuals.residual[some] ** 2, 0.0))[drawn].sum(axis=1)
+        with np.errstate(invalid="ignore"):  # a joint may rest in all blocks of a draw
+            errors[f] = np.nanmean(np.sqrt(squares / count) / std, axis=1)
+    for f, c in found.items():
+        ratio = errors[f] / errors[auto]
+        if np.quantile(ratio, 0.025) <= 1.0:  # a clearly worse model is not one of equals, and its error varies more
+            relative.append(ratio * own.nrmse / c.nrmse)
+    low, high = np.quantile(errors[auto] / errors[lowest], (0.025, 0.975))
+    usual, most = np.quantile(1.0 / np.min(relative, axis=0), (0.5, 0.95))
+    return {"range": f"{low:.2f} to {high:.2f}", "of equals": f"{usual:.2f}, up to {most:.2f}"}
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> list[str]:
