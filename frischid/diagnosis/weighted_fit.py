@@ -171,6 +171,12 @@ class WeightedFit:
         factor = self.systems[-1].factor
         return np.asarray(linalg.cho_solve(factor, np.eye(len(factor[0]))))
 
+    @property
+    def determined(self) -> Array:
+        """Number of parameters that the rows of each joint determine, (J,): ``ν_j = tr(H⁻¹ ω_j Y_jᵀ Y_j)``."""
+        rows = self.columns.gram[..., :-1, :-1]
+        return np.asarray(self.omega * np.einsum("ab,fjba->j", self.covariance, rows))
+
     def eliminated(self, X: Moments, D: Moments, candidate: Candidate, left_out: int | None) -> EliminatedSystem | None:
         """Normal equations of a candidate without the parameters, on all folds but one; None when a column is zero."""
         system = self.systems[-1 if left_out is None else left_out]

@@ -239,8 +239,8 @@ def test_a_joint_is_worse_where_its_error_rises_in_most_blocks_by_more_than_a_tr
     single[7] = 4.0
     rises = [steady, single, trifle]
     after = before + [rise.sum() for rise in rises]
-    assert worse_joints(rises, before, after, criteria) == [0]
-    assert worse_joints(rises, before, after, replace(criteria, harmless_rise=1e-6)) == [0, 2]
+    assert worse_joints(rises, before, after, criteria, np.zeros(3)) == [0]
+    assert worse_joints(rises, before, after, replace(criteria, harmless_rise=1e-6), np.zeros(3)) == [0, 2]
 
 
 def test_a_coefficient_of_impossible_sign_is_named():

@@ -9,7 +9,8 @@ from scipy import stats
 
 from frischid.diagnosis import improvement, step_acceptance
 from frischid.diagnosis.criteria import DiagnosisCriteria
-from frischid.diagnosis.step_acceptance import reason_against, worse_joints, worse_with_standstill
+from frischid.diagnosis.situation import cross_validator
+from frischid.diagnosis.step_acceptance import reason_against, rejection, worse_joints, worse_with_standstill
 from frischid.effects import parse_effects
 from frischid.model.comparison import compare
 from frischid.model.identification import identify
@@ -32,24 +33,51 @@ def rising(p_value, count=30, seed=0):
 def test_the_level_of_harm_is_shared_by_the_joints(share, worse, joints):
     rises = [rising(share * CRITERIA.block_p_value / joints), *[np.zeros(30)] * (joints - 1)]
     before = np.full(joints, 10.0)
-    assert worse_joints(rises, before, before + [r.sum() for r in rises], CRITERIA) == worse
+    assert worse_joints(rises, before, before + [r.sum() for r in rises], CRITERIA, np.zeros(joints)) == worse
 
 
 def test_two_blocks_of_time_show_no_harm():
     rise = np.array([1.0, 1.0001, 0.0, 0.0])
-    assert worse_joints([rise], np.array([1.0]), np.array([3.0]), CRITERIA) == []
+    assert worse_joints([rise], np.array([1.0]), np.array([3.0]), CRITERIA, np.zeros(1)) == []
+
+
+@pytest.mark.parametrize(("samples", "worse"), [(200.0, []), (2000.0, [0])])
+def test_a_joint_is_worse_only_if_its_rows_reject_the_parameters(samples, worse):
+    """A rise of 1 % in every block: so much do nine parameters move by chance where 200 samples determine them."""
+    rises, one = [rising(1e-4)], np.ones(1)
+    p_value = rejection(np.array([9.0]), np.array([samples]), one, 1.02 * one)
+    assert worse_joints(rises, one, 1.02 * one, CRITERIA, p_value) == worse
+
+
+def test_the_parameters_that_the_joints_determine_are_all_of_them():
+    """Without a prior, each parameter is determined by the rows of some joint."""
+    robot = Robot.load("planar2")
+    log = simulate(robot, random_fourier(robot, 6.0, seed=1), rate=100.0, noise=Noise(q=1e-5, tau=0.05))
+    model = identify(robot, [log], prior="none", recursion="none").model
+    fit = cross_validator(model, [log], situation="always")[0].fit
+    assert fit.determined.sum() == pytest.approx(len(model.estimate.theta), rel=1e-3)
+    assert (fit.determined > 1).all()
+
+
+def test_a_joint_that_only_has_less_say_about_shared_parameters_is_not_worse():
+    before = residuals([10.0, 1.0])
+    after = residuals([2.0, 1.01])
+    assert reason_against(Validator(before, after, say=(1.0, 9.0)), ["effect"]) == ""
+    assert reason_against(Validator(before, after, say=(1.0, 0.1)), ["effect"]).startswith("joint2")
 
 
 class Validator:
     """Cross-validated residuals of each joint, (J, N), in blocks of ten samples; `other` with the effect."""
 
-    def __init__(self, residuals, other=None, acts_on=(0,)):
+    def __init__(self, residuals, other=None, acts_on=(0,), say=None):
         self.residuals, self.other, self.criteria = np.array(residuals), other, CRITERIA
         self.joints = tuple(f"joint{k + 1}" for k in range(len(self.residuals)))
         self.candidate = SimpleNamespace(columns=dict.fromkeys(acts_on))
         blocks = self.residuals.shape[1] // 10
         self.data = SimpleNamespace(cache=SimpleNamespace(blocks=blocks), motions_of=self.motions_of)
-        self.fit = SimpleNamespace(fold_theta=None)
+        self.say = np.ones(len(self.residuals)) if say is None else np.array(say)
+        self.fit = SimpleNamespace(fold_theta=None, determined=self.say)
+        self.effective = np.full(len(self.residuals), float(self.residuals.shape[1]))
         self.columns = SimpleNamespace(predicted=lambda data, _: -self.residuals[data.row])
 
     def motions_of(self, row):
@@ -63,7 +91,7 @@ class Validator:
         return self.candidate
 
     def extended(self, candidate):
-        return Validator(self.other)
+        return Validator(self.other, say=self.say)
 
     def base_sse(self):
         return (self.residuals**2).sum(axis=1)[None]
