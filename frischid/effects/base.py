@@ -119,9 +119,9 @@ class Effect(ABC):
     """Whether the effect is part of `Model.friction`."""
     code: ClassVar[Mapping[str, str]] = {}
     """Coefficient's symbol -> its column for generated code, in terms of shape parameters and of quantities of its
-    joint: {q}, {v}, {a}, {load}, {torque}, {temperature}, the time {t}; with a shape parameter `distance` Dahl's state
-    {z}, and with `constant` and `exponent` the heat {heat} (see `frischid.export.code_columns`); empty where the class
-    states no column."""
+    joint: {q}, {v}, {a}, {load}, {torque}, {temperature}, the time {t}, the {middle} of its range; with a shape
+    parameter `distance` Dahl's state {z}, and with `constant` and `exponent` the heat {heat} (see
+    `frischid.export.code_columns`); empty where the class states no column."""
 
     joints: tuple[str, ...] | None = None
 

@@ -27,7 +27,7 @@ RESERVED_FIELDS = ("effect", "package")
 TEXTS = ("title", "equation", "sentence", "looks_like", "confirmed_by", "reference")
 """Texts of an effect that pages print."""
 
-CODE_QUANTITIES = ("q", "v", "a", "load", "torque", "temperature", "t")
+CODE_QUANTITIES = ("q", "v", "a", "load", "torque", "temperature", "t", "middle")
 """Quantities that the expressions of `Effect.code` may use; and `z` where the effect has a `distance`,
 `heat` where it has a `constant` and an `exponent`."""
 

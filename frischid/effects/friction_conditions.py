@@ -130,7 +130,10 @@ class LoadStribeck(Effect):
 
 @dataclass(frozen=True)
 class PositionFriction(Effect):
-    """Dry friction that grows or falls with the position, ``fp q tanh(q̇/width)``.
+    """Dry friction that grows or falls with the position, ``fp (q − middle) tanh(q̇/width)``.
+
+    The middle of the joint's range is that of the URDF; zero without a range. So the Coulomb friction fc is that in the
+    middle, where it is positive. At the angle 0, which a knee never reaches, it would be extrapolated.
 
     Attributes
     ----------
@@ -140,7 +143,7 @@ class PositionFriction(Effect):
 
     id: ClassVar[str] = "position_friction"
     title: ClassVar[str] = "friction that depends on the position"
-    equation: ClassVar[str] = "fp·q·tanh(v/width)"
+    equation: ClassVar[str] = "fp·(q − middle)·tanh(v/width)"
     sentence: ClassVar[str] = (
         "the dry friction of {joint} changes along the range of the joint: a linkage with a changing ratio, a gear "
         "that is not centred, or a guide that is tighter at one end"
@@ -156,7 +159,7 @@ class PositionFriction(Effect):
     reference: ClassVar[str] = "Armstrong 1988, IEEE ICRA"
 
     friction: ClassVar[bool] = True
-    code: ClassVar[Mapping[str, str]] = {"fp": "{q} * tanh({v} / {width})"}
+    code: ClassVar[Mapping[str, str]] = {"fp": "({q} - {middle}) * tanh({v} / {width})"}
 
     dry: ClassVar[bool] = True
     smooths_sign: ClassVar[bool] = True
@@ -169,5 +172,6 @@ class PositionFriction(Effect):
         self.require_positive(width="speed in rad/s (m/s)")
 
     def terms(self, state: State) -> list[Term]:
-        """One column per joint: its position times the smoothed sign of its speed."""
-        return self.per_joint(state, "fp", "position", lambda i: state.q[:, i] * np.tanh(state.v[:, i] / self.width))
+        """One column per joint: its distance from the middle of its range times the smoothed sign of its speed."""
+        x = state.q - state.robot.limits.middle
+        return self.per_joint(state, "fp", "position", lambda i: x[:, i] * np.tanh(state.v[:, i] / self.width))

@@ -20,6 +20,7 @@ COMMON: Mapping[str, str] = {
     "v": "velocity q̇ of the joint",
     "a": "acceleration q̈ of the joint",
     "t": "time",
+    "middle": "middle of the joint's range, zero without a range",
     "z": "state of the friction between −1 and 1: its sign, which changes over some distance after a reversal",
     "h": "heat of the joint: the mean of |v|^exponent over the past, cold at the beginning",
     "f": "dry friction that acts on the link, behind the gear",

@@ -224,6 +224,7 @@ class _Writer:
             text, made = effect.code[symbol], []
             values = {k: number(x) for k, x in effect.parameters.items() if not isinstance(x, str)}
             state = {k: f"{k}[{j}]" for k in ("q", "v", "a", "load", "torque", "temperature")} | {"t": "t"}
+            state["middle"] = number(float(self.robot.limits.middle[j]))
             if "{z}" in text:
                 made.append(self._quantity("slide", j, float(effect.parameters["distance"])))
                 state["z"] = made[0].name

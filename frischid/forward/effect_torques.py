@@ -152,7 +152,7 @@ class EffectTorques:
             elif text == "{v}":
                 self.damping[:, joints] += values[:, mine]
             else:
-                shapes = dict(effect.parameters)
+                shapes = {**effect.parameters, "middle": self.robot.limits.middle[joints]}
                 dry = effect.dry and effect.smooths_sign
                 given = {**shapes, "width": 1e-3 * CRAWL, "lead": 0.0} if dry else shapes
                 self._sort(_Compiled(joints, values[:, mine], _compiled(text, given)), dry)
@@ -161,13 +161,13 @@ class EffectTorques:
     def _sort(self, part: _Compiled, dry: bool) -> None:
         """File a compiled part; torque that no state changes, save the direction, is computed once."""
         rng = np.random.default_rng(0)
-        q, v, a = rng.normal(size=(3, 9, 1))
+        q, v, a = rng.normal(size=(3, 9, 1)) * np.ones(len(part.joints))
         sides = [np.broadcast_to(part.formula(q, side * np.abs(v) + side * CRAWL, a), q.shape) for side in (1.0, -1.0)]
         same = [bool((x == x[0]).all()) for x in sides]
         if dry and all(same):
             for level, x in zip(self.levels, sides, strict=True):
                 level[:, part.joints] += part.values * x[0]
-        elif not dry and all(same) and sides[0][0] == sides[1][0]:
+        elif not dry and all(same) and (sides[0][0] == sides[1][0]).all():
             self.constant[:, part.joints] += part.values * sides[0][0]
         else:
             (self.dry if dry else self.smooth).append(part)
@@ -275,7 +275,7 @@ def _own_dry(robot: Robot, effect: Effect) -> bool:
     return all(len(term.rows) == 1 for term in effect.terms(State.empty(robot)))
 
 
-def _compiled(text: str, shapes: Mapping[str, float | bool | str]) -> Formula:
+def _compiled(text: str, shapes: Mapping[str, float | bool | str | Array]) -> Formula:
     """Array function of (q, v, a) from an effect's class, as `Effect.code` states it; shape parameters are values."""
     body = re.sub(r"\{(\w+)\}", r"\1", text)
     space: dict[str, object] = {"__builtins__": {}, **FUNCTIONS, **shapes}

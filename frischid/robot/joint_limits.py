@@ -28,6 +28,12 @@ class JointLimits:
     velocity: Array
     effort: Array
 
+    @property
+    def middle(self) -> Array:
+        """Middle of the range of position, (J,), rad (m); zero for a joint without a range."""
+        bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
+        return np.where(bounded, 0.5 * (np.where(bounded, self.lower, 0.0) + np.where(bounded, self.upper, 0.0)), 0.0)
+
 
 def read_limits(model: Any, joints: Sequence[int]) -> JointLimits:
     """Take the limits of some joints from a Pinocchio model; infinite where the URDF gives none.

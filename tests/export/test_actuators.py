@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
@@ -98,3 +99,32 @@ def test_identify_prints_the_drives(robot, tmp_path, monkeypatch):
     assert "drive of" in done.output
     assert "All values grow in proportion to kp" in " ".join(done.output.split())
     assert '"drives"' in CliRunner().invoke(main, [*words, "--json"]).output
+
+
+def test_friction_that_depends_on_the_position_is_written_in_the_middle_of_the_range(tmp_path):
+    """A knee never reaches the angle 0, where the friction that is extrapolated has no meaning and may be negative."""
+    text = re.sub(
+        r'(<joint name="joint2".*?<limit )lower="[^"]*" upper="[^"]*"',
+        r'\1lower="-2.6" upper="-0.6"',
+        fr.Robot.load("planar2").urdf,
+        flags=re.DOTALL,
+    )
+    (tmp_path / "knee.urdf").write_text(text, encoding="utf-8")
+    knee = fr.Robot.load(tmp_path / "knee.urdf")
+    effects = fr.parse_effects("viscous, coulomb, rotor_inertia, position_friction@joint2")
+    truth = {"fc1": 2.0, "fc2": 1.9, "fp2": -1.5}  # between 0.4 and 3.4 N·m along the range, and -0.5 N·m at 0
+    log = fr.simulate(
+        knee, fr.random_fourier(knee, 20.0, seed=2), rate=200.0, effects=effects, parameters=truth,
+        noise=fr.Noise(tau=0.01, q=1e-5), seed=1, channels=("v",),
+    )  # fmt: skip
+    model = fr.identify(knee, [log], effects=effects, recursion="none").model
+    found = {x.joint: x for x in fr.drive_parameters(model) if x.quantity == "coulomb"}
+    assert found["joint2"].lower <= 1.9 <= found["joint2"].upper
+    assert found["joint2"].known in ("identified", "roughly")
+    assert model.parameters["fp2"].value == pytest.approx(-1.5, rel=0.02)
+    fr.export(model, tmp_path / "drives.csv")
+    with (tmp_path / "drives.csv").open(encoding="utf-8", newline="") as file:
+        assert float(list(csv.DictReader(file))[1]["friction"]) == pytest.approx(1.9, rel=0.02)
+    fr.export(fr.make_consistent(model).model, tmp_path / "out.urdf")
+    written = re.findall(r'friction="([^"]*)"', (tmp_path / "out.urdf").read_text(encoding="utf-8"))
+    assert float(written[1]) == pytest.approx(1.9, rel=0.02)
