@@ -22,7 +22,7 @@ from frischid.checks.check_criteria import CheckCriteria
 from frischid.checks.log_issue import Notebook
 from frischid.core.text import percent
 from frischid.core.types import Array
-from frischid.logs.filters import noise_level
+from frischid.logs.filters import noise_level, polynomial_taps
 from frischid.logs.log import CHANNELS, Log
 from frischid.logs.mapping_rules import TICKS_PER_SECOND
 from frischid.logs.repeated_motion import LEAST_OVERLAP, repeat_of
@@ -185,9 +185,7 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
 
 def _told_by_positions(q: Array, t: Array, window: int) -> tuple[Array, Array]:
     """Time between samples computed from the positions [s], and 1 / variance of this time [1/s²], both (N - 1,)."""
-    from scipy import signal
-
-    taps = signal.savgol_coeffs(window, 3, deriv=1, use="dot")
+    taps = polynomial_taps(window // 2, 3, 1)
     slope = ndimage.correlate1d(q, taps, axis=0, mode="nearest")
     speed = slope / ndimage.correlate1d(t, taps, mode="nearest")[:, None]
     noise = noise_level(q)

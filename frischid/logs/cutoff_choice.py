@@ -34,7 +34,7 @@ import numpy as np
 
 from frischid.core.remembered import Remembered
 from frischid.core.types import Array
-from frischid.logs.filters import LowPass
+from frischid.logs.filters import LowPass, power_spectrum
 from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.poses import is_static
 from frischid.logs.time_grid import retimed, uniform
@@ -210,9 +210,5 @@ def _motion_spectrum(f: Array, power: Array, floor: float) -> Array:
 
 def _spectrum(x: Array, step: float) -> tuple[Array, Array, Array]:
     """Frequencies, power spectral density and its floor per column."""
-    from scipy import signal  # takes longer to import than a log to be evaluated
-
-    f, power = signal.welch(
-        x, 1 / step, nperseg=min(len(x), max(round(8 / step), LEAST_WINDOW)), detrend="linear", axis=0
-    )
+    f, power = power_spectrum(x, step, min(len(x), max(round(8 / step), LEAST_WINDOW)))
     return f, power, np.median(power[2 * len(f) // 3 :], axis=0)

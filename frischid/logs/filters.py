@@ -161,9 +161,14 @@ def derivative_taps(order: int, step: float, cutoff: float | None) -> Array:
         share_of_nyquist = min(1.0, DERIVATIVE_BAND * cutoff * 2 * step)
         half = max(half, round(((QUARTIC + 1) / share_of_nyquist + 4.6) / 3.2))
         check_length(2 * half + 1, cutoff, step)
-    powers = np.arange(-half, half + 1.0) ** np.arange(QUARTIC + 1.0)[:, None]
-    wanted = np.zeros(QUARTIC + 1)
-    wanted[order] = order / step**order  # the derivative of that order at zero of 1, x, x²
+    return polynomial_taps(half, QUARTIC, order) / step**order
+
+
+def polynomial_taps(half: int, degree: int, order: int) -> Array:
+    """Savitzky-Golay weights (2 half + 1,) of a derivative of order 1 or 2, per sample step, of a local polynomial."""
+    powers = np.arange(-half, half + 1.0) ** np.arange(degree + 1.0)[:, None]
+    wanted = np.zeros(degree + 1)
+    wanted[order] = order  # the derivative of that order at zero of 1, x, x²
     return np.asarray(linalg.lstsq(powers, wanted)[0])
 
 
@@ -202,13 +207,47 @@ def decimate(taps: Array, x: Array, decimation: int) -> Array:
 
     The matrix of `decimating_filter` is faster on short chunks of many columns. Its memory grows with the samples.
     """
-    from scipy import signal
+    if len(x) < len(taps):
+        return np.zeros((0, *x.shape[1:]))
+    windows = np.lib.stride_tricks.sliding_window_view(x, len(taps), axis=0)[::decimation]
+    return np.einsum("...k,k->...", windows, taps)
 
-    outputs = max(0, (len(x) - len(taps)) // decimation + 1)
-    before = -(len(taps) - 1) % decimation  # zeros that put the first whole output on the grid of kept outputs
-    padded = np.concatenate([np.zeros((before, *x.shape[1:])), x])
-    first = (len(taps) - 1 + before) // decimation
-    return np.asarray(signal.upfirdn(taps[::-1], padded, down=decimation, axis=0)[first : first + outputs])
+
+def power_spectrum(x: Array, step: float, window: int) -> tuple[Array, Array]:
+    """Power spectral density by Welch's method: windows of Hann that overlap by half, each without its linear trend.
+
+        P(f) = 2 step / Σ w² · mean over windows |FFT(w (x − trend))|²
+
+    Source: Welch 1967, IEEE Trans. Audio and Electroacoustics 15(2).
+
+    Parameters
+    ----------
+    x : ndarray, shape (N, J)
+        Uniformly sampled channels.
+    step : float
+        Time between samples, s.
+    window : int
+        Samples of a window, at most N.
+
+    Returns
+    -------
+    f : ndarray, shape (F,)
+        Hz.
+    power : ndarray, shape (F, J)
+        Unit of x squared, per Hz; one-sided.
+    """
+    place = np.arange(window) - (window - 1) / 2.0
+    trend = np.stack([np.ones(window), place]) / np.sqrt([[window], [max(place @ place, 1e-300)]])
+    hann = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(window) / window)
+    starts = range(0, len(x) - window + 1, window - window // 2)
+    total = np.zeros((window // 2 + 1, x.shape[1]))
+    for start in starts:
+        part = x[start : start + window]
+        lines = fft.rfft(hann[:, None] * (part - trend.T @ (trend @ part)), axis=0)
+        total += lines.real**2 + lines.imag**2
+    power = total * (step / (hann @ hann) / len(starts))
+    power[1 : (window + 1) // 2] *= 2.0  # all but zero and, of an even window, the highest frequency
+    return fft.rfftfreq(window, step), power
 
 
 def noise_level(x: Array) -> Array:

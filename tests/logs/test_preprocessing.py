@@ -1,4 +1,6 @@
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +13,24 @@ from frischid.effects import BASELINE
 from frischid.errors import InputError
 from frischid.logs.cutoff_choice import LogSpectra, choose_lowpass, spectra_of
 from frischid.logs.derivatives import Derivatives
-from frischid.logs.filters import LowPass, correlate, decimate, decimating_filter, derivative_taps, noise_level
+from frischid.logs.filters import (
+    LowPass,
+    correlate,
+    decimate,
+    decimating_filter,
+    derivative_taps,
+    noise_level,
+    power_spectrum,
+)
 from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.preprocessing import prepare
-from frischid.logs.readers import read_log
+from frischid.logs.readers import read_log, write_log
 from frischid.logs.standstill import find_standstill
 from frischid.logs.time_grid import retimed
 from frischid.model.identification import identify
-from frischid.motions.simulation import Noise
+from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
+from frischid.robot.robot import Robot
 
 RATE = 100.0
 T = np.arange(2000) / RATE
@@ -501,3 +512,28 @@ def test_filters_equal_those_of_scipy(cutoff, rate):
         there = signal.oaconvolve(x, taps[::-1, None], mode="valid", axes=0)
         np.testing.assert_allclose(correlate(taps, x), there, atol=1e-13)
     assert correlate(taps, x[: len(taps) - 1]).shape == (0, 3)
+
+
+@pytest.mark.parametrize(("samples", "window"), [(1000, 256), (1000, 255), (333, 333)])
+def test_a_power_spectrum_is_that_of_welch(samples, window):
+    from scipy import signal
+
+    x = np.random.default_rng(0).normal(size=(samples, 3)) + 0.1 * np.arange(samples)[:, None]
+    f, power = power_spectrum(x, 0.005, window)
+    there = signal.welch(x, 200.0, nperseg=window, detrend="linear", axis=0)
+    np.testing.assert_allclose(f, there[0])
+    np.testing.assert_allclose(power, there[1], rtol=1e-8)
+
+
+@pytest.mark.parametrize("words", [["check"], ["identify", "-o", "model.json"]])
+def test_reading_a_log_needs_no_package_that_imports_slowly(words, tmp_path):
+    """`scipy.signal` imports all of `scipy.stats`: more than half a second of each command."""
+    robot = Robot.load("planar2")
+    log = simulate(robot, random_fourier(robot, 8.0, seed=1), rate=100.0, noise=Noise(q=1e-5, tau=0.05))
+    write_log(log, tmp_path / "log.csv")
+    code = (
+        "import sys\nfrom frischid.cli import main\n"
+        f"main({[words[0], 'planar2', 'log.csv', *words[1:]]!r}, standalone_mode=False)\n"
+        "assert not {'scipy.signal', 'scipy.stats'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, capture_output=True)
