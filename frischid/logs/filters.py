@@ -210,7 +210,7 @@ def decimate(taps: Array, x: Array, decimation: int) -> Array:
     if len(x) < len(taps):
         return np.zeros((0, *x.shape[1:]))
     windows = np.lib.stride_tricks.sliding_window_view(x, len(taps), axis=0)[::decimation]
-    return np.einsum("...k,k->...", windows, taps)
+    return np.asarray(np.einsum("...k,k->...", windows, taps))
 
 
 def power_spectrum(x: Array, step: float, window: int) -> tuple[Array, Array]:
@@ -237,7 +237,8 @@ def power_spectrum(x: Array, step: float, window: int) -> tuple[Array, Array]:
         Unit of x squared, per Hz; one-sided.
     """
     place = np.arange(window) - (window - 1) / 2.0
-    trend = np.stack([np.ones(window), place]) / np.sqrt([[window], [max(place @ place, 1e-300)]])
+    trend = np.stack([np.ones(window), place])
+    trend /= np.maximum(np.linalg.norm(trend, axis=1, keepdims=True), 1e-300)
     hann = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(window) / window)
     starts = range(0, len(x) - window + 1, window - window // 2)
     total = np.zeros((window // 2 + 1, x.shape[1]))
