@@ -46,6 +46,8 @@ FIRST_REPORTED = 5000
 PAIRS = (("backlash", "gear_play"), ("thermal_drift", "self_heating"))
 SAME = {name: pair for pair in PAIRS for name in pair}
 """Names in the catalogue of one cause: slow and fast motion of a gear with play; friction that changes as it warms."""
+NAMELESS = {*UNKNOWN, *second_cases.OUTSIDE}
+"""Effects that the catalogue does not have."""
 EDGES = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 SMALL_BACKGROUND = 0.01  # share of the torque
 
@@ -54,7 +56,7 @@ def right_answers(kind: str, truth: Truth) -> list[str]:
     """Hypotheses that are right."""
     if kind == "contact":
         return ["contact"]
-    there = [name for name in truth.background_effects if name not in UNKNOWN and name not in second_cases.OUTSIDE]
+    there = [n for name in truth.background_effects if name not in NAMELESS for n in SAME.get(name, (name,))]
     if kind == "healthy":
         small = truth.background <= SMALL_BACKGROUND
         return [*there, *(["several"] if truth.background else []), *(["none"] if small else [])]
@@ -177,17 +179,31 @@ def flat(row: dict[str, Any], said: tuple[str, float, bool]) -> dict[str, Any]:
     """A case in one line of plain values, from which every table can be counted again."""
     keys = ("generator", "seed", "number", "kind", "effects", "grade", "background", "arm", "right")
     name, probability, correct = said
-    named, where = row.get("first") or [], None
-    if row["kind"] == "single" and row["joints"][0] and set(named) & set(row["effects"]):
-        joints = next((joints for effect, joints in row["ranking"] if effect == named[0]), [])
+    where = None
+    if row["kind"] == "single" and row["joints"][0] and name in {x for e in row["effects"] for x in SAME.get(e, (e,))}:
+        joints = next((joints for effect, joints in row["ranking"] if effect == name), [])
         where = sorted(joints) == sorted(row["joints"][0])
     return (
         {key: row[key] for key in keys}
         | {"answer": name, "probability": probability, "correct": correct}
-        | {"verdict": row.get("verdict", "crash"), "named": named, "named right": bool(set(named) & set(row["right"]))}
-        | {"rules right": rules(row), "right joints": where}
+        | {"alarm": alarm(row, name), "right joints": where, "both": both(row)}
         | {"visible": max(row["visible"], default=0.0), "error": row.get("error"), "floor": row.get("floor")}
     )
+
+
+def alarm(row: dict[str, Any], name: str) -> bool | None:
+    """Whether the answer names something that a healthy robot does not have; None for other robots."""
+    if row["kind"] != "healthy":
+        return None
+    return name not in (*row["right"], "none", "several")
+
+
+def both(row: dict[str, Any]) -> bool | None:
+    """Whether both of two hidden effects are among the first three findings; None where there are not two."""
+    if row["kind"] != "pair":
+        return None
+    first = {effect for effect, _ in row.get("ranking", [])[:3]}
+    return all(first & set(SAME.get(name, (name,))) for name in row["effects"])
 
 
 def reliability(name: str, answers: Sequence[tuple[str, float, bool]]) -> list[dict[str, Any]]:

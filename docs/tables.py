@@ -119,8 +119,6 @@ FIGURES: dict[str, Callable[[], str]] = {
         logs.set_points_within,
         diagnosis.chance_error,
         diagnosis.chance_errors,
-        diagnosis.new_error,
-        diagnosis.new_sure,
         robots.bands_hold,
         robots.tiago_improves,
         cost.moments_us,

@@ -16,6 +16,7 @@ Comes in: a model and logs. Goes out: findings with evidence, a verdict, and bet
 
 `floor` is the noise floor of held-out errors: the variance of the prediction belongs to it, noise of drives that is as
 slow as the motion too (`slow_noise`), and the data may refute it. Repeated motions measure it (`repeats`).
+`healthy_twin` is the floor of the error without an effect.
 
 `improvement` adds findings to a model step by step (`step_acceptance`: may a step stay?), `effect_curves` draws them.
 Every number that decides is a field of `criteria.DiagnosisCriteria`.

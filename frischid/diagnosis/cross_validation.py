@@ -39,6 +39,7 @@ from frischid.errors import InputError
 from frischid.estimators.autocorrelation import Autocorrelation
 from frischid.estimators.least_squares import Prior
 from frischid.logs.log import Log
+from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
 from frischid.model.standstill_joints import STANDSTILL_LOG, rows_of
@@ -105,6 +106,15 @@ class CrossValidator:
             model = rows_of(model, moving)
             data = RegressionData(MotionCache(model, logs, criteria, workers))
         return cls._fitted(ModelColumns.of(data), prior, np.zeros(len(model.joints)))
+
+    def over(self, seen: Callable[[Motion], Motion]) -> CrossValidator:
+        """A fit to the same stretches of other motions, under the same prior: `seen` of each motion takes its place."""
+        cache = self.data.cache
+        other = MotionCache(cache.model, cache.logs, cache.criteria, cache.workers, seen)
+        columns = ModelColumns.of(RegressionData(other, self.data.left_out))
+        return CrossValidator(
+            WeightedFit.of(columns, self.fit.prior, self.spread), self.spread, np.zeros(len(self.joints))
+        )
 
     @classmethod
     def _fitted(cls, columns: ModelColumns, prior: Prior, known_residual: Array) -> CrossValidator:

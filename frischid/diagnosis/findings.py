@@ -65,6 +65,8 @@ class Finding:
     floors : float
         Error without the effect over the sensor noise, on the effect's joints; joints whose error is only at reversals
         do not count.
+    over_twin : float
+        The same over the error of the healthy twin (`frischid.diagnosis.healthy_twin`).
     p_value : float
         Of the gain, if the model lacked nothing else, corrected for all candidates tried. It decides inside the search
         and is no probability that the finding is right: see `probability`.
@@ -83,6 +85,8 @@ class Finding:
         Error that only this effect explains, in summed squared NRMSE; zero unless it entered.
     probability : float
         Probability that the model lacks this effect and no more probable hypothesis is right (`probability`).
+    set_aside : str
+        Why the effect is not called missing although it passes the rules; empty where it may be.
     """
 
     effect: str
@@ -93,6 +97,7 @@ class Finding:
     removed: float
     share: float
     floors: float
+    over_twin: float
     p_value: float
     parameters: dict[str, float]
     confused_with: tuple[str, ...]
@@ -102,6 +107,7 @@ class Finding:
     entered: bool = False
     own: float = 0.0
     probability: float = 0.0
+    set_aside: str = ""
 
     @property
     def sure(self) -> bool:
@@ -115,19 +121,36 @@ class Finding:
 
         Sensor noise and undetermined dry friction may cause all of the error that the effect explains.
         """
+        return self.set_aside or self._against(self.floors)
+
+    @property
+    def pays(self) -> bool:
+        """Whether the effect may be added to the model: sure, and more than sensor noise.
+
+        An effect that is set aside is no cause, but may still predict other logs better.
+        """
+        return self.sure and not self._against(self.floors)
+
+    @property
+    def beyond_twin(self) -> bool:
+        """The same where the error of the healthy twin counts as noise."""
+        return self.sure and not self._against(self.over_twin)
+
+    def _against(self, floors: float) -> str:
+        """Reason against an effect whose error is some multiple of the error that a perfect model has."""
         criteria = self.criteria
         explains = f"it explains {percent(self.share)} of the error above the sensor noise there"
-        if self.floors == 0 and self.share > 0:
+        if floors == 0 and self.share > 0:
             least = criteria.nearly_explained
             why = f"and must explain {percent(least)}, because all of that error is at reversals and standstill"
             return "" if self.share >= least else f"{explains}, {why}"
-        if self.floors <= criteria.floor_tolerance:
+        if floors <= criteria.floor_tolerance:
             return "the error there is hardly more than the sensor noise"
         if self.share == 0:
             return "it explains none of the error above the sensor noise there"
         least = criteria.half_explained
-        if self.floors <= criteria.clear_error and self.share < least:
-            times = f"{self.floors:.1f} times the noise"
+        if floors <= criteria.clear_error and self.share < least:
+            times = f"{floors:.1f} times the noise"
             return f"{explains}, and must explain {percent(least)}, because the error is only {times}"
         return ""
 
@@ -184,7 +207,7 @@ class Finding:
         The p value is that of a test over many candidates. It is far too small beside another effect that is missing,
         so it decides inside the search only and is not among the values.
         """
-        values = {k: v for k, v in vars(self).items() if k not in {"members", "criteria", "p_value"}}
+        values = {k: v for k, v in vars(self).items() if k not in {"members", "criteria", "p_value", "set_aside"}}
         judged = {"significant": self.significant, "withheld": self.withheld}
         return values | {"joints": list(self.joints), "confused_with": list(self.confused_with)} | judged
 
@@ -222,12 +245,16 @@ def find_effects(
     ranked = ranking(validator, kinds, progress)
     noise = floor.under(ranked.full)
     moving = ~only_at_reversals(validator, noise)
-    return [_finding(validator, noise, moving, effect) for effect in ranked.effects], ranked
+    least = np.maximum(noise, floor.twin)
+    return [_finding(validator, (noise, least), moving, effect) for effect in ranked.effects], ranked
 
 
-def _finding(validator: CrossValidator, floor: Array, moving: NDArray[np.bool_], effect: ScoredEffect) -> Finding:
+def _finding(
+    validator: CrossValidator, floors: tuple[Array, Array], moving: NDArray[np.bool_], effect: ScoredEffect
+) -> Finding:
+    """A finding; `floors`: sensor noise of each joint, and the error of a perfect model's fit, N·m (N)."""
     before, after = validator.base_nrmse(), validator.nrmse(effect.score.sse)
-    noise = floor / validator.spread
+    noise, least = (floor / validator.spread for floor in floors)
     rows = list(effect.together.columns)
     seen = [row for row in rows if moving[row]]
     members = tuple(place.effect for place in effect.places)
@@ -243,6 +270,7 @@ def _finding(validator: CrossValidator, floor: Array, moving: NDArray[np.bool_],
         removed=effect.explained,
         share=_share(before[rows], after[rows], noise[rows], validator.criteria),
         floors=_in_floors(before[seen], noise[seen]),
+        over_twin=_in_floors(before[seen], least[seen]),
         p_value=effect.p_value,
         parameters=dict(zip(names, map(float, effect.score.beta), strict=True)) | shapes,
         confused_with=effect.rivals,
@@ -296,6 +324,7 @@ def refit_finding(validator: CrossValidator, floor: Array) -> Finding:
         removed=float((errors[0] ** 2 - errors[1] ** 2).sum()),
         share=_share(*errors, noise, criteria),
         floors=_in_floors(errors[0], noise),
+        over_twin=_in_floors(errors[0], noise),
         p_value=float(special.chdtrc(parameters, 2 * ratio)) if gain > 0 else 1.0,
         parameters={},
         confused_with=(),

@@ -8,6 +8,10 @@ held-out error of joint j is above the sensor noise n_j by the variance of the p
 with H_f the information of the parameters without fold f, G_fj the moments of joint j in fold f, N_j the rows of the
 joint, and σ_j the residual that H_f counts with: the part of the variance that sensor noise alone would cause.
 
+Noise in the columns biases a fit, so the error *without* an effect has a higher floor, that of the healthy twin
+(`healthy_twin`). An effect may absorb some of that bias, so the error *with* an effect is held against floor_j. The
+rules use floor_j; the probabilities use both.
+
 Noise of the drives that is as slow as the motion raises the floor, as far as it shows above the band (`slow_noise`).
 
 A floor is computed from assumptions on the noise. A held-out error below the floor proves that the floor is wrong
@@ -20,12 +24,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import linalg
 
 from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.healthy_twin import healthy_twin_error
 from frischid.diagnosis.repeats import measured_noise
 from frischid.diagnosis.slow_noise import slow_noise
 from frischid.model.noise_floor import NoiseFloor, Octaves
@@ -57,6 +63,8 @@ class Floor:
     ----------
     known : ndarray, shape (J,)
         From the noise of the sensors and the uncertainty of the prediction, N·m (N).
+    fit : CrossValidator
+        The fit whose floor this is.
     octaves : sequence of Octaves
         Noise of the torques above the filter's band; none where repeated motions measure the noise.
     said : str
@@ -64,6 +72,7 @@ class Floor:
     """
 
     known: Array
+    fit: CrossValidator
     octaves: Sequence[Octaves] = ()
     said: str = ""
 
@@ -72,13 +81,19 @@ class Floor:
         """The floor of a model's error on some logs; measured where a motion comes again (`repeats`)."""
         measured = measured_noise(validator)
         if measured is not None:
-            return cls(with_leverage(validator, measured.noise), said=measured.said)
+            return cls(with_leverage(validator, measured.noise), validator, said=measured.said)
         noise = NoiseFloor(validator.model)
         for _ in noise.watch(validator.data.cache.prepared):
             pass
         error = validator.base_nrmse() * validator.spread
         under = noise.under(error)
-        return cls(np.minimum(with_leverage(validator, under), np.maximum(under, error)), tuple(noise.octaves))
+        known = np.minimum(with_leverage(validator, under), np.maximum(under, error))
+        return cls(known, validator, tuple(noise.octaves))
+
+    @cached_property
+    def twin(self) -> Array:
+        """Held-out error of the healthy twin, N·m (N), (J,): the floor of the error without an effect."""
+        return healthy_twin_error(self.fit)
 
     def under(self, full: CrossValidator) -> Array:
         """The floor where the model with all effects that entered is known, N·m (N), (J,).

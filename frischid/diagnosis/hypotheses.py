@@ -58,7 +58,12 @@ def possible(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def evidence_of(
-    findings: Sequence[Finding], error: tuple[Array, Array], noise: Array, verdict: str, *, unmodelled: bool
+    findings: Sequence[Finding],
+    error: tuple[Array, Array],
+    floors: tuple[Array, Array],
+    verdict: str,
+    *,
+    unmodelled: bool,
 ) -> Evidence:
     """Collect the evidence.
 
@@ -68,18 +73,19 @@ def evidence_of(
         Best first, the refit of all parameters included.
     error : tuple of ndarray, shape (J,)
         Cross-validated NRMSE of each joint, without any finding and with all effects that entered.
-    noise : ndarray, shape (J,)
-        NRMSE of the sensor noise.
+    floors : tuple of ndarray, shape (J,)
+        NRMSE of the sensor noise, and that of the healthy twin where the latter is larger.
     verdict : str
-        Verdict of the rules.
+        Verdict of the rules, with the error of the healthy twin as the floor.
     unmodelled : bool
         Whether a term outside the catalogue explains far more than the first finding.
     """
     before, after = error
+    noise, least = floors
     above = float(np.maximum(before**2 - noise**2, 0.0).sum())
     total = max(above, 1e-12)
     left = float(np.maximum(np.minimum(after, before) ** 2 - noise**2, 0.0).sum()) / total
-    clear = float(np.log(max(float((before / np.maximum(noise, 1e-12)).max()), 1.0)))
+    clear = float(np.log(max(float((before / np.maximum(least, 1e-12)).max()), 1.0)))
     size = float(np.log10(max(float(before.max()), 1e-6)))
     causes = possible(findings)
     own = np.array([f.own for f in causes])
@@ -133,14 +139,14 @@ def _of_finding(
     return {
         "effect": 1.0,
         "first": float(first),
-        "significant": float(f.significant),
+        "significant": float(f.beyond_twin),
         "entered": float(f.entered),
         "rival": float(rival),
         "own": _log_ratio(f.own, most_own),
         "alone": _log_ratio(f.removed, most),
         "share": f.share,
         "whole": min(f.removed / total, 1.0),
-        "clear": float(np.log(max(f.floors, 1.0))),
+        "clear": float(np.log(max(f.over_twin, 1.0))),
         "gain": float(np.log10(1 + f.gain)),
         "searched": float(np.log(searched)),
         "refit": float(kind is None),

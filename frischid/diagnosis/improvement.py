@@ -223,7 +223,7 @@ def next_step(
         None where no finding is accepted.
     """
     for finding in diagnosis.findings:
-        if not (finding.significant and finding.members) or finding.effect in refused:
+        if not (finding.pays and finding.members) or finding.effect in refused:
             continue
         step, reason = _step_with(model, diagnosis, finding, finding.members, logs)
         if step is None and reason == RISES_AT_STANDSTILL:

@@ -49,6 +49,8 @@ class MotionCache:
     criteria : DiagnosisCriteria, optional
     workers : Workers, optional
         Processes that compute columns of candidates, this process by default.
+    seen : callable, optional
+        Motion -> the motion that takes its place.
 
     Attributes
     ----------
@@ -67,7 +69,9 @@ class MotionCache:
         logs: Sequence[Log | Recording],
         criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
         workers: Workers | None = None,
+        seen: Callable[[Motion], Motion] = lambda motion: motion,
     ) -> None:
+        self.logs = logs
         self.model, self.criteria, self.workers = model, criteria, workers or Here()
         self.regressor = Regressor(model.robot, model.effects, load_reference(model, criteria))
         self.prepared = model.motions(logs)
@@ -83,7 +87,7 @@ class MotionCache:
         for number, log in enumerate(logs):
             fold = None if len(logs) == 1 else number * most // max(len(logs), most)
             for motion in model.motions([log]):
-                self.motions.append(self._cached(motion, fold))
+                self.motions.append(self._cached(seen(motion), fold))
                 self.blocks += self.motions[-1].blocks
         if _one_joint_a_fold(self.motions):
             self.motions = [replace(motion, fold=None) for motion in self.motions]

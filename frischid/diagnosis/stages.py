@@ -32,4 +32,6 @@ def stages(
             validator, (findings, ranking) = rest, find_effects(rest, floor, situation, effects, progress)
     noise = floor.under(ranking.full)
     unmodelled = None if contacts else unmodelled_term(ranking, noise)
-    return StageResults(validator, situation, noise, tuple(contacts), tuple(findings), ranking, unmodelled, floor.said)
+    return StageResults(
+        validator, situation, noise, floor.twin, tuple(contacts), tuple(findings), ranking, unmodelled, floor.said
+    )

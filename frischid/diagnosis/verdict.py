@@ -48,6 +48,10 @@ SENTENCES = {
 """Verdicts that no effect of the catalogue stands for."""
 
 
+LIKE_THE_TWIN = "a robot that misses nothing has as much error there, because sensor noise biases the fit"
+"""Why a finding is set aside."""
+
+
 @dataclass(frozen=True, eq=False)
 class StageResults:
     """Results of the stages before the verdict.
@@ -59,6 +63,8 @@ class StageResults:
     situation : {"always", "changed"}
     floor : ndarray, shape (J,)
         Sensor noise of each joint, N·m (N).
+    twin : ndarray, shape (J,)
+        Held-out error of the healthy twin, N·m (N).
     contacts : tuple of Contact
     findings : tuple of Finding
         Best first.
@@ -71,15 +77,21 @@ class StageResults:
     validator: CrossValidator
     situation: Situation
     floor: Array
+    twin: Array
     contacts: tuple[Contact, ...]
     findings: tuple[Finding, ...]
     ranking: Ranking
     unmodelled: UnmodelledTerm | None
     said: str = ""
 
+    @property
+    def least(self) -> Array:
+        """Error where no effect is missing, N·m (N), (J,): the healthy twin's, or the floor where that is larger."""
+        return np.maximum(self.floor, self.twin)
 
-def decided(results: StageResults) -> Verdict:
-    """The verdict, before a refit of all parameters is considered.
+
+def decided(results: StageResults, *, over_twin: bool = False) -> Verdict:
+    """The verdict, before a refit of all parameters is considered; `over_twin`: the twin's error counts as noise.
 
     A finding that explains half of the error on its own joints is named even if another joint has a larger unexplained
     error. Errors of dry friction at reversals and standstill ask for no explanation.
@@ -88,11 +100,13 @@ def decided(results: StageResults) -> Verdict:
         return "contact"
     validator, full = results.validator, results.ranking.full
     criteria = validator.criteria
-    sure = [f for f in results.findings if f.significant]
+    sure = [f for f in results.findings if (f.beyond_twin if over_twin else f.significant)]
     noise = results.floor / validator.spread
     residual = full.base_nrmse()
     residual = np.minimum(residual, validator.base_nrmse())  # an effect may raise another joint's error
-    asks = _asks_for_explanation(residual, noise, validator)
+    asks = _asks_for_explanation(
+        residual, (results.least if over_twin else results.floor) / validator.spread, validator
+    )
     asks &= ~only_at_reversals(full, results.floor)
     unexplained = float(np.where(asks, residual**2 - noise**2, 0.0).max())
     if not sure:
@@ -198,10 +212,27 @@ def concluded(
     return verdict if any(f.significant for f in findings) else "none"
 
 
+def without_bias(
+    findings: Sequence[Finding], over_twin: Verdict, probabilities: Mapping[str, float]
+) -> tuple[Finding, ...]:
+    """The findings, set aside where the twin has as much error and "none" is the most probable hypothesis.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+    over_twin : str
+        Verdict where the twin's error counts as noise.
+    probabilities : mapping of str to float
+    """
+    if over_twin != "none" or max(probabilities, key=lambda name: probabilities[name]) != "none":
+        return tuple(findings)
+    return tuple(replace(f, set_aside=LIKE_THE_TWIN) if f.pays else f for f in findings)
+
+
 def with_probability(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> tuple[Finding, ...]:
     """The findings, each with its probability; those that can be added to the model in the order of probability."""
     found = [replace(f, probability=probabilities.get(f.effect, 0.0)) for f in findings]
-    places = [k for k, f in enumerate(found) if f.significant and f.members]
+    places = [k for k, f in enumerate(found) if f.pays and f.members]
     ordered = sorted((found[k] for k in places), key=lambda f: -f.probability)
     for k, finding in zip(places, ordered, strict=True):
         found[k] = finding
@@ -215,5 +246,5 @@ def with_verdict(
     if verdict not in SENTENCES:
         return tuple(findings)
     chance = probabilities["outside" if verdict == "unknown" else verdict]
-    first = Finding(verdict, (), error, error, 0.0, 0.0, 0.0, 0.0, 1.0, {}, (), SENTENCES[verdict], ())
+    first = Finding(verdict, (), error, error, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, {}, (), SENTENCES[verdict], ())
     return (replace(first, probability=chance), *findings)

@@ -6,9 +6,7 @@ the parallel filter,
 
     floor_j² = ‖F (τ̂(q, q̇, q̈) − τ̂(q + n_q, q̇ + n_q̇, q̈ + n_q̈))_j‖² / N  +  s_j² ‖h‖²
 
-- n are random draws of the channels' noise (`noise_level`). Their size is measured in each stretch of time, because
-  wrong time stamps make positions noisier where a joint moves faster. Derived q̇ and q̈ get the noise of the positions
-  through the differentiator.
+- n are random draws of the channels' noise (`noisy_motion`).
 - h are the filter's taps, and s_j² is the torque's noise *within* the filter's band. The noise of drives is seldom
   white, and motion hides it inside the band. So it is measured in the octaves above the band and extrapolated into the
   band (`level_within`).
@@ -24,7 +22,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Hashable, Iterable, Iterator
-from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -34,12 +31,13 @@ from scipy import optimize
 
 from frischid.core.remembered import Remembered
 from frischid.core.types import Array
-from frischid.effects import Coulomb, State, columns_of
-from frischid.logs.filters import LowPass, correlate, decimating_filter, derivative_taps, noise_level
+from frischid.effects import Coulomb, columns_of
+from frischid.logs.filters import LowPass, correlate, decimating_filter, noise_level
 from frischid.logs.preprocessing import Motion
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA as CRITERIA
 from frischid.model.model import Model
 from frischid.model.model_parts import plain_numbers, robot_text
+from frischid.model.noisy_motion import sharpened, true_path, with_noise
 from frischid.regression.regressor import Regressor
 
 DRAW_SEED = 0  # seed of the draws, so that the same log gives the same floor
@@ -118,7 +116,7 @@ class NoiseFloor:
         index, taps = self.model.torque_index, self.model.lowpass.taps(motion.step)
         octaves = octaves_above(motion.tau[:, index], motion.v[:, index], motion.step, self.model.lowpass)
         self.octaves.append(octaves)
-        level = _level(motion.tau[:, index], octaves, self.model.lowpass)
+        level = torque_noise(motion.tau[:, index], octaves, self.model.lowpass)
         through = _THROUGH.of(motion, self._key, lambda: _through_the_motion(self.model, motion))
         return np.asarray((level * np.linalg.norm(taps)) ** 2 + through)
 
@@ -153,7 +151,7 @@ def level_within(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
     -------
     ndarray, shape (J,)
     """
-    return _level(x, octaves_above(x, v, step, lowpass), lowpass)
+    return torque_noise(x, octaves_above(x, v, step, lowpass), lowpass)
 
 
 def octaves_above(x: Array, v: Array, step: float, lowpass: LowPass) -> Octaves:
@@ -166,7 +164,8 @@ def octaves_above(x: Array, v: Array, step: float, lowpass: LowPass) -> Octaves:
     return Octaves(len(x), step, np.array([centre for centre, _ in found]), powers)
 
 
-def _level(x: Array, octaves: Octaves, lowpass: LowPass) -> Array:
+def torque_noise(x: Array, octaves: Octaves, lowpass: LowPass) -> Array:
+    """The same from octaves that are known: those of `octaves_above`."""
     if lowpass.cutoff is None or not len(octaves.centres):
         return noise_level(x)
     return np.asarray(np.sqrt(_carried_on(octaves.centres, octaves.powers, lowpass.cutoff)))
@@ -216,15 +215,15 @@ def _through_the_motion(model: Model, motion: Motion) -> Array:
     least error of all draws is that with smooth friction, the largest that with sharp friction. The residual error
     decides in between (`NoiseFloor.under`).
     """
-    path = _smoothed(motion.middle(min(1.0, CRITERIA.noise_samples / len(motion.t))), model.lowpass)
+    path = true_path(motion.middle(min(1.0, CRITERIA.noise_samples / len(motion.t))), model.lowpass)
     regressor, index = Regressor(model.robot, model.effects, model.reference), model.torque_index
     F = decimating_filter(model.lowpass.taps(path.step), len(path.t), model.lowpass.decimation(path.step))
     used = regressor.counted(abs(F) @ path.standstill)[:, index]
-    truth, sharp_truth = regressor.torque(path, model.full_theta), _sharpened(model, path)
+    truth, sharp_truth = regressor.torque(path, model.full_theta), sharpened(model, path)
     rng, drawn = np.random.default_rng(DRAW_SEED), []
     for _ in range(CRITERIA.draws):
-        seen = _with_noise(path, motion, model.lowpass, rng)
-        found, sharp_found = regressor.torque(seen, model.full_theta), _sharpened(model, seen)
+        seen = with_noise(path, motion, model.lowpass, rng)
+        found, sharp_found = regressor.torque(seen, model.full_theta), sharpened(model, seen)
         errors = (truth - found, truth + sharp_truth - found, truth + sharp_truth - found - sharp_found)
         squares = (((F @ x[:, index] * used) ** 2).sum(axis=0) / np.maximum(used.sum(axis=0), 1) for x in errors)
         least, *others = squares
@@ -240,75 +239,3 @@ def _break_away(model: Model) -> Array:
         c.joint: max(float(x), 0.0) for c, x in zip(columns, model.full_theta, strict=True) if c.effect == Coulomb.id
     }
     return np.array([dry.get(name, 0.0) for name in model.joints])
-
-
-def _sharpened(model: Model, motion: Motion) -> Array:
-    """Change of the unfiltered torque if dry friction changes its sign at once, shape (N, J)."""
-    theta = dict(zip((c.name for c in columns_of(model.robot, model.effects)), model.full_theta, strict=True))
-    none = np.zeros(motion.q.shape)
-    state = State(model.robot, motion.t, motion.q, motion.v, motion.a, none, none, motion.start, motion.extra)
-    change = none.copy()
-    for effect in model.effects:
-        if effect.smooths_sign and not effect.loaded:
-            sharp = effect.with_sign_width(CRITERIA.sharp_width)
-            for after, before in zip(sharp.terms(state), effect.terms(state), strict=True):
-                for joint, values in after.rows.items():
-                    change[:, joint] += theta[after.column.name] * (values - before.rows[joint])
-    return change
-
-
-def _smoothed(motion: Motion, lowpass: LowPass) -> Motion:
-    """The true path of a measured motion, nearly: all channels through the filter, which passes the slower motion."""
-    taps = lowpass.taps(motion.step)
-    if len(motion.t) < 3 * len(taps):
-        return motion
-    half = len(taps) // 2
-    inner = motion.part(slice(half, len(motion.t) - half))
-    return replace(inner, q=correlate(taps, motion.q), v=correlate(taps, motion.v), a=correlate(taps, motion.a))
-
-
-def _with_noise(path: Motion, motion: Motion, lowpass: LowPass, rng: np.random.Generator) -> Motion:
-    """A path with the sensor noise of a motion, drawn at random."""
-    first, second = (derivative_taps(order, path.step, lowpass.cutoff) for order in (1, 2))
-    half = len(first) // 2
-    long = (len(path.t) + 2 * half, path.q.shape[1])
-    nothing = np.zeros(long[1], bool)
-    own_v, own_a = motion.measured or (nothing, nothing)
-    first_seen = round((path.t[0] - motion.t[0]) / path.step) - half
-    at = np.clip(np.arange(first_seen, first_seen + long[0]), 0, len(motion.t) - 1)
-    of_q = _encoder_noise(np.pad(path.q, ((half, half), (0, 0)), "reflect", reflect_type="odd"), motion, at, rng)
-    of_v = rng.normal(size=long) * _levels(motion.v, path.step)[at]
-    v = np.where(own_v, of_v[half : len(of_v) - half], correlate(first, of_q))
-    a = np.where(own_v, correlate(first, of_v), correlate(second, of_q))
-    of_a = rng.normal(size=long) * _levels(motion.a, path.step)[at]
-    a = np.where(own_a, of_a[half : len(of_a) - half], a)
-    return replace(path, q=path.q + of_q[half : len(of_q) - half], v=path.v + v, a=path.a + a)
-
-
-def _encoder_noise(path: Array, motion: Motion, at: NDArray[np.intp], rng: np.random.Generator) -> Array:
-    """Noise of the positions along a path, (N, J): rounding to the encoder's step, and random noise beyond rounding.
-
-    Rounding is no white noise where a joint moves slowly: its error is a slow saw tooth, which passes the filter.
-    """
-    steps = np.array([_encoder_step(q) for q in motion.q.T])
-    rounding = np.where(steps > 0, steps * np.round(path / np.where(steps > 0, steps, 1.0)) - path, 0.0)
-    beyond = np.sqrt(np.maximum(_levels(motion.q, motion.step)[at] ** 2 - steps**2 / 12, 0.0))
-    return np.asarray(rounding + beyond * rng.normal(size=path.shape))
-
-
-def _encoder_step(q: Array) -> float:
-    """Step of a coarse encoder, rad (m): all changes are whole multiples of the smallest one; 0 where they are not."""
-    changes = np.abs(np.diff(q))
-    changes = changes[changes > 0]
-    if not len(changes):
-        return 0.0
-    multiples = changes / changes.min()
-    return float(changes.min()) if np.abs(multiples - np.round(multiples)).max() < CRITERIA.step_rounding else 0.0
-
-
-def _levels(x: Array, step: float) -> Array:
-    """Noise level of a channel at each of its samples, measured block by block, (N, J)."""
-    size = min(max(CRITERIA.noise_stretch_samples, round(CRITERIA.noise_stretch / step)), len(x))
-    count = len(x) // size
-    blocks = x[: count * size].reshape(count, size, -1).swapaxes(0, 1)
-    return np.asarray(noise_level(blocks)[np.minimum(np.arange(len(x)) // size, count - 1)])

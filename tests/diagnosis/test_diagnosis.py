@@ -489,7 +489,7 @@ def test_dry_friction_that_turns_a_little_early_or_late_raises_no_alarm():
     ],
 )
 def test_how_much_a_finding_must_explain(floors, share, why):
-    finding = Finding("stribeck", (), 0.02, 0.01, 50.0, 3e-4, share, floors, 1e-6, {}, (), "", ())
+    finding = Finding("stribeck", (), 0.02, 0.01, 50.0, 3e-4, share, floors, floors, 1e-6, {}, (), "", ())
     assert finding.sure
     assert finding.withheld.startswith(why)
     assert finding.significant == (not why) == (not finding.withheld)

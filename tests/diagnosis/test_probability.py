@@ -174,7 +174,7 @@ def test_of_effects_that_explain_the_same_the_one_with_fewer_shapes_is_likelier(
     first = replace(named[0], effect="cogging", confused_with=("joint_spring",))
     second = replace(named[0], effect="joint_spring", confused_with=("cogging",), entered=False, own=0.0)
     noise = np.zeros(2)
-    told = evidence_of([first, second], (noise + 0.1, noise + 0.05), noise, "effect", unmodelled=False)
+    told = evidence_of([first, second], (noise + 0.1, noise + 0.05), (noise, noise), "effect", unmodelled=False)
     many, few = told.values[:2]
     assert many["more shapes"] == pytest.approx(np.log(len(EFFECTS["cogging"].shapes["order"])))
     assert few["more shapes"] == 0.0
@@ -188,7 +188,7 @@ def test_two_effects_with_the_same_columns_have_the_same_probability():
     tilt = replace(named[0], effect="gravity_tilt", confused_with=("encoder_zero",), entered=False, own=0.0)
     noise = np.zeros(2)
     for other, alike in ((tilt, True), (replace(tilt, gain=0.9 * tilt.gain), False)):
-        told = evidence_of([zero, other], (noise + 0.1, noise + 0.05), noise, "effect", unmodelled=False)
+        told = evidence_of([zero, other], (noise + 0.1, noise + 0.05), (noise, noise), "effect", unmodelled=False)
         chance = probabilities(told)
         assert (abs(chance["gravity_tilt"] - chance["encoder_zero"]) < 1e-9) == alike
         assert chance["encoder_zero"] >= chance["gravity_tilt"]

@@ -185,7 +185,7 @@ def test_a_shape_that_harms_at_standstill_gives_way_to_the_best_that_does_not(mo
         return SimpleNamespace(effects=members, error_after=errors[member.distance]), ""
 
     monkeypatch.setattr(improvement, "_step_with", judged)
-    finding = SimpleNamespace(significant=True, members=(effect,), effect="hysteresis", joints=[])
+    finding = SimpleNamespace(pays=True, members=(effect,), effect="hysteresis", joints=[])
     refused = {}
     step = improvement.next_step(None, SimpleNamespace(findings=[finding]), [], refused)
     assert step.effects == (grid[-2],)

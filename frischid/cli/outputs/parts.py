@@ -134,6 +134,7 @@ class FindingOutput(Output):
     removed: float
     share: float
     floors: float
+    over_twin: float
     parameters: dict[str, float]
     confused_with: list[str]
     sentence: str

@@ -1,0 +1,51 @@
+"""The healthy twin: the held-out error that a perfect model of the robot would have on the logs.
+
+The twin is a robot exactly like the model. It moves along the logs' path, and sensors as noisy as the logs' record it
+(`frischid.model.noisy_motion`). Nothing is missing from its model. But noise in q, q̇, q̈ is noise in the regressor's
+columns, and a fit to noisy columns is biased: every fold has another bias, so parameters of the other folds leave an
+error. An error of the logs that is no more than that of the twin is no evidence for a missing effect.
+
+Source: Efron and Tibshirani 1993, An Introduction to the Bootstrap, section 16.4 (a test by a bootstrap from the model
+of the null hypothesis).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.logs.preprocessing import Motion
+from frischid.model.model import Model
+from frischid.model.noise_floor import octaves_above, torque_noise
+from frischid.model.noisy_motion import sharpened, true_path, with_noise
+from frischid.regression.regressor import Regressor
+
+DRAWS = 3  # of the noise: the bias of a fit to noisy columns varies from draw to draw
+
+
+def healthy_twin_error(validator: CrossValidator) -> Array:
+    """Held-out error of the model of the healthy twin, N·m (N), shape (J,): the rms of all draws of the noise.
+
+    Parameters
+    ----------
+    validator : CrossValidator
+        Fit of the model to the logs, without any candidate.
+    """
+    draws = (validator.over(partial(_seen, validator.model, np.random.default_rng(k))) for k in range(DRAWS))
+    return np.asarray(np.sqrt(np.mean([(twin.base_nrmse() * twin.spread) ** 2 for twin in draws], axis=0)))
+
+
+def _seen(model: Model, rng: np.random.Generator, motion: Motion) -> Motion:
+    """The record of the twin on a motion."""
+    regressor = Regressor(model.robot, model.effects, model.reference)
+    if motion.at_poses:
+        return replace(motion, tau=regressor.torque(motion, model.full_theta))
+    path = true_path(motion, model.lowpass)
+    torque = regressor.torque(path, model.full_theta) + sharpened(model, path)
+    octaves = octaves_above(motion.tau, motion.v, motion.step, model.lowpass)
+    noise = torque_noise(motion.tau, octaves, model.lowpass) * rng.normal(size=torque.shape)
+    return replace(with_noise(path, motion, model.lowpass, rng), tau=torque + noise)

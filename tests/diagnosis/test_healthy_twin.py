@@ -1,0 +1,100 @@
+"""The healthy twin: noise in the columns of a fit makes an error, and this error is no missing effect."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from frischid.diagnosis import floor
+from frischid.diagnosis.diagnosis import diagnose
+from frischid.diagnosis.floor import Floor
+from frischid.diagnosis.healthy_twin import healthy_twin_error
+from frischid.diagnosis.hypotheses import OTHERS
+from frischid.diagnosis.situation import cross_validator
+from frischid.diagnosis.verdict import LIKE_THE_TWIN, concluded, with_probability, without_bias
+from frischid.effects import BASELINE, parse_effects
+from frischid.logs.log import Log
+from frischid.model.identification import identify
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
+from frischid.robot.robot import Robot
+
+ARM = Robot.load("planar2")
+COARSE = 2 * np.pi / 2**11
+
+
+@cache
+def logs_of(effect: str = "", step: float = COARSE) -> tuple[Log, ...]:
+    """Two logs of an arm with encoders of a step, rad, and with a spring on joint 2 if wanted."""
+    found = []
+    for seed in (1, 2):
+        log = simulate(
+            ARM,
+            random_fourier(ARM, 20, seed=seed),
+            rate=100,
+            effects=(*BASELINE, *parse_effects(effect)),
+            parameters={"fc1": 0.5, "fc2": 0.3, "fv1": 0.4, "fv2": 0.2} | ({"ks2": 2.0} if effect else {}),
+            noise=Noise(tau=0.005),
+            channels=(),
+            seed=seed,
+            name=f"log {seed}",
+        )
+        q = step * np.round(log.q / step) if step else log.q
+        found.append(replace(log, q=q))
+    return tuple(found)
+
+
+def fit(logs):
+    return cross_validator(identify(ARM, logs[:1], recursion="none").model, logs)[0]
+
+
+def test_the_error_of_a_healthy_robot_with_coarse_encoders_is_the_twins():
+    v = fit(logs_of())
+    twin, error = Floor.of(v).twin, v.base_nrmse() * v.spread
+    assert (error < 1.5 * twin).all()
+    assert (error > 0.5 * twin).all()
+    assert diagnose(v.model, logs_of()).verdict == "none"
+
+
+def test_with_fine_encoders_the_twin_has_no_more_error_than_the_noise_floor():
+    v = fit(logs_of(step=0.0))
+    found = Floor.of(v)
+    np.testing.assert_allclose(found.twin, found.known, rtol=0.2)
+
+
+def test_the_error_with_an_effect_that_is_missing_is_more_than_the_twins():
+    logs = logs_of("joint_spring@joint2")
+    first = diagnose(fit(logs).model, logs).findings[0]
+    assert (first.effect, first.joints) == ("joint_spring", ("joint2",))
+    assert first.floors > first.over_twin > 3
+
+
+def test_an_error_like_the_twins_is_evidence_that_nothing_is_missing(monkeypatch):
+    logs = logs_of("joint_spring@joint2")
+    model = fit(logs).model
+    before = diagnose(model, logs)
+    monkeypatch.setattr(floor, "healthy_twin_error", lambda fit: 1e3 * np.ones(len(fit.joints)))
+    after = diagnose(model, logs)
+    assert after.probabilities["none"] > 3 * before.probabilities["none"]
+
+
+@pytest.mark.parametrize(
+    ("over_twin", "likely", "aside"), [("none", "none", True), ("none", "effect", False), ("effect", "none", False)]
+)
+def test_what_the_twin_has_too_is_set_aside_where_nothing_missing_is_likeliest(over_twin, likely, aside):
+    logs = logs_of("joint_spring@joint2")
+    found = diagnose(fit(logs).model, logs).findings
+    chance = {"joint_spring": 0.6 - 0.3 * (likely == "none"), **dict.fromkeys(OTHERS, 0.05)}
+    chance["none"] = 0.9 - chance["joint_spring"]
+    (first, *_) = named = without_bias(with_probability(found, chance), over_twin, chance)
+    assert first.pays
+    assert first.significant != aside
+    assert (first.withheld == LIKE_THE_TWIN) == aside
+    assert aside == (concluded("effect", named, chance, unmodelled=False) == "none")
+
+
+@pytest.mark.parametrize("effect", ["", "joint_spring@joint2"])
+def test_the_twin_is_the_same_for_the_same_logs(effect):
+    v = fit(logs_of(effect))
+    np.testing.assert_array_equal(healthy_twin_error(v), healthy_twin_error(v))
