@@ -26,6 +26,7 @@ def main() -> None:
     found = fr.reproduce_paper(points, runs=given.runs, search=False)
     claims: list[dict[str, Any]] = found.table("Equations").numbers["rows"]
     notes = [f"{given.runs} runs of each study, along the authors' points"]
+    notes += [drawing.reading for drawing in found.drawings if drawing.title.startswith("Figure 2")]
     publish("The paper, computed again", claims, None, notes)
     if given.json is not None:
         rows = [{"table": table.title.partition(":")[0], "numbers": dict(table.numbers)} for table in found.tables]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 from table_parts import Row, data, each, percent, rows_of, table
 
@@ -261,6 +262,28 @@ def paper_again() -> str:
     return (
         f"{table(('result', 'printed', 'as published', 'as corrected'), lines)}\n{data('paper_again')['notes'][0]}.\n"
     )
+
+
+def paper_psi() -> str:
+    """The part ψ of the paper's printed cost (19) that is not λ1 cond + λ2 / σ_min, with λ1 = λ2 = 1."""
+    printed = numbers_of("Table 2")["printed"]
+    return f"{printed['cost (19)'] - printed['condition number'] - 1 / printed['σ_min']:.4f}"
+
+
+def paper_peaks() -> str:
+    """Largest position, speed and acceleration of the motion through the authors' points, and their limits."""
+    q, v, a = paper_motion()
+    return f"|q| {q} rad of 3, |q̇| {v} rad/s of 5, |q̈| {a} rad/s² of 10"
+
+
+def paper_excess() -> str:
+    """How far the motion exceeds the limits of its points, at most."""
+    return f"{max(float(x) / limit for x, limit in zip(paper_motion(), (3, 5, 10), strict=True)):.0f}"
+
+
+def paper_motion() -> list[str]:
+    """The peaks that the benchmark's note on Figure 2 says."""
+    return re.findall(r"up to ([\d.]+)", data("paper_again")["notes"][1])
 
 
 def figure(value: float | None) -> str:
