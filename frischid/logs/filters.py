@@ -161,14 +161,14 @@ def derivative_taps(order: int, step: float, cutoff: float | None) -> Array:
         share_of_nyquist = min(1.0, DERIVATIVE_BAND * cutoff * 2 * step)
         half = max(half, round(((QUARTIC + 1) / share_of_nyquist + 4.6) / 3.2))
         check_length(2 * half + 1, cutoff, step)
-    return polynomial_taps(half, QUARTIC, order) / step**order
+    return polynomial_taps(half, QUARTIC, order, step)
 
 
-def polynomial_taps(half: int, degree: int, order: int) -> Array:
-    """Savitzky-Golay weights (2 half + 1,) of a derivative of order 1 or 2, per sample step, of a local polynomial."""
+def polynomial_taps(half: int, degree: int, order: int, step: float = 1.0) -> Array:
+    """Savitzky-Golay weights (2 half + 1,) of a derivative of order 1 or 2 of a local polynomial."""
     powers = np.arange(-half, half + 1.0) ** np.arange(degree + 1.0)[:, None]
     wanted = np.zeros(degree + 1)
-    wanted[order] = order  # the derivative of that order at zero of 1, x, x²
+    wanted[order] = order / step**order  # the derivative of that order at zero of 1, x, x²
     return np.asarray(linalg.lstsq(powers, wanted)[0])
 
 

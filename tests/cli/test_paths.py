@@ -21,7 +21,7 @@ from frischid.robot.robot import Robot
 COMMANDS = main.commands
 NO_FILES = {
     "effects.name", "fetch.name", "add.effect", "add.joints", "identify.estimator", "identify.bbrf", "diagnose.only",
-    "identify.torque_lag",
+    "identify.torque_lag", "fleet.torque_lag",
     "simulate.values", "simulate.channels", "excite.family", "excite.criterion", "excite.separate", "excite.floor",
     "schema.name", "gains.carrier", "payload.carrier", "payload.frame", "excite.home",
     "export.box", "consistent.box", "studio.host",

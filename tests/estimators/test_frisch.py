@@ -129,7 +129,7 @@ def test_moments_that_cannot_be_moments():
         simplex(np.full((4, 4), np.nan), NAMES)
     with pytest.raises(InputError, match="no parameter"):
         simplex(np.eye(1), ())
-    with pytest.raises(InputError, match="negative torque residual"):
+    with pytest.raises(InputError, match="negative squared error of the torque"):
         simplex(np.array([[1.0, 2.0], [2.0, 1.0]]), ("m",))
 
 

@@ -257,7 +257,7 @@ def test_a_sign_that_the_log_contradicts_is_left_and_said():
     model = quick(machine, [exact_log(machine, BASELINE, values, noise=Noise(tau=0.01))], prior="none").model
     found = make_consistent(model)
     assert found.model.standard["fv1"] == pytest.approx(-5.0, rel=0.1)
-    assert any("fv1" in n and "wrong sign" in n for n in found.notes)
+    assert any("fv1" in n and "impossible sign" in n for n in found.notes)
 
 
 # ---- use

@@ -89,7 +89,7 @@ def test_paths_instead_of_logs_are_said(tmp_path):
         fr.report(model, ["log.csv"], tmp_path / "report.html")
     with pytest.raises(InputError, match=r"frischid\.read_log"):
         fr.report(model, "log.csv", tmp_path / "report.html")
-    with pytest.raises(InputError, match=r"fr\.Model\.load"):
+    with pytest.raises(InputError, match=r"frischid\.Model\.load"):
         fr.report("model.json", [log], tmp_path / "report.html")
     assert list(tmp_path.iterdir()) == []
 
