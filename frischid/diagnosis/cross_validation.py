@@ -107,7 +107,7 @@ class CrossValidator:
             data = RegressionData(MotionCache(model, logs, criteria, workers))
         return cls._fitted(ModelColumns.of(data), prior, np.zeros(len(model.joints)))
 
-    def over(self, seen: Callable[[Motion], Motion]) -> CrossValidator:
+    def with_motions(self, seen: Callable[[Motion], Motion]) -> CrossValidator:
         """A fit to the same stretches of other motions, under the same prior: `seen` of each motion takes its place."""
         cache = self.data.cache
         other = MotionCache(cache.model, cache.logs, cache.criteria, cache.workers, seen)

@@ -259,13 +259,13 @@ def diagnose(
     found_by = [stages(v, state, Floor.of(v), effects, progress) for v in priors_of(validator, state)]
     results = min(found_by, key=lambda r: float(r.ranking.full.base_nrmse().mean()))
     results = replace(results, contacts=(*results.contacts, *touched))
-    verdict, over_twin = decided(results), decided(results, over_twin=True)
+    verdict, by_twin = decided(results), decided(results, by_twin=True)
     if state == "changed" and effects is None:
         refit = refit_finding(results.validator, results.floor)
-        over_twin, _ = with_refit(over_twin, results.findings, refit)
+        by_twin, _ = with_refit(by_twin, results.findings, refit)
         verdict, findings = with_refit(verdict, results.findings, refit)
         results = replace(results, findings=tuple(findings))
-    found = _diagnosis(results, (verdict, over_twin), headline(model, [as_recording(log) for log in valid or moving]))
+    found = _diagnosis(results, (verdict, by_twin), headline(model, [as_recording(log) for log in valid or moving]))
     judged = set(validator.joints) & found.headline.joints.keys()
     still = standstill_note([name for name in model.joints if name not in judged])
     said = (still, *said_of(model, logs), *(part.said for part in parts), delay_in(model))
@@ -310,20 +310,20 @@ def _diagnosis(results: StageResults, verdicts: tuple[Verdict, Verdict], error_o
 
     `verdicts`: those of the rules with the sensor noise, and with the error of the healthy twin, as the floor.
     """
-    verdict, over_twin = verdicts
+    verdict, by_twin = verdicts
     validator, unmodelled = results.validator, results.unmodelled
     errors, floors = validator.base_nrmse(), results.floor / validator.spread
     evidence = evidence_of(
         results.findings,
         (errors, results.ranking.full.base_nrmse()),
         (floors, results.least / validator.spread),
-        over_twin,
+        by_twin,
         unmodelled=unmodelled is not None,
     )
     probable = probabilities(evidence)
     named = with_probability(results.findings, probable)
     if unmodelled is None:
-        named = without_bias(named, over_twin, probable)
+        named = without_bias(named, by_twin, probable)
     results = replace(results, findings=named)
     verdict = concluded(verdict, results.findings, probable, unmodelled=unmodelled is not None)
     row = int(np.argmax(errors)) if unmodelled is None else unmodelled.row

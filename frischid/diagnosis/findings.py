@@ -245,8 +245,8 @@ def find_effects(
     ranked = ranking(validator, kinds, progress)
     noise = floor.under(ranked.full)
     moving = ~only_at_reversals(validator, noise)
-    least = np.maximum(noise, floor.twin)
-    return [_finding(validator, (noise, least), moving, effect) for effect in ranked.effects], ranked
+    floors = noise, floor.without_effects(noise)
+    return [_finding(validator, floors, moving, effect) for effect in ranked.effects], ranked
 
 
 def _finding(

@@ -95,6 +95,10 @@ class Floor:
         """Held-out error of the healthy twin, N·m (N), (J,): the floor of the error without an effect."""
         return healthy_twin_error(self.fit)
 
+    def without_effects(self, noise: Array) -> Array:
+        """The floor of the error without an effect, (J,), from that of `under`: the larger of that and the twin's."""
+        return np.maximum(noise, self.twin)
+
     def under(self, full: CrossValidator) -> Array:
         """The floor where the model with all effects that entered is known, N·m (N), (J,).
 

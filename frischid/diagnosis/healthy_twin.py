@@ -35,13 +35,16 @@ def healthy_twin_error(validator: CrossValidator) -> Array:
     validator : CrossValidator
         Fit of the model to the logs, without any candidate.
     """
-    draws = (validator.over(partial(_seen, validator.model, np.random.default_rng(k))) for k in range(DRAWS))
+    model = validator.model
+    regressor = Regressor(model.robot, model.effects, model.reference)
+    draws = (
+        validator.with_motions(partial(_seen, model, regressor, np.random.default_rng(seed))) for seed in range(DRAWS)
+    )
     return np.asarray(np.sqrt(np.mean([(twin.base_nrmse() * twin.spread) ** 2 for twin in draws], axis=0)))
 
 
-def _seen(model: Model, rng: np.random.Generator, motion: Motion) -> Motion:
+def _seen(model: Model, regressor: Regressor, rng: np.random.Generator, motion: Motion) -> Motion:
     """The record of the twin on a motion."""
-    regressor = Regressor(model.robot, model.effects, model.reference)
     if motion.at_poses:
         return replace(motion, tau=regressor.torque(motion, model.full_theta))
     path = true_path(motion, model.lowpass)

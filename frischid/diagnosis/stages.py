@@ -33,5 +33,13 @@ def stages(
     noise = floor.under(ranking.full)
     unmodelled = None if contacts else unmodelled_term(ranking, noise)
     return StageResults(
-        validator, situation, noise, floor.twin, tuple(contacts), tuple(findings), ranking, unmodelled, floor.said
+        validator,
+        situation,
+        noise,
+        floor.without_effects(noise),
+        tuple(contacts),
+        tuple(findings),
+        ranking,
+        unmodelled,
+        floor.said,
     )

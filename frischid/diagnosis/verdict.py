@@ -63,8 +63,8 @@ class StageResults:
     situation : {"always", "changed"}
     floor : ndarray, shape (J,)
         Sensor noise of each joint, N·m (N).
-    twin : ndarray, shape (J,)
-        Held-out error of the healthy twin, N·m (N).
+    least : ndarray, shape (J,)
+        Error where no effect is missing, N·m (N): the healthy twin's, or the floor where that is larger.
     contacts : tuple of Contact
     findings : tuple of Finding
         Best first.
@@ -77,21 +77,16 @@ class StageResults:
     validator: CrossValidator
     situation: Situation
     floor: Array
-    twin: Array
+    least: Array
     contacts: tuple[Contact, ...]
     findings: tuple[Finding, ...]
     ranking: Ranking
     unmodelled: UnmodelledTerm | None
     said: str = ""
 
-    @property
-    def least(self) -> Array:
-        """Error where no effect is missing, N·m (N), (J,): the healthy twin's, or the floor where that is larger."""
-        return np.maximum(self.floor, self.twin)
 
-
-def decided(results: StageResults, *, over_twin: bool = False) -> Verdict:
-    """The verdict, before a refit of all parameters is considered; `over_twin`: the twin's error counts as noise.
+def decided(results: StageResults, *, by_twin: bool = False) -> Verdict:
+    """The verdict, before a refit of all parameters is considered; `by_twin`: the healthy twin's error counts as noise.
 
     A finding that explains half of the error on its own joints is named even if another joint has a larger unexplained
     error. Errors of dry friction at reversals and standstill ask for no explanation.
@@ -100,13 +95,12 @@ def decided(results: StageResults, *, over_twin: bool = False) -> Verdict:
         return "contact"
     validator, full = results.validator, results.ranking.full
     criteria = validator.criteria
-    sure = [f for f in results.findings if (f.beyond_twin if over_twin else f.significant)]
+    sure = [f for f in results.findings if (f.beyond_twin if by_twin else f.significant)]
     noise = results.floor / validator.spread
     residual = full.base_nrmse()
     residual = np.minimum(residual, validator.base_nrmse())  # an effect may raise another joint's error
-    asks = _asks_for_explanation(
-        residual, (results.least if over_twin else results.floor) / validator.spread, validator
-    )
+    floor = results.least if by_twin else results.floor
+    asks = _asks_for_explanation(residual, floor / validator.spread, validator)
     asks &= ~only_at_reversals(full, results.floor)
     unexplained = float(np.where(asks, residual**2 - noise**2, 0.0).max())
     if not sure:
@@ -213,18 +207,18 @@ def concluded(
 
 
 def without_bias(
-    findings: Sequence[Finding], over_twin: Verdict, probabilities: Mapping[str, float]
+    findings: Sequence[Finding], by_twin: Verdict, probabilities: Mapping[str, float]
 ) -> tuple[Finding, ...]:
     """The findings, set aside where the twin has as much error and "none" is the most probable hypothesis.
 
     Parameters
     ----------
     findings : sequence of Finding
-    over_twin : str
+    by_twin : str
         Verdict where the twin's error counts as noise.
     probabilities : mapping of str to float
     """
-    if over_twin != "none" or max(probabilities, key=lambda name: probabilities[name]) != "none":
+    if by_twin != "none" or max(probabilities, key=lambda name: probabilities[name]) != "none":
         return tuple(findings)
     return tuple(replace(f, set_aside=LIKE_THE_TWIN) if f.pays else f for f in findings)
 

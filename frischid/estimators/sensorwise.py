@@ -167,8 +167,7 @@ def sensorwise(data: SensorMoments, *, confidence: float = 0.95, limits: Limits 
     if middle is None:
         raise IdentifiabilityError(
             "no noise of the sensors within its limits explains the residual error; look for a missing effect "
-            "(frischid diagnose), "
-            "or give wider limits"
+            "(frischid diagnose), or give wider limits"
         )
     return scheme.result(middle, corners, [middle, *found, *scheme.extremes(middle)])
 

@@ -165,7 +165,7 @@ def octaves_above(x: Array, v: Array, step: float, lowpass: LowPass) -> Octaves:
 
 
 def torque_noise(x: Array, octaves: Octaves, lowpass: LowPass) -> Array:
-    """The same from octaves that are known: those of `octaves_above`."""
+    """The standard deviation of `level_within`, (J,), from the `octaves_above` of the torques."""
     if lowpass.cutoff is None or not len(octaves.centres):
         return noise_level(x)
     return np.asarray(np.sqrt(_carried_on(octaves.centres, octaves.powers, lowpass.cutoff)))

@@ -80,14 +80,14 @@ def test_an_error_like_the_twins_is_evidence_that_nothing_is_missing(monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("over_twin", "likely", "aside"), [("none", "none", True), ("none", "effect", False), ("effect", "none", False)]
+    ("by_twin", "likely", "aside"), [("none", "none", True), ("none", "effect", False), ("effect", "none", False)]
 )
-def test_what_the_twin_has_too_is_set_aside_where_nothing_missing_is_likeliest(over_twin, likely, aside):
+def test_what_the_twin_has_too_is_set_aside_where_nothing_missing_is_likeliest(by_twin, likely, aside):
     logs = logs_of("joint_spring@joint2")
     found = diagnose(fit(logs).model, logs).findings
     chance = {"joint_spring": 0.6 - 0.3 * (likely == "none"), **dict.fromkeys(OTHERS, 0.05)}
     chance["none"] = 0.9 - chance["joint_spring"]
-    (first, *_) = named = without_bias(with_probability(found, chance), over_twin, chance)
+    (first, *_) = named = without_bias(with_probability(found, chance), by_twin, chance)
     assert first.pays
     assert first.significant != aside
     assert (first.withheld == LIKE_THE_TWIN) == aside
