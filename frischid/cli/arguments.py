@@ -64,6 +64,11 @@ def robot_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+def logs_argument(metavar: str = "[LOGS]...") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Logs to show a model with; without one, `frischid.cli.inputs.opened_or_own` takes the model's own."""
+    return click.argument("logs", type=InputPath(), nargs=-1, metavar=metavar)
+
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON for machines.")
 MapFiles = str | tuple[str, ...] | None
 """Mapping files of ``--map``: none, one for all logs, or several, of which the one that fits a log is used."""

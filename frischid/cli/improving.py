@@ -9,6 +9,7 @@ import click
 from frischid.cli.arguments import (
     MapFiles,
     json_option,
+    logs_argument,
     map_option,
     matching,
     scheduler_option,
@@ -18,7 +19,7 @@ from frischid.cli.arguments import (
     workers_option,
 )
 from frischid.cli.group import main
-from frischid.cli.inputs import model_of, opened
+from frischid.cli.inputs import model_of, opened, opened_or_own
 from frischid.cli.output import elsewhere, show_page, working
 from frischid.cli.paths import InputPath, OutputPath
 from frischid.errors import InputError
@@ -26,7 +27,7 @@ from frischid.errors import InputError
 
 @main.command()
 @click.argument("model", type=InputPath())
-@click.argument("logs", type=InputPath(), nargs=-1, required=True)
+@logs_argument()
 @valid_option
 @map_option
 @situation_option
@@ -51,7 +52,8 @@ def diagnose(
 ) -> None:
     """Find the physical effect that a model is missing.
 
-    The most probable cause stands first; the evidence is cross-validated.
+    The most probable cause stands first; the evidence is cross-validated. Without LOGS, the logs that the model was
+    fitted to are read again.
     """
     from frischid.cli.pages import improving as show
     from frischid.diagnosis.motion_space import simulate_findings
@@ -60,7 +62,8 @@ def diagnose(
     loaded, moved = model_of(model, torque_joints), None
     with working(as_json) as progress, elsewhere(scheduler, workers) as pool:
         progress("reading logs")
-        data, test = opened(logs, loaded.robot, mapping, progress), opened(valid, loaded.robot, mapping, progress)
+        data = opened_or_own(logs, loaded, mapping, progress)
+        test = opened(valid, loaded.robot, mapping, progress)
         given = roles(loaded, data, valid=test, situation=situation)
         found = diagnose_with(
             loaded,
@@ -77,7 +80,7 @@ def diagnose(
 @main.command()
 @click.argument("model", type=InputPath())
 @click.argument("effect")
-@click.argument("logs", type=InputPath(), nargs=-1, required=True)
+@logs_argument()
 @click.option("--joints", help="Joints the effect acts on, comma separated; * and ? match. Default: all.")
 @valid_option
 @map_option
@@ -99,8 +102,8 @@ def add(
 ) -> None:
     """Add an effect to a model, refit, and show the errors.
 
-    EFFECT is written as for `identify --effects`: stribeck(v_s=0.1)@joint3. The output says what the new model can be
-    exported to.
+    EFFECT is written as for `identify --effects`: stribeck(v_s=0.1)@joint3. Without LOGS, the logs that the model was
+    fitted to are read again. The output says what the new model can be exported to.
     """
     from frischid.cli.pages import improving as show
     from frischid.diagnosis.improvement import add as run
@@ -113,7 +116,8 @@ def add(
     names = matching(joints, loaded.robot.joints)
     with working(as_json) as progress:
         progress("refitting")
-        data, test = opened(logs, loaded.robot, mapping, progress), opened(valid, loaded.robot, mapping, progress)
+        data = opened_or_own(logs, loaded, mapping, progress)
+        test = opened(valid, loaded.robot, mapping, progress)
         chosen = parse_effects(effect if names is None else f"{effect}@{'+'.join(names)}")
         chosen = searched(loaded, chosen, effect, data, situation)
         step = run(loaded, chosen, data, valid=test, situation=situation, progress=progress)
@@ -123,7 +127,7 @@ def add(
 
 @main.command()
 @click.argument("model", type=InputPath())
-@click.argument("logs", type=InputPath(), nargs=-1, required=True)
+@logs_argument()
 @valid_option
 @map_option
 @situation_option
@@ -148,7 +152,8 @@ def improve(
 ) -> None:
     """Add missing effects one by one until none is found.
 
-    A step that harms a joint is refused, with the reason. The output says what the final model can be exported to.
+    A step that harms a joint is refused, with the reason. Without LOGS, the logs that the model was fitted to are read
+    again. The output says what the final model can be exported to.
     """
     from frischid.cli.pages import improving as show
     from frischid.diagnosis.improvement import improve as run
@@ -158,7 +163,8 @@ def improve(
     only = None if exportable is None else held_by(loaded, exportable)
     with working(as_json) as progress:
         progress("reading logs")
-        data, test = opened(logs, loaded.robot, mapping, progress), opened(valid, loaded.robot, mapping, progress)
+        data = opened_or_own(logs, loaded, mapping, progress)
+        test = opened(valid, loaded.robot, mapping, progress)
         steps, last = run(
             loaded, data, valid=test, situation=situation, max_steps=max_steps, effects=only, progress=progress
         )

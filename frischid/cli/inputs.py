@@ -99,6 +99,32 @@ def opened(paths: Sequence[str], robot: Robot, mapping: MapFiles, progress: Prog
     return [Recording.open(path, names, form) for path in paths]
 
 
+def opened_or_own(paths: Sequence[str], model: Model, mapping: MapFiles, progress: Progress = _untold) -> list[Any]:
+    """The logs that are named; without a name, those the model was fitted to, found by path and hash.
+
+    Raises
+    ------
+    InputError
+        No log is named, and none of the model's own is found.
+    """
+    if paths:
+        return opened(paths, model.robot, mapping, progress)
+    from frischid.errors import InputError
+    from frischid.model.own_logs import own_logs
+
+    progress("reading the model's own logs")
+    found = own_logs(model)
+    if not found.logs:
+        why = f"were not found ({found.reasons})" if found.missing else "are not named in its file"
+        raise InputError(f"no log is named, and the model's own logs {why}; name the logs")
+    several = f"{len(found.logs)} logs" if len(found.logs) > 1 else "log"
+    lost = f"; not found: {found.reasons}" if found.missing else ""
+    click.echo(
+        f"note: no log is named; the model's own {several} (found by path and hash) will be used{lost}", err=True
+    )
+    return list(found.logs)
+
+
 def names_of(robot: Robot) -> tuple[str, ...]:
     """All joints of a robot, in the order of its tree, the locked ones too."""
     from dataclasses import replace

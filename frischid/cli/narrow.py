@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rich.cells import cell_len
-from rich.console import RenderableType
+from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
@@ -49,7 +49,7 @@ def fitted(part: Any, width: int) -> list[RenderableType]:
     Parameters
     ----------
     part : Table or other renderable
-        All but tables are returned as they are.
+        A text without an indent is returned as it is; a text with one hangs from it.
     width : int
         Characters per line.
 
@@ -59,6 +59,8 @@ def fitted(part: Any, width: int) -> list[RenderableType]:
     """
     if isinstance(part, Command):
         return _continued(part, width)
+    if isinstance(part, str) and part.startswith(" "):
+        return _hanging(part, width)
     if not isinstance(part, Table):
         return [part]
     cells = [[str(column.header), *(str(cell) for cell in column.cells)] for column in part.columns]
@@ -82,15 +84,43 @@ def fitted(part: Any, width: int) -> list[RenderableType]:
 
 
 def _continued(command: str, width: int) -> list[RenderableType]:
-    """A command in lines that end with a backslash; quoted words stay whole."""
+    """A command in lines that end with a backslash; quoted words stay whole.
+
+    A word without quotes that is longer than a line continues after a comma or a slash, at the beginning of the next.
+    """
     lines = [""]
     for word in re.findall(r"(?:'[^']*'|\S)+", command):
         if lines[-1] and cell_len(f"{lines[-1]} {word} \\") > width:
             lines[-1] += " \\"
-            lines.append(f"  {word}")
+            lines += _pieces(word, width)
         else:
             lines[-1] += f" {word}" if lines[-1] else word
     return [Text(line) for line in lines]
+
+
+def _hanging(part: str, width: int) -> list[RenderableType]:
+    """A line with an indent: what does not fit stands below its text, or further to the right where it has no term."""
+    text = Text.from_markup(part)
+    term = re.match(r" +(?:\S+ )*\S+  +", text.plain)  # "  equation    tau = …": the text begins after the spaces
+    begin = len(text.plain) - len(text.plain.lstrip()) if term is None else term.end()
+    hang = begin + GAP if term is None else begin
+    if cell_len(text.plain) <= width or width <= 2 * hang:
+        return [part]
+    first, *others = text[begin:].wrap(Console(width=width), width - hang)
+    return [text[:begin] + first, *(Text(" " * hang) + line for line in others)]
+
+
+def _pieces(word: str, width: int) -> list[str]:
+    """A word of a command on a line of its own, or on several."""
+    if "'" in word or cell_len(f"  {word} \\") <= width:
+        return [f"  {word}"]
+    pieces = ["  "]
+    for part in re.findall(r"[^,/]*[,/]|[^,/]+", word):
+        if pieces[-1].strip() and cell_len(f"{pieces[-1]}{part} \\") > width:
+            pieces[-1] += "\\"
+            pieces.append("")
+        pieces[-1] += part
+    return pieces
 
 
 def _sizes(cells: Sequence[Sequence[str]], width: int) -> list[int]:

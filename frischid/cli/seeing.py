@@ -6,9 +6,16 @@ from typing import Any
 
 import click
 
-from frischid.cli.arguments import MapFiles, json_option, map_option, situation_option, torque_joints_option
+from frischid.cli.arguments import (
+    MapFiles,
+    json_option,
+    logs_argument,
+    map_option,
+    situation_option,
+    torque_joints_option,
+)
 from frischid.cli.group import main
-from frischid.cli.inputs import model_of, models_of, opened, read
+from frischid.cli.inputs import model_of, models_of, opened_or_own, read
 from frischid.cli.output import show_page, working
 from frischid.cli.paths import InputPath, OutputPath, also_written
 
@@ -17,7 +24,7 @@ MODEL_SUFFIX = ".json"  # no log has this suffix
 
 @main.command()
 @click.argument("model", type=InputPath())
-@click.argument("logs", type=InputPath(), nargs=-1, required=True, metavar="[MODEL]... LOGS...")
+@logs_argument("[MODEL]... [LOGS]...")
 @map_option
 @situation_option
 @torque_joints_option
@@ -35,29 +42,27 @@ def report(
     """Write one HTML page about a model, which opens offline.
 
     It shows the model's errors, where the model fails, missing effects, and the next step. Further models (.json) are
-    compared with the first, joint by joint, on the same logs.
+    compared with the first, joint by joint, on the same logs. Without LOGS, the logs that the model was fitted to are
+    read again.
     """
     from itertools import takewhile
 
     from frischid.cli.pages import seeing as show
-    from frischid.errors import InputError
     from frischid.reports.page import report as run
 
     further = tuple(takewhile(lambda path: path.endswith(MODEL_SUFFIX), logs))
-    if len(further) == len(logs):
-        raise InputError("there is no log among the files, only models: frischid report MODEL... LOG...")
     models = models_of((model, *further), torque_joints)
     loaded = next(iter(models.values()))
     with working(as_json) as progress:
         progress("reading logs")
-        data = opened(logs[len(further) :], loaded.robot, mapping, progress)
+        data = opened_or_own(logs[len(further) :], loaded, mapping, progress)
         study = run(models, data, output, situation=situation, model_path=model, progress=progress)
     show_page(show.report(study, output), as_json)
 
 
 @main.command()
 @click.argument("model", type=InputPath())
-@click.argument("logs", type=InputPath(), nargs=-1, required=True)
+@logs_argument()
 @map_option
 @click.option(
     "-o", "--output", type=OutputPath(), help="Where the page saves the model; MODEL with -studio by default."
@@ -76,7 +81,8 @@ def studio(
 ) -> None:
     """Open a page to work on a model.
 
-    The robot moves along the log; a click adds a missing effect, and the error falls.
+    The robot moves along the log; a click adds a missing effect, and the error falls. Without LOGS, the logs that the
+    model was fitted to are read again.
     """
     import os
     import time
@@ -100,7 +106,7 @@ def studio(
             progress("reading logs")
 
             loaded = model_of(model)
-            data = read(logs, loaded.robot, mapping, progress)
+            data = read(logs, loaded.robot, mapping, progress) if logs else opened_or_own((), loaded, mapping, progress)
             progress("comparing")
             running.show(loaded, data, path)
         while True:

@@ -19,7 +19,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from frischid.core.parallel import Workers
-from frischid.core.text import listed
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.situation import SituationOption, cross_validator
@@ -29,8 +28,6 @@ from frischid.logs.poses import in_motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
 from frischid.model.own_logs import own_logs
-
-_REASONS = 3  # logs that were not found and are named in a note
 
 
 class Roles(NamedTuple):
@@ -89,35 +86,30 @@ def roles(
     found = own_logs(model, own)
     more = tuple(log for log in found.logs if log.identity not in tested)
     if not own and not more:
-        return Roles(others, tuple(valid), situation, _alone(found.missing))
+        return Roles(others, tuple(valid), situation, _alone(found.reasons))
     order = {log.get("sha256"): number for number, log in enumerate(model.fitted_logs)}
     select = sorted((*own, *more), key=lambda log: order.get(log.identity, len(order)))
-    return Roles(tuple(select), (*others, *valid), situation, _with_own(len(own), len(more), found.missing))
+    return Roles(tuple(select), (*others, *valid), situation, _with_own(len(own), len(more), found.reasons))
 
 
-def _alone(missing: Sequence[str]) -> str:
+def _alone(missing: str) -> str:
     """Note on logs that select although the model was fitted to none of them."""
-    why = f"its own logs were not found ({_reasons(missing)})" if missing else "its file names no logs of its own"
+    why = f"its own logs were not found ({missing})" if missing else "its file names no logs of its own"
     return (
         f"the model was not fitted to these logs, and {why}. So these logs alone select the effects; an effect that "
         "their motion hardly shows may be ranked too low"
     )
 
 
-def _with_own(given: int, more: int, missing: Sequence[str]) -> str:
+def _with_own(given: int, more: int, missing: str) -> str:
     """Note on the model's own logs, where they are not simply those given."""
     parts = []
     if more:
         which = f"{more} more found" if given else f"{more} found"
         parts.append(f"effects are selected on the model's own logs ({which} by path and hash); all other logs test")
     if missing:
-        parts.append(f"not found: {_reasons(missing)}")
+        parts.append(f"not found: {missing}")
     return "; ".join(parts)
-
-
-def _reasons(missing: Sequence[str]) -> str:
-    few = list(missing[:_REASONS])
-    return listed([*few, f"{len(missing) - _REASONS} more"] if len(missing) > _REASONS else few)
 
 
 def diagnose_in_roles(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,15 +68,17 @@ def log_of_table(
     if whole:
         table, t = _without_empty_ends(table, t, mapped, notes)
     channels: dict[str, Any] = {channel: np.full((t.size, len(mapped)), np.nan) for channel in CHANNELS}
+    conversions: list[_Conversion] = []
     for j, (joint, columns) in enumerate(mapped.items()):
-        for channel, values in _convert(table, form, joint, columns, notes).items():
+        for channel, values in _convert(table, form, joint, columns, conversions, notes).items():
             channels[channel][:, j] = values
-    converted = {note.partition(" = ")[0] for note in notes}
+    notes += _described(conversions)
+    converted = {(x.channel, x.joint) for x in conversions}
     renamed = [
         f"{channel}_{joint} = {name}"
         for joint, columns in mapped.items()
         for channel, name in columns.items()
-        if name != f"{channel}_{joint}" and f"{channel}_{joint}" not in converted
+        if name != f"{channel}_{joint}" and (channel, joint) not in converted
     ]
     if renamed:
         notes.append(f"columns renamed: {', '.join(renamed[:3])}{f' and {len(renamed) - 3} more' * (len(renamed) > 3)}")
@@ -201,7 +203,40 @@ def _no_joint(table: Table, form: LogMap, there: Sequence[str], joints: Sequence
     )
 
 
-def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str], notes: list[str]) -> dict[str, Array]:
+class _Conversion(NamedTuple):
+    """A channel of a joint that is computed from a column: ``factor × column + offset``."""
+
+    channel: str
+    joint: str
+    column: str
+    factor: float
+    offset: float = 0.0
+    unit: str = ""
+    instead: str = ""
+
+    @property
+    def term(self) -> str:
+        scaled = self.column if self.factor == 1 else f"{self.factor:.6g}{self.unit} × {self.column}"
+        return f"{scaled} {self.offset:+.6g}" if self.offset else scaled
+
+
+def _described(conversions: Sequence[_Conversion]) -> list[str]:
+    """One note for each channel, however many joints there are."""
+    notes = []
+    for channel in dict.fromkeys(x.channel for x in conversions):
+        same = [x for x in conversions if x.channel == channel]
+        notes.append(", ".join(f"{channel}_{x.joint} = {x.term}{x.instead}" for x in same))
+    return notes
+
+
+def _convert(
+    table: Table,
+    form: LogMap,
+    joint: str,
+    columns: Mapping[str, str],
+    conversions: list[_Conversion],
+    notes: list[str],
+) -> dict[str, Array]:
     """Channels of one joint, converted to SI units, the joint's direction and the joint side of the gear."""
     entry = form.joint.get(joint, JointMap())
     motion = entry.sign * RADIANS_PER_UNIT[entry.angle_unit or form.angle_unit] / entry.gear_ratio
@@ -223,10 +258,8 @@ def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str],
         check_values(name, raw, table.source, table.place)
         factor, offset = factors[channel], entry.offset if channel in ("q", "qcmd") else 0.0
         channels[channel] = raw if factor == 1 and offset == 0 else factor * raw + offset
-        scaled = f"{factor:.6g} × {name}" if factor != 1 else name
-        if factor == 1 and not offset:
-            continue  # only renamed: one note for all such columns
-        notes.append(f"{channel}_{joint} = {f'{scaled} {offset:+.6g}' if offset else scaled}")
+        if factor != 1 or offset:  # one note for all columns that are only renamed
+            conversions.append(_Conversion(channel, joint, name, factor, offset))
     gain, tau_from = entry.current_gain, entry.tau_from or form.tau_from
     if tau_from == "current" and (gain is None or "current" not in channels):
         raise InputError(
@@ -235,9 +268,9 @@ def _convert(table: Table, form: LogMap, joint: str, columns: Mapping[str, str],
     if gain is None:
         return channels
     if "current" in channels and (tau_from == "current" or (tau_from is None and "tau" not in channels)):
-        instead = f", instead of column {columns['tau']}" if "tau" in channels else ""
+        instead = f" instead of column {columns['tau']}" if "tau" in channels else ""
         channels["tau"] = gain * channels["current"]
-        notes.append(f"tau_{joint} = {gain:.6g} N·m/A × current_{joint}{instead}")
+        conversions.append(_Conversion("tau", joint, f"current_{joint}", gain, unit=" N·m/A", instead=instead))
     else:
         why = f"torque is column {columns['tau']}" if "tau" in channels else "there is no current to convert"
         notes.append(f"current_gain of {joint} not used: {why}")

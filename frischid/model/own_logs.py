@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from frischid.core.text import listed
 from frischid.errors import InputError
 from frischid.logs.bags import BAG_SUFFIXES
 from frischid.logs.content_size import fits_in_memory
@@ -26,6 +27,7 @@ from frischid.logs.tables import CSV
 from frischid.model.model import Model
 
 LOG_SUFFIXES = (*CSV, ".parquet", ".npz", *BAG_SUFFIXES)
+MOST_REASONS = 3  # logs that were not found and are named
 
 
 class OwnLogs(NamedTuple):
@@ -41,6 +43,12 @@ class OwnLogs(NamedTuple):
 
     logs: tuple[Log | Recording, ...]
     missing: tuple[str, ...]
+
+    @property
+    def reasons(self) -> str:
+        """The first few of `missing`, and the number of the others."""
+        few, others = self.missing[:MOST_REASONS], len(self.missing) - MOST_REASONS
+        return listed([*few, f"{others} more"] if others > 0 else few)
 
 
 def own_logs(model: Model, given: tuple[Log | Recording, ...] = ()) -> OwnLogs:

@@ -163,3 +163,11 @@ def test_a_command_to_copy_continues_over_lines_as_a_shell_reads_it():
     assert all(line.endswith(" \\") for line in lines[:-1])
     assert shlex.split("\n".join(lines).replace("\\\n", "")) == shlex.split(command)
     assert printed(Command(command), 200).splitlines() == [command]
+
+
+def test_a_long_word_of_a_command_continues_after_a_comma_as_a_shell_reads_it():
+    command = f"frischid excite robot.urdf --separate {','.join(f'joint_spring@joint{k}' for k in range(5))} -o a.csv"
+    for width in (30, 40, 60):
+        lines = printed(Command(command), width).splitlines()
+        assert all(cell_len(line) <= width for line in lines)
+        assert shlex.split("\n".join(lines).replace("\\\n", "")) == shlex.split(command)

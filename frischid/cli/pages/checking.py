@@ -22,8 +22,8 @@ COLUMNS = {
     "noise_tau": "noise τ",
     "noise_current": "noise i",
     "quantum_tau": "step τ",
-    "velocity_lag": "lag v [s]",
-    "torque_lag": "lag τ [s]",
+    "velocity_lag": "lag v",
+    "torque_lag": "lag τ",
     "friction_nrmse": "friction only",
     "nominal_nrmse": "URDF + friction",
     "free_nrmse": "free",
@@ -71,11 +71,12 @@ class Correction:
 def check(reports: Sequence[LogReport], correction: Correction | None = None) -> Page:
     """Figures and issues of logs, and what undoes those that can be undone."""
     correction = correction or Correction()
-    parts: list[Any] = []
+    parts: list[Any] = [_verdict(reports)]
     for report in reports:
-        parts += [_headline(report.source, report.facts), *(f"  {escape(n)}" for n in report.facts.get("notes", ()))]
-        parts += [*_clock(report.facts), *_joints(report.joints), *_parameters(report.facts)]
+        parts.append(_headline(report.source, report.facts))
         parts += [line for issue in report.issues for line in lines(issue)] or ["  nothing suspicious"]
+        parts += [f"  {escape(n.removeprefix(f'{report.source}: '))}" for n in report.facts.get("notes", ())]
+        parts += [*_clock(report.facts), *_joints(report.joints), *_parameters(report.facts)]
     logs = [
         {
             "log": report.source,
@@ -92,6 +93,17 @@ def check(reports: Sequence[LogReport], correction: Correction | None = None) ->
     ok = not any(report.issues for report in reports)
     data = {"logs": logs, "ok": ok, "correction": correction.mapping, "robot_correction": list(correction.robot)}
     return Page({**data, "criteria": criteria}, parts)
+
+
+def _verdict(reports: Sequence[LogReport]) -> str:
+    """All logs in a line: nothing suspicious, or how many logs have which faults."""
+    logs = f"{len(reports)} logs" if len(reports) > 1 else "log"
+    doubtful = [report for report in reports if report.issues]
+    if not doubtful:
+        return f"[bold]Nothing suspicious in the {logs}.[/bold]"
+    kinds = ", ".join(dict.fromkeys(issue.kind for report in doubtful for issue in report.issues))
+    first = f"{len(doubtful)} of {logs}" if len(reports) > 1 else "The log"
+    return f"[bold]{first} need{'s' * (len(doubtful) == 1)} attention: {kinds}.[/bold]"
 
 
 def lines(issue: LogIssue) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import re
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
@@ -48,7 +48,7 @@ def identification(found: Identification, output: str | None, *, whole: bool = F
         parts.append(amperes(found.amperes))
     parts.append(parameters(model) if whole else f"  {len(model.expressions)} parameters: --parameters lists them")
     if output:
-        parts += [f"model written to {output}", _next(found, output)]
+        parts += [f"model written to {output}", _next(output)]
     return Page(identified(found), parts, found.alarms)
 
 
@@ -76,23 +76,30 @@ def moved(result: OutputError, logs: Sequence[Log | Recording], output: str | No
 
 
 def _brief(found: Identification, messages: Sequence[str]) -> list[str]:
-    """Messages with the names of logs instead of their paths."""
+    """Messages with the names of logs instead of their paths; what is said of several logs stands once."""
     paths = {x["source"] for x in (*found.model.fitted_logs, *found.model.history[-1].get("test_logs", ()))}
     names = {path: Path(path).name for path in paths}
     if len(set(names.values())) < len(names):  # two logs of one name in two folders
         return list(messages)
     for path in sorted(paths, key=len, reverse=True):
         messages = [text.replace(path, names[path]) for text in messages]
-    return list(messages)
+    told: dict[str, list[str]] = {}
+    for text in dict.fromkeys(messages):
+        log, colon, rest = text.partition(": ")
+        alike = re.sub(r"[-+]?\d[\d.]*", "#", rest)
+        told.setdefault(alike if colon and log in names.values() else text, []).append(text)
+    return [first if not others else _once(first, len(others)) for first, *others in told.values()]
 
 
-def _next(found: Identification, output: str) -> Command:
-    """The command that most users want next, with the mapping file where there was one."""
-    files = {x["file"]["mapping"]["path"] for x in found.model.fitted_logs if (x.get("file") or {}).get("mapping")}
-    near = [min(path, os.path.relpath(path), key=len) for path in sorted(map(str, files))]
-    maps = "".join(f" --map {shlex.quote(path)}" for path in near)
-    logs = " ".join(shlex.quote(x["source"]) for x in found.model.fitted_logs)
-    return Command(f"next: frischid diagnose {shlex.quote(output)} {logs}{maps}")
+def _once(text: str, others: int) -> str:
+    """A message on the first of several logs, for all of them."""
+    log, _, rest = text.partition(": ")
+    return f"{log} (and the like of {others} other log{'s' * (others > 1)}): {rest}"
+
+
+def _next(output: str) -> Command:
+    """The command that most users want next; the model's file names the logs and their mapping file."""
+    return Command(f"next: frischid diagnose {shlex.quote(output)}")
 
 
 def identified(found: Identification) -> dict[str, Any]:

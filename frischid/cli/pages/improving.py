@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from rich.markup import escape
+
+from frischid.cli.narrow import Command
 from frischid.cli.pages.page import Page, change, headline_line, quantities, table_of
 from frischid.core.text import percent, sentence
 from frischid.diagnosis.diagnosis import Diagnosis, delay_in
-from frischid.diagnosis.findings import HOW_RANKED
+from frischid.diagnosis.findings import HOW_RANKED, Finding
 from frischid.diagnosis.motion_space import MotionDiagnosis
 from frischid.diagnosis.rivals import IN_WORDS
 from frischid.diagnosis.step import Step
@@ -16,6 +19,9 @@ from frischid.effects import EFFECTS
 from frischid.export.reach import Reach, in_words, reach_of
 from frischid.model.headline import error_after, headline_of
 from frischid.model.model import Model
+
+MOST_ROWS, FEWEST_ROWS = 10, 3
+SMALLEST_SHOWN = 0.005  # probability; a smaller one is printed as 0 %
 
 
 def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
@@ -26,17 +32,17 @@ def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
     for c in result.contacts:
         parts.append(f"contact in {c.source} from {c.start:.2f} to {c.stop:.2f} s on {', '.join(c.joints)}; left out")
     table = table_of("effect", "where", "error", "explains", "gain", "probability", "confused with")
-    effects = [f for f in result.findings if f.effect != result.verdict]  # the first line has the verdict
-    for f in effects[:10]:
+    listed = shown(result)
+    for f in listed:
         where = ", ".join(f.joints) or "robot"
         evidence = (f.change, percent(f.share), f"{f.gain:.1f}", percent(f.probability))
         table.add_row(f.effect, where, *evidence, ", ".join(f.confused_with))
     if result.fit is None:
-        parts += [f"{sentence(note)}." for note in result.notes[1:]]
+        parts += [part for note in result.notes[1:] for part in noted(note)]
         return Page(result.to_dict(), parts, result.headline.alarms)
     parts.append(table)
-    parts.append(f"Probability that something else is the cause: {elsewhere(result)}.")
-    parts += [f"{sentence(note)}." for note in result.notes[1:]]
+    parts.append(f"Probability that something else is the cause: {elsewhere(result, listed)}.")
+    parts += [part for note in result.notes[1:] for part in noted(note)]
     significant = [f for f in result.findings if f.significant]
     if significant:
         best = significant[0]
@@ -78,12 +84,26 @@ def simulated(moved: MotionDiagnosis) -> list[Any]:
     ]
 
 
-def elsewhere(result: Diagnosis) -> str:
-    """Probabilities of the hypotheses that are no effect, and of all findings below the table, in words."""
-    shown = {f.effect for f in result.findings[:10]}
-    below = sum(p for name, p in result.probabilities.items() if name not in shown and name not in IN_WORDS)
+def shown(result: Diagnosis) -> list[Finding]:
+    """The findings that are worth a row: at most ten, those without any evidence only to make three."""
+    effects = [f for f in result.findings if f.effect != result.verdict][:MOST_ROWS]  # the first line has the verdict
+    return [f for k, f in enumerate(effects) if k < FEWEST_ROWS or f.gain > 0 or f.probability >= SMALLEST_SHOWN]
+
+
+def elsewhere(result: Diagnosis, listed: Sequence[Finding]) -> str:
+    """Probabilities of the hypotheses that are no effect, and of all findings that are not `listed`, in words."""
+    names = {f.effect for f in listed}
+    others = sum(p for name, p in result.probabilities.items() if name not in names and name not in IN_WORDS)
     told = [f"{words} {percent(result.probabilities[name])}" for name, words in IN_WORDS.items()]
-    return ", ".join([*told, *([f"an effect further down {percent(below)}"] if below >= 0.005 else [])])
+    return ", ".join([*told, *([f"another effect {percent(others)}"] if others >= SMALLEST_SHOWN else [])])
+
+
+def noted(note: str) -> list[Any]:
+    """A note as a sentence; a command at its end stands on lines of its own, to be copied."""
+    text, _, command = note.removesuffix("`").partition(": `frischid ")
+    if not command or not note.endswith("`"):
+        return [f"{escape(sentence(note))}."]
+    return [f"{escape(sentence(text))}:", Command(f"frischid {command}")]
 
 
 def verdict_of(result: Diagnosis) -> str:
