@@ -22,7 +22,7 @@ squares, Computational Statistics 10, for the signs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -196,7 +196,7 @@ def map_estimate(
     return _finish(problem, replace(prior, scales=scales), variance, rows)
 
 
-def effects_alone(blocks: Sequence[Gram], mapping: Array, prior: ParameterPrior) -> Array:
+def friction_alone(blocks: Sequence[Gram], mapping: Array, prior: ParameterPrior, fitted: Collection[str]) -> Array:
     """Base parameters of the prior's links with only friction and offsets fitted: the model of a careful URDF user.
 
     Parameters
@@ -205,13 +205,15 @@ def effects_alone(blocks: Sequence[Gram], mapping: Array, prior: ParameterPrior)
         Base columns only.
     mapping : ndarray, shape (p, C)
     prior : ParameterPrior
-        Links keep its mean; parameters with a negative side (rotors) stay at zero.
+        All parameters that are not fitted keep its mean.
+    fitted : collection of str
+        Names of the parameters of friction and offsets.
 
     Returns
     -------
     ndarray, shape (p,)
     """
-    held = prior.of_links | (prior.negative > 0)
+    held = np.array([name not in fitted for name in prior.names])
     spread = prior.spread * np.where(held, HELD, 1.0 / HELD)
     problem = MapProblem(total(blocks), mapping, replace(prior, spread=spread, negative=np.zeros(len(spread))))
     precision = problem.precision({})

@@ -14,7 +14,8 @@ import numpy as np
 from scipy import linalg
 
 from frischid.core.types import Array
-from frischid.estimators.map_estimate import MapEstimate, effects_alone, map_estimate
+from frischid.effects import Coulomb, Offset, Viscous
+from frischid.estimators.map_estimate import MapEstimate, friction_alone, map_estimate
 from frischid.estimators.normal_equations import WORST_CONDITION
 from frischid.estimators.urdf_prior import gaussian
 from frischid.model.alarms import (
@@ -46,10 +47,22 @@ def fit_record(fit: Fit) -> FitRecord:
     for motion in problem.data.motions:
         for row, x in enumerate((motion.v, motion.a)):
             reach[row] = np.maximum(reach[row], np.quantile(np.abs(x[:, index]), REACHED, axis=0))
-    urdf = effects_alone(problem.blocks, problem.reduction.mapping, problem.urdf)
+    urdf = friction_alone(problem.blocks, problem.reduction.mapping, problem.urdf, _friction(problem))
     scores = np.full((len(LEVELS), len(index)), np.nan)
     spread = np.sqrt(problem.whole.torque_ss() / np.maximum(problem.whole.counts, 1.0))
     return FitRecord(reach[0], reach[1], urdf, scores, np.ones(len(index)), spread)
+
+
+def _friction(problem: Problem) -> set[str]:
+    """Parameters that are fitted to the URDF's links for comparison: the same, whatever effects the model has besides.
+
+    Those of viscous and dry friction, of the torque's zero and of the controller. A model that has other friction
+    instead of viscous and dry friction is compared with that.
+    """
+    usual = [e for e in problem.effects if e.id in (Viscous.id, Coulomb.id)]
+    friction = usual or [e for e in problem.effects if e.friction]
+    others = [e for e in problem.effects if e.id == Offset.id or e.of_controller]
+    return {c.name for e in (*friction, *others) for c in e.columns(problem.data.robot)}
 
 
 def model_share(problem: Problem, own: Comparison, rows: float) -> Array:

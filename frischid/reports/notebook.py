@@ -25,7 +25,7 @@ from frischid.model.headline import Headline, headline_of
 from frischid.model.identification import Identification
 from frischid.model.model import Model
 from frischid.motions.plan import Plan
-from frischid.reports.chapters.verdict import URDF_RUNG, rungs, urdf_rung
+from frischid.reports.chapters.verdict import rungs
 from frischid.reports.study import missing
 from frischid.reports.templates import render
 
@@ -43,7 +43,7 @@ def page_of(result: Any) -> Markup:
     values = {
         "title": repr(result),
         "error": error,
-        "ladder": [] if error is None else rungs(error, urdf=URDF_RUNG if model is None else urdf_rung(model)),
+        "ladder": [] if error is None else rungs(error),
         "missing": missing(result) if isinstance(result, Diagnosis) else "",
         "picture": Markup(_picture(model, error)) if model is not None and error is not None else "",
         "headings": list(columns),

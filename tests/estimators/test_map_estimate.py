@@ -12,7 +12,7 @@ from frischid.errors import IdentifiabilityError
 from frischid.estimators.held_out import held_out_variance
 from frischid.estimators.map_estimate import (
     effective_rows,
-    effects_alone,
+    friction_alone,
     map_estimate,
     map_folds,
     shapes,
@@ -126,8 +126,9 @@ def test_rows_are_pairs_of_shapes_of_the_median_joint():
     assert effective_rows(np.zeros((2, 3, 3))) == 1.0
 
 
-def test_effects_alone_leaves_the_links_to_the_urdf():
-    found = effects_alone(blocks(np.array([1.0, 0.5, 0.3, 0.4])), np.eye(4), prior(negative=0.5))
+def test_friction_alone_leaves_all_others_to_the_urdf():
+    known = prior(negative=0.5)
+    found = friction_alone(blocks(np.array([1.0, 0.5, 0.3, 0.4])), np.eye(4), known, known.names[2:3])
     np.testing.assert_allclose(found[:2], [1.0, 0.5], atol=1e-3)
     assert found[2] == pytest.approx(0.3, abs=0.05)
     assert found[3] == pytest.approx(0.0, abs=1e-3)

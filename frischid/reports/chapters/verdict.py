@@ -16,12 +16,10 @@ from frischid.diagnosis.rivals import separating_command
 from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
 from frischid.model.events import selection_errors
 from frischid.model.headline import Headline, between, headline_of
-from frischid.model.model import Model
 from frischid.reports.study import Study, missing
 
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
 STEPS_PROPOSED = 3
-URDF_RUNG = "URDF with fitted friction"
 SAME_NRMSE = 1e-3  # relative difference of two errors of one model on the same logs: another version may round
 NOT_FOR_USE = ("E", "F")  # grades of models that are hardly better than the URDF
 
@@ -62,16 +60,10 @@ def _ladder(study: Study) -> list[dict[str, Any]]:
     if best is not None:
         after = error.nrmse * best.error_after / best.error_before
         more.append((f"forecast: with {best.effect}", after, "later"))
-    return rungs(error, more, urdf_rung(study.model))
+    return rungs(error, more)
 
 
-def urdf_rung(model: Model) -> str:
-    """Name of the URDF's error: it has the effects that were added too, fitted to its links."""
-    added = any(event["action"] == "add" for event in model.history)
-    return "URDF with this model's effects" if added else URDF_RUNG
-
-
-def rungs(error: Headline, more: Sequence[tuple[str, float, str]] = (), urdf: str = URDF_RUNG) -> list[dict[str, Any]]:
+def rungs(error: Headline, more: Sequence[tuple[str, float, str]] = ()) -> list[dict[str, Any]]:
     """Errors from the largest to the smallest, each with the width of its bar.
 
     Parameters
@@ -79,12 +71,10 @@ def rungs(error: Headline, more: Sequence[tuple[str, float, str]] = (), urdf: st
     error : Headline
     more : sequence of (str, float, str)
         Further errors: name, NRMSE, and ``"other"`` or ``"later"``.
-    urdf : str
-        Name of the URDF's error.
     """
     found = [
         ("constant torque", error.constant_nrmse, "other"),
-        (urdf, error.urdf_nrmse, "other"),
+        ("URDF with fitted friction", error.urdf_nrmse, "other"),
         ("this model", error.nrmse, "model"),
         ("sensors' noise alone", error.noise_floor, "floor"),
         *more,
