@@ -114,7 +114,7 @@ class NoiseFloor:
             self._held += len(motion.t) * held
             return np.array([np.zeros(len(held)), held])
         index, taps = self.model.torque_index, self.model.lowpass.taps(motion.step)
-        octaves = octaves_above(motion.tau[:, index], motion.v[:, index], motion.step, self.model.lowpass)
+        octaves = octaves_above(motion.tau[:, index], direction(motion)[:, index], motion.step, self.model.lowpass)
         self.octaves.append(octaves)
         level = torque_noise(motion.tau[:, index], octaves, self.model.lowpass)
         through = _THROUGH.of(motion, self._key, lambda: _through_the_motion(self.model, motion))
@@ -130,19 +130,25 @@ class NoiseFloor:
         return np.asarray(np.maximum(smooth, np.minimum(sharp, rmse)))
 
 
+def direction(motion: Motion) -> Array:
+    """Sign of the speed, (N, J), zero at standstill: there the sign of a measured speed is that of its noise."""
+    return np.asarray(np.where(motion.standstill, 0.0, np.sign(motion.v)))
+
+
 def level_within(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
     """Standard deviation of white noise with the same power within a filter's band as the noise of torques.
 
     The power is measured above the band and extrapolated. Sixth differences over a lag of a quarter of the cut-off's
     period pass the octave around twice the cut-off, and hardly any motion ten times slower than the cut-off. Half that
     lag passes the next octave, and so on. Differences across a reversal of the joint are left out, because dry friction
-    jumps there; the median ignores other jerks. The power of the noise over frequency is modelled as that of white
-    noise and of noise with a memory, W + L/(1 + (f/f₀)²).
+    jumps there. Differences across standstill are left out too, because dry friction creeps there. The median ignores
+    other jerks. The power of the noise over frequency is modelled as that of white noise and of noise with a memory,
+    W + L/(1 + (f/f₀)²).
 
     Parameters
     ----------
     x, v : ndarray, shape (N, J)
-        Torque and speed, uniformly sampled.
+        Torque and speed (or its `direction`), uniformly sampled; zero speed is standstill.
     step : float
         Time between samples, s.
     lowpass : LowPass
@@ -180,9 +186,9 @@ def _power(x: Array, v: Array, step: float, lag: int) -> Array | None:
     if len(x) < 2 * len(both):
         return None
     passed = np.abs(correlate(both, x))
-    forward: NDArray[np.intp] = np.cumsum(v > 0, axis=0)
-    there = forward[len(both) - 1 :] - forward[: len(passed)]  # of the samples after the first
-    one_way = np.isin(there, (0, len(both) - 1))
+    directions: NDArray[np.intp] = np.cumsum(np.sign(v).astype(np.intp), axis=0)
+    there = directions[len(both) - 1 :] - directions[: len(passed)]  # of the samples after the first
+    one_way = np.abs(there) == len(both) - 1
     # A joint that reverses all the time has no difference without a reversal: then all differences count.
     kept = np.where(one_way.sum(axis=0) < len(both), True, one_way)
     spread = np.array([np.median(y[here]) for y, here in zip(passed.T, kept.T, strict=True)])

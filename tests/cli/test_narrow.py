@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from rich.cells import cell_len
 from rich.console import Console
 from test_cli import fitted, logs, run  # noqa: F401 (fixtures)
+from widths import assert_whole
 
 from frischid.cli import main, output
 from frischid.cli.narrow import Command, Wide
 from frischid.cli.narrow import fitted as pieces_of
-from frischid.cli.pages.page import alarm_lines
 
 WORD = st.text("abcdefgh0123456789.-", min_size=1, max_size=9)
 CELL = st.lists(WORD, min_size=1, max_size=4).map(" ".join)
@@ -84,6 +84,8 @@ def test_the_width_may_stand_before_the_command_or_after_it():
 
 EVERY = (
     "info robot.urdf",
+    "demo --report demo.html",
+    "demo --practice again",
     "doctor",
     "fetch",
     "excite robot.urdf --duration 5 --budget 60 -o motion.csv",
@@ -111,7 +113,8 @@ EVERY = (
     "gains robot.urdf --unloaded unloaded_currents.csv --loaded loaded_currents.csv --payload 2.0",
     "fleet robot.urdf fleet/*/*.parquet --scheduler none",
 )
-"""One line for each command with tables; `paper` takes a minute, `studio` prints an address."""
+"""One line for each command with tables. `paper` takes a minute, so its tables have a test of their own; `studio`
+prints an address; `schema` and `completion` print text for programs."""
 
 
 @pytest.fixture(scope="module")
@@ -130,22 +133,7 @@ def test_no_command_breaks_a_number_or_a_word(line, practice, monkeypatch):
     done = CliRunner().invoke(main, line.split())
     assert done.exit_code in (0, 1), done.output  # an alarm ends with 1
     (page,) = pages
-    whole = text_of(page, 5000)
-    for width in (60, 80, 120, output.PIPE_WIDTH):
-        text = text_of(page, width)
-        assert all(cell_len(shown.rstrip()) <= width for shown in text.splitlines())
-        broken = set(text.split()) - set(whole.split())
-        # Rules of tables, and a name that is longer than the line, may differ; no number does.
-        assert not [word for word in broken if re.fullmatch(r"[-+−]?[\d.,·⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+%?", word)]
-
-
-def text_of(page, width):
-    stream = io.StringIO()
-    console = Console(file=stream, width=width, highlight=False)
-    for part in (*alarm_lines(page.alarms), *page.parts):
-        for piece in pieces_of(part, width):
-            console.print(piece)
-    return stream.getvalue()
+    assert_whole(page)
 
 
 @pytest.mark.parametrize("width", [60, 80])

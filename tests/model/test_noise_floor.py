@@ -49,6 +49,14 @@ def test_without_a_filter_or_with_few_samples_all_noise_counts():
     assert level(noise[:30]) == noise_level(noise[:30])
 
 
+def test_standstill_says_nothing_about_the_noise_in_motion():
+    """There dry friction creeps, and the sign of a measured speed is noise; `direction` makes it zero."""
+    rng = np.random.default_rng(3)
+    speed = np.where(T % 20 < 6, np.sin(2 * np.pi * 0.4 * T), 0.0)
+    noise = np.where(speed == 0, 1.0, 0.1) * rng.normal(size=len(T))
+    assert level_within(noise[:, None], speed[:, None], STEP, LOWPASS)[0] == pytest.approx(0.1, rel=0.25)
+
+
 ARMS = {
     "positions only": ("ur5", Noise(q=2e-5, tau=0.01), ()),
     "quantised": ("ur5", Noise(quantum=2e-4, tau=0.003), ()),

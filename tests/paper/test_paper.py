@@ -8,8 +8,10 @@ import pytest
 from browser import needs_browser, opened
 from click.testing import CliRunner
 from scipy.io import savemat
+from widths import assert_whole
 
 from frischid.cli import main
+from frischid.cli.pages import paper as pages
 from frischid.errors import InputError
 from frischid.estimators.frisch import Box
 from frischid.motions.trajectory import Quintic
@@ -213,6 +215,10 @@ def test_the_page_opens_offline(own, tmp_path, width):
         assert seen.page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
         assert not seen.complaints
         assert not seen.outside
+
+
+def test_the_tables_fit_a_narrow_terminal(own):
+    assert_whole(pages.reproduction(own, []))
 
 
 def test_the_command(tmp_path):

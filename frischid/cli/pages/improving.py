@@ -20,7 +20,7 @@ from frischid.export.reach import Reach, in_words, reach_of
 from frischid.model.headline import error_after, headline_of
 from frischid.model.model import Model
 
-MOST_ROWS, FEWEST_ROWS = 10, 3
+MOST_LISTED, FEWEST_LISTED = 10, 3
 SMALLEST_SHOWN = 0.005  # probability; a smaller one is printed as 0 %
 
 
@@ -86,8 +86,8 @@ def simulated(moved: MotionDiagnosis) -> list[Any]:
 
 def shown(result: Diagnosis) -> list[Finding]:
     """The findings that are worth a row: at most ten, those without any evidence only to make three."""
-    effects = [f for f in result.findings if f.effect != result.verdict][:MOST_ROWS]  # the first line has the verdict
-    return [f for k, f in enumerate(effects) if k < FEWEST_ROWS or f.gain > 0 or f.probability >= SMALLEST_SHOWN]
+    effects = [f for f in result.findings if f.effect != result.verdict][:MOST_LISTED]  # the first line has the verdict
+    return [f for k, f in enumerate(effects) if k < FEWEST_LISTED or f.gain > 0 or f.probability >= SMALLEST_SHOWN]
 
 
 def elsewhere(result: Diagnosis, listed: Sequence[Finding]) -> str:
