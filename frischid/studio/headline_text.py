@@ -16,9 +16,9 @@ def error_text(state: State) -> str:
     alarms = "".join(f"**{kinds[alarm.severity]}:** {plain(str(alarm))}\n\n" for alarm in error.alarms)
     return (
         f"{alarms}**{error.grade}** {error.grade_in_words}. "
-        f"The model misses **{_percent(error.nrmse)}** of the torque's standard deviation {error.where} "
-        f"(NRMSE {error.nrmse:.4f}). Sensors alone {_percent(error.noise_floor)}, URDF with fitted friction "
-        f"{_percent(error.urdf_nrmse)}, constant torque {_percent(error.constant_nrmse)}."
+        f"The model misses **{_percent(error.nrmse)}** of the torque's standard deviation "
+        f"(NRMSE {error.nrmse:.4f} {error.where}). Sensors alone {_percent(error.noise_floor)}, "
+        f"URDF with fitted friction {_percent(error.urdf_nrmse)}, constant torque {_percent(error.constant_nrmse)}."
         f"{_last_step(state)}"
     )
 

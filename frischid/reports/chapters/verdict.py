@@ -16,6 +16,7 @@ from frischid.diagnosis.rivals import separating_command
 from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
 from frischid.model.events import selection_errors
 from frischid.model.headline import Headline, between, headline_of
+from frischid.model.own_logs import paths_of
 from frischid.reports.study import Study, missing
 
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
@@ -115,21 +116,27 @@ def _names(error: Headline) -> list[str]:
     return [Path(source).name for source in error.logs]
 
 
+def _logs(study: Study) -> str:
+    """What a command to copy says of the logs: nothing where the model's own serve, which its file names."""
+    changed = study.diagnosis is not None and study.diagnosis.situation == "changed"
+    return " LOG..." if changed or not paths_of(study.model) else ""
+
+
 def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
     """At most three steps: the kind of each, and what its sentence needs."""
     given = shlex.quote(Path(model_path).name)
     better = "better.json" if given != "better.json" else "still-better.json"
     found: list[dict[str, Any]] = []
     diagnosis, best = study.diagnosis, study.proposed
-    robot = study.model.robot.source
+    robot, logs = study.model.robot.source, _logs(study)
     separating = "" if diagnosis is None else separating_command(diagnosis.findings, diagnosis.probabilities, robot)
     if diagnosis is not None and diagnosis.verdict == "unknown":
-        found.append({"kind": "formula", "command": f"frischid studio {given} LOG..."})
+        found.append({"kind": "formula", "command": f"frischid studio {given}{logs}"})
     elif separating:
         found.append({"kind": "separate", "command": separating})
     if best is not None:
         where = f" --joints {shlex.quote(','.join(best.joints))}" if best.joints else ""
-        add = f"frischid add {given} {best.effect}{where} LOG... -o {better}"
+        add = f"frischid add {given} {best.effect}{where}{logs} -o {better}"
         refused = listed(study.passed_over)
         found.append({"kind": "add", "effect": best.effect, "change": best.change, "command": add, "refused": refused})
     if study.weak:
@@ -141,7 +148,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "test", "command": f"frischid compare {given} NEW_LOG"})
     if study.headline.grade in NOT_FOR_USE:
         # The warning is one of the steps that are shown, whatever else there is to do.
-        again = f"frischid report {better} LOG..." if best is not None else "frischid check ROBOT LOG..."
+        again = f"frischid report {better}{logs}" if best is not None else "frischid check ROBOT LOG..."
         found = [*found[: STEPS_PROPOSED - 1], {"kind": "wait", "added": best is not None, "command": again}]
     else:
         found.append({"kind": "use", "command": f"frischid export {given if best is None else better} -o controller.c"})
