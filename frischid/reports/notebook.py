@@ -38,7 +38,8 @@ FINDINGS_DRAWN = 10
 def page_of(result: Any) -> Markup:
     """HTML of a result: its headline and picture where there is an error, and its table."""
     error, model = _error_of(result), _model_of(result)
-    columns = columns_of(result)
+    whole = columns_of(result)
+    columns = {heading: x for heading, x in whole.items() if not _on_request(result, heading)}
     rows = list(zip(*columns.values(), strict=True))
     values = {
         "title": repr(result),
@@ -48,10 +49,26 @@ def page_of(result: Any) -> Markup:
         "picture": Markup(_picture(model, error)) if model is not None and error is not None else "",
         "headings": list(columns),
         "rows": [[_text(x) for x in row] for row in rows[:ROWS_SHOWN]],
-        "hidden": max(0, len(rows) - ROWS_SHOWN),
+        "more": [
+            f"{count} more {what}{'s' * (count > 1)}"
+            for count, what in ((len(rows) - ROWS_SHOWN, "row"), (len(whole) - len(columns), "column"))
+            if count > 0
+        ],
         "next": next_of(result),
     }
     return render("notebook.html", values)
+
+
+def _on_request(result: Any, heading: str) -> bool:
+    """Whether a column is only in ``.to_frame()``: what an expression says already, bounds, and one value for all."""
+    if isinstance(result, Diagnosis):
+        return heading == "error before"
+    return isinstance(result, Model | Identification) and heading in ("joint", "effect", *_bounds(result))
+
+
+def _bounds(result: Model | Identification) -> list[str]:
+    bounds = (result.model if isinstance(result, Identification) else result).bounds
+    return [f"{name} {side}" for name in bounds for side in ("lower", "upper")]
 
 
 @singledispatch
