@@ -16,6 +16,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,11 +27,13 @@ from frischid.model.comparison import Comparison, compare
 from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
 from frischid.model.prediction import Prediction, predict
+from frischid.studio.first_look import first_look
 from frischid.studio.watch import Tried, Watch
 
 if TYPE_CHECKING:  # jobs import these modules themselves, so that the first picture does not wait
     from frischid.diagnosis.diagnosis import Diagnosis
     from frischid.diagnosis.findings import Finding
+    from frischid.diagnosis.situation import SituationOption
     from frischid.forward.simulated_beside import SimulatedBeside
 
 DIAGNOSIS_DELAY = 0.05  # s before a diagnosis begins in the background
@@ -54,7 +57,7 @@ class State:
     diagnosis : Diagnosis or None
         Diagnosis of this model; None until it is finished.
     first_look : bool
-        Whether the diagnosis is a first look, on one log; the diagnosis on all of them follows.
+        Whether the diagnosis is a first look, on a stretch of some logs; the diagnosis on all of them follows.
     problem : str
         Why the diagnosis failed; empty otherwise.
     before : State or None
@@ -248,7 +251,7 @@ class Bench:
         timer.start()
 
     def diagnose(self) -> None:
-        """Find the effects that the present model misses, first along the shortest log, then along all.
+        """Find the effects that the present model misses, first along stretches of some logs, then along all.
 
         The diagnosis is abandoned if the model changes meanwhile.
         """
@@ -266,8 +269,9 @@ class Bench:
 
         try:
             if len(self.fit) > 1 and state.diagnosis is None:
-                shortest = min(self.fit, key=lambda log: float(log.t[-1] - log.t[0]))
-                first = diagnose(state.model, [shortest], progress=watch())
+                unchanged = all(state.model.made_from(log) for log in self.fit)
+                situation: SituationOption = "always" if unchanged else "auto"
+                first = diagnose(state.model, self._stretches, situation=situation, progress=watch())
                 self._first = first
                 self._put(replace(state, diagnosis=first, first_look=True), state.revision)
             found = diagnose(state.model, self.fit, valid=self.valid, progress=watch())
@@ -280,6 +284,11 @@ class Bench:
         self._put(replace(state, diagnosis=found, first_look=False), state.revision)
         if found.situation == "always":
             self._examine(state)
+
+    @cached_property
+    def _stretches(self) -> list[Log]:
+        """What the first look is taken at: always the same logs, so that their columns are computed once."""
+        return first_look(self.fit, self.state.model.lowpass)
 
     def _examine(self, state: State) -> None:
         """Examine the logs as the refit after a click will, while the user reads the findings."""

@@ -85,9 +85,8 @@ class Findings:
             from frischid.reports.study import missing
 
             passing = [f for f in state.diagnosis.findings if f.significant and f.members]
-            rest = len(self.bench.fit) - 1
             first = (
-                f"A first look, along the shortest log; {rest} more log{'s' * (rest > 1)} will decide in a few seconds."
+                f"A first look, at a part of the logs; all {len(self.bench.fit)} logs decide in a few seconds."
                 if state.first_look
                 else ""
             )

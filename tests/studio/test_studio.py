@@ -23,6 +23,7 @@ from frischid.cli import main
 from frischid.diagnosis import diagnosis, improvement
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
+from frischid.logs.filters import LowPass
 from frischid.logs.readers import write_log
 from frischid.model import log_examination, noise_floor
 from frischid.model.identification import identify
@@ -45,6 +46,7 @@ from frischid.studio.bench import Bench
 from frischid.studio.bodies import urdf_of
 from frischid.studio.colours import colour_of
 from frischid.studio.findings import Findings
+from frischid.studio.first_look import PERIODS, first_look
 from frischid.studio.frame import PHONE, SHEETLESS, WIDTH
 from frischid.studio.tab import plain
 from frischid.studio.track import Track
@@ -200,7 +202,7 @@ def test_two_at_once_do_not_corrupt(bench, monkeypatch):
     assert [e["action"] for e in bench.state.model.history] == ["identify", "add"]
 
 
-def test_the_first_findings_come_from_the_shortest_log(case, tmp_path, monkeypatch):
+def test_the_first_findings_come_from_a_part_of_the_logs(case, tmp_path, monkeypatch):
     robot, logs = Robot.load("planar2"), case[1]
     short = logs[1].slice(None, 1500)
     bench = Bench(identify(robot, [logs[0], short], recursion="none").model, [logs[0], short], tmp_path / "model.json")
@@ -214,6 +216,16 @@ def test_the_first_findings_come_from_the_shortest_log(case, tmp_path, monkeypat
     assert [state.first_look for state in seen] == [True, False]
     assert [state.diagnosis.findings[0].effect for state in seen] == ["joint_spring"] * 2
     assert len({state.revision for state in seen}) == 1  # a click on a first finding counts
+
+
+def test_a_first_look_shares_the_shortest_logs_time_among_logs_of_many_periods(case):
+    logs = [case[1][0].slice(0, n) for n in (3000, 2000, 2400, 2900)]
+    seconds = logs[1].duration
+    seen = first_look(logs, LowPass(PERIODS * 3 / seconds))
+    assert [x.duration for x in seen] == pytest.approx([seconds / 3] * 3, rel=0.01)
+    middle = 0.5 * (seen[0].t[0] + seen[0].t[-1])
+    assert middle == pytest.approx(0.5 * logs[0].t[-1], rel=0.01)
+    assert first_look(logs, LowPass(PERIODS / seconds)) == first_look(logs, LowPass(None)) == [logs[1]]
 
 
 def test_while_the_findings_are_read_the_logs_are_examined_for_the_refit(case, tmp_path, monkeypatch):
