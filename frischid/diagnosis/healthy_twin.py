@@ -20,7 +20,7 @@ from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.logs.preprocessing import Motion
 from frischid.model.model import Model
-from frischid.model.noise_floor import direction, octaves_above, torque_noise
+from frischid.model.noise_floor import octaves_above, torque_noise
 from frischid.model.noisy_motion import sharpened, true_path, with_noise
 from frischid.regression.regressor import Regressor
 
@@ -49,6 +49,6 @@ def _seen(model: Model, regressor: Regressor, rng: np.random.Generator, motion: 
         return replace(motion, tau=regressor.torque(motion, model.full_theta))
     path = true_path(motion, model.lowpass)
     torque = regressor.torque(path, model.full_theta) + sharpened(model, path)
-    octaves = octaves_above(motion.tau, direction(motion), motion.step, model.lowpass)
+    octaves = octaves_above(motion.tau, motion.direction, motion.step, model.lowpass)
     noise = torque_noise(motion.tau, octaves, model.lowpass) * rng.normal(size=torque.shape)
     return replace(with_noise(path, motion, model.lowpass, rng), tau=torque + noise)

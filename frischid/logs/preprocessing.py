@@ -88,6 +88,11 @@ class Motion:
             return np.inf
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
+    @property
+    def direction(self) -> Array:
+        """Sign of each joint's speed, shape (N, J); 0 at standstill, where the sign of the speed is rounding."""
+        return np.where(self.standstill, 0.0, np.sign(self.v))
+
     def middle(self, share: float) -> Motion:
         """A stretch from the middle of the motion, `share` times its length."""
         half = max(2, round(0.5 * share * len(self.t)))

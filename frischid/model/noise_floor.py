@@ -26,7 +26,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize
 
 from frischid.core.remembered import Remembered
@@ -114,7 +113,7 @@ class NoiseFloor:
             self._held += len(motion.t) * held
             return np.array([np.zeros(len(held)), held])
         index, taps = self.model.torque_index, self.model.lowpass.taps(motion.step)
-        octaves = octaves_above(motion.tau[:, index], direction(motion)[:, index], motion.step, self.model.lowpass)
+        octaves = octaves_above(motion.tau[:, index], motion.direction[:, index], motion.step, self.model.lowpass)
         self.octaves.append(octaves)
         level = torque_noise(motion.tau[:, index], octaves, self.model.lowpass)
         through = _THROUGH.of(motion, self._key, lambda: _through_the_motion(self.model, motion))
@@ -130,25 +129,22 @@ class NoiseFloor:
         return np.asarray(np.maximum(smooth, np.minimum(sharp, rmse)))
 
 
-def direction(motion: Motion) -> Array:
-    """Sign of the speed, (N, J), zero at standstill: there the sign of a measured speed is that of its noise."""
-    return np.asarray(np.where(motion.standstill, 0.0, np.sign(motion.v)))
-
-
-def level_within(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
+def level_within(x: Array, direction: Array, step: float, lowpass: LowPass) -> Array:
     """Standard deviation of white noise with the same power within a filter's band as the noise of torques.
 
     The power is measured above the band and extrapolated. Sixth differences over a lag of a quarter of the cut-off's
     period pass the octave around twice the cut-off, and hardly any motion ten times slower than the cut-off. Half that
-    lag passes the next octave, and so on. Differences across a reversal of the joint are left out, because dry friction
-    jumps there. Differences across standstill are left out too, because dry friction creeps there. The median ignores
-    other jerks. The power of the noise over frequency is modelled as that of white noise and of noise with a memory,
+    lag passes the next octave, and so on. Differences across a reversal of the joint, or with a sample at standstill,
+    are left out: dry friction jumps at a reversal and takes any value at standstill. The median ignores other jerks.
+    The power of the noise over frequency is modelled as that of white noise and of noise with a memory,
     W + L/(1 + (f/f₀)²).
 
     Parameters
     ----------
-    x, v : ndarray, shape (N, J)
-        Torque and speed (or its `direction`), uniformly sampled; zero speed is standstill.
+    x : ndarray, shape (N, J)
+        Torque, uniformly sampled.
+    direction : ndarray, shape (N, J)
+        Sign of the speed; 0 at standstill (`Motion.direction`).
     step : float
         Time between samples, s.
     lowpass : LowPass
@@ -157,15 +153,15 @@ def level_within(x: Array, v: Array, step: float, lowpass: LowPass) -> Array:
     -------
     ndarray, shape (J,)
     """
-    return torque_noise(x, octaves_above(x, v, step, lowpass), lowpass)
+    return torque_noise(x, octaves_above(x, direction, step, lowpass), lowpass)
 
 
-def octaves_above(x: Array, v: Array, step: float, lowpass: LowPass) -> Octaves:
+def octaves_above(x: Array, direction: Array, step: float, lowpass: LowPass) -> Octaves:
     """Noise of torques in the octaves above a filter's band; parameters are those of `level_within`."""
     if lowpass.cutoff is None:
         return Octaves(len(x), step, np.empty(0), np.empty((0, x.shape[1])))
     lags = dict.fromkeys(max(1, round(0.25 / (2**k * lowpass.cutoff * step))) for k in range(CRITERIA.octaves))
-    found = [(0.5 / (lag * step), power) for lag in lags if (power := _power(x, v, step, lag)) is not None]
+    found = [(0.5 / (lag * step), power) for lag in lags if (power := _power(x, direction, step, lag)) is not None]
     powers = np.array([power for _, power in found]).reshape(len(found), x.shape[1])
     return Octaves(len(x), step, np.array([centre for centre, _ in found]), powers)
 
@@ -177,7 +173,7 @@ def torque_noise(x: Array, octaves: Octaves, lowpass: LowPass) -> Array:
     return np.asarray(np.sqrt(_carried_on(octaves.centres, octaves.powers, lowpass.cutoff)))
 
 
-def _power(x: Array, v: Array, step: float, lag: int) -> Array | None:
+def _power(x: Array, direction: Array, step: float, lag: int) -> Array | None:
     """Variance of white noise with the torques' power around 1 / (2 lag step), (J,); None: too few samples."""
     differences = np.zeros(6 * lag + 1)
     differences[::lag] = SIXTH_DIFFERENCE
@@ -186,10 +182,9 @@ def _power(x: Array, v: Array, step: float, lag: int) -> Array | None:
     if len(x) < 2 * len(both):
         return None
     passed = np.abs(correlate(both, x))
-    directions: NDArray[np.intp] = np.cumsum(np.sign(v).astype(np.intp), axis=0)
-    there = directions[len(both) - 1 :] - directions[: len(passed)]  # of the samples after the first
-    one_way = np.abs(there) == len(both) - 1
-    # A joint that reverses all the time has no difference without a reversal: then all differences count.
+    sums = np.cumsum(direction, axis=0)
+    one_way = np.abs(sums[len(both) - 1 :] - sums[: len(passed)]) == len(both) - 1  # of the samples after the first
+    # A joint that always rests or reverses has no difference in one direction: then all differences count.
     kept = np.where(one_way.sum(axis=0) < len(both), True, one_way)
     spread = np.array([np.median(y[here]) for y, here in zip(passed.T, kept.T, strict=True)])
     return np.asarray((spread / 0.6745) ** 2 / (both @ both))

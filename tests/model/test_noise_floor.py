@@ -10,6 +10,8 @@ from scipy.signal import lfilter
 
 from frischid.effects import parse_effects
 from frischid.logs.filters import LowPass, noise_level
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import prepare
 from frischid.model.comparison import compare
 from frischid.model.identification import identify
 from frischid.model.noise_floor import NoiseFloor, level_within
@@ -25,8 +27,8 @@ FRICTION = {"fv": 0.5, "fc": 1.0, "off": 0.2, "Ia": 0.1}
 
 def level(x, lowpass=LOWPASS):
     """Level of one channel."""
-    speed = np.sin(2 * np.pi * 0.4 * T[: len(x)])
-    return level_within(x[:, None], speed[:, None], STEP, lowpass)[0]
+    direction = np.sign(np.sin(2 * np.pi * 0.4 * T[: len(x)]))
+    return level_within(x[:, None], direction[:, None], STEP, lowpass)[0]
 
 
 @given(st.floats(1e-3, 1.0), st.integers(0, 1000))
@@ -49,12 +51,16 @@ def test_without_a_filter_or_with_few_samples_all_noise_counts():
     assert level(noise[:30]) == noise_level(noise[:30])
 
 
-def test_standstill_says_nothing_about_the_noise_in_motion():
-    """There dry friction creeps, and the sign of a measured speed is noise; `direction` makes it zero."""
-    rng = np.random.default_rng(3)
-    speed = np.where(T % 20 < 6, np.sin(2 * np.pi * 0.4 * T), 0.0)
-    noise = np.where(speed == 0, 1.0, 0.1) * rng.normal(size=len(T))
-    assert level_within(noise[:, None], speed[:, None], STEP, LOWPASS)[0] == pytest.approx(0.1, rel=0.25)
+@pytest.mark.parametrize("rounding", [0.0, 1e-16])
+def test_a_drive_that_is_quiet_at_rest_is_as_noisy_in_motion_as_it_is(rounding):
+    rng, rests = np.random.default_rng(3), T % 20 > 8
+    path = np.cumsum(np.where(rests, 0.0, np.sin(2 * np.pi * 0.25 * T)))[:, None] * STEP
+    noise = np.where(rests, 0.01, 1.0) * rng.normal(size=len(T))
+    seen = prepare(Log(T, ("joint",), path, tau=(20 * np.cos(path[:, 0]) + noise)[:, None]), LOWPASS).motions[0]
+    at_rest = rounding * rng.normal(size=seen.v.shape)  # its sign says nothing
+    seen = replace(seen, v=np.where(seen.standstill, at_rest, seen.v))
+    assert seen.standstill.mean() > 0.5
+    assert level_within(seen.tau, seen.direction, STEP, LOWPASS)[0] == pytest.approx(1.0, rel=0.3)
 
 
 ARMS = {
