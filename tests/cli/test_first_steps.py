@@ -4,6 +4,7 @@ import json
 import re
 import shlex
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
@@ -11,6 +12,8 @@ from click.testing import CliRunner
 import frischid as fr
 from frischid.cli import main
 from frischid.cli.group import SECTIONS
+from frischid.cli.pages.improving import elsewhere, shown
+from frischid.diagnosis.rivals import IN_WORDS
 
 
 def test_help_lists_every_command_once_in_the_order_of_the_work():
@@ -82,3 +85,18 @@ def test_logs_that_are_gone_are_named(own):
 def test_notes_on_several_logs_stand_once(own):
     assert own.count("trimmed at the ends") == 1
     assert "log.csv (and the like of 1 other log): " in own
+
+
+def test_findings_without_evidence_have_no_row():
+    """At least three rows stand there; what has no row is told in the sentence on other causes."""
+
+    def finding(effect, gain, probability):
+        return SimpleNamespace(effect=effect, gain=gain, probability=probability)
+
+    found = [finding("spring", 9.0, 0.9), finding("backlash", 4.0, 0.0), finding("stribeck", -1.0, 0.02)]
+    found += [finding(f"other{k}", -1.0, 0.0) for k in range(5)]
+    known = {f.effect: f.probability for f in found} | {"other9": 0.04, "none": 0.01}
+    result = SimpleNamespace(findings=found, verdict="effect", probabilities=dict.fromkeys(IN_WORDS, 0.0) | known)
+    listed = shown(result)
+    assert [f.effect for f in listed] == ["spring", "backlash", "stribeck"]
+    assert elsewhere(result, listed).endswith("another effect 4 %")

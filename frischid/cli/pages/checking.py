@@ -74,7 +74,8 @@ def check(reports: Sequence[LogReport], correction: Correction | None = None) ->
     parts: list[Any] = [_verdict(reports)]
     for report in reports:
         parts.append(_headline(report.source, report.facts))
-        parts += [line for issue in report.issues for line in lines(issue)] or ["  nothing suspicious"]
+        parts += [line for issue in report.issues for line in lines(issue)]
+        parts += ["  nothing suspicious"] * (len(reports) > 1 and not report.issues)
         parts += [f"  {escape(n.removeprefix(f'{report.source}: '))}" for n in report.facts.get("notes", ())]
         parts += [*_clock(report.facts), *_joints(report.joints), *_parameters(report.facts)]
     logs = [

@@ -19,6 +19,7 @@ from frischid.effects import EFFECTS
 from frischid.export.reach import Reach, in_words, reach_of
 from frischid.model.headline import error_after, headline_of
 from frischid.model.model import Model
+from frischid.reports.study import missing
 
 MOST_LISTED, FEWEST_LISTED = 10, 3
 SMALLEST_SHOWN = 0.005  # probability; a smaller one is printed as 0 %
@@ -184,7 +185,7 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
         joints = list(finding.joints) if finding is not None else []
         rows.append({"effect": effect, "joints": joints, **step_errors(step)})
     parts: list[Any] = [headline_line(last.headline), *([table] if steps else ["no effect was added"])]
-    parts.append(f"{sentence(verdict_of(last))}.")
+    parts.append(f"{missing(last)}.")
     known = delay_in(last.validator.model)
     parts += [f"{sentence(note)}." for note in last.notes if "was not added: " in note or note == known]
     reach = reach_of(last.validator.model)
