@@ -1,7 +1,6 @@
 """The README's picture: measured torque and the model's, before and after the effect that `improve` found.
 
-Draws two joints of the Stäubli TX40 on its test log when FRISCHID_DATA is set, the demonstration's planar arm
-otherwise.
+Draws two joints of the Stäubli TX40 on its test log, from the data in FRISCHID_DATA.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import frischid as fr
-from frischid.cli import demo
 from frischid.model.prediction import predict
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
@@ -28,8 +26,7 @@ def subject() -> tuple[fr.Model, fr.Model, list[fr.Log], list[str], str]:
     """Model before and after, test logs, the joints to draw, and the name of the effect."""
     folder = data_folder()
     if folder is None:
-        shown = demo.run(0)
-        return shown.model, shown.step.model, list(shown.logs[1:]), ["joint2"], "a spring"
+        sys.exit("error: FRISCHID_DATA is not set; it names the folder with the logs of the Stäubli TX40")
     case = next(case for case in ROBOTS if case.key == "staubli_tx40")
     robot = fr.Robot.load(folder / case.key / case.urdf)
     fit, test = ([read(folder, robot, case.key, Part(name)) for name in names] for names in (case.fit, case.test))
