@@ -271,9 +271,10 @@ class Bench:
             if len(self.fit) > 1 and state.diagnosis is None:
                 unchanged = all(state.model.made_from(log) for log in self.fit)
                 situation: SituationOption = "always" if unchanged else "auto"
-                first = diagnose(state.model, self._stretches, situation=situation, progress=watch())
-                self._first = first
-                self._put(replace(state, diagnosis=first, first_look=True), state.revision)
+                with suppress(InputError):  # of stretches in which nothing moves, for example
+                    first = diagnose(state.model, self._stretches, situation=situation, progress=watch())
+                    self._first = first
+                    self._put(replace(state, diagnosis=first, first_look=True), state.revision)
             found = diagnose(state.model, self.fit, valid=self.valid, progress=watch())
         except SupersededError:
             return

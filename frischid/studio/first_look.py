@@ -1,9 +1,10 @@
 """What the studio's first findings come from: stretches of several logs, together as long as the shortest log.
 
 One log alone cannot tell what changes with its time from what changes with its motion. On the UR10e's shortest log,
-warming up is the most probable cause (68 %); on all its logs, that probability is 0 %. Stretches of three logs cost a
-tenth more time than the shortest log, and name causes that all logs name too. A stretch must hold some periods of the
-motion: where the shortest log has too few of them for several stretches, that log is looked at as a whole.
+warming up is the most probable cause (68 %); on all its logs, that probability is 0 %. Stretches of three logs name
+causes that all logs name too, but the findings come a second later: these stretches must be filtered first. A stretch
+must hold some periods of the motion: where the shortest log has too few of them for several stretches, that log is
+looked at as a whole.
 """
 
 from __future__ import annotations

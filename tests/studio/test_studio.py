@@ -218,6 +218,18 @@ def test_the_first_findings_come_from_a_part_of_the_logs(case, tmp_path, monkeyp
     assert len({state.revision for state in seen}) == 1  # a click on a first finding counts
 
 
+def test_without_a_first_look_all_logs_are_diagnosed_at_once(case, tmp_path):
+    robot, logs = Robot.load("planar2"), case[1]
+    bench = Bench(identify(robot, logs, recursion="none").model, logs, tmp_path / "model.json")
+    bench._stretches = [log.slice(0, 30) for log in logs]  # too short for the filters
+    seen = []
+    stop = bench.listen(lambda: seen.append(bench.state))
+    bench.diagnose()
+    stop()
+    assert [(state.first_look, state.problem) for state in seen] == [(False, "")]
+    assert seen[0].diagnosis.findings[0].effect == "joint_spring"
+
+
 def test_a_first_look_shares_the_shortest_logs_time_among_logs_of_many_periods(case):
     logs = [case[1][0].slice(0, n) for n in (3000, 2000, 2400, 2900)]
     seconds = logs[1].duration
