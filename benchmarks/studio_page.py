@@ -40,6 +40,9 @@ FOUND, ALL_FOUND = "first findings", "findings of all logs"
 CLICK, AGAIN = "click to new error", "click to first new findings"
 ASKED = {SERVED: None, VERDICT: 5.0, DRAWN: 5.0, ROBOT: 5.0, FOUND: 5.0, ALL_FOUND: None, CLICK: 3.0, AGAIN: None}
 OFFER = re.compile("^Add .*: error")
+OFFERED = "() => [...document.querySelectorAll('button')].some(b => /^Add .*: error/.test(b.textContent))"
+NOT_OFFERED = OFFERED.replace("() => ", "() => !")
+POLL = 50  # ms; to look at every frame of the page would take much of a processor from the page
 MIDDLE = {"x": 560, "y": 300, "width": 160, "height": 300}  # part of the page in which the robot is drawn
 SHADES = 20  # shades of grey; a scene with fewer is empty
 
@@ -119,24 +122,23 @@ def waits(browser: Any, arguments: list[str], port: int) -> dict[str, float]:
         page.goto(address, wait_until="commit")
         page.wait_for_selector("text=misses")
         found[VERDICT] = time.perf_counter() - start
-        page.wait_for_function(CURVES)
+        page.wait_for_function(CURVES, polling=POLL)
         found[DRAWN] = time.perf_counter() - start
         while shades(page.screenshot(clip=MIDDLE)) < SHADES:
             if time.perf_counter() - start > PATIENCE / 1000:
                 sys.exit("error: the page never draws the robot")
         found[ROBOT] = time.perf_counter() - start
-        offer = page.get_by_role("button", name=OFFER).first
-        offer.wait_for()
+        page.wait_for_function(OFFERED, polling=POLL)
         found[FOUND] = time.perf_counter() - start
-        page.wait_for_function(SETTLED)
+        page.wait_for_function(SETTLED, polling=POLL)
         found[ALL_FOUND] = time.perf_counter() - start
         page.wait_for_timeout(1000)
         start = time.perf_counter()
-        offer.click()
+        page.get_by_role("button", name=OFFER).first.click()
         page.wait_for_selector("text=Last step, ")
         found[CLICK] = time.perf_counter() - start
-        offer.wait_for(state="detached")
-        offer.wait_for()
+        page.wait_for_function(NOT_OFFERED, polling=POLL)
+        page.wait_for_function(OFFERED, polling=POLL)
         found[AGAIN] = time.perf_counter() - start
     finally:
         running.send_signal(signal.SIGINT)

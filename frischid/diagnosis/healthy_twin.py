@@ -11,7 +11,7 @@ of the null hypothesis).
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -21,7 +21,7 @@ from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.logs.preprocessing import Motion
 from frischid.model.model import Model
 from frischid.model.noise_floor import octaves_above, torque_noise
-from frischid.model.noisy_motion import sharpened, true_path, with_noise
+from frischid.model.noisy_motion import SensorNoise, sharpened, true_path
 from frischid.regression.regressor import Regressor
 
 DRAWS = 3  # of the noise: the bias of a fit to noisy columns varies from draw to draw
@@ -37,18 +37,50 @@ def healthy_twin_error(validator: CrossValidator) -> Array:
     """
     model = validator.model
     regressor = Regressor(model.robot, model.effects, model.reference)
-    draws = (
-        validator.with_motions(partial(_seen, model, regressor, np.random.default_rng(seed))) for seed in range(DRAWS)
-    )
+    twins: dict[tuple[str, float], _Twin] = {}
+
+    def seen(rng: np.random.Generator, motion: Motion) -> Motion:
+        key = motion.source, motion.start
+        if key not in twins:
+            twins[key] = _Twin.of(model, regressor, motion)
+        return twins[key].seen(rng)
+
+    draws = (validator.with_motions(partial(seen, np.random.default_rng(seed))) for seed in range(DRAWS))
     return np.asarray(np.sqrt(np.mean([(twin.base_nrmse() * twin.spread) ** 2 for twin in draws], axis=0)))
 
 
-def _seen(model: Model, regressor: Regressor, rng: np.random.Generator, motion: Motion) -> Motion:
-    """The record of the twin on a motion."""
-    if motion.at_poses:
-        return replace(motion, tau=regressor.torque(motion, model.full_theta))
-    path = true_path(motion, model.lowpass)
-    torque = regressor.torque(path, model.full_theta) + sharpened(model, path)
-    octaves = octaves_above(motion.tau, motion.direction, motion.step, model.lowpass)
-    noise = torque_noise(motion.tau, octaves, model.lowpass) * rng.normal(size=torque.shape)
-    return replace(with_noise(path, motion, model.lowpass, rng), tau=torque + noise)
+@dataclass(frozen=True, eq=False)
+class _Twin:
+    """The twin on one motion: its path and torque, and the noise of the sensors that record it.
+
+    Attributes
+    ----------
+    path : Motion
+        The path, with the torque of the twin.
+    noise : SensorNoise or None
+        Noise of the path; None where the motion is a set of poses, which are averages.
+    level : ndarray, shape (J,)
+        Standard deviation of the torque's noise, N·m (N).
+    """
+
+    path: Motion
+    noise: SensorNoise | None
+    level: Array
+
+    @classmethod
+    def of(cls, model: Model, regressor: Regressor, motion: Motion) -> _Twin:
+        """The twin of a model on a motion."""
+        if motion.at_poses:
+            return cls(replace(motion, tau=regressor.torque(motion, model.full_theta)), None, np.zeros(0))
+        path = true_path(motion, model.lowpass)
+        torque = regressor.torque(path, model.full_theta) + sharpened(model, path)
+        octaves = octaves_above(motion.tau, motion.direction, motion.step, model.lowpass)
+        noise = SensorNoise.of(path, motion, model.lowpass)
+        return cls(replace(path, tau=torque), noise, torque_noise(motion.tau, octaves, model.lowpass))
+
+    def seen(self, rng: np.random.Generator) -> Motion:
+        """The record of the twin, with noise drawn at random."""
+        if self.noise is None:
+            return self.path
+        noise = self.level * rng.normal(size=self.path.tau.shape)
+        return replace(self.noise.drawn(rng), tau=self.path.tau + noise)

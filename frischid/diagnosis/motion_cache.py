@@ -150,8 +150,9 @@ class MotionCache:
         self, effects: Sequence[Effect], progress: Callable[[str], None] = lambda _: None
     ) -> list[Candidate]:
         """Filtered columns of candidate effects over all motions, computed once for each effect."""
-        known = self._known.candidates
-        fresh = list({str(e): e for e in effects if str(e) not in known}.values())
+        known, names = self._known.candidates, [str(effect) for effect in effects]
+        unknown = {name: e for name, e in zip(names, effects, strict=True) if name not in known}
+        fresh = list(unknown.values())
         groups = [list(group) for _, group in groupby(fresh, lambda effect: effect.id)]
         gathered = [GatheredColumns(self._known.store) for _ in fresh]
         lowpass = self.model.lowpass
@@ -166,9 +167,9 @@ class MotionCache:
             done = [columns for part in self.workers.gather(parts) for columns in part]
             for found, columns in zip(gathered, done, strict=True):
                 found.add(columns, self.motions[: number + 1])
-        for effect, found in zip(fresh, gathered, strict=True):
-            known[str(effect)] = Candidate(effect, found.series, found.signs, found.finite)
-        return [known[str(effect)] for effect in effects]
+        for (name, effect), found in zip(unknown.items(), gathered, strict=True):
+            known[name] = Candidate(effect, found.series, found.signs, found.finite)
+        return [known[name] for name in names]
 
     @cached_property
     def _known(self) -> KnownColumns:

@@ -1,14 +1,13 @@
-"""Shape parameters between the values of an effect's grid: a pattern search for the largest explained held-out error.
+"""Shape parameters between the values of an effect's grid: a compass search for the largest explained held-out error.
 
-All shape parameters move at once, each back, forth or not at all, by ½ of the distance to the grid's next value, then
-¼, then ⅛, as long as the explained error grows.
+One shape parameter moves back or forth, the one whose move explains most, by ½ of the distance to the grid's next
+value, then ¼, then ⅛, as long as the explained error grows.
 
-Source: Hooke and Jeeves 1961, "Direct search solution of numerical and statistical problems", J. ACM 8(2).
+Source: Kolda, Lewis and Torczon 2003, "Optimization by direct search", SIAM Review 45(3).
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 
 from frischid.diagnosis.cross_validation import CrossValidator
@@ -16,7 +15,7 @@ from frischid.diagnosis.scored_candidate import ScoredCandidate, scored, usable_
 
 _FRACTIONS = (0.5, 0.25, 0.125)  # of the distance to the next value of a shape's grid
 _MOVES = 4  # at most, of each fraction
-_DIRECTIONS = (0.0, -1.0, 1.0)  # stay, back, forth
+_WAYS = (-1.0, 1.0)  # back, forth
 
 
 def with_refined_contenders(validator: CrossValidator, pool: Sequence[ScoredCandidate]) -> list[ScoredCandidate]:
@@ -33,18 +32,16 @@ def refined(validator: CrossValidator, found: ScoredCandidate) -> ScoredCandidat
     kind = type(found.effect)
     shapes = found.effect.searched
     steps = {name: _step(values, float(found.effect.parameters[name])) for name, values in shapes.items()}
-    for fraction in _FRACTIONS if steps else ():
+    for fraction in _FRACTIONS if any(steps.values()) else ():
         for _ in range(_MOVES):
             now = found.effect
-            values = {
-                n: [_rounded(float(now.parameters[n]) + way * fraction * step) for way in _DIRECTIONS]
-                for n, step in steps.items()
-            }
-            near = [
-                kind(joints=now.joints, **now.parameters | dict(zip(values, chosen, strict=True)))
-                for chosen in itertools.product(*values.values())
-                if all(_same_side(x, float(now.parameters[n])) for n, x in zip(values, chosen, strict=True))
+            moves = [
+                {name: _rounded(float(now.parameters[name]) + way * fraction * step)}
+                for name, step in steps.items()
+                for way in _WAYS
+                if step and _same_side(float(now.parameters[name]) + way * fraction * step, float(now.parameters[name]))
             ]
+            near = [kind(joints=now.joints, **now.parameters | moved) for moved in moves]
             (candidates,) = usable_candidates(validator, [near])
             better = scored(validator, candidates) if candidates else None
             if better is None or better.explained <= found.explained:

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -123,12 +124,15 @@ class _Steps(NamedTuple):
     @classmethod
     def of(cls, road: _Road, joints: NDArray[np.intp], links: Array) -> _Steps:
         """Drive the links of some joints; `links` (6, links) are their properties (`_moved`)."""
-        speed, sign, load, inertia, drag, pull = road.over[:, :, joints].swapaxes(0, 1)
         _, _, stiffness, damping, _, dry = links
+        kinds, kind = np.unique([joints, stiffness, damping], axis=1, return_inverse=True)  # apart from their friction
+        of_kind, stiffness, damping = kinds[0].astype(int), *kinds[1:]
+        speed, sign, load, inertia, drag, pull = road.over[:, :, of_kind].swapaxes(0, 1)
         h = np.diff(road.t)[:, None]
         inert, spring = 2 / h * inertia, stiffness + pull
         held = inert + np.maximum(drag + damping, 0.0) + h / 2 * spring
-        return cls(h, speed, held * speed - load, inert, spring, held, dry * sign)
+        speed, push, inert, spring, held = (x[:, kind] for x in (speed, held * speed - load, inert, spring, held))
+        return cls(h, speed, push, inert, spring, held, dry * sign[:, kind])
 
 
 def _travel_together(along: _Steps, links: Array) -> Array:
@@ -153,27 +157,50 @@ def _travel_together(along: _Steps, links: Array) -> Array:
 
 
 def _travel_alone(along: _Steps, number: int, link: Array) -> Array:
-    """The same for one of the links, (G - 1, 2), as plain numbers: ten times as fast for one link."""
+    """The same for one of the links, (G - 1, 2), as plain numbers: ten times as fast for one link.
+
+    A link that rests at an end of its gap has no memory: the step alone decides whether the link leaves. So steps are
+    taken one by one only while the link crosses its gap.
+    """
     deflection, rate, _, _, gap, dry = link.tolist()
-    places: list[float] = []
-    frictions: list[float] = []
-    stopped: list[int] = []
-    *columns, back = (x[:, min(number, x.shape[1] - 1)] for x in along)
-    for h, speed, push, inert, spring, held in zip(*(x.tolist() for x in columns), strict=True):
-        pushed = push - inert * rate + spring * deflection
-        friction = dry if pushed > dry else -dry if pushed < -dry else pushed
-        moved = speed - (pushed - friction) / held
-        after = deflection + h * moved
-        if -gap <= after <= gap:
+    steps = _Steps(*(x[:, min(number, x.shape[1] - 1)] for x in along))
+    count = len(steps.h)
+    places, within = np.empty(count), np.zeros(count)
+    leaves = {end: np.append(_leaves(steps, end, dry), count) for end in (gap, -gap) if np.isfinite(gap)}
+    ahead = zip(*(x.tolist() for x in steps[:-1]), strict=True)
+    n = 0
+    while n < count:
+        if rate == 0.0 and deflection in leaves:
+            left = leaves[deflection]
+            first, n = n, int(left[left.searchsorted(n)])
+            places[first:n] = deflection
+            next(islice(ahead, n - first, n - first), None)
+        moving: list[float] = []
+        rubbed: list[float] = []
+        for h, speed, push, inert, spring, held in ahead:
+            pushed = push - inert * rate + spring * deflection
+            friction = dry if pushed > dry else -dry if pushed < -dry else pushed
+            moved = speed - (pushed - friction) / held
+            after = deflection + h * moved
+            if not -gap <= after <= gap:
+                deflection, rate = (gap if after > gap else -gap), 0.0
+                break
             deflection, rate = after, 2 * moved - rate
-        else:
-            stopped.append(len(places))
-            deflection, rate = (gap if after > gap else -gap), 0.0
-        frictions.append(friction)
-        places.append(deflection)
-    within = np.array(frictions) - back
-    within[stopped] = 0.0
+            moving.append(deflection)
+            rubbed.append(friction)
+        first, n = n, n + len(moving)
+        places[first:n], within[first:n] = moving, np.array(rubbed) - steps.back[first:n]
+        if n < count:  # the step in which the link met the end of its gap
+            places[n] = deflection
+            n += 1
     return np.stack([places, within], axis=1)
+
+
+def _leaves(steps: _Steps, end: float, dry: float) -> NDArray[np.intp]:
+    """Steps in which a link that rests at an end of its gap is not pushed beyond that end."""
+    pushed = steps.push + steps.spring * end
+    moved = steps.speed - (pushed - np.clip(pushed, -dry, dry)) / steps.held
+    return np.flatnonzero(np.copysign(1.0, end) * (end + steps.h * moved) <= abs(end))
 
 
 class Lag(NamedTuple):
@@ -238,12 +265,15 @@ def _lags(state: State, road: _Road, gears: Sequence[Gear]) -> Iterator[Lag]:
     start = np.where(np.isinf(gap), first / kept, np.copysign(gap, first))
     rate = np.where(np.isinf(gap), slope / kept, 0.0)
     moved = ~rigid & ~(weak & np.isinf(gap))
+    signs = np.tanh(state.v / SIGN_WIDTH)
+    load_rates, sign_rates = (np.array(state.rates(x)) if rigid.any() else np.empty(0) for x in (state.load, signs))
     links = np.stack([start, rate, stiffness, 2 * SWING_DAMPING * omega * inertia, gap, dry])[:, moved]
     travelled = iter(_moved(road, joints[moved], links).transpose(2, 1, 0))
     for n, joint in enumerate(joints):
         if rigid[n]:
-            carries = state.load[:, joint] + dry[n] * np.tanh(state.v[:, joint] / SIGN_WIDTH)
-            yield Lag(carries, *state.rates(carries), np.zeros(len(state.t)))
+            carries = state.load[:, joint] + dry[n] * signs[:, joint]
+            rate, acceleration = load_rates[..., joint] + dry[n] * sign_rates[..., joint]
+            yield Lag(carries, rate, acceleration, np.zeros(len(state.t)))
         elif not moved[n]:
             yield Lag(*np.full((4, len(state.t)), np.nan))
         else:
@@ -252,12 +282,16 @@ def _lags(state: State, road: _Road, gears: Sequence[Gear]) -> Iterator[Lag]:
             speed, acceleration = np.diff(place) / np.diff(road.t), np.zeros(len(place))
             acceleration[1:-1] = 2 * np.diff(speed) / (road.t[2:] - road.t[:-2])
             parts = place, _at_samples(speed), acceleration, _at_samples(friction)
-            yield Lag(*(unit * np.interp(state.t, road.t, x) for x in parts))
+            every = len(road.t) == len(state.t)
+            yield Lag(*(unit * (x if every else np.interp(state.t, road.t, x)) for x in parts))
 
 
 def _at_samples(between: Array) -> Array:
     """Values at the samples of a grid, from the values halfway between the samples."""
-    return np.asarray((np.append(between[0], between) + np.append(between, between[-1])) / 2)
+    found = np.empty(len(between) + 1)
+    found[0], found[-1] = between[0], between[-1]
+    found[1:-1] = (between[:-1] + between[1:]) / 2
+    return found
 
 
 def _moved(road: _Road, joints: NDArray[np.intp], links: Array) -> Array:

@@ -21,6 +21,7 @@ from frischid.core.types import Array
 CORRELATION_LAGS = 400
 LOST = 0.05  # correlation below which the rest is noise
 FEWEST = 10
+SAMPLES_AT_ONCE = 20_000  # one transform of many short parts is faster than many transforms
 
 
 class Autocorrelation:
@@ -42,8 +43,14 @@ class Autocorrelation:
     def of(cls, parts: Iterable[Array]) -> Autocorrelation:
         """Autocorrelation of all parts, in order."""
         found = cls()
+        waiting: list[Array] = []
         for x in parts:
-            found.add(x)
+            waiting.append(x)
+            if sum(map(len, waiting)) > SAMPLES_AT_ONCE:
+                found.add(np.concatenate(waiting))
+                waiting.clear()
+        if waiting:
+            found.add(np.concatenate(waiting))
         return found
 
     def add(self, x: Array) -> None:

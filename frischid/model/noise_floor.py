@@ -36,7 +36,7 @@ from frischid.logs.preprocessing import Motion
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA as CRITERIA
 from frischid.model.model import Model
 from frischid.model.model_parts import plain_numbers, robot_text
-from frischid.model.noisy_motion import sharpened, true_path, with_noise
+from frischid.model.noisy_motion import SensorNoise, sharpened, true_path
 from frischid.regression.regressor import Regressor
 
 DRAW_SEED = 0  # seed of the draws, so that the same log gives the same floor
@@ -221,9 +221,9 @@ def _through_the_motion(model: Model, motion: Motion) -> Array:
     F = decimating_filter(model.lowpass.taps(path.step), len(path.t), model.lowpass.decimation(path.step))
     used = regressor.counted(abs(F) @ path.standstill)[:, index]
     truth, sharp_truth = regressor.torque(path, model.full_theta), sharpened(model, path)
-    rng, drawn = np.random.default_rng(DRAW_SEED), []
+    rng, noise, drawn = np.random.default_rng(DRAW_SEED), SensorNoise.of(path, motion, model.lowpass), []
     for _ in range(CRITERIA.draws):
-        seen = with_noise(path, motion, model.lowpass, rng)
+        seen = noise.drawn(rng)
         found, sharp_found = regressor.torque(seen, model.full_theta), sharpened(model, seen)
         errors = (truth - found, truth + sharp_truth - found, truth + sharp_truth - found - sharp_found)
         squares = (((F @ x[:, index] * used) ** 2).sum(axis=0) / np.maximum(used.sum(axis=0), 1) for x in errors)

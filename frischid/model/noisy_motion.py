@@ -14,7 +14,7 @@ along the true path and is recorded by such sensors. So nothing is missing from 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,33 +52,60 @@ def true_path(motion: Motion, lowpass: LowPass) -> Motion:
     return replace(inner, q=correlate(taps, motion.q), v=correlate(taps, motion.v), a=correlate(taps, motion.a))
 
 
-def with_noise(path: Motion, motion: Motion, lowpass: LowPass, rng: np.random.Generator) -> Motion:
-    """A path with the sensor noise of a motion, drawn at random."""
-    first, second = (derivative_taps(order, path.step, lowpass.cutoff) for order in (1, 2))
-    half = len(first) // 2
-    long = (len(path.t) + 2 * half, path.q.shape[1])
-    nothing = np.zeros(long[1], bool)
-    own_v, own_a = motion.measured or (nothing, nothing)
-    first_seen = round((path.t[0] - motion.t[0]) / path.step) - half
-    at = np.clip(np.arange(first_seen, first_seen + long[0]), 0, len(motion.t) - 1)
-    of_q = _encoder_noise(np.pad(path.q, ((half, half), (0, 0)), "reflect", reflect_type="odd"), motion, at, rng)
-    of_v = rng.normal(size=long) * _levels(motion.v, path.step)[at]
-    v = np.where(own_v, of_v[half : len(of_v) - half], correlate(first, of_q))
-    a = np.where(own_v, correlate(first, of_v), correlate(second, of_q))
-    of_a = rng.normal(size=long) * _levels(motion.a, path.step)[at]
-    a = np.where(own_a, of_a[half : len(of_a) - half], a)
-    return replace(path, q=path.q + of_q[half : len(of_q) - half], v=path.v + v, a=path.a + a)
+@dataclass(frozen=True, eq=False)
+class SensorNoise:
+    """The noise of a motion's sensors along its true path. Its size is measured once, for any number of draws.
 
-
-def _encoder_noise(path: Array, motion: Motion, at: NDArray[np.intp], rng: np.random.Generator) -> Array:
-    """Noise of the positions along a path, (N, J): rounding to the encoder's step, and random noise beyond rounding.
-
-    Rounding is no white noise where a joint moves slowly: its error is a slow saw tooth, which passes the filter.
+    Attributes
+    ----------
+    path : Motion
+        The true path.
+    derived : tuple of ndarray, shape (T,)
+        Taps that differentiate positions once and twice, at the cut-off.
+    own : tuple of ndarray, shape (J,), bool
+        Whether velocities and accelerations have sensors of their own.
+    rounding : ndarray, shape (M, J)
+        Change of the positions by the encoder's step, rad (m), along the path and half a filter's length on both sides.
+    beyond, velocity, acceleration : ndarray, shape (M, J)
+        Standard deviation of the positions' random noise beyond rounding, and that of the other channels.
     """
-    steps = np.array([_encoder_step(q) for q in motion.q.T])
-    rounding = np.where(steps > 0, steps * np.round(path / np.where(steps > 0, steps, 1.0)) - path, 0.0)
-    beyond = np.sqrt(np.maximum(_levels(motion.q, motion.step)[at] ** 2 - steps**2 / 12, 0.0))
-    return np.asarray(rounding + beyond * rng.normal(size=path.shape))
+
+    path: Motion
+    derived: tuple[Array, Array]
+    own: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+    rounding: Array
+    beyond: Array
+    velocity: Array
+    acceleration: Array
+
+    @classmethod
+    def of(cls, path: Motion, motion: Motion, lowpass: LowPass) -> SensorNoise:
+        """Measure the noise of a motion with a true path."""
+        first, second = (derivative_taps(order, path.step, lowpass.cutoff) for order in (1, 2))
+        half = len(first) // 2
+        nothing = np.zeros(path.q.shape[1], bool)
+        first_seen = round((path.t[0] - motion.t[0]) / path.step) - half
+        at = np.clip(np.arange(first_seen, first_seen + len(path.t) + 2 * half), 0, len(motion.t) - 1)
+        long = np.pad(path.q, ((half, half), (0, 0)), "reflect", reflect_type="odd")
+        # Rounding is no white noise where a joint moves slowly: its error is a slow saw tooth, which passes the filter.
+        steps = np.array([_encoder_step(q) for q in motion.q.T])
+        rounding = np.where(steps > 0, steps * np.round(long / np.where(steps > 0, steps, 1.0)) - long, 0.0)
+        beyond = np.sqrt(np.maximum(_levels(motion.q, motion.step)[at] ** 2 - steps**2 / 12, 0.0))
+        velocity, acceleration = (_levels(x, path.step)[at] for x in (motion.v, motion.a))
+        own = motion.measured or (nothing, nothing)
+        return cls(path, (first, second), own, rounding, beyond, velocity, acceleration)
+
+    def drawn(self, rng: np.random.Generator) -> Motion:
+        """The path as the sensors record it, with noise drawn at random."""
+        path, (first, second), (own_v, own_a) = self.path, self.derived, self.own
+        half = len(first) // 2
+        inner = slice(half, len(self.rounding) - half)
+        of_q = self.rounding + self.beyond * rng.normal(size=self.beyond.shape)
+        of_v = rng.normal(size=self.velocity.shape) * self.velocity
+        v = np.where(own_v, of_v[inner], correlate(first, of_q))
+        a = np.where(own_v, correlate(first, of_v), correlate(second, of_q))
+        of_a = rng.normal(size=self.acceleration.shape) * self.acceleration
+        return replace(path, q=path.q + of_q[inner], v=path.v + v, a=path.a + np.where(own_a, of_a[inner], a))
 
 
 def _encoder_step(q: Array) -> float:

@@ -85,9 +85,6 @@ class Tab:
             self.stage = Stage(self.client, self.bench, self.track, self._choose, self.frame.free)
             self.pose()
             self._stairs(self._drawn)
-            # Parts that are hidden at first must not delay the visible ones.
-            self._come()
-            self._elsewhere(self._drawn)
 
     def _come(self) -> None:
         """Wait until the browser has read the data sent so far, and for a moment in which it may draw them."""
@@ -163,8 +160,6 @@ class Tab:
         self.findings.show(self.bench.state)
         with self._lock:
             state, before = self.bench.state, self._drawn
-            if state is before:
-                return
             self._drawn = state
             if before.revision != state.revision:
                 if self.stage is not None:
@@ -172,8 +167,11 @@ class Tab:
                 self._headline(state)
                 self._torque()
                 self._stairs(state)
-                self._elsewhere(state)
                 self.pose()
+            # Figures behind the first tab of the panel must not delay the first findings.
+            looked = state.diagnosis is not None or state.problem != ""
+            if before.revision != state.revision or (looked and self.matrix.figure is None):
+                self._elsewhere(state)
 
     def _stairs(self, state: State) -> None:
         self._show(self.stairs, figures.staircase(state.model, state.headline))

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 SHOWN = 6
 """Effects of the ranking that are shown."""
-RANKING_PAUSE = 0.5
-"""Least time between two rankings, s: a browser without a GPU draws on the processor that computes."""
+RANKING_PAUSE, SAYING_PAUSE = 0.5, 0.2
+"""Least time between two rankings and between two texts, s: a browser draws on the processors that compute."""
 
 
 class Tried(NamedTuple):
@@ -58,14 +58,16 @@ class Watch:
         self._proceed, self._say, self._show = proceed, say, show
         self._names: set[str] = set()
         self._best: dict[str, Tried] = {}
-        self._shown = 0.0
+        self._shown = self._said = 0.0
 
     def __call__(self, text: str, /) -> None:
         """Say what is being done."""
         self._proceed()
         name = text.removeprefix("trying ").partition(" (")[0]
         self._names.add(name)
-        self._say(name, len(self._names & EFFECTS.keys()) / len(EFFECTS))
+        if time.monotonic() - self._said > SAYING_PAUSE:
+            self._said = time.monotonic()
+            self._say(name, len(self._names & EFFECTS.keys()) / len(EFFECTS))
 
     def scored(self, found: ScoredCandidate, change: float) -> None:
         """Put a candidate into the ranking."""

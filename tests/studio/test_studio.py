@@ -321,8 +321,9 @@ def test_colours_run_from_calm_to_alarm():
     assert colour_of(0.0, 0.1) != colour_of(0.1, 0.1) == colour_of(5.0, 0.1)
 
 
-def test_progress_never_goes_back(case, tmp_path):
+def test_progress_never_goes_back(case, tmp_path, monkeypatch):
     model, (log, _) = case
+    monkeypatch.setattr(watch_module, "SAYING_PAUSE", -1.0)
     fresh = log.slice(stop=3000)  # columns of the whole log may be known from another test
     bench = Bench(model, [fresh], tmp_path / "model.json")
     shares = []
