@@ -27,11 +27,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import optimize
 
 from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.model.noise_floor import Octaves
+from frischid.model.noise_floor import Octaves, mean_in_band, shares_of_noise, spectra_of_noise
 
 _LEAST_OCTAVES = 2  # one cannot tell noise with a memory from white noise
 _CORNERS = np.geomspace(0.05, 50.0, 60)  # Hz, slow first
@@ -68,7 +67,7 @@ def slow_noise(octaves: Sequence[Octaves], full: CrossValidator) -> Array:
 
 def _in_band(octaves: Octaves, corner: float, cutoff: float) -> Array:
     """Variance of each joint's noise below the cut-off, (J,)."""
-    centres, powers = octaves.centres, np.maximum(octaves.powers, 1e-300)
-    parts = np.stack([np.ones(len(centres)), 1 / (1 + (centres / corner) ** 2)], axis=1)
-    shares = np.array([optimize.nnls(parts / y[:, None], np.ones(len(y)))[0] for y in powers.T])
-    return np.asarray(2 * octaves.step * (shares @ [cutoff, corner * np.arctan(cutoff / corner)]))
+    shares = shares_of_noise(
+        spectra_of_noise(octaves.centres, corner, octaves.step), np.maximum(octaves.powers, 1e-300)
+    )
+    return np.asarray(2 * octaves.step * cutoff * (shares @ mean_in_band(corner, cutoff)))

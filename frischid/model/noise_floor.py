@@ -136,8 +136,8 @@ def level_within(x: Array, direction: Array, step: float, lowpass: LowPass) -> A
     period pass the octave around twice the cut-off, and hardly any motion ten times slower than the cut-off. Half that
     lag passes the next octave, and so on. Differences across a reversal of the joint, or with a sample at standstill,
     are left out: dry friction jumps at a reversal and takes any value at standstill. The median ignores other jerks.
-    The power of the noise over frequency is modelled as that of white noise and of noise with a memory,
-    W + L/(1 + (f/f₀)²).
+    The power of the noise over frequency is modelled as that of white noise and of noise with a memory
+    (`spectra_of_noise`); no octave may have less power than the noise (`shares_of_noise`).
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def torque_noise(x: Array, octaves: Octaves, lowpass: LowPass) -> Array:
     """The standard deviation of `level_within`, (J,), from the `octaves_above` of the torques."""
     if lowpass.cutoff is None or not len(octaves.centres):
         return noise_level(x)
-    return np.asarray(np.sqrt(_carried_on(octaves.centres, octaves.powers, lowpass.cutoff)))
+    return np.asarray(np.sqrt(_carried_on(octaves, lowpass.cutoff)))
 
 
 def _power(x: Array, direction: Array, step: float, lag: int) -> Array | None:
@@ -190,23 +190,49 @@ def _power(x: Array, direction: Array, step: float, lag: int) -> Array | None:
     return np.asarray((spread / 0.6745) ** 2 / (both @ both))
 
 
-def _carried_on(centres: Array, powers: Array, cutoff: float) -> Array:
-    """Power (J,) below a cut-off from powers (K, J) at frequencies (K,) above it, Hz.
+def spectra_of_noise(centres: Array, corner: float, step: float) -> Array:
+    """Spectra of noise with a memory and of white noise at some frequencies, (K, 2); the first is 1 at frequency 0.
 
-    The first octave gives the level, all octaves together give the decay. All joints share one corner frequency; with
-    only two octaves a corner cannot be distinguished from white noise.
+    Samples of noise with the memory 1 / (2π f₀) are a first-order autoregressive series with ρ = exp(−2π f₀ h). Its
+    spectrum is (1 − ρ)² / (1 − 2ρ cos(2π f h) + ρ²): near 1 / (1 + (f/f₀)²) at frequencies far below 1/h.
     """
-    if len(centres) < 3 or not (powers > 0).all():
+    rho = np.exp(-2 * np.pi * corner * step)
+    memory = (1 - rho) ** 2 / (1 - 2 * rho * np.cos(2 * np.pi * centres * step) + rho**2)
+    return np.stack([memory, np.ones(len(centres))], axis=1)
+
+
+def mean_in_band(corner: float, cutoff: float) -> tuple[float, float]:
+    """Means of both spectra of `spectra_of_noise` from frequency 0 to a cut-off, Hz, far below 1/h."""
+    return corner / cutoff * float(np.arctan(cutoff / corner)), 1.0
+
+
+def shares_of_noise(spectra: Array, powers: Array) -> Array:
+    """Shares (J, 2) of two spectra (K, 2) in the powers (K, J) of K octaves.
+
+    Other causes than noise (ripple, resonances, what is left of the motion) only add power. So the spectra are fitted
+    to the octaves relative to their powers, and then lowered until no octave has less power than the noise.
+    """
+    fits = [optimize.nnls(spectra / y[:, None], np.ones(len(y)))[0] for y in powers.T]
+    most = [float((spectra @ share / y).max()) for share, y in zip(fits, powers.T, strict=True)]
+    return np.array([share / max(1.0, top) for share, top in zip(fits, most, strict=True)])
+
+
+def _carried_on(octaves: Octaves, cutoff: float) -> Array:
+    """Power (J,) below a cut-off, Hz, from the powers above it.
+
+    All joints share one corner frequency; with only two octaves a corner cannot be distinguished from white noise.
+    """
+    powers = octaves.powers
+    if len(octaves.centres) < 3 or not (powers > 0).all():
         return np.asarray(powers[0])
-    best, rise = np.inf, np.ones(powers.shape[1])
+    least, found = np.inf, powers[0]
     for corner in CRITERIA.corners:
-        parts = np.stack([1 / (1 + (centres / corner) ** 2), np.ones(len(centres))], axis=1)
-        fits = [optimize.nnls(parts / y[:, None], np.ones(len(y))) for y in powers.T]
-        left = sum(error**2 for _, error in fits)
-        if left < best:
-            shares = np.array([share for share, _ in fits])
-            best, rise = left, shares @ [1 / (1 + (cutoff / corner) ** 2 / 3), 1.0] / (shares @ parts[0])
-    return np.asarray(powers[0] * rise)
+        spectra = spectra_of_noise(octaves.centres, corner, octaves.step)
+        shares = shares_of_noise(spectra, powers)
+        left = float(((spectra @ shares.T / powers - 1) ** 2).sum())
+        if left < least:
+            least, found = left, shares @ mean_in_band(corner, cutoff)
+    return np.asarray(found)
 
 
 def _through_the_motion(model: Model, motion: Motion) -> Array:
