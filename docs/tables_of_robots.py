@@ -148,9 +148,9 @@ def bands_hold() -> str:
 
 
 def tiago_improves() -> str:
-    """Fall of TIAGo's error on the test log by the effects that `improve` adds, in percent."""
+    """Change of TIAGo's error on the test log by the effects that `improve` adds, in percent."""
     (row,) = (row for row in rows_of("six_robots") if row["key"] == "tiago")
-    return f"{100 * (1 - row['improved'] / row['identified']):.1f} %"
+    return f"{100 * (row['improved'] / row['identified'] - 1):+.1f} %"
 
 
 def trust_in_words() -> str:
