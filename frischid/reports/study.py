@@ -189,7 +189,8 @@ def missing(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "several":
         return "Several small effects are missing; none of them dominates"
     if best is not None and cause:
-        first = f", most probably {named}" if cause.startswith(best.effect) else ""
+        likely = cause.startswith(best.effect) and best.probability > 0.5
+        first = f", most probably {named}" if likely else ""
         return f"An effect is missing{first}; these logs alone cannot tell the cause: {cause}"
     return f"Missing: {named}{sure}" if named else f"{diagnosis.remainder[:1].upper()}{diagnosis.remainder[1:]}"
 
