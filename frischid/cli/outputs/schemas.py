@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from frischid.cli.outputs import fleets, models, robots_and_logs
+from frischid.cli.outputs import fleets, masses_and_exports, models, robots_and_logs
 from frischid.cli.outputs.parts import DiagnosisOutput
 from frischid.model.model_records import ModelRecord
 
@@ -30,10 +30,10 @@ OUTPUTS: dict[str, Any] = {
     "improve": models.ImproveOutput,
     "history": models.HistoryOutput,
     "report": models.ReportOutput,
-    "payload": models.PayloadOutput,
-    "gains": models.GainsOutput,
-    "consistent": models.ConsistentOutput,
-    "export": models.ExportOutput,
+    "payload": masses_and_exports.PayloadOutput,
+    "gains": masses_and_exports.GainsOutput,
+    "consistent": masses_and_exports.ConsistentOutput,
+    "export": masses_and_exports.ExportOutput,
     "fleet": fleets.FleetOutput,
     "demo": models.DemoOutput,
 }
@@ -43,7 +43,7 @@ FURTHER: dict[str, Any] = {
     "demo_practice": robots_and_logs.PracticeOutput,
     "model_file": ModelRecord,
     "mapping_file": robots_and_logs.MappingFile,
-    "actuator_file": models.ActuatorFile,
+    "actuator_file": masses_and_exports.ActuatorFile,
 }
 """Outputs of some options, and files that no command prints."""
 TYPES = OUTPUTS | FURTHER
