@@ -131,6 +131,7 @@ class _Steps(NamedTuple):
         h = np.diff(road.t)[:, None]
         inert, spring = 2 / h * inertia, stiffness + pull
         held = inert + np.maximum(drag + damping, 0.0) + h / 2 * spring
+        kind = kind.ravel()  # numpy 2.0 keeps the axes
         speed, push, inert, spring, held = (x[:, kind] for x in (speed, held * speed - load, inert, spring, held))
         return cls(h, speed, push, inert, spring, held, dry * sign[:, kind])
 
