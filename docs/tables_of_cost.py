@@ -12,6 +12,13 @@ def exported_code() -> str:
     return table(("ns per call", *robots), [(row["model"], *(f"{row[name]:.0f}" for name in robots)) for row in rows])
 
 
+def studio_page() -> str:
+    """Waits of a user of the studio."""
+    rows = [(row["wait"], f"{row['median s']:.1f}", f"{row['worst s']:.1f}") for row in rows_of("studio_page")]
+    note = sentence("studio_page", 0)
+    return f"{table(('wait', 'median, s', 'longest, s'), rows)}\n{note}.\n"
+
+
 def sentence(script: str, number: int) -> str:
     """A note of a stored result, with a capital letter."""
     note = str(data(script)["notes"][number])

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.scored_candidate import ScoredCandidate, scored, usable_candidates
+from frischid.effects import Effect
 
 _FRACTIONS = (0.5, 0.25, 0.125)  # of the distance to the next value of a shape's grid
 _MOVES = 4  # at most, of each fraction
-_WAYS = (-1.0, 1.0)  # back, forth
 
 
 def with_refined_contenders(validator: CrossValidator, pool: Sequence[ScoredCandidate]) -> list[ScoredCandidate]:
@@ -29,19 +29,13 @@ def with_refined_contenders(validator: CrossValidator, pool: Sequence[ScoredCand
 
 def refined(validator: CrossValidator, found: ScoredCandidate) -> ScoredCandidate:
     """The candidate with its shape parameters between the grid's values, where that explains more."""
-    kind = type(found.effect)
     shapes = found.effect.searched
     steps = {name: _step(values, float(found.effect.parameters[name])) for name, values in shapes.items()}
     for fraction in _FRACTIONS if any(steps.values()) else ():
         for _ in range(_MOVES):
-            now = found.effect
-            moves = [
-                {name: _rounded(float(now.parameters[name]) + way * fraction * step)}
-                for name, step in steps.items()
-                for way in _WAYS
-                if step and _same_side(float(now.parameters[name]) + way * fraction * step, float(now.parameters[name]))
+            near = [
+                moved for name, step in steps.items() if step for moved in _beside(found.effect, name, fraction * step)
             ]
-            near = [kind(joints=now.joints, **now.parameters | moved) for moved in moves]
             (candidates,) = usable_candidates(validator, [near])
             better = scored(validator, candidates) if candidates else None
             if better is None or better.explained <= found.explained:
@@ -50,14 +44,23 @@ def refined(validator: CrossValidator, found: ScoredCandidate) -> ScoredCandidat
     return found
 
 
+def _beside(effect: Effect, name: str, step: float) -> list[Effect]:
+    """The effect with one shape parameter moved back and forth by a step, within the grid's range and on its side of 0.
+
+    Beyond the grid's range a shape is no longer that of the effect: heat that flows off within a second is none.
+    """
+    now, grid = float(effect.parameters[name]), effect.searched[name]
+    moved = (_rounded(now - step), _rounded(now + step))
+    return [
+        type(effect)(joints=effect.joints, **effect.parameters | {name: x})
+        for x in moved
+        if min(grid) <= x <= max(grid) and (x * now > 0 or now == 0 <= x)
+    ]
+
+
 def _rounded(x: float) -> float:
     """Without the noise of double precision, which a user would read as a value (0.30000000000000004)."""
     return float(f"{x:.12g}")
-
-
-def _same_side(x: float, now: float) -> bool:
-    """Whether a shape parameter may go from one value to another: it keeps its sign, and only grows from zero."""
-    return x * now > 0 or now == 0 <= x
 
 
 def _step(values: Sequence[float], x: float) -> float:
