@@ -9,8 +9,8 @@ The verdicts:
 
 - *contact*: something touched the robot for a while.
 - *effect*: the model lacks at least one effect of the catalogue, and this effect explains more than `unexplained`.
-- *unknown*: `unexplained` is more than any such effect explains, and no such effect is more probable than something
-  outside the catalogue; or a term outside the catalogue explains far more than the first finding (`unmodelled_terms`).
+- *unknown*: `unexplained` is more than any such effect explains, or a term outside the catalogue explains far more than
+  the first finding (`unmodelled_terms`).
 - *none*: no joint's error asks for an explanation.
 - *several*: several small effects act, and none dominates. This is concluded from the probabilities (`probability`), in
   place of *effect*, *unknown* or *none*, where it is the most probable hypothesis.
@@ -42,7 +42,7 @@ Verdict = Literal["none", "effect", "contact", "unknown", "several"]
 
 SENTENCES = {
     "contact": "something touched the robot for a while; these stretches of time are left out, not modelled",
-    "unknown": "something is missing that no effect of the catalogue explains",
+    "unknown": "more is missing than any one effect of the catalogue explains",
     "several": "several small effects act, and none of them dominates: no single one is the cause",
 }
 """Verdicts that no effect of the catalogue stands for."""
@@ -193,19 +193,17 @@ def concluded(
     """The verdict of the rules, corrected by the probabilities where the table beside it allows that.
 
     A contact stays one: its stretches of time are left out. *Unknown* stays where a term outside the catalogue explains
-    far more than any finding (`unmodelled`); else it becomes *effect* where a finding that is called missing is more
-    probable than something outside the catalogue. *None* needs a table without a finding that is called missing.
+    far more than any finding (`unmodelled`). *None* needs a table without a finding that is called missing.
     """
     if verdict == "contact" or unmodelled:
         return verdict
     likely = max(OTHERS, key=lambda name: probabilities[name])
     most = probabilities[likely]
-    called = [f.probability for f in findings if f.significant]
-    if likely in {"none", "several"} and most > max((f.probability for f in findings), default=0.0):
-        return "several" if likely == "several" else verdict if called else "none"
-    if verdict == "unknown" and max(called, default=0.0) > probabilities["outside"]:
-        return "effect"
-    return verdict
+    if likely not in {"none", "several"} or most <= max((f.probability for f in findings), default=0.0):
+        return verdict
+    if likely == "several":
+        return "several"
+    return verdict if any(f.significant for f in findings) else "none"
 
 
 def without_bias(

@@ -185,7 +185,7 @@ def missing(diagnosis: Diagnosis) -> str:
         return f"{touched}; also missing: {named}" if named else touched
     if diagnosis.verdict == "unknown":
         part = f"; {named} explains a part of it" if named else ""
-        return f"Something is missing that no effect of the catalogue explains{part}"
+        return f"More is missing than any one effect of the catalogue explains{part}"
     if diagnosis.verdict == "several":
         return "Several small effects are missing; none of them dominates"
     if best is not None and cause:

@@ -31,10 +31,6 @@ def contradictions(told: dict) -> list[str]:
             (f["probability"] != chance.get(f["effect"], 0.0), f"{f['effect']} has two probabilities"),
             (f["significant"] and f["removed"] <= 0, f"{f['effect']} is called missing, and explains nothing"),
         ]
-    outside = any("explains far more than" in note for note in told["notes"])
-    if verdict == "unknown" and not outside:
-        most = max((f["probability"] for f in named), default=0.0)
-        wrong.append((most > chance["outside"], "nothing explains it, but a finding is more probable"))
     if verdict == "several":
         most = max((f["probability"] for f in table), default=0.0)
         wrong.append((chance["several"] <= most, "no finding dominates, but one is more probable"))

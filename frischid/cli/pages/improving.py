@@ -115,7 +115,7 @@ def verdict_of(result: Diagnosis) -> str:
         "effect": "an effect is missing",
         "several": "several small effects are missing; none of them dominates",
         "contact": "something touched the robot",
-        "unknown": "something is missing that no effect of the catalogue explains"
+        "unknown": "more is missing than any one effect of the catalogue explains"
         + ("; known effects explain a part" if part else ""),
     }[result.verdict]
 
