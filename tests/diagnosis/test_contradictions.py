@@ -78,6 +78,14 @@ def test_whatever_the_probabilities_are_the_verdict_agrees_with_the_table(name, 
     assert contradictions(content) == []
 
 
+@pytest.mark.parametrize("name", HIDDEN)
+def test_shapes_stay_within_the_range_of_their_grid(name):
+    for finding in found(name).findings:
+        for effect in finding.members:
+            for shape, grid in effect.searched.items():
+                assert min(grid) <= effect.parameters[shape] <= max(grid), f"{effect}: {shape}"
+
+
 def test_a_contradiction_is_seen():
     told = found("spring").to_dict()
     assert contradictions(told | {"verdict": "none"})

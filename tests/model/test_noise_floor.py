@@ -45,6 +45,12 @@ def test_noise_with_a_memory_is_measured_where_the_filter_passes():
     assert noise_level(noise) * np.linalg.norm(taps) < 0.5 * passed  # as white noise it would be far too small
 
 
+@pytest.mark.parametrize("ripple", [0.5, 2.0, 50.0])
+def test_ripple_of_any_size_raises_the_noise_only_as_far_as_the_other_octaves_allow(ripple):
+    noise = 0.1 * np.random.default_rng(4).normal(size=len(T))
+    assert level(MOTION + noise + ripple * np.sin(2 * np.pi * 11.0 * T)) < 0.6  # in its octave it is 5 ripple
+
+
 def test_without_a_filter_or_with_few_samples_all_noise_counts():
     noise = np.random.default_rng(2).normal(size=200)
     assert level(noise, LowPass(None)) == noise_level(noise)
