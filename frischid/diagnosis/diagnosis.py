@@ -36,7 +36,7 @@ from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import Description, describe
 from frischid.diagnosis.rivals import suspected
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator, priors_of
-from frischid.diagnosis.stages import stages
+from frischid.diagnosis.stages import best_stages, stages
 from frischid.diagnosis.verdict import (
     StageResults,
     Verdict,
@@ -257,7 +257,7 @@ def diagnose(
     searched = [part.log for part in parts]
     validator, state = cross_validator(model, searched, situation, criteria=criteria, workers=workers)
     found_by = [stages(v, state, Floor.of(v), effects, progress) for v in priors_of(validator, state)]
-    results = _best(found_by, criteria)
+    results = best_stages(found_by)
     results = replace(results, contacts=(*results.contacts, *touched))
     verdict, by_twin = decided(results), decided(results, by_twin=True)
     if state == "changed" and effects is None:
@@ -270,18 +270,6 @@ def diagnose(
     still = standstill_note([name for name in model.joints if name not in judged])
     said = (still, *said_of(model, logs), *(part.said for part in parts), delay_in(model))
     return replace(found, notes=(*found.notes, *filter(None, said)))
-
-
-def _best(found_by: Sequence[StageResults], criteria: DiagnosisCriteria) -> StageResults:
-    """The fit whose effects leave the least error; of fits that leave noise only, that of the best first finding."""
-    noise = criteria.floor_tolerance * max(float((r.floor / r.validator.spread).mean()) for r in found_by)
-
-    def left(results: StageResults) -> tuple[float, float]:
-        error = float(results.validator.base_nrmse().mean())
-        first = next((f.error_after for f in results.findings if f.significant), error)
-        return max(float(results.ranking.full.base_nrmse().mean()), noise), first
-
-    return min(found_by, key=left)
 
 
 def delay_in(model: Model) -> str:

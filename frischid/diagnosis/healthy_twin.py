@@ -37,13 +37,12 @@ def healthy_twin_error(validator: CrossValidator) -> Array:
     """
     model = validator.model
     regressor = Regressor(model.robot, model.effects, model.reference)
-    twins: dict[tuple[str, float], _Twin] = {}
+    twins: dict[Motion, _Twin] = {}  # by the object: two logs may have one name
 
     def seen(rng: np.random.Generator, motion: Motion) -> Motion:
-        key = motion.source, motion.start
-        if key not in twins:
-            twins[key] = _Twin.of(model, regressor, motion)
-        return twins[key].seen(rng)
+        if motion not in twins:
+            twins[motion] = _Twin.of(model, regressor, motion)
+        return twins[motion].seen(rng)
 
     draws = (validator.with_motions(partial(seen, np.random.default_rng(seed))) for seed in range(DRAWS))
     return np.asarray(np.sqrt(np.mean([(twin.base_nrmse() * twin.spread) ** 2 for twin in draws], axis=0)))

@@ -43,3 +43,16 @@ def stages(
         unmodelled,
         floor.said,
     )
+
+
+def best_stages(found_by: Sequence[StageResults]) -> StageResults:
+    """Results under the prior whose effects explain most; where several explain all but noise, the best first finding."""
+    tolerance = found_by[0].validator.criteria.floor_tolerance
+    noise = tolerance * max(float((r.floor / r.validator.spread).mean()) for r in found_by)
+
+    def left(results: StageResults) -> tuple[float, float]:
+        error = float(results.validator.base_nrmse().mean())
+        first = next((f.error_after for f in results.findings if f.significant), error)
+        return max(float(results.ranking.full.base_nrmse().mean()), noise), first
+
+    return min(found_by, key=left)

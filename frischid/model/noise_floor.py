@@ -209,7 +209,7 @@ def mean_in_band(corner: float, cutoff: float) -> tuple[float, float]:
 def shares_of_noise(spectra: Array, powers: Array) -> Array:
     """Shares (J, 2) of two spectra (K, 2) in the powers (K, J) of K octaves.
 
-    Other causes than noise (ripple, resonances, what is left of the motion) only add power. So the spectra are fitted
+    Other causes than noise (ripple, resonances, fast parts of the motion) only add power. So the spectra are fitted
     to the octaves relative to their powers, and then lowered until no octave has less power than the noise.
     """
     fits = [optimize.nnls(spectra / y[:, None], np.ones(len(y)))[0] for y in powers.T]

@@ -180,7 +180,6 @@ class Tab:
         """Update the panel's tabs behind the first one."""
         self._show(self.matrix, figures.matrix(state.comparison))
         self._residual()
-        self.undo.disabled = state.model.previous is None
 
     def progress(self, text: str, share: float) -> None:
         """Show the present work of the bench; an empty text when no work is done."""
@@ -209,6 +208,7 @@ class Tab:
 
     def _headline(self, state: State) -> None:
         self.frame.headline.content = f"{error_text(state)}{origin_text(self.bench)}"
+        self.undo.disabled = state.model.previous is None
 
     def _torque(self) -> None:
         state, joint = self.bench.state, str(self.joint.value)

@@ -170,7 +170,7 @@ def test_real_robots(tmp_path):
         assert path.stat().st_size < LARGEST
         check(path, *{"panda": (1280, "dark"), "ur10e": (390, "light")}[name])
         with opened(path.as_uri()) as seen:
-            assert printed(seen.page) >= 40
+            assert printed(seen.page) >= 50
 
 
 @needs_browser
