@@ -46,7 +46,7 @@ def stages(
 
 
 def best_stages(found_by: Sequence[StageResults]) -> StageResults:
-    """Results under the prior whose effects explain most; where several explain all but noise, the best first finding."""
+    """Results of the prior whose effects explain most; if several leave noise only, that of the best first finding."""
     tolerance = found_by[0].validator.criteria.floor_tolerance
     noise = tolerance * max(float((r.floor / r.validator.spread).mean()) for r in found_by)
 
