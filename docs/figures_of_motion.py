@@ -78,6 +78,16 @@ def emps_recorded_test() -> str:
     return f"{_emps('baseline, torque as recorded', 'output_error')['test mm']:.1f}"
 
 
+def emps_chosen_test() -> str:
+    """Error on the EMPS's official test of the model that was chosen within `train`, mm."""
+    return f"{_emps_chosen()['test mm']:.1f}"
+
+
+def emps_chosen_half() -> str:
+    """Error of this model on the other half of `train`, mm."""
+    return f"{_emps_chosen()['other half mm']:.1f}"
+
+
 def emps_own_train() -> str:
     """Error on the EMPS's `train` of a model that was fitted to the test, mm."""
     return f"{_emps('with asymmetric_viscous', 'output_error on test_pulses')['train mm']:.1f}"
@@ -127,6 +137,10 @@ def _drives(robot: str) -> Row:
 
 def _emps(model: str, parameters: str) -> Row:
     return next(row for row in rows_of("simulated_motion") if (row["model"], row["parameters"]) == (model, parameters))
+
+
+def _emps_chosen() -> Row:
+    return next(row for row in rows_of("simulated_motion") if row.get("chosen"))
 
 
 def _forces() -> Iterator[tuple[float, float]]:

@@ -146,6 +146,8 @@ FIGURES: dict[str, Callable[[], str]] = {
         motion.emps_train,
         motion.emps_test,
         motion.emps_recorded_test,
+        motion.emps_chosen_test,
+        motion.emps_chosen_half,
         motion.emps_own_train,
         motion.emps_own_test,
         motion.emps_more_force,

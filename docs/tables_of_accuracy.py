@@ -84,17 +84,20 @@ def physical_export() -> str:
 
 def simulated_motion() -> str:
     """Error of the simulated position of the EMPS."""
-    head = ("effects", "parameters", "train, mm", "test_pulses, mm")
+    head = ("effects", "parameters", "train, mm", "other half of train, mm", "test_pulses, mm")
     words = {"baseline": "viscous, Coulomb, offset", "published": "published (Janot, Gautier and Brunot 2019)"}
     words["baseline, torque as recorded"] = "viscous, Coulomb, offset; torque as recorded"
     words["linear"] = "least squares"
+    words["output_error"] = "`output_error`, the whole log at once"
+    words["output_error in stretches"] = "`output_error`, stretches of 1 s"
     words["output_error on test_pulses"] = "`output_error`, fitted to `test_pulses`: no score"
     rows = [
         (
             words.get(row["model"], row["model"].replace("_", " ")),
             words.get(row["parameters"], f"`{row['parameters']}`"),
             f"{row['train mm']:.1f}",
-            f"{row['test mm']:.1f}",
+            f"{row['other half mm']:.1f}" if "other half mm" in row else "",
+            f"**{row['test mm']:.1f}, chosen**" if row.get("chosen") else f"{row['test mm']:.1f}",
         )
         for row in data("simulated_motion")["rows"]
     ]

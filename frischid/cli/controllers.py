@@ -5,12 +5,14 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from frischid.cli.arguments import matching, number
 from frischid.cli.paths import InputPath
+from frischid.core.text import shortened
 from frischid.errors import InputError
 
 if TYPE_CHECKING:
@@ -67,6 +69,12 @@ class ControllerArguments:
             if options:
                 raise InputError(f"{options} describes a controller; add --controller pd (or --controller FILE.toml)")
             return None
+        if self.controller != "pd" and not Path(self.controller).suffix:
+            raise InputError(
+                f"--controller {shortened(self.controller)}: there is no such controller; give pd (kp, "
+                "kd, saturation, dead band and delay are its options), or a TOML file that describes one. For "
+                "logs of currents or voltages, see frischid map"
+            )
         found = PDController() if self.controller == "pd" else PDController.load(self.controller)
         values: dict[str, Any] = {KEYS[name]: _values(name, text, joints) for name, text in self.values.items()}
         found = replace(found, **values, held=found.held or self.held)

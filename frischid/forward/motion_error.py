@@ -112,6 +112,24 @@ class MotionComparison(Shown):
         ends = ", ".join(f"{h.tip:.3g} mm after {h.horizon:g} s" for h in self.horizons if h.horizon is not None)
         return f"MotionComparison(tip error {ends})"
 
+    @property
+    def unstable(self) -> str | None:
+        """Says after which time the model's simulated motion runs away, and what to look at; None where it does not."""
+        lost = [h for h in (*self.horizons, self.whole) if not np.isfinite(h.tip)]
+        if not lost:
+            return None
+        first = lost[0].horizon
+        when = "somewhere along the whole log" if first is None else f"within {first:g} s"
+        if self.closed:
+            return (
+                f"the simulated loop is unstable {when}: this controller cannot hold the model; check the gains (kp, "
+                "kd and their units) and the delay"
+            )
+        return (
+            f"the simulated motion runs away {when}, because the recorded torque moves the model away from the "
+            "measured motion; look at the shorter horizons, and at the links' masses"
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
         return {

@@ -1,5 +1,7 @@
 """A model with a controller is simulated in closed loop along the recorded commands."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,8 +33,6 @@ def servo(model):
 
 
 def with_controller(model, **values):
-    from dataclasses import replace
-
     return replace(model, controller=fr.PDController(kp=KP, kd=KD, **values))
 
 
@@ -60,3 +60,12 @@ def test_a_recording_has_the_commands_of_the_log(model, servo, tmp_path):
     np.testing.assert_allclose(one.q_cmd, other.q_cmd)
     with pytest.raises(fr.InputError, match="at most 50 are possible"):
         commanded_source(fr.PDController(kp=KP, delay=1.0), servo, JOINTS)
+
+
+def test_an_unstable_loop_is_said(model, servo):
+    held = fr.compare_simulated(with_controller(model, delay=DELAY), [servo], horizons=[0.5])
+    assert held.unstable is None
+    wild = replace(model, controller=fr.PDController(kp=1e3 * KP, kd=0.0, delay=0.05))
+    lost = fr.compare_simulated(wild, [servo], horizons=[0.01, 2.0])
+    assert lost.unstable is not None
+    assert "check the gains (kp, kd and their units) and the delay" in lost.unstable

@@ -231,6 +231,7 @@ def test_the_command_line(tmp_path, measured, robot, monkeypatch):
         (["--kp", "20"], "--kp describes a controller; add --controller pd"),
         (["--controller", "wrong.toml"], "unknown key 'kq'"),
         (["--controller", "none.toml"], "the controller file cannot be read"),
+        (["--controller", "pid"], "there is no such controller; give pd"),
     ]:
         done = run(*words)
         assert done.exit_code == 2
