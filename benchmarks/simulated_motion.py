@@ -5,7 +5,7 @@ score is the rms error of its position over all samples after the first 20, in m
 parabola through them. `test_pulses`, the official test, decides nothing.
 
 A model is chosen within `train`: each model is fitted to one half of `train` and scored on the other half, and the
-lowest rms of the two scores wins. This is the nested selection that every command makes where one log is given.
+lowest rms of the two scores wins.
 
 One more row is no score: the same structure fitted to `test_pulses` itself. This row and the mean forces at steady
 speeds show which part of a score is the model's, and which part is a change of the axis between the logs.
@@ -107,12 +107,7 @@ def at_once(model: fr.Model, log: fr.Log, horizon: float) -> fr.Model:
 def halves(log: fr.Log) -> tuple[fr.Log, fr.Log]:
     """The first and the second half of a log."""
     middle = len(log) // 2
-    first, second = (
-        replace(log, t=log.t[s], q=log.q[s], tau=log.tau[s], extra={name: x[s] for name, x in log.extra.items()})
-        for s in (slice(middle), slice(middle, None))
-        if log.tau is not None
-    )
-    return first, second
+    return log.slice(stop=middle), log.slice(middle)
 
 
 def linear(robot: fr.Robot, log: fr.Log, effects: str, lag: float | Literal["auto"]) -> fr.Model:

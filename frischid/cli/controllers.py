@@ -69,10 +69,11 @@ class ControllerArguments:
             if options:
                 raise InputError(f"{options} describes a controller; add --controller pd (or --controller FILE.toml)")
             return None
-        if self.controller != "pd" and not Path(self.controller).suffix:
+        path = Path(self.controller)
+        if self.controller != "pd" and not path.suffix and not path.exists():
             raise InputError(
-                f"--controller {shortened(self.controller)}: there is no such controller; give pd (kp, "
-                "kd, saturation, dead band and delay are its options), or a TOML file that describes one. For "
+                f"--controller {shortened(self.controller)}: there is no such controller; give pd "
+                "(kp, kd, saturation, dead band and delay are its options), or a TOML file that describes one. For "
                 "logs of currents or voltages, see frischid map"
             )
         found = PDController() if self.controller == "pd" else PDController.load(self.controller)

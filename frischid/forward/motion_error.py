@@ -113,7 +113,7 @@ class MotionComparison(Shown):
         return f"MotionComparison(tip error {ends})"
 
     @property
-    def unstable(self) -> str | None:
+    def instability(self) -> str | None:
         """Says after which time the model's simulated motion runs away, and what to look at; None where it does not."""
         lost = [h for h in (*self.horizons, self.whole) if not np.isfinite(h.tip)]
         if not lost:

@@ -64,8 +64,8 @@ def test_a_recording_has_the_commands_of_the_log(model, servo, tmp_path):
 
 def test_an_unstable_loop_is_said(model, servo):
     held = fr.compare_simulated(with_controller(model, delay=DELAY), [servo], horizons=[0.5])
-    assert held.unstable is None
+    assert held.instability is None
     wild = replace(model, controller=fr.PDController(kp=1e3 * KP, kd=0.0, delay=0.05))
     lost = fr.compare_simulated(wild, [servo], horizons=[0.01, 2.0])
-    assert lost.unstable is not None
-    assert "check the gains (kp, kd and their units) and the delay" in lost.unstable
+    assert lost.instability is not None
+    assert "check the gains (kp, kd and their units) and the delay" in lost.instability

@@ -23,7 +23,7 @@ def comparison(result: Comparison, error: Headline, motion: MotionComparison | N
         parts += [*_where(result), *_residual_error(result)]
     data: dict[str, Any] = {"headline": error.to_dict(), "comparison": result.to_dict()}
     if motion is not None:
-        parts += [motion_table(motion), *filter(None, [motion.unstable])]
+        parts += [motion_table(motion), *filter(None, [motion.instability])]
         data["simulated"] = motion.to_dict()
     return Page(data, parts, error.alarms)
 
