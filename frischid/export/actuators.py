@@ -2,7 +2,8 @@
 
 One row per joint: stiffness (kp) and damping (kd) of the drive, armature, viscous and Coulomb friction of the joint,
 effort limit, and delay, also in steps of the simulator. Each value has ``_low`` and ``_high``: the 95 % range. A value
-that the logs leave open has a wide range, and this range is the honest domain randomisation.
+that the logs leave open has a wide range, and this range is the honest domain randomisation. A value without a largest
+one, because the drive's gain has none, has no ``_high`` (null in JSON, empty in CSV).
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import csv
 import io
 import json
 from typing import Any
+
+import numpy as np
 
 from frischid.errors import InputError
 from frischid.export.names import cell
@@ -58,7 +61,8 @@ def actuator_rows(model: Model, step: float = SIMULATOR_STEP) -> list[dict[str, 
         row: dict[str, Any] = {"joint": joint}
         for x in values:
             name = NAMES[x.quantity]
-            row |= {name: x.value, f"{name}_low": x.lower, f"{name}_high": x.upper, f"{name}_known": x.known}
+            high = x.upper if np.isfinite(x.upper) else None
+            row |= {name: x.value, f"{name}_low": x.lower, f"{name}_high": high, f"{name}_known": x.known}
         if "delay" in row:
             row |= {f"delay_steps{end}": row[f"delay{end}"] / step for end in ("", "_low", "_high")}
         rows.append(row)

@@ -2,17 +2,26 @@
 
     τ = kp (q_cmd(t − delay) − q) − kd q̇ − fv q̇ − fc sign(q̇),     inertia about the joint = links + armature
 
-Each value has one of six states. *identified*: the logs gave most of what is known, and the 95 % range lies within 5 %
-of the value. *roughly*: the logs gave most of what is known, and the range is wider, but excludes zero. *as a ratio*:
-one of these two holds of the value over the drive's gain, kp or the torque per ampere, where this gain was found from
-the URDF's masses; the value's own range also holds the doubt about the gain. A value over the torque per ampere is the
+Each value has one of seven states. *identified*: the logs gave most of what is known, and the 95 % range lies within
+5 % of the value. *roughly*: the logs gave most of what is known, and the range is wider, but excludes zero.
+*as a ratio*: one of these two holds of the value over the drive's gain, kp or the torque per ampere, where this gain was
+found from the URDF's masses; the value's own range also holds the doubt about the gain. A value over the torque per ampere is the
 value in amperes. A gain that the model corrects (`position_gain`) is known as a ratio to the gains of other joints.
 *in a sum*: the logs show the value only together with others (``Izz1 + Ia1 + 0.25 m2``); the URDF divides the sum.
 *open*: otherwise; every value of the range explains the logs, so that the range is an honest domain to randomise over.
-*given*: the user named the value. Where a drive damps its own joint, logs show ``kd + fv`` only: fv is the rest after
+*given*: the user named the value. *assumed*: nobody named a kd or a delay, and it counts as zero.
+
+*Doubtful gain.* Friction and armature are r/κ: r is the ratio to the gain, which the logs show, and κ is 1 over the
+gain. With normal errors of both, the range of r/κ is Fieller's. Where the range of κ reaches zero, the gain and every
+value that grows with it have a lowest value, and no largest. The links' inertia about the joint does not grow with the
+gain. Logs show the armature beside it, so that armature/kp holds the doubt about (links' inertia)/kp.
+
+Where a drive damps its own joint, logs show ``kd + fv`` only: fv is the rest after
 the kd that was named. Where kd was left open and no velocity is commanded, both are in this sum. The table then has
 kd = 0 and the sum as fv, which move the robot as any other division does. Commanded velocities tell kd from fv; a value
 that they leave open is in the known sum, too.
+
+Source: Fieller 1954, J. Royal Statistical Society B 16(2), equation 9: the range of a ratio.
 """
 
 from __future__ import annotations
@@ -23,12 +32,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from frischid.core.types import Column
+from frischid.core.types import Array, Column
 from frischid.effects import columns_of
 from frischid.model.damping_sum import DampingSum, damping_sum
 from frischid.model.model import Model
+from frischid.robot.robot import Robot
 
-Known = Literal["identified", "roughly", "as a ratio", "in a sum", "open", "given"]
+Known = Literal["identified", "roughly", "as a ratio", "in a sum", "open", "given", "assumed"]
 REACH = 1.96
 """Standard errors on either side of a value that hold 95 % of a normal distribution."""
 LEAST_FROM_LOGS = 0.5
@@ -66,8 +76,9 @@ class DriveParameter:
     value : float
         In `unit`.
     lower, upper : float
-        Range that holds the true value in 95 % of cases, without impossible signs.
-    known : {"identified", "roughly", "as a ratio", "in a sum", "open", "given"}
+        Range that holds the true value in 95 % of cases, without impossible signs; `upper` is infinite where the gain
+        of the drive has no largest value.
+    known : {"identified", "roughly", "as a ratio", "in a sum", "open", "given", "assumed"}
     of : str
         What the logs show: the sum for a value that is known in a sum, the ratio to the gain with its 95 % range for a
         value that is known as a ratio; otherwise empty.
@@ -83,8 +94,8 @@ class DriveParameter:
     of: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return asdict(self)
+        """Plain JSON values; a range without an end has None there."""
+        return asdict(self) | {"upper": self.upper if np.isfinite(self.upper) else None}
 
 
 def drive_parameters(model: Model) -> tuple[DriveParameter, ...]:
@@ -109,18 +120,20 @@ def drive_parameters(model: Model) -> tuple[DriveParameter, ...]:
     [('armature', 'in a sum'), ('viscous', 'identified'), ('coulomb', 'identified')]
     """
     values = values_of(model)
+    links = dict(zip(model.robot.joints, _links_inertia(model.robot).tolist(), strict=True))
     found: list[DriveParameter] = []
     for joint in model.joints:
         found += [*_of_currents(model, joint), *_of_controller(model, joint, values)]
-        doubt = _gain(model, joint)[2]
-        start = len(found)
+        doubt, start = _gain(model, joint)[2], len(found)
         for quantity, (effect, symbol) in {"damping": OPEN_DAMPING, **DRIVE_EFFECTS}.items():
             for column, value, spread, share in values:
                 if (column.joint, column.effect) != (joint, effect) or column.name.rstrip("0123456789") != symbol:
                     continue
+                if quantity == "armature":
+                    spread = float(np.hypot(spread, doubt * links[joint]))
                 seen = value > REACH * spread and share >= LEAST_FROM_LOGS
                 of = "" if seen else _sum_with(model, column.name)
-                lower, upper = _range(value, np.hypot(spread, doubt * value))
+                lower, upper = range_of_ratio(value, spread, doubt)
                 known: Known = _found(value, lower, upper) if seen else "in a sum" if of else "open"
                 if seen and doubt > 0:
                     known, of = "as a ratio", _ratio(model, joint, quantity, value, spread)
@@ -154,6 +167,44 @@ def _found(value: float, lower: float, upper: float) -> Known:
 def _range(value: float, stderr: float) -> tuple[float, float]:
     """The 95 % range of a value that is not negative."""
     return max(0.0, value - REACH * stderr), max(0.0, value + REACH * stderr)
+
+
+def range_of_ratio(value: float, stderr: float, doubt: float) -> tuple[float, float]:
+    """The 95 % range of a value r/κ that is not negative, from Fieller's inequality (r − x κ)² ≤ z² (s² + x² d²).
+
+    Parameters
+    ----------
+    value : float
+        r, with κ = 1.
+    stderr : float
+        s, of r.
+    doubt : float
+        d, standard error of κ.
+
+    Returns
+    -------
+    lower, upper : float
+        `upper` is infinite where the range of κ reaches zero.
+
+    Examples
+    --------
+    >>> range_of_ratio(20.0, 0.0, 0.25)
+    (13.422818791946309, 39.2156862745098)
+    >>> range_of_ratio(20.0, 0.0, 1.0)
+    (6.756756756756757, inf)
+    """
+    a, c = 1 - (REACH * doubt) ** 2, value**2 - (REACH * stderr) ** 2
+    root = np.sqrt(max(value**2 - a * c, 0.0))
+    lower = c / (value + root) if c > 0 and value > 0 else 0.0
+    return float(lower), float(max(0.0, value + root) / a) if a > 0 else np.inf
+
+
+def _links_inertia(robot: Robot) -> Array:
+    """Inertia of the URDF's links about each joint in the neutral pose, kg·m² (kg), (J,)."""
+    still, each = np.zeros((1, len(robot.joints))), np.eye(len(robot.joints))
+    rest = robot.inverse_dynamics(still, still, still)
+    torque = robot.inverse_dynamics(np.zeros_like(each), np.zeros_like(each), each)
+    return np.asarray(np.diag(torque - rest))
 
 
 def _gain(model: Model, joint: str) -> tuple[str, float, float]:
@@ -208,10 +259,10 @@ def _of_controller(model: Model, joint: str, values: list[_Value]) -> list[Drive
         if quantity == "effort_limit" and not np.isfinite(value):
             value = float(robot.limits.effort[robot.joints.index(joint)])
         lower, upper, of = value, value, ""
-        known: Known = "given"
-        if quantity == "stiffness" and (doubt := pd.gain_doubt(joint)) > 0:  # κ = 1/kp has the symmetric range
-            lower, upper = value / (1 + REACH * doubt), value / (1 - REACH * doubt)
-            known = _found(value, lower, upper)
+        known: Known = "given" if value or quantity not in ("damping", "delay") else "assumed"
+        if quantity == "stiffness" and (doubt := pd.gain_doubt(joint)) > 0:
+            lower, upper = range_of_ratio(value, 0.0, doubt)
+            known = _found(value, lower, upper) if np.isfinite(upper) else "open"
         if quantity == "delay" and (doubt := float(pd.values("delay_doubt", [joint])[0])) > 0:
             lower, upper = _range(value, doubt)
             known = _found(value, lower, upper)

@@ -31,7 +31,6 @@ from functools import cached_property
 import numpy as np
 from scipy import optimize
 
-from frischid.core.text import percent
 from frischid.effects import BASELINE
 from frischid.effects.commands import PositionGain, VelocityGain
 from frischid.errors import InputError
@@ -45,6 +44,7 @@ from frischid.logs.log import Log
 from frischid.logs.recording import Motions, Recording, preview_of
 from frischid.logs.summary import Data, held_by, summarise, torque_joints
 from frischid.model.drive_parameters import REACH
+from frischid.model.found_gains import gain_notes, with_gains
 from frischid.model.identify_options import IdentifyOptions
 from frischid.model.unknown_damping import damping_effects, open_damping
 from frischid.regression.accumulation import accumulate
@@ -83,7 +83,7 @@ def known_controller(
     Raises
     ------
     InputError
-        The logs do not determine a gain, or determine it with the wrong sign.
+        The logs determine a gain with the wrong sign.
     """
     controller = options.controller
     if controller is None:
@@ -102,7 +102,10 @@ def known_controller(
         delay = found if found > REACH * stderr else 0.0
         notes.append(f"the logs say that commands act {1e3 * found:.3g} ± {1e3 * stderr:.2g} ms late")
         if not delay:
-            notes[-1] += "; this may be no delay at all, and none is used"
+            notes[-1] += (
+                "; this may be no delay at all. The commands are taken without one, and the fit corrects them with "
+                "this doubt: the table of drives has the delay that results"
+            )
         controller = replace(controller, delay=delay, delay_doubt=stderr)
     else:
         moved = search.near_the_named_delay()
@@ -113,9 +116,8 @@ def known_controller(
     if near:
         controller = replace(controller, kd_near=search.damping(delay))
     if open_gains:
-        controller = _with_gains(controller, open_gains, search.at(delay), search.joints)
-        each = ", ".join(f"{n} {controller.gain(n):.4g} ± {percent(controller.gain_doubt(n))}" for n in open_gains)
-        notes.append(f"kp in N·m/rad (N/m), from the URDF's masses, with one standard error: {each}")
+        controller, lost = with_gains(controller, open_gains, search.at(delay), search.joints)
+        notes += gain_notes(controller, [n for n in open_gains if n in search.joints], lost)
     return controller
 
 
@@ -300,34 +302,3 @@ class _Search:
         if abs(delay - given.delay) < _LINEAR_STEPS * step:
             return None
         return replace(given, delay=delay, delay_told=told)
-
-
-def _with_gains(
-    controller: PDController, open_gains: Sequence[str], scales: TorqueScales, joints: Sequence[str]
-) -> PDController:
-    """The controller with the gains found; refused where the logs and the URDF leave one open."""
-    gains, doubts, lost = {}, {}, []
-    for name in open_gains:
-        if name not in joints:
-            continue
-        inverse, stderr, most = (float(x[joints.index(name)]) for x in (scales.inverse, scales.stderr, scales.most))
-        if -most < inverse < -REACH * stderr:
-            raise InputError(
-                f"{name}: the torque of the URDF's links pushes against the position error q_cmd − q; is the sign of "
-                f"q_{name} or of qcmd_{name} reversed? correct it in the mapping (sign = -1)"
-            )
-        if inverse < REACH * stderr or inverse > most:
-            lost.append(name)
-            continue
-        gains[name], doubts[name] = 1.0 / inverse, stderr / inverse
-    if lost:
-        rest = ",".join(n for n in joints if n not in lost)
-        left = f", or leave its torque out (--torque-joints {shlex.quote(rest)})" if rest else ""
-        raise InputError(
-            f"kp of {', '.join(lost)} cannot be found: the links in the URDF cause too little of its torque, so they "
-            f"are no scale for it; give its kp, such as that of another joint with the same drive "
-            f"(--kp {shlex.quote(f'{lost[0]}=VALUE')}){left}; do commands and positions have the same unit and sign?"
-        )
-    named = [n for n in joints if controller.knows_gain(n)]
-    known = dict(zip(named, map(float, controller.values("kp", named)), strict=True))
-    return replace(controller, kp=known | gains, kp_doubt=doubts)

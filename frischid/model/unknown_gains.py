@@ -32,6 +32,7 @@ from frischid.logs.filters import LowPass
 from frischid.logs.recording import Motions, preview_of
 from frischid.logs.summary import Data, held_by, summarise, torque_joints
 from frischid.model.drive_parameters import REACH
+from frischid.model.found_gains import UNKNOWN_GAIN
 from frischid.model.identify_options import IdentifyOptions
 from frischid.regression.accumulation import accumulate
 from frischid.regression.base_parameters import Reduction
@@ -39,8 +40,6 @@ from frischid.regression.moments import total
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
-
-_UNKNOWN = 1.0  # doubt about a gain that nothing determines, as a share of it
 
 
 def known_currents(
@@ -80,8 +79,8 @@ def known_currents(
         inverse[name] = min(found, most)
         # a scale beyond its bound by more than its error stands for an error of the model
         seen = REACH * stderr < inverse[name] and found - REACH * stderr <= most
-        doubts[name] = stderr / inverse[name] if seen else _UNKNOWN
-    lost = [n for n in wanted if doubts[n] == _UNKNOWN]
+        doubts[name] = stderr / inverse[name] if seen else UNKNOWN_GAIN
+    lost = [n for n in wanted if doubts[n] == UNKNOWN_GAIN]
     typical = float(np.median([inverse[n] for n in wanted if n not in lost] or [1.0]))
     for name in lost:  # the other joints' drives are the best guess, unless the links would then cause too much
         inverse[name] = min(typical, float(scales.most[signals.joints.index(name)]))

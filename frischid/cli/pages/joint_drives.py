@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from rich.table import Table
 
 from frischid.cli.pages.page import figure, table_of
@@ -51,9 +52,10 @@ def _cell(x: DriveParameter | None) -> str:
         return ""
     if x.known == "given":
         return figure(x.value)
-    return f"{figure(x.value)} ({figure(x.lower)} … {figure(x.upper)})" + (
-        "" if x.known == "identified" else f" {x.known}"
-    )
+    if x.known == "assumed":
+        return f"{figure(x.value)} assumed"
+    ends = f"{figure(x.lower)} … {figure(x.upper)}" if np.isfinite(x.upper) else f"at least {figure(x.lower)}"
+    return f"{figure(x.value)} ({ends})" + ("" if x.known == "identified" else f" {x.known}")
 
 
 def amperes(found: Sequence[JointCurrents]) -> Table:
@@ -75,7 +77,8 @@ MEANING = (
     "determine the value; it may be anywhere in the range. in a sum: the logs determine only a sum. A sum with values "
     "of the links is divided as in the URDF (--parameters lists these sums); of an open kd, only kd + viscous is "
     "known (--json has this sum, with its range). as a ratio: the logs determine value/kp better than the value "
-    "(--json has the ratio). All values grow in proportion to kp. Where the drive damps the joint's own velocity, the "
-    "logs determine only kd + viscous friction, and viscous is this sum less kd"
+    "(--json has the ratio). assumed: nobody named the value, and it counts as zero. All values grow in proportion to "
+    "kp. Where the drive damps the joint's own velocity, the logs determine only kd + viscous friction, and viscous "
+    "is this sum less kd"
 )
 """Explanation below the table, for a model with a controller."""
