@@ -3,10 +3,11 @@
     τ = kp (q_cmd(t − delay) − q) − kd q̇ − fv q̇ − fc sign(q̇),     inertia about the joint = links + armature
 
 Each value has one of seven states. *identified*: the logs gave most of what is known, and the 95 % range lies within
-5 % of the value. *roughly*: the logs gave most of what is known, and the range is wider, but excludes zero.
-*as a ratio*: one of these two holds of the value over the drive's gain, kp or the torque per ampere, where this gain was
-found from the URDF's masses; the value's own range also holds the doubt about the gain. A value over the torque per ampere is the
-value in amperes. A gain that the model corrects (`position_gain`) is known as a ratio to the gains of other joints.
+5 % of the value. *roughly*: the logs gave most of what is known, and the range is wider, but excludes zero. *as a
+ratio*: one of these two holds of the value over the drive's gain, kp or the torque per ampere, where this gain was
+found from the URDF's masses; the value's own range also holds the doubt about the gain. A value over the torque per
+ampere is the value in amperes. A gain that the model corrects (`position_gain`) is known as a ratio to the gains of
+other joints.
 *in a sum*: the logs show the value only together with others (``Izz1 + Ia1 + 0.25 m2``); the URDF divides the sum.
 *open*: otherwise; every value of the range explains the logs, so that the range is an honest domain to randomise over.
 *given*: the user named the value. *assumed*: nobody named a kd or a delay, and it counts as zero.
