@@ -189,10 +189,12 @@ def range_of_ratio(value: float, stderr: float, doubt: float) -> tuple[float, fl
 
     Examples
     --------
-    >>> range_of_ratio(20.0, 0.0, 0.25)
-    (13.422818791946309, 39.2156862745098)
-    >>> range_of_ratio(20.0, 0.0, 1.0)
-    (6.756756756756757, inf)
+    >>> lower, upper = range_of_ratio(20.0, 0.0, 0.25)
+    >>> round(lower, 2), round(upper, 2)
+    (13.42, 39.22)
+    >>> lower, upper = range_of_ratio(20.0, 0.0, 1.0)
+    >>> round(lower, 2), upper
+    (6.76, inf)
     """
     a, c = 1 - (REACH * doubt) ** 2, value**2 - (REACH * stderr) ** 2
     root = np.sqrt(max(value**2 - a * c, 0.0))

@@ -41,7 +41,7 @@ def test_ranges_hold_the_truth_and_given_values_are_given(model):
             assert x.lower <= TRUTH[f"{symbol}{j}"] <= x.upper
     for x in found.values():
         near = max(x.upper - x.value, x.value - x.lower) <= 0.05 * x.value
-        assert x.known == "given" or (x.known == "identified") == (near and x.known != "in a sum")
+        assert x.known in ("given", "assumed") or (x.known == "identified") == (near and x.known != "in a sum")
     assert found["joint1", "viscous"].known in ("identified", "roughly")
     assert found["joint2", "armature"].known in ("identified", "roughly")
     assert (found["joint1", "armature"].known, found["joint1", "armature"].of) == ("in a sum", "Izz1 + Ia1 + 0.25 m2")

@@ -176,3 +176,17 @@ def test_gains_in_another_unit_are_an_alarm(factor, name):
     named = [a for a in found.headline.alarms if a.id.startswith("gains-too")]
     assert [a.id for a in named] == ([name] if name else [])
     assert all("N·m/rad" in a.remedy and a.joints for a in named)
+
+
+def test_the_tables_of_drives_show_a_range_without_an_end() -> None:
+    import json
+
+    from frischid.export.actuators import actuators_csv, actuators_json
+
+    light = fr.Robot.load("planar2", gravity=(0.0, 0.0, 0.0))
+    model = fr.identify(light, [commanded()], controller=fr.PDController(), recursion="none", force=True).model
+    rows = {x["joint"]: x for x in json.loads(actuators_json(model))["joints"]}
+    lost = [n for n, x in rows.items() if x["stiffness_known"] == "open"]
+    assert lost
+    assert all(rows[n]["stiffness_high"] is None and rows[n]["stiffness_low"] > 0 for n in lost)
+    assert "inf" not in actuators_csv(model)
