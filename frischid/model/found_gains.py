@@ -93,7 +93,7 @@ def gain_notes(controller: PDController, open_gains: Sequence[str], lost: Sequen
             f"kp of {', '.join(lost)} is open: the links in the URDF cause too little of the torque there, so "
             "they are no scale for it. Only ratios to kp hold: friction / kp, armature / kp, and the motion under "
             "these commands. Masses are as doubtful as kp. Name kp (--kp), such as that of another joint with the "
-            "same drive"
+            "same drive; do commands and positions have the same unit and sign?"
         )
         if any(not controller.knows_damping(n) for n in lost):
             notes.append("the kd of these joints is open with kp: the logs show (kd + viscous friction) / kp")

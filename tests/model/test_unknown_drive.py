@@ -108,7 +108,7 @@ def test_a_reversed_command_is_named() -> None:
 
 
 def test_a_gain_that_the_links_cannot_tell_is_open_and_ratios_to_it_are_known() -> None:
-    """Without gravity, and with links that the URDF makes far too heavy, only ratios to kp are known."""
+    """Without gravity, the URDF's links do not explain this log, and are no scale for kp."""
     light, robot = fr.Robot.load("planar2", gravity=(0.0, 0.0, 0.0)), fr.Robot.load("planar2")
     found = fr.identify(light, [commanded()], controller=fr.PDController(kd=0.5), recursion="none", force=True)
     controller = found.model.controller
