@@ -1,7 +1,15 @@
 """Commands that cannot be right: they never move, are too old, or have another unit or sign than the positions.
 
-A servo's position q follows its command c: with both centred, q ≈ c up to the servo's error. If q ≈ s c for the factor
-s of a usual mistake, and is three times closer to s c than to c and to standstill, the command lacks this factor.
+*Unit.* A servo's position q follows its command c: with both centred, q ≈ c up to the servo's error. If q ≈ s c for
+the factor s of a usual mistake, and is three times closer to s c than to c and to standstill, the command lacks this
+factor. Only the slower half of the motion is compared, because a servo follows slow commands best.
+
+*Sign.* Friction and the drive's damping take energy, and the drive gives this energy: kp ∫ (c − q) dq > 0 on a closed
+path. On an open path, springs and weight store energy, so a part of c − q that is linear in q is taken out. A command
+is reversed if q is nearer to −c than to c and to standstill, and the drive would take energy from the joint.
+
+*Standstill.* A joint with a constant command stays where it is, up to the servo's error. If the joint moves as far as
+joints that are commanded to move, and farther than their servos err, its command was not recorded.
 """
 
 from __future__ import annotations
@@ -10,7 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from frischid.core.text import listed
+from frischid.core.text import each_of, listed
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.log import STANDSTILL_SPAN, Log
@@ -50,15 +58,53 @@ def check_commands(log: Log) -> None:
         ]
         if names:
             raise InputError(f"{log.source}: the commanded positions of {listed(names)} {words}")
+    if names := _constant(log):
+        raise InputError(
+            f"{log.source}: the commanded position of {each_of(names)} never moves, and the joint itself moves as "
+            "the other joints do: is this column the command of another joint? correct the column, or leave it out"
+        )
+
+
+def _constant(log: Log) -> list[str]:
+    """Joints that move like joints with commands, and have a constant command."""
+    assert log.qcmd is not None
+    there = np.flatnonzero(log.has("qcmd"))
+    q, c = log.q[:, there], log.qcmd[:, there]
+    commanded = np.ptp(c, axis=0) >= STANDSTILL_SPAN
+    if commanded.all() or not commanded.any():
+        return []
+    moved, error = np.nanstd(q, axis=0), np.nanstd(q - c, axis=0)
+    far = moved > max(FOLLOWS * float(np.median(moved[commanded])), float(np.median(error[commanded])))
+    return [log.joints[j] for j in there[far & ~commanded]]
 
 
 def _needs(factor: float, command: Array, position: Array) -> bool:
     """Whether the position follows the command times a factor, and not the command as it is."""
     known = np.isfinite(command) & np.isfinite(position)
-    if not known.any() or np.ptp(position[known]) < STANDSTILL_SPAN:
+    if not known.any() or min(np.ptp(command[known]), np.ptp(position[known])) < STANDSTILL_SPAN:
         return False
-    c, q = (x[known] - x[known].mean() for x in (command, position))
-    return bool(np.std(q - factor * c) < FOLLOWS * min(np.std(q), np.std(q - c)))
+    c, q = _slower_half(command[known], position[known])
+    apart = np.std(q - factor * c) / min(np.std(q), np.std(q - c))
+    if factor == -1.0:
+        return bool(apart < 1.0 and _takes_energy(command[known], position[known]))
+    return bool(apart < FOLLOWS)
+
+
+def _takes_energy(command: Array, position: Array) -> bool:
+    """Whether c − q falls with the velocity, with the part that a spring would explain taken out of both."""
+    gap, step = (command - position)[:-1], np.diff(position)
+    spring = np.column_stack([np.ones(len(gap)), 0.5 * (position[1:] + position[:-1])])
+    gap = gap - spring @ np.linalg.lstsq(spring, gap, rcond=None)[0]
+    return bool(gap @ step < 0.0)
+
+
+def _slower_half(command: Array, position: Array) -> tuple[Array, Array]:
+    """Both, centred and without the frequencies above the median of the command's power."""
+    spectra = np.fft.rfft(np.stack([command - command.mean(), position - position.mean()]))
+    power = np.cumsum(np.abs(spectra[0]) ** 2)
+    spectra[:, np.searchsorted(power, 0.5 * power[-1]) + 1 :] = 0.0
+    slow = np.fft.irfft(spectra, len(command))
+    return slow[0], slow[1]
 
 
 def check_delay(delay: Array, joints: Sequence[str], log: Log) -> None:

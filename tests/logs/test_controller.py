@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.signal import lsim
 
 import frischid as fr
 from frischid.cli import main
@@ -204,6 +205,39 @@ def test_a_servo_that_hardly_follows_has_no_wrong_unit():
     for share, phase in ((0.1, np.pi), (0.4, 0.9 * np.pi), (0.05, 0.5 * np.pi), (1.3, 0.6 * np.pi)):
         log = fr.Log(t, ("joint",), q=share * np.sin(20 * t - phase)[:, None], qcmd=np.sin(20 * t)[:, None])
         check_commands(log)
+
+
+def servos(gain=30.0, damping=5.0):
+    """Three joints of inertia 1 behind springs to slow, middling and fast commands; they follow late, and not quite."""
+    t = np.arange(0.0, 20.0, 0.005)
+    c = np.stack([np.sin(w * t) + 0.3 * np.sin(1.7 * w * t) for w in (1.0, 2.0, 3.0)], axis=1)
+    q = [lsim(([gain], [1.0, damping, gain]), x, t)[1] for x in c.T]
+    return fr.Log(t, ("slow", "middling", "fast"), q=np.stack(q, axis=1), qcmd=c)
+
+
+@pytest.mark.parametrize("joint", range(3))
+@pytest.mark.parametrize("offset", [0.0, 0.4])
+def test_a_reversed_command_of_a_servo_that_follows_late(joint, offset):
+    """Errors as large as the motion itself, and a command with an offset."""
+    log = servos()
+    check_commands(log)
+    wrong = log.qcmd.copy()
+    wrong[:, joint] = offset - wrong[:, joint]
+    with pytest.raises(fr.InputError, match=f"of {log.joints[joint]} have the opposite sign"):
+        check_commands(replace(log, qcmd=wrong))
+
+
+@pytest.mark.parametrize("joint", range(3))
+def test_a_joint_moves_though_its_command_never_does(joint):
+    log = servos()
+    wrong = log.qcmd.copy()
+    wrong[:, joint] = 0.1
+    with pytest.raises(fr.InputError, match=f"of {log.joints[joint]} never moves, and the joint itself moves"):
+        check_commands(replace(log, qcmd=wrong))
+    # a joint that holds its position is shaken by the others, and its command is right
+    q = log.q.copy()
+    q[:, joint] = 0.1 + 0.05 * q[:, joint]
+    check_commands(replace(log, q=q, qcmd=wrong))
 
 
 def test_the_command_line(tmp_path, measured, robot, monkeypatch):
