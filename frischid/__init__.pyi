@@ -18,8 +18,8 @@ from .export.consistency import make_consistent as make_consistent
 from .export.drive_gain_problem import KnownPayload as KnownPayload
 from .export.drive_gains import Gains as Gains
 from .export.drive_gains import find_gains as find_gains
-from .export.urdf import Export as Export
-from .export.urdf import export as export
+from .export.export import Export as Export
+from .export.export import export as export
 from .forward.forward_dynamics import ForwardDynamics as ForwardDynamics
 from .forward.forward_dynamics import Starts as Starts
 from .forward.motion_error import MotionComparison as MotionComparison

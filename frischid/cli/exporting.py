@@ -63,11 +63,21 @@ def consistent(model: str, box: tuple[str, ...], no_shapes: bool, output: str | 
     help="robot.urdf, robot.xml (MJCF), x.c, x.py, or drives.json or .csv.",
 )
 @click.option("--into", type=InputPath(), help="The robot's own MJCF file: only its numbers change in the written one.")
+@click.option(
+    "--step", type=float, metavar="S", help="Step of the simulator, s: drives.json or .csv counts delays in steps."
+)
 @box_options
 @click.option("--force", is_flag=True, help="Export the model as identified, even if it is not physical.")
 @json_option
 def export(
-    model: str, box: tuple[str, ...], no_shapes: bool, output: str, into: str | None, force: bool, as_json: bool
+    model: str,
+    box: tuple[str, ...],
+    no_shapes: bool,
+    output: str,
+    into: str | None,
+    step: float | None,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Write a model as URDF, MJCF, or C or NumPy code.
 
@@ -79,12 +89,12 @@ def export(
     Links that are not physical are made physical first (see `frischid consistent`); the changes are printed.
     """
     from frischid.cli.pages import exporting as show
-    from frischid.export.urdf import export as run
+    from frischid.export.export import export as run
 
     loaded = model_of(model)
     with working(as_json) as progress:
         progress("physical links")
-        done = run(loaded, output, force=force, boxes=_corners(box) or None, shapes=not no_shapes, into=into)
+        done = run(loaded, output, force=force, boxes=_corners(box) or None, shapes=not no_shapes, into=into, step=step)
     show_page(show.export(done), as_json)
 
 

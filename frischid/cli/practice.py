@@ -16,7 +16,7 @@ import numpy as np
 from frischid.core.files import write_text
 from frischid.core.types import Array
 from frischid.effects import BASELINE, parse_effects
-from frischid.export.urdf import export
+from frischid.export.export import export
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log, write_log
 from frischid.logs.table_writing import write_table

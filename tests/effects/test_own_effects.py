@@ -19,7 +19,7 @@ from frischid.effects import BASELINE, EFFECTS, Effect, columns_of, effect_from_
 from frischid.effects.catalogue import GROUP, Catalogue
 from frischid.errors import InputError, UnknownNameError
 from frischid.export.consistency import make_consistent
-from frischid.export.urdf import export
+from frischid.export.export import export
 from frischid.logs.readers import write_log
 from frischid.model.identification import identify
 from frischid.model.model import Model

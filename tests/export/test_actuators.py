@@ -72,6 +72,37 @@ def test_csv_and_json_hold_the_same_rows(model, tmp_path):
         actuator_rows(model, step=0.0)
 
 
+def test_the_step_of_the_simulator_is_the_users(model, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    replace(model, controller=replace(model.controller, delay=0.015)).save("late.json")
+
+    def run(*words):
+        return CliRunner().invoke(main, ["export", "late.json", *words])
+
+    assert run("-o", "drives.json", "--step", "0.002").exit_code == 0
+    table = json.loads((tmp_path / "drives.json").read_text(encoding="utf-8"))
+    assert table["step"] == 0.002
+    assert [row["delay_steps"] for row in table["joints"]] == pytest.approx([7.5, 7.5])
+    for words, message in [
+        (["-o", "robot.xml", "--step", "0.002"], "counts delays in a table of drives"),
+        (["-o", "new.csv", "--step", "-1"], "step must be a positive time"),
+    ]:
+        done = run(*words)
+        assert done.exit_code != 0
+        assert message in done.output
+        assert not (tmp_path / words[1]).exists()
+
+
+def test_an_export_says_that_its_drives_go_with_physical_links(model, tmp_path):
+    """The prior pulls physical values by less than their range, and the table keeps the values as identified."""
+    said = [note for note in fr.export(model, tmp_path / "robot.xml").notes if "the table of drives" in note]
+    assert len(said) == 1
+    joint, table, here = re.search(r"of (joint\d), (\S+) in the table and (\S+) ", said[0]).groups()
+    found = {(x.joint, f"{x.value:.3g}") for x in fr.drive_parameters(model)}
+    assert (joint, table) in found
+    assert here in {f"{float(x):.3g}" for x in re.findall(r'"([-.0-9e]+)"', (tmp_path / "robot.xml").read_text())}
+
+
 def test_mjcf_gets_position_actuators(model, tmp_path):
     fr.export(model, tmp_path / "robot.xml")
     servos = {x.get("joint"): x for x in ET.parse(tmp_path / "robot.xml").iter("position")}

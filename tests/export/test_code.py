@@ -15,8 +15,8 @@ from cases import exact_log, quick, random_values, robot, states
 from frischid.effects import BASELINE, EFFECTS, parse_effects
 from frischid.errors import InputError
 from frischid.export.consistency import make_consistent
+from frischid.export.export import export
 from frischid.export.names import identifier
-from frischid.export.urdf import export
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise
 

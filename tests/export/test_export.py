@@ -16,7 +16,8 @@ from frischid.cli import main
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError, UnknownNameError
 from frischid.export.consistency import as_identified, free_masses, free_parameters, make_consistent
-from frischid.export.urdf import NotPhysicalError, export, urdf_source
+from frischid.export.export import NotPhysicalError, export
+from frischid.export.urdf import urdf_source
 from frischid.model.identification import identify
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise, simulate

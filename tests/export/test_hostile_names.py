@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from test_code import check_code, module, physical
 
 from frischid.errors import InputError
+from frischid.export.export import export
 from frischid.export.names import comment, identifiers, number
 from frischid.export.proofread import balanced, proofread
-from frischid.export.urdf import export
 from frischid.robot.robot import Robot
 
 XML_TEXT = st.text(st.characters(exclude_categories=("Cc", "Cs"), include_characters="\t\n\r"), max_size=12)

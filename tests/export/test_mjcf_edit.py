@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from frischid.cli import main
 from frischid.effects import parse_effects
 from frischid.errors import InputError
-from frischid.export.urdf import export
+from frischid.export.export import export
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier

@@ -19,10 +19,10 @@ import frischid as fr
 from frischid.cli import main
 from frischid.effects import EFFECTS, parse_effects
 from frischid.errors import InputError
+from frischid.export.export import export
 from frischid.export.mjcf_effects import effects_source
 from frischid.export.mjcf_share import forces, share_of
 from frischid.export.reach import beside, left_out
-from frischid.export.urdf import export
 from frischid.forward.forward_dynamics import ForwardDynamics, Starts
 from frischid.forward.torque_sources import RecordedTorque
 from frischid.regression.regressor import Regressor

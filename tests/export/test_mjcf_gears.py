@@ -13,9 +13,9 @@ from frischid.effects import parse_effects
 from frischid.effects.dynamics import RigidDynamics
 from frischid.effects.link_lag import SWING_DAMPING
 from frischid.errors import InputError
+from frischid.export.export import export
 from frischid.export.mjcf import mjcf_source
 from frischid.export.reach import exportable, left_out
-from frischid.export.urdf import export
 from frischid.regression.regressor import Regressor
 
 PERIOD, GAP, SECONDS, STEP = 0.12, 0.004, 0.8, 0.0005

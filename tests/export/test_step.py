@@ -17,8 +17,8 @@ from frischid.effects.friction_memory import presliding
 from frischid.effects.link_lag import Lag, lags
 from frischid.effects.state import SIGN_WIDTH
 from frischid.export.code_columns import CodeModel
+from frischid.export.export import export
 from frischid.export.names import identifier
-from frischid.export.urdf import export
 from frischid.logs.preprocessing import Motion
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise

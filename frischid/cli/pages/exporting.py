@@ -11,7 +11,7 @@ from rich.table import Table
 from frischid.cli.pages.joint_drives import drives
 from frischid.cli.pages.page import Page, figure, table_of
 from frischid.export.consistency import Consistency, free_masses, free_parameters
-from frischid.export.urdf import Export
+from frischid.export.export import Export
 from frischid.model.alarms import Alarm
 from frischid.model.headline import headline_of
 from frischid.model.model import Model
