@@ -164,7 +164,7 @@ def test_the_users_own_file_gets_one_joint_and_says_so(tmp_path):
     log = fr.simulate(machine, fr.random_fourier(machine, 5, seed=1), rate=100, effects=effects[:3])
     model = fr.identify(machine, [log], effects=effects[:3], recursion="none").model
     model = fr.make_consistent(model).model
-    model = replace(model, effects=effects, standard={**model.standard, **truth})
+    model = replace(model, effects=effects, standard={**model.standard, **truth}, prior=None)
     done = export(model, tmp_path / "new.xml", into=own)
     compiled = mujoco.MjModel.from_xml_path(str(done.path))
     spring, play = compiled.joint("spring of q"), compiled.joint("play of p")
