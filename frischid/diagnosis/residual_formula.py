@@ -26,6 +26,7 @@ from frischid.diagnosis.gear_steps import evenly_spaced_jumps
 from frischid.diagnosis.residual_variables import MOST_ROWS, thinned, variables
 from frischid.diagnosis.scored_candidate import ScoredCandidate, passes, scored
 from frischid.effects import Formula
+from frischid.estimators.p_values import depends
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA
 
 _KNEES = (0.03, 0.1, 0.3, 1.0)  # of a joint's torque (std): loads at which a torque may bend
@@ -74,8 +75,6 @@ def describe(validator: CrossValidator, row: int) -> Description:
 
 
 def _dependence(validator: CrossValidator, row: int) -> dict[str, float]:
-    from scipy import stats
-
     criteria = validator.criteria
     count = int(validator.counts[:, row].sum())
     apart = max(1, round(validator.fit.correlation[row]), -(-count // MOST_ROWS))
@@ -86,7 +85,7 @@ def _dependence(validator: CrossValidator, row: int) -> dict[str, float]:
     found = {}
     for name, x in tested.items():
         if np.ptp(x) > 0:
-            found[name] = min(1.0, len(tested) * float(stats.chatterjeexi(x, residual).pvalue))
+            found[name] = min(1.0, len(tested) * depends(x, residual))
     return {name: p for name, p in sorted(found.items(), key=lambda item: item[1]) if p < criteria.significance}
 
 

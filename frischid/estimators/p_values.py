@@ -1,12 +1,16 @@
-"""P values of three one-sided tests: a mean above zero, a mean above another one, and Wilcoxon's signed ranks.
+"""P values of four one-sided tests: of a mean, of two means, of signed ranks, and of a dependence of any shape.
 
-    t = mean(x) / sqrt(var(x) / n),   Welch: t = (m₁ − m₂) / sqrt(v₁/n₁ + v₂/n₂),   W = Σ_{x>0} rank |x|
+    Student: t = mean(x) / sqrt(var(x) / n),       Welch: t = (m₁ − m₂) / sqrt(v₁/n₁ + v₂/n₂),
+    Wilcoxon: W = Σ_{x>0} rank |x|,                Chatterjee: ξ = 1 − n Σ |r_{i+1} − r_i| / (2 Σ l_i (n − l_i)),
+
+where r_i and l_i are the ranks of y, from below and from above, in the order of x.
 
 They equal those of `scipy.stats`. They are written out here because they are asked for thousands of times, and
 `scipy.stats` checks its arguments for longer than a test takes; its import takes longer than to evaluate a log.
 Tails of known distributions are called from `scipy.special` where they are needed.
 
-References: B. Welch, Biometrika 34, 1947; F. Wilcoxon, Biometrics Bulletin 1(6), 1945.
+References: B. Welch, Biometrika 34, 1947; F. Wilcoxon, Biometrics Bulletin 1(6), 1945; S. Chatterjee, Journal of the
+American Statistical Association 116(536), 2021, theorem 2.2.
 """
 
 from __future__ import annotations
@@ -62,6 +66,32 @@ def ranks_above_zero(x: Array) -> float:
     n = len(nonzero)
     spread = np.sqrt((n * (n + 1) * (2 * n + 1) - (count**3 - count).sum() / 2) / 24)
     return float(special.ndtr(-(above - n * (n + 1) / 4) / spread))
+
+
+def depends(x: Array, y: Array) -> float:
+    """P value that values y (N,) depend on values x (N,) in whatever shape: Chatterjee's rank correlation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from frischid.estimators.p_values import depends
+    >>> x = np.linspace(-1.0, 1.0, 50)
+    >>> depends(x, x**2) < 1e-6, depends(x, np.ones(50))
+    (True, 1.0)
+    """
+    n, y = len(x), y[np.argsort(x)]
+    ordered = np.sort(y)
+    r = np.searchsorted(ordered, y, side="right").astype(float)  # values no larger
+    above = n - np.searchsorted(ordered, y, side="left")  # values no smaller
+    spread = float((above * (n - above)).sum())
+    if spread == 0:
+        return 1.0
+    xi = 1 - n * np.abs(np.diff(r)).sum() / (2 * spread)
+    u, left = np.sort(r), n - np.arange(1, n + 1)
+    a = ((2 * left + 1) * u**2).sum() / n**4
+    b = ((np.cumsum(u) + left * u) ** 2).sum() / n**5
+    c = ((2 * left + 1) * u).sum() / n**3
+    return float(special.ndtr(-xi * np.sqrt(n / (a - 2 * b + c**2)) * spread / n**3))
 
 
 def _sums(steps: NDArray[np.int_]) -> Array:

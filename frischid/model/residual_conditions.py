@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from frischid.core.types import Array
 from frischid.estimators.autocorrelation import correlation_time
-from frischid.estimators.p_values import mean_above
+from frischid.estimators.p_values import depends, mean_above
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA as CRITERIA
 from frischid.model.model import Model
 from frischid.regression.block import Block
@@ -168,8 +168,6 @@ class Residuals:
         return {name: self._structure(j) for j, name in enumerate(self.joints)}
 
     def _structure(self, j: int) -> Structure:
-        from scipy import stats
-
         used = self.used[:, j]
         r = self.residual[used, j]
         time = correlation_time(r) * self.step
@@ -179,7 +177,7 @@ class Residuals:
         for name, x in variables.items():
             x_thin, r_thin = x[used, j][thin], r[thin]
             enough = len(r_thin) >= CRITERIA.dependence_samples and np.ptp(x_thin) > 0 and np.ptp(r_thin) > 0
-            p[name] = float(stats.chatterjeexi(x_thin, r_thin).pvalue) if enough else 1.0
+            p[name] = depends(x_thin, r_thin) if enough else 1.0
         return Structure(time, self.white_time, p)
 
     def to_dict(self) -> list[dict[str, Any]]:
