@@ -10,14 +10,18 @@ eigenvalues λ of their correlation, r = (Σ λ)² / Σ λ² (the participation 
 
 *Prior.* Each parameter has a mean μ and a standard deviation d. The scale s_l of a link or a rotor says how good the
 prior is for it. The data give the scale by evidence (automatic relevance determination): with posterior covariance C of
-its p_l parameters, ``s_l² = (Σ ((θ − μ)² + C_cc) / d² + ν) / (p_l + ν)``.
+its p_l parameters, ``s_l² = (S_l + ν s²) / (p_l + ν)``, ``S_l = Σ ((θ − μ)² + C_cc) / d²``. One person or one CAD
+model made all links of a URDF, so the links share a scale s of the whole URDF, ``s² = (Σ S_l + ν) / (Σ p_l + ν)`` over
+all links. A link that the log hardly moves takes this scale from the links that the log moves. A URDF does not hold
+rotors: their s is 1.
 
 *Noise.* σ_j² is the residual variance, corrected for the γ_j of the κ rows that determine parameters. If a
 cross-validated fit has a smaller variance, with all links at scale 1 or at the widest scale, σ_j² is that variance.
 
 Sources: MacKay 1992, Bayesian interpolation, Neural Computation 4(3), for evidence and γ; Tipping 2001, Sparse Bayesian
-learning and the relevance vector machine, JMLR 1, for the scales; Stark and Parker 1995, Bounded-variable least
-squares, Computational Statistics 10, for the signs.
+learning and the relevance vector machine, JMLR 1, for the scales; Gelman et al. 2013, Bayesian Data Analysis, chapter
+5, for a common scale of scales; Stark and Parker 1995, Bounded-variable least squares, Computational Statistics 10,
+for the signs.
 """
 
 from __future__ import annotations
@@ -290,7 +294,7 @@ def map_folds(blocks: Sequence[Gram], mapping: Array, estimate: MapEstimate) -> 
 
 
 def link_scales(prior: ParameterPrior, off: Array, known: Array, rule: ScaleRule) -> dict[str, float]:
-    """Scale of each link's and rotor's prior by evidence.
+    """Scale of each link's and rotor's prior by evidence; the links share the scale of their URDF.
 
     Parameters
     ----------
@@ -301,10 +305,13 @@ def link_scales(prior: ParameterPrior, off: Array, known: Array, rule: ScaleRule
         Their posterior variances.
     rule : ScaleRule
     """
-    found, squares = {}, (off**2 + known) / prior.spread**2
+    squares, links = (off**2 + known) / prior.spread**2, prior.of_links
+    common = (squares[links].sum() + rule.freedom) / (links.sum() + rule.freedom)
+    found = {}
     for group in dict.fromkeys(g for g in prior.group if g):
-        own = squares[[g == group for g in prior.group]]
-        squared = (own.sum() + rule.freedom) / (len(own) + rule.freedom)
+        own = np.array([g == group for g in prior.group])
+        expected = common if links[own].any() else 1.0
+        squared = (squares[own].sum() + rule.freedom * expected) / (own.sum() + rule.freedom)
         found[group] = float(np.clip(np.sqrt(squared), rule.least, rule.most))
     return found
 

@@ -68,8 +68,8 @@ class ScaleRule:
     Attributes
     ----------
     freedom : float
-        ν, weight of the assumption that the scale is 1, as a number of parameters. It is four of a link's ten, so that
-        a link that the log hardly moves keeps its scale.
+        ν, weight of the assumption that a link has the scale of its URDF, and that a URDF has scale 1, as a number of
+        parameters. It is four of a link's ten, so that a link that the log hardly moves keeps the scale of the others.
     least, most : float
         Bounds of the scale: no URDF has less than three percent of the usual error. A URDF in which every mass is 1 g
         has a hundred times, and the rotor behind the gear of a finger's last link can have thousands of times.

@@ -165,6 +165,20 @@ def test_a_link_that_the_log_does_not_show_keeps_the_scale_one():
     assert found.prior.scales["link"] == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.parametrize("group", ["another link", "another rotor"])
+def test_links_share_the_scale_of_their_urdf_and_rotors_do_not(group):
+    """The log shows that one link is as the URDF says. Of the group that the log does not show, only a link gains."""
+    negative = np.array([0.0, 0.0, 0.0, 0.0 if group == "another link" else 0.1])
+    before = replace(prior(), group=("link",) * 3 + (group,), nonnegative=np.zeros(4, bool), negative=negative)
+    seen = blocks(np.array([1.0, 0.5, 0.0, 0.1]), noise=1e-3, scale=(1.0, 1.0, 1.0, 1e-6))
+    scales = map_estimate(seen, np.eye(4), before).prior.scales
+    assert scales["link"] < 0.75
+    if group == "another link":
+        assert scales["link"] < scales[group] < 0.9
+    else:
+        assert scales[group] == pytest.approx(1.0, abs=0.01)
+
+
 def test_the_scale_stays_within_its_bounds():
     exact = blocks(np.array([1.0, 0.5, 0.3, 0.1]), noise=1e-9)
     far = blocks(np.array([20.0, 0.5, 0.3, 0.1]), noise=1e-9)
