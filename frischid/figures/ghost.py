@@ -1,4 +1,4 @@
-"""The simulated robot as a ghost beside the measured one, and the position error between the two over time.
+"""The simulated robot as a ghost beside the measured one, and the position error between the two over time or horizon.
 
 Both robots are lines between their joints, seen from the direction that spreads the joints most, so the animation needs
 no mesh and is drawn on paper too.
@@ -10,11 +10,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
 from frischid.core.types import Array
 from frischid.figures.motion import links_of
 from frischid.figures.robot_picture import best_view, view
-from frischid.figures.style import BLUE, COLOURS, DASHES, VERMILION, Drawing, drawing, number, plain, short, thinned
+from frischid.figures.style import (
+    BLUE,
+    COLOURS,
+    DASHES,
+    MEASURED,
+    VERMILION,
+    Drawing,
+    drawing,
+    number,
+    plain,
+    short,
+    thinned,
+)
 
 if TYPE_CHECKING:
     from frischid.forward.simulated_beside import SimulatedBeside
@@ -24,6 +37,8 @@ GHOST_POSES = 100
 """Poses of the animation: 0.2 s apart in 20 s."""
 GHOST = 0.45
 """Opacity of the simulated robot."""
+TIP_LINES = ({"color": BLUE, "width": 2.2}, {"color": MEASURED, "dash": "dash", "width": 2.2})
+"""The model's line and that of the URDF with fitted friction."""
 
 
 def ghost(beside: SimulatedBeside, robot: Robot) -> Drawing:
@@ -62,7 +77,7 @@ def ghost(beside: SimulatedBeside, robot: Robot) -> Drawing:
     return drawing(
         "The simulated robot beside the measured one",
         "Blue: the measured positions. Orange and transparent: the positions that the model reaches from the same "
-        "start, with the same commands.",
+        f"start, {'with the same commands' if beside.closed else 'under the recorded torque'}.",
         figure, 460, xaxis=axes[0], yaxis={**axes[1], "scaleanchor": "x"},
         updatemenus=[{**menu, "buttons": buttons, "showactive": False}], sliders=[slider],
         margin={"l": 64, "r": 12, "t": 34, "b": 110},
@@ -70,26 +85,60 @@ def ghost(beside: SimulatedBeside, robot: Robot) -> Drawing:
 
 
 def position_error(beside: SimulatedBeside, robot: Robot) -> Drawing:
-    """Simulated less measured position of each joint over time.
+    """Error of the simulated positions: over time along commands, and over the horizon under a recorded torque.
 
     Parameters
     ----------
     beside : SimulatedBeside
     robot : Robot
     """
+    return _over_time(beside, robot) if beside.closed else _over_horizon(beside, robot)
+
+
+def _over_time(beside: SimulatedBeside, robot: Robot) -> Drawing:
     figure, error = go.Figure(), beside.simulated - beside.measured
-    for j, (joint, name) in enumerate(zip(robot.joints, short(robot.joints), strict=True)):
-        keep = thinned(error[:, j], points=800)
-        unit = "m" if robot.prismatic[j] else "rad"
-        figure.add_scatter(
-            x=plain(beside.t[keep]), y=plain(error[keep, j]), name=name, mode="lines",
-            line={"color": COLOURS[j % len(COLOURS)], "dash": DASHES[j // len(COLOURS) % len(DASHES)], "width": 1.3},
-            hovertemplate=f"%{{y:.4g}} {unit}", meta={"joint": joint},
-        )  # fmt: skip
+    _joints(figure, beside.t, error, robot)
     figure.update_xaxes(title_text="time, s")
     figure.update_yaxes(title_text="simulated − measured position, rad (m)")
     each = ", ".join(f"{n} {number(x, 3)}" for n, x in zip(short(robot.joints), beside.rms.tolist(), strict=True))
-    return drawing("Error of the simulated positions", f"Rms, rad (m): {each}.", figure, 330)
+    tip = number(float(np.sqrt((beside.errors[0, :, -1] ** 2).mean())), 3)
+    reading = f"Rms, rad (m): {each}. Rms distance at the tip: {tip} mm."
+    return drawing("Error of the simulated positions", reading, figure, 330)
+
+
+def _over_horizon(beside: SimulatedBeside, robot: Robot) -> Drawing:
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.08)
+    horizons, rms = beside.over_horizon()
+    rms[~np.isfinite(rms)] = np.nan
+    for name, look, tip in zip(("model", "URDF with friction"), TIP_LINES, rms[:, :, -1], strict=True):
+        keep = thinned(tip, points=400)
+        figure.add_scatter(
+            x=plain(horizons[keep]), y=plain(tip[keep]), name=name, mode="lines", line=look, row=1, col=1,
+            hovertemplate="%{y:.4g} mm",
+        )  # fmt: skip
+    _joints(figure, horizons, rms[0, :, :-1], robot, row=2, col=1)
+    figure.update_xaxes(title_text="time since the start from a measured state (horizon), s", row=2, col=1)
+    figure.update_yaxes(title_text="tip, mm", rangemode="tozero", row=1, col=1)
+    figure.update_yaxes(title_text="joints, rad (m)", rangemode="tozero", row=2, col=1)
+    starts = len(beside.t) // beside.length
+    ends = [number(float(x), 3) for x in rms[:, -1, -1]]
+    reading = (
+        f"Rms over {starts} starts. Above: the tip; after {number(float(horizons[-1]), 3)} s, {ends[0]} mm, and "
+        f"{ends[1]} mm for the URDF with fitted friction. Below: the model's positions."
+    )
+    return drawing("Error of the simulated positions against the horizon", reading, figure, 460)
+
+
+def _joints(figure: go.Figure, t: Array, curves: Array, robot: Robot, **place: int) -> None:
+    """One line per joint; curves (N, J) over t (N,)."""
+    for j, (joint, name) in enumerate(zip(robot.joints, short(robot.joints), strict=True)):
+        keep = thinned(curves[:, j], points=800)
+        unit = "m" if robot.prismatic[j] else "rad"
+        figure.add_scatter(
+            x=plain(t[keep]), y=plain(curves[keep, j]), name=name, mode="lines",
+            line={"color": COLOURS[j % len(COLOURS)], "dash": DASHES[j // len(COLOURS) % len(DASHES)], "width": 1.3},
+            hovertemplate=f"%{{y:.4g}} {unit}", meta={"joint": joint}, **place,
+        )  # fmt: skip
 
 
 def _robots(pair: list[Array]) -> list[Any]:

@@ -31,6 +31,7 @@ from frischid.logs.poses import need_motion
 from frischid.logs.preprocessing import Motion
 from frischid.model.comparison import urdf_parameters
 from frischid.model.model import Model
+from frischid.robot.robot import Robot
 from frischid.robot.tip import tip_joint, tip_positions
 
 HORIZONS = (0.1, 0.5, 1.0, 2.0, 5.0)
@@ -231,21 +232,36 @@ def _errors_over_horizons(
         return []
     last = len(motion.t) - 1 - max(fitting)
     samples = np.unique(np.linspace(0, last, STARTS_PER_LOG).round().astype(np.intp))
-    found = _simulated(forward, motion, source, samples, (np.array([0, *fitting]), step))
-    return [(horizons[k], _error(forward, found[:, :, k + 1], motion.q[samples + n])) for k, n in enumerate(fitting)]
+    found = simulated_from(forward, motion, source, samples, (np.array([0, *fitting]), step))
+    return [
+        (horizons[k], position_errors(forward.robot, found[:, :, k + 1], motion.q[samples + n]))
+        for k, n in enumerate(fitting)
+    ]
 
 
 def _errors_of_whole(forward: ForwardDynamics, motion: Motion, source: TorqueSource, step: float) -> Array:
     """Errors (2, samples, J + 1) along a whole motion."""
     samples = np.arange(len(motion.t))
-    found = _simulated(forward, motion, source, samples[:1], (samples, step))
-    return _error(forward, found[:, 0], motion.q)
+    found = simulated_from(forward, motion, source, samples[:1], (samples, step))
+    return position_errors(forward.robot, found[:, 0], motion.q)
 
 
-def _simulated(
+def simulated_from(
     forward: ForwardDynamics, motion: Motion, source: TorqueSource, samples: Any, when: tuple[Any, float]
 ) -> Array:
-    """Positions (2, starts, times, J) of the model and of the URDF."""
+    """Positions (2, starts, times, J) of the model and of the URDF, from measured states.
+
+    Parameters
+    ----------
+    forward : ForwardDynamics
+        Of two sets of parameters.
+    motion : Motion
+    source : TorqueSource
+    samples : ndarray of int, shape (starts,)
+        Samples of the motion whose states the simulations start from.
+    when : tuple of ndarray of int, shape (times,), and float
+        Samples after each start, and the longest step of the integration, s.
+    """
     K = len(samples)
     remembered = [np.tile(z, (2, 1)) for z in forward.remembered(motion.t, motion.v, samples)]
     speed = np.where(motion.standstill, 0.0, motion.v)  # where a joint stands still, its measured speed is noise
@@ -256,12 +272,25 @@ def _simulated(
     return found.q.reshape(2, K, len(steps), -1)
 
 
-def _error(forward: ForwardDynamics, simulated: Array, measured: Array) -> Array:
-    """Errors of positions (2, N, J), and at the tip in mm as the last column; infinite where unstable."""
-    there = tip_positions(forward.robot, measured)
+def position_errors(robot: Robot, simulated: Array, measured: Array) -> Array:
+    """Errors of positions and of the tip, shape (2, N, J + 1).
+
+    Parameters
+    ----------
+    robot : Robot
+    simulated : ndarray, shape (2, N, J)
+        rad (m); not finite where a simulated motion became unstable. The errors are infinite there.
+    measured : ndarray, shape (N, J)
+
+    Returns
+    -------
+    ndarray, shape (2, N, J + 1)
+        rad (m); the last column is the distance at the tip, mm.
+    """
+    there = tip_positions(robot, measured)
     stable: NDArray[np.bool_] = np.asarray(np.isfinite(simulated).all(axis=2))
     shown = np.where(stable[:, :, None], simulated, 0.0)
-    tips = [tip_positions(forward.robot, positions) for positions in shown]
+    tips = [tip_positions(robot, positions) for positions in shown]
     distance = 1e3 * np.linalg.norm(np.array(tips) - there, axis=2)
     errors = np.concatenate([simulated - measured, distance[:, :, None]], axis=2)
     return np.where(stable[:, :, None], errors, np.inf)

@@ -1,6 +1,10 @@
 """Simulated beside measured positions along one log: the robot that the model makes, as a ghost beside the real one.
 
-q_sim(0) = q(0),  q̇_sim(0) = q̇(0);     afterwards the model follows the recorded commands in closed loop
+q_sim(s) = q(s),  q̇_sim(s) = q̇(s)  at each start s
+
+Along a log of commands, the only start is the first sample, because a controller corrects the model's motion. Along a
+log of torque, nothing corrects the model, and an error of the torque is integrated twice. So the model starts anew from
+the measured state every second, and its error is a function of the time since the start: the horizon.
 """
 
 from __future__ import annotations
@@ -13,14 +17,20 @@ import numpy as np
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.forward.commanded_motion import follows_commands, moved
-from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics, Starts
+from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics
+from frischid.forward.motion_error import position_errors, simulated_from
+from frischid.logs.driven import driven
 from frischid.logs.log import Log
-from frischid.logs.recording import Recording, chunks_of
+from frischid.logs.poses import need_motion
+from frischid.logs.recording import Recording, chunks_of, preview_of
 from frischid.logs.stretch import stretch
+from frischid.model.comparison import urdf_parameters
 from frischid.model.model import Model
 
 BESIDE_SECONDS = 20.0
 """s. Beginning of a log that is simulated: a reader follows no longer motion, and it takes one to three seconds."""
+RESTART = 1.0
+"""s. Time between two starts along a log of torque: the middle one of the horizons of ``compare --simulate``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +44,24 @@ class SimulatedBeside:
         Time since the log's beginning, s.
     measured, simulated : ndarray, shape (N, J)
         rad (m); NaN after a simulated motion became unstable.
+    length : int
+        Samples from one start to the next; N for a log of commands.
+    errors : ndarray, shape (2, N, J + 1)
+        Errors of the model's positions and of those of the URDF with fitted friction, rad (m); the last column is the
+        distance at the tip, mm. Infinite after a simulated motion became unstable.
     """
 
     source: str
     t: Array
     measured: Array
     simulated: Array
+    length: int
+    errors: Array
+
+    @property
+    def closed(self) -> bool:
+        """Whether a controller moves the model along commands from a single start."""
+        return self.length == len(self.t)
 
     @property
     def rms(self) -> Array:
@@ -47,9 +69,14 @@ class SimulatedBeside:
         error = np.sqrt(((self.simulated - self.measured) ** 2).mean(axis=0))
         return np.asarray(np.where(np.isfinite(error), error, np.inf))
 
+    def over_horizon(self) -> tuple[Array, Array]:
+        """Horizons in s, shape (n,), and the rms of the errors over all starts, shape (2, n, J + 1)."""
+        each = self.errors.reshape(2, -1, self.length, self.errors.shape[2])
+        return self.t[: self.length], np.sqrt((each**2).mean(axis=1))
+
 
 def simulated_beside(model: Model, logs: Sequence[Log | Recording]) -> SimulatedBeside | str | None:
-    """Simulate the beginning of the first log of commands.
+    """Simulate the beginning of the first log of commands, or else of the first log with the torque of all joints.
 
     Parameters
     ----------
@@ -60,7 +87,7 @@ def simulated_beside(model: Model, logs: Sequence[Log | Recording]) -> Simulated
     Returns
     -------
     SimulatedBeside, str or None
-        The reason where the model cannot be simulated; None without a log whose joints all follow commands.
+        The reason where the model cannot be simulated; None where no log can be simulated.
 
     Examples
     --------
@@ -68,26 +95,37 @@ def simulated_beside(model: Model, logs: Sequence[Log | Recording]) -> Simulated
     >>> from frischid.forward.simulated_beside import simulated_beside
     >>> robot = fr.Robot.load("planar2")
     >>> log = fr.simulate(robot, fr.random_fourier(robot, 4.0, seed=1), rate=100.0)
-    >>> simulated_beside(fr.identify(robot, [log], recursion="none").model, [log]) is None
-    True
+    >>> beside = simulated_beside(fr.identify(robot, [log], recursion="none").model, [log])
+    >>> beside.closed, beside.length  # torque at 100 Hz: a start every second
+    (False, 100)
     """
-    for log in logs:
-        if not follows_commands(model.controller, log, model.robot.joints):
-            continue
-        head = next(chunks_of(log))
-        try:
-            part = stretch(head, stop=BESIDE_SECONDS)
-            motion, source = next(moved(model, [part]))
-            extra = {name: (motion.t, values) for name, values in motion.extra.items()}
-            forward = ForwardDynamics(model, extra=extra, begin=motion.start)
-            first = np.zeros(1, np.intp)
-            speed = np.where(motion.standstill, 0.0, motion.v)
-            start = Starts(
-                motion.q[:1], speed[:1], motion.t[:1], remembered=forward.remembered(motion.t, motion.v, first)
-            )
-            times = motion.t - motion.t[0]
-            found = forward.simulate(source, start, times, step=min(LARGEST_STEP, motion.step))
-        except InputError as error:
-            return str(error)
-        return SimulatedBeside(log.source, motion.t - motion.t[0], motion.q, found.q[0])
-    return None
+    joints = model.robot.joints
+    closed = [log for log in logs if follows_commands(model.controller, log, joints)]
+    possible = closed or [log for log in driven(logs, None, model.currents) if _torque_of_all(log, joints)]
+    if not possible:
+        return None
+    try:
+        return _beside(model, possible[0], bool(closed))
+    except InputError as error:
+        return str(error)
+
+
+def _beside(model: Model, log: Log | Recording, closed: bool) -> SimulatedBeside:
+    part = stretch(next(chunks_of(log)), stop=BESIDE_SECONDS)
+    motion, source = next(moved(model, [part] if closed else need_motion([part], model.robot.joints)))
+    extra = {name: (motion.t, values) for name, values in motion.extra.items()}
+    thetas = np.stack([model.full_theta, urdf_parameters(model)])
+    forward = ForwardDynamics(model, thetas, extra=extra, begin=motion.start)
+    N = len(motion.t)
+    n = N if closed else min(N, round(RESTART / motion.step))
+    starts = np.arange(N // n) * n
+    found = simulated_from(forward, motion, source, starts, (np.arange(n), min(LARGEST_STEP, motion.step)))
+    simulated = found.reshape(2, len(starts) * n, -1)
+    measured = motion.q[: len(starts) * n]
+    errors = position_errors(forward.robot, simulated, measured)
+    return SimulatedBeside(log.source, motion.t[: len(measured)] - motion.t[0], measured, simulated[0], n, errors)
+
+
+def _torque_of_all(log: Log | Recording, joints: Sequence[str]) -> bool:
+    head = preview_of(log)
+    return set(joints) <= set(head.joints) and bool(head.select(joints).has("tau").all())

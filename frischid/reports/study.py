@@ -79,7 +79,7 @@ class Study:
     refused : tuple of Refusal
         More probable findings that `improve` would not add.
     simulated : SimulatedBeside, str or None
-        Simulated positions along a log of commands, held out if there is one; or why the model cannot be simulated.
+        Simulated positions along one log, held out if there is one; or why the model cannot be simulated.
     """
 
     model: Model

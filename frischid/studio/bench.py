@@ -63,7 +63,7 @@ class State:
     before : State or None
         State before the last step, for `undo`; None where that state has to be computed.
     beside : SimulatedBeside or None
-        Simulated positions along a log of commands, a test log if there is one; None where nothing is simulated.
+        Simulated positions along one log, a test log if there is one; None where nothing is simulated.
     """
 
     revision: int
@@ -311,9 +311,7 @@ class Bench:
 
 
 def _beside(model: Model, logs: Sequence[Log]) -> SimulatedBeside | None:
-    """Simulated positions of a model with a controller, which can be simulated."""
-    if model.controller is None:
-        return None
+    """Simulated positions of a model that can be simulated."""
     from frischid.forward.simulated_beside import simulated_beside
 
     found = simulated_beside(model, logs)

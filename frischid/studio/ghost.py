@@ -1,4 +1,4 @@
-"""The simulated robot in the scene: transparent, beside the measured robot, along a log of commands."""
+"""The simulated robot in the scene: transparent, beside the measured robot, along one log."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LOOK = (0.835, 0.369, 0.0, 0.35)
 
 
 class Ghost:
-    """The simulated robot in one tab; absent where the model has no controller.
+    """The simulated robot in one tab; absent where no motion can be simulated.
 
     Parameters
     ----------

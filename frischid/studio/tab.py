@@ -138,6 +138,7 @@ class Tab:
             self.matrix = self._figure(gui, fails)
             self.variable = gui.add_dropdown("Residual against", tuple(VARIABLE_CHOICES), initial_value="velocity")
             self.against = self._figure(gui, fails)
+            self.moved = self._figure(gui, fails)
         with group.add_tab("Keep"):
             self.save = gui.add_button("Save the model")
             self.export = gui.add_button("Download the report", color="gray")
@@ -180,6 +181,10 @@ class Tab:
         """Update the panel's tabs behind the first one."""
         self._show(self.matrix, figures.matrix(state.comparison))
         self._residual()
+        if state.beside is not None:
+            self._show(self.moved, figures.position_error(state.beside, state.model.robot))
+        else:
+            self._hide(self.moved)
 
     def progress(self, text: str, share: float) -> None:
         """Show the present work of the bench; an empty text when no work is done."""
@@ -239,7 +244,13 @@ class Tab:
                 )
         else:
             place.figure.figure, place.figure.aspect = figure, aspect
+            place.figure.visible = True
         place.reading.content = plain(drawing.reading)
+
+    def _hide(self, place: _Place) -> None:
+        place.title.content = place.reading.content = ""
+        if place.figure is not None:
+            place.figure.visible = False
 
     # ------------------------------------------------------------------ doing
 

@@ -13,7 +13,7 @@ from browser import needs_browser, opened
 
 import frischid as fr
 from frischid import figures
-from frischid.forward.simulated_beside import BESIDE_SECONDS, SimulatedBeside, simulated_beside
+from frischid.forward.simulated_beside import BESIDE_SECONDS, RESTART, SimulatedBeside, simulated_beside
 from frischid.reports.chapters import CHAPTERS
 from frischid.reports.page import page
 from frischid.reports.study import Study, study
@@ -88,18 +88,64 @@ def test_the_report_shows_both_figures_and_escapes_the_log(shown: Study) -> None
     assert sum(bool(spec.get("frames")) for spec in specs) == 1
 
 
-def test_a_model_of_torques_has_no_ghost(shown: Study) -> None:
+@pytest.fixture(scope="module")
+def pushed() -> Study:
+    """A model of torques with its fitted and a test log."""
     robot = fr.Robot.load("planar2")
-    log = fr.simulate(robot, fr.random_fourier(robot, 4.0, seed=1), rate=100.0)
-    model = fr.identify(robot, [log], recursion="none").model
-    assert simulated_beside(model, [log]) is None
-    assert "simulated" not in fails(replace(shown, simulated=None))
+    logs = [
+        replace(
+            fr.simulate(robot, fr.random_fourier(robot, 4.0, seed=s), rate=100.0, noise=fr.Noise(tau=0.01), seed=s),
+            source=f"{s}.csv",
+        )
+        for s in (1, 2)
+    ]
+    return study(fr.identify(robot, logs[:1], recursion="none").model, logs, diagnosed=False)
+
+
+def test_a_recorded_torque_moves_the_model_from_a_measured_state_every_second(pushed: Study) -> None:
+    beside = pushed.simulated
+    assert isinstance(beside, SimulatedBeside)
+    assert not beside.closed
+    assert beside.source == pushed.held_out[0]
+    starts = np.arange(0, len(beside.t), beside.length)
+    assert beside.t[beside.length] == pytest.approx(RESTART)
+    np.testing.assert_array_equal(beside.simulated[starts], beside.measured[starts])
+
+
+def test_the_error_against_the_horizon_is_that_of_compare_simulated(pushed: Study) -> None:
+    """Both are means over starts along one log; the starts differ."""
+    beside = pushed.simulated
+    assert isinstance(beside, SimulatedBeside)
+    horizons, rms = beside.over_horizon()
+    log = next(x for x in pushed.logs if x.source == beside.source)
+    (asked,) = fr.compare_simulated(pushed.model, [log], horizons=[0.5]).horizons
+    k = int(np.searchsorted(horizons, 0.5))
+    assert rms[0, k, -1] == pytest.approx(asked.tip, rel=1.0)
+    assert rms[1, k, -1] == pytest.approx(asked.urdf_tip, rel=1.0)
+
+
+def test_the_report_on_torques_draws_the_error_against_the_horizon(pushed: Study) -> None:
+    text = fails(pushed)
+    assert "Error of the simulated positions against the horizon" in text
+    assert "the recorded torque alone moves the model" in text
+    assert "for the URDF with fitted friction" in text
+    assert "follows the same commands" not in text
+
+
+def test_a_log_without_torque_and_commands_is_not_simulated(pushed: Study) -> None:
+    positions = replace(pushed.logs[0], tau=None)
+    assert simulated_beside(pushed.model, [positions]) is None
+    assert "simulated" not in fails(replace(pushed, simulated=None))
+
+
+def test_an_arm_that_stands_still_says_why_it_is_not_simulated(pushed: Study) -> None:
+    log = pushed.logs[0]
+    still = replace(log, q=np.tile(log.q[:1], (len(log), 1)), v=None if log.v is None else 0.0 * log.v, a=None)
+    assert "stands still" in str(simulated_beside(pushed.model, [still]))
 
 
 def test_a_model_that_cannot_be_simulated_says_why(shown: Study) -> None:
-    assert "The motion along the commands is not simulated: no second mass." in fails(
-        replace(shown, simulated="no second mass")
-    )
+    assert "The motion is not simulated: no second mass." in fails(replace(shown, simulated="no second mass"))
 
 
 def test_a_motion_that_runs_away_is_drawn_as_far_as_it_goes(shown: Study) -> None:

@@ -71,8 +71,10 @@ def test_the_ghost_is_transparent_and_hidden_where_nothing_is_simulated(
     assert not drawn.show_visual
 
 
-def test_a_model_of_torques_has_no_ghost(tmp_path: Path) -> None:
+def test_a_log_of_torque_has_a_ghost_too(tmp_path: Path) -> None:
     robot = fr.Robot.load("planar2")
     log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
     model = fr.identify(robot, [log], recursion="none").model
-    assert Bench(model, [log], tmp_path / "model.json").state.beside is None
+    beside = Bench(model, [log], tmp_path / "model.json").state.beside
+    assert beside is not None
+    assert not beside.closed

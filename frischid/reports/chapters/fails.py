@@ -9,6 +9,7 @@ import numpy as np
 
 from frischid import figures
 from frischid.core.text import listed
+from frischid.forward.simulated_beside import RESTART
 from frischid.reports.study import Study
 
 AXES = ("q", "v", "a", "load", "t")
@@ -34,11 +35,12 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
 
 
 def _simulated(study: Study) -> dict[str, Any]:
-    """The simulated robot beside the measured one, for a model with a controller."""
+    """The simulated robot beside the measured one."""
     beside, robot = study.simulated, study.model.robot
     if beside is None or isinstance(beside, str):
-        return {"moved": None, "not_moved": beside, "moved_along": ""}
+        return {"moved": None, "not_moved": beside}
     drawings = [figures.position_error(beside, robot)]
     if np.isfinite(beside.simulated[:2]).all():
         drawings.append(figures.ghost(beside, robot))
-    return {"moved": drawings, "not_moved": None, "moved_along": Path(beside.source).name}
+    along = {"moved_along": Path(beside.source).name, "commanded": beside.closed, "restart": RESTART}
+    return {"moved": drawings, "not_moved": None, **along}
