@@ -117,14 +117,15 @@ def _over_horizon(beside: SimulatedBeside, robot: Robot) -> Drawing:
             hovertemplate="%{y:.4g} mm",
         )  # fmt: skip
     _joints(figure, horizons, rms[0, :, :-1], robot, row=2, col=1)
-    figure.update_xaxes(title_text="time since the start from a measured state (horizon), s", row=2, col=1)
+    figure.update_xaxes(title_text="horizon, s", row=2, col=1)
     figure.update_yaxes(title_text="tip, mm", rangemode="tozero", row=1, col=1)
     figure.update_yaxes(title_text="joints, rad (m)", rangemode="tozero", row=2, col=1)
     starts = len(beside.t) // beside.length
     ends = [number(float(x), 3) for x in rms[:, -1, -1]]
     reading = (
-        f"Rms over {starts} starts. Above: the tip; after {number(float(horizons[-1]), 3)} s, {ends[0]} mm, and "
-        f"{ends[1]} mm for the URDF with fitted friction. Below: the model's positions."
+        f"Rms over {starts} starts from measured states; the horizon is the time since a start. Above: the tip; after "
+        f"{number(float(horizons[-1]), 3)} s, {ends[0]} mm, and {ends[1]} mm for the URDF with fitted friction. Below: "
+        "the model's positions."
     )
     return drawing("Error of the simulated positions against the horizon", reading, figure, 460)
 
