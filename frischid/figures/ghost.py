@@ -72,15 +72,15 @@ def ghost(beside: SimulatedBeside, robot: Robot) -> Drawing:
     axes = [
         {"range": [float(a) - room, float(b) + room], "title": {"text": "m"}} for a, b in zip(low, high, strict=True)
     ]
-    menu = {"type": "buttons", "direction": "left", "x": 0, "y": -0.16, "xanchor": "left", "yanchor": "top"}
-    slider = {"steps": steps, "x": 0.22, "len": 0.78, "y": -0.1, "currentvalue": {"prefix": "time, s: "}, "ticklen": 0}
+    menu = {"type": "buttons", "direction": "left", "x": 0, "y": -0.1, "xanchor": "left", "yanchor": "top"}
+    slider = {"steps": steps, "y": -0.1, "currentvalue": {"prefix": "time, s: "}, "ticklen": 0}
     return drawing(
         "The simulated robot beside the measured one",
         "Blue: the measured positions. Orange and transparent: the positions that the model reaches from the same "
         f"start, {'with the same commands' if beside.closed else 'under the recorded torque'}.",
-        figure, 460, xaxis=axes[0], yaxis={**axes[1], "scaleanchor": "x"},
-        updatemenus=[{**menu, "buttons": buttons, "showactive": False}], sliders=[slider],
-        margin={"l": 64, "r": 12, "t": 34, "b": 110},
+        figure, 515, xaxis=axes[0], yaxis={**axes[1], "scaleanchor": "x"},
+        updatemenus=[{**menu, "buttons": buttons, "showactive": False, "pad": {"t": 84}}], sliders=[slider],
+        margin={"l": 64, "r": 12, "t": 34, "b": 165},
     )  # fmt: skip
 
 
