@@ -271,22 +271,18 @@ class CheckCriteria:
     torque)"""
     lag_lengths: float = 10.0
     """Longest lags. A stretch must last at least so many of them for its lag to be judged. (clean)"""
-    lag_quarters: int = 4
-    """Parts of the stretch. The lags of these parts give the standard error of the lag. (lags measured to 2 ms)"""
+    lag_blocks: int = 8
+    """Parts of the stretch that the jackknife leaves out one at a time. They give the standard error of the lag.
+    (lags measured to 2 ms)"""
     common_lag_share: float = 0.5
-    """Share of the squared error. A delay common to all joints is "likely" only if shifting the torque back explains
-    this share. A delay that is the only fault explains nearly all; friction that lags at reversals looks like a delay
-    and explains less. (planted: late torque; real: UR10e)"""
+    """Share of the squared error that a common delay explains. The issue "late torque" is "likely" above this share. A
+    delay that is the only fault explains nearly all. (planted: late torque; real: UR10e)"""
     slight_lag_share: float = 0.1
-    """The same share, where nearly all joints show the same delay. (real: UR10e)"""
-    seen_lag_errors: float = 3.0
-    """Standard errors. A joint's own lag counts when it is larger than this. (real: UR10e)"""
-    alike_lag: float = 0.35
-    """Relative difference. A joint's lag counts as the common lag up to this difference. (real: UR10e)"""
-    alike_lag_errors: float = 2.0
-    """Standard errors of the joint's lag that are added to that difference. (real: UR10e)"""
-    alike_lag_joints: float = 0.6
-    """Share of the joints that must show the common lag. (real: UR10e)"""
+    """Share of the squared error. A common delay that explains less is not reported. (planted; real: LBR)"""
+    common_lag_odds: float = 10**1.5
+    """Odds. A delay common to all joints is reported if it makes the joints' own delays more likely by this factor than
+    friction that lags in each joint by its own time. Jeffreys calls this evidence "very strong". (planted: late torque;
+    real: UR10e)"""
 
     # ---- excitation
     excitation_folds: int = 5

@@ -2,8 +2,16 @@
 
     d = argmin_d  Π_j  Σ_k (τ_j(t_k + d) − τ_nominal,j(t_k) − friction_j(t_k))²
 
-over a common delay of all joints j (the product is the likelihood of joints with noise of unknown size). A delay of the
-recording is common to all joints. Joints with different delays have filters of their own, or friction that lags.
+over a common delay of all joints j (the product is the likelihood of joints with noise of unknown size).
+
+Dry friction with memory follows a reversal late and looks like a delay, but each joint's friction by its own time, and
+without gravity and inertia. A delay of the recording is common to all. So the joints' own delays d_j ± e_j, and the
+delay g ± e_g of gravity and inertia, are explained by
+
+    d_j = d + f_j + e_j ε_j,      g = d + e_g ε,      f_j ≥ 0 exponential with mean m,      ε ~ N(0, 1),
+
+and a common delay d stands if the data are far more likely with it than with d = 0, each with its best m. The delay g
+is estimated beside dry friction Σ_i c_i sign q̇(t − δ_i) of any c_i, at δ_0 = 0 and four later times.
 
 A torque that is late hides other faults, and other faults hide the delay. A linear fit of each row by itself,
 Y_j(t_k) θ_j in place of τ_nominal,j, does not depend on signs, gains, exchanged torques or bodies. So `clear_lag` finds
@@ -13,11 +21,12 @@ a delay before those faults are known.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
+from scipy.special import log_ndtr
 
 from frischid.checks.log_issue import Notebook, span
 from frischid.checks.sketch import Sketch
@@ -26,6 +35,12 @@ from frischid.core.types import Array
 
 RANK_TOLERANCE = 1e-4
 """Singular value over the largest: a smaller one is that of parameters which the motion hardly shows."""
+LATE_REVERSALS = np.array([0.125, 0.25, 0.5, 1.0])
+"""δ_i over the longest delay that is searched."""
+STEPS_PER_SAMPLE = 4
+"""Delays tried per sample of the sketch: over a whole sample, the squared error is no parabola."""
+COMMON_STEPS = 60
+"""Common delays of either sign, and mean lags of friction, that are tried."""
 
 
 def check_lag(sketch: Sketch, notes: Notebook) -> None:
@@ -36,30 +51,54 @@ def check_lag(sketch: Sketch, notes: Notebook) -> None:
         return
     rows = [_nominal_row(sketch, int(j)) for j in sketch.rows[judged]]
     costs = _costs(sketch, rows, delays)
-    found = [_best(delays, cost) for cost in costs]
-    lag, error = np.array(found).T
-    common, spread = _best(delays, _together(costs))
+    common, spread = _best(sketch, delays, costs)
+    rigid = _best(sketch, delays, _costs(sketch, [_late_friction_row(sketch, row) for row in rows], delays))
+    own, error = np.array([_best(sketch, delays, cost[None]) for cost in costs]).T
     whole = np.full(len(sketch.robot.joints), np.nan)
-    whole[sketch.rows[judged]] = lag + sketch.earlier
+    whole[sketch.rows[judged]] = own
     notes.per_joint("torque_lag", whole)
-    notes.facts |= {"torque_lag": common + sketch.earlier, "torque_lag_error": spread}
+    notes.facts |= {"torque_lag": common, "torque_lag_error": spread}
     # delays count from the torques as they were measured: the sketch may hold them moved
-    left = _costs(sketch, rows, np.array([-sketch.earlier, common, *lag])).sum(axis=2)
-    lag, common = lag + sketch.earlier, common + sketch.earlier
+    left = _costs(sketch, rows, np.array([0.0, common, *own]) - sketch.earlier).sum(axis=2)
     gone = _removed(left)
     removed = 1 - np.diag(left[:, 2:]) / left[:, 0]
-    near = np.abs(lag - common) < criteria.alike_lag * abs(common) + criteria.alike_lag_errors * error
-    seen = np.mean((np.abs(lag) > criteria.seen_lag_errors * error) & near)
-    own = (removed > criteria.explained_share) & (np.abs(lag) > criteria.significant_errors * error)
-    where = tuple(sketch.names[k] for k, yes in zip(judged, own, strict=True) if yes)
-    alike = gone > criteria.slight_lag_share and seen > criteria.alike_lag_joints
-    if abs(common) > criteria.significant_errors * spread and (gone > criteria.common_lag_share or alike):
+    alone = (removed > criteria.explained_share) & (abs(own) > criteria.significant_errors * error)
+    clear = abs(common) > criteria.significant_errors * spread and gone > criteria.slight_lag_share
+    if clear and evidence_of_common(own, error, *rigid) > np.log(criteria.common_lag_odds):
         by = f"{1e3 * abs(common):.1f} ± {1e3 * spread:.1f} ms"
         _late(notes, by, common, gone, (), "likely" if gone > criteria.common_lag_share else "possible")
-    elif where:
-        alone = np.isin([sketch.names[k] for k in judged], where)
-        by = span(1e3 * np.abs(lag[alone]), " ms")
-        _late(notes, by, float(lag[alone].sum()), float(removed[alone].min()), where, "possible")
+    elif alone.any():
+        by = span(1e3 * np.abs(own[alone]), " ms")
+        where = tuple(sketch.names[k] for k, yes in zip(judged, alone, strict=True) if yes)
+        _late(notes, by, float(own[alone].sum()), float(removed[alone].min()), where, "possible")
+
+
+def evidence_of_common(delays: Array, errors: Array, rigid: float, rigid_error: float) -> float:
+    """Log likelihood that a common delay of all joints adds to lags of friction.
+
+    Parameters
+    ----------
+    delays, errors : ndarray, shape (R,)
+        Each joint's own delay and its standard error, s.
+    rigid, rigid_error : float
+        Delay of gravity and inertia and its standard error, s.
+
+    Examples
+    --------
+    Friction that lags by 5 to 40 ms, and the same friction in a recording that is late by 60 ms:
+
+    >>> import numpy as np
+    >>> own, error = np.array([0.005, 0.010, 0.020, 0.040]), np.full(4, 0.003)
+    >>> evidence_of_common(own, error, 0.0, 0.02) < 1.0, evidence_of_common(own + 0.06, error, 0.06, 0.02) > 6.0
+    (True, True)
+    """
+    widest = float(np.abs(delays).max() + errors.max())
+    common = np.linspace(-widest, widest, 2 * COMMON_STEPS + 1)
+    lag = widest * np.geomspace(1e-3, 1.0, COMMON_STEPS)
+    past, e = (delays - common[:, None])[:, None], errors / lag[:, None]
+    each = e**2 / 2 - past / lag[:, None] + log_ndtr(past / errors - e) - np.log(lag)[:, None]
+    best = each.sum(axis=2).max(axis=1) - ((rigid - common) / rigid_error) ** 2 / 2
+    return float(best.max() - best[COMMON_STEPS])
 
 
 def clear_lag(sketch: Sketch) -> float:
@@ -74,7 +113,7 @@ def clear_lag(sketch: Sketch) -> float:
     rows = [row for row in rows if criteria.samples_per_parameter * row.basis.shape[1] < row.use.sum()]
     if not rows:
         return 0.0
-    common, spread = _best(delays, _together(_costs(sketch, rows, delays)))
+    common, spread = _best(sketch, delays, _costs(sketch, rows, delays))
     clear = abs(common) > criteria.significant_errors * spread
     gone = _removed(_costs(sketch, rows, np.array([0.0, common])).sum(axis=2)) if clear else 0.0
     return common if gone > criteria.common_lag_share else 0.0
@@ -96,6 +135,13 @@ def _nominal_row(sketch: Sketch, j: int) -> _Row:
     return _Row(j, sketch.nominal[part, j], use, np.linalg.qr(sketch.friction(j)[part][use][:, :4])[0])
 
 
+def _late_friction_row(sketch: Sketch, row: _Row) -> _Row:
+    """The row with dry friction that may follow a reversal late."""
+    t, sign = sketch.t[sketch.longest], sketch.sign[sketch.longest, row.joint]
+    late = [np.interp(t - d, t, sign)[row.use] for d in LATE_REVERSALS * sketch.criteria.longest_torque_lag]
+    return replace(row, basis=np.linalg.qr(np.column_stack([row.basis, *late]))[0])
+
+
 def _free_row(sketch: Sketch, j: int, columns: Array) -> _Row:
     """Friction and every parameter of every link, (M, C): an orthonormal basis of what they can explain."""
     use = _inner(sketch) & sketch.used[sketch.longest, j]
@@ -111,6 +157,7 @@ def _delays(sketch: Sketch) -> Array:
     step = float(np.median(np.diff(t))) if len(t) > criteria.enough_samples else 0.0
     if step == 0 or t[-1] - t[0] < criteria.lag_lengths * longest:
         return np.zeros(0)
+    step /= STEPS_PER_SAMPLE
     return np.asarray(np.arange(-np.ceil(longest / step), np.ceil(longest / step) + 1) * step)
 
 
@@ -123,11 +170,6 @@ def _inner(sketch: Sketch) -> NDArray[np.bool_]:
 def _removed(left: Array) -> float:
     """Share of the squared error that the second delay explains beyond the first, geometric mean over joints."""
     return 1 - float(np.exp(np.mean(np.log(left[:, 1] / left[:, 0]))))
-
-
-def _together(costs: Array) -> Array:
-    """Geometric mean over joints: the likelihood of joints whose noise is of unknown size, (D, Q)."""
-    return np.asarray(np.exp(np.log(costs + 1e-30).mean(axis=0)))
 
 
 def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, ...], sure: str) -> None:
@@ -143,23 +185,33 @@ def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, 
 
 
 def _costs(sketch: Sketch, rows: Sequence[_Row], delays: Array) -> Array:
-    """Squared error of each row for each delay and quarter of the stretch, (R, D, Q)."""
-    t, inner, quarters = sketch.t[sketch.longest], _inner(sketch), sketch.criteria.lag_quarters
-    quarter = np.cumsum(inner) * quarters // (inner.sum() + 1)
-    cost = np.empty((len(rows), len(delays), quarters))
+    """Squared error of each row for each delay and block of the stretch, (R, D, B)."""
+    t, inner, blocks = sketch.t[sketch.longest], _inner(sketch), sketch.criteria.lag_blocks
+    block = np.cumsum(inner) * blocks // (inner.sum() + 1)
+    cost = np.empty((len(rows), len(delays), blocks))
     for i, row in enumerate(rows):
         tau, use, Q = make_interp_spline(t, sketch.tau[sketch.longest, row.joint]), row.use, row.basis
         Y = np.column_stack([tau(t[use] + d) - row.known[use] for d in delays])
         left = (Y - Q @ (Q.T @ Y)) ** 2
-        cost[i] = np.stack([np.bincount(quarter[use], x, quarters) for x in left.T])
+        cost[i] = np.stack([np.bincount(block[use], x, blocks) for x in left.T])
     return cost
 
 
-def _best(delays: Array, cost: Array) -> tuple[float, float]:
-    """Delay with the least cost summed over the quarters, and its standard error from the quarters; cost (D, Q)."""
-    whole = _vertex(delays, cost.sum(axis=1))
-    parts = [_vertex(delays, x) for x in cost.T]
-    return whole, max(float(np.std(parts)) / np.sqrt(cost.shape[1] - 1), 0.01 * float(delays[1] - delays[0]))
+def _best(sketch: Sketch, delays: Array, costs: Array) -> tuple[float, float]:
+    """The common delay of rows (R, D, B) that makes the geometric mean of their costs least, and its standard error, s.
+
+    That mean is the likelihood of joints whose noise is of unknown size. The standard error is that of the jackknife
+    over blocks of time.
+    """
+
+    def least(parts: Array) -> float:
+        return _vertex(delays, np.exp(np.log(parts + 1e-30).mean(axis=0)))
+
+    whole, blocks = costs.sum(axis=2), costs.shape[2]
+    without = np.array([least(whole - part) for part in np.moveaxis(costs, 2, 0)])
+    error = np.sqrt((blocks - 1) * without.var())
+    rounding = 0.01 * float(delays[1] - delays[0])
+    return least(whole) + sketch.earlier, max(float(error), rounding)
 
 
 def _vertex(x: Array, y: Array) -> float:
