@@ -11,8 +11,8 @@ The share that is called identified alone, with a range within 5 %, and the shar
 
 With `--delay-doubt`, the delay that frischid gets has a random error, and frischid knows its size.
 
-With `--unknown`, neither gains nor delay are named: kp comes from the URDF's masses, the delay from the likelihood. A
-second table has their errors. A joint whose kp cannot be found gets the true one, and is counted.
+With `--unknown`, gains and delay are not named, only that commands are held: kp comes from the URDF's masses, the delay
+from the likelihood. A second table has their errors. A joint whose kp cannot be found gets the true one and is counted.
 
 With `--open-damping`, the log has commanded velocities too, which the drives follow, and kd is not named: kd is one of
 the values of the table.
@@ -147,14 +147,14 @@ def one(name: str, seed: int, doubt: float = 0.0, open_damping: bool = False) ->
 def unnamed(name: str, seed: int) -> list[dict[str, Any]]:
     """Gains and delay, found from one run, beside the truth."""
     robot, log, _, true = recorded(name, seed)
-    given = fr.PDController(delay=None)
+    given = fr.PDController(delay=None, held=True)
     try:
         found = fr.identify(robot, [log], controller=given, recursion="none").model.controller
     except fr.InputError as error:
         lost = [n for n in robot.joints if n in str(error).partition(" cannot be found")[0]]
         if not lost:
             raise
-        given = fr.PDController({n: true.gain(n) for n in lost}, delay=None)
+        given = fr.PDController({n: true.gain(n) for n in lost}, delay=None, held=True)
         found = fr.identify(robot, [log], controller=given, recursion="none").model.controller
     assert found is not None
     rows = []
@@ -218,7 +218,7 @@ def main() -> None:
     seeds = range(given.first, given.first + given.runs)
     if given.unknown:
         found = [x for n in given.robots for x in summary_of_unnamed(n, [r for k in seeds for r in unnamed(n, k)])]
-        publish("Gains and delay from commanded positions, neither of them named", found, given.json)
+        publish("gains and delay from commanded positions, neither of them named", found, given.json)
         return
     rows = [
         summary(name, [row for seed in seeds for row in one(name, seed, given.delay_doubt, given.open_damping)])

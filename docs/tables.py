@@ -70,6 +70,7 @@ TABLES = dict(
         table_of(accuracy.physical_export),
         table_of(accuracy.simulated_motion),
         table_of(accuracy.commanded_mujoco),
+        table_of(accuracy.commanded_unknown, script="commanded_mujoco"),
         table_of(accuracy.commanded_free),
         table_of(accuracy.commanded_peers),
         table_of(accuracy.drive_excitation),

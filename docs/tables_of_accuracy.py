@@ -181,6 +181,21 @@ def commanded_mujoco() -> str:
     return each(head, rows_of("commanded_mujoco"), line)
 
 
+def commanded_unknown() -> str:
+    """Gains and delay that nobody named."""
+    head = ("robot", "quantity", "values", "found", "median error", "largest error", "standard error", "inside 95 %")
+
+    def line(row: Row) -> tuple[str, ...]:
+        delay = row["value"] == "delay"
+        sizes = [row[key] for key in ("median error", "worst", "median standard error")]
+        shown = [f"{1e3 * x:.1f} ms" if delay else percent(x) for x in sizes]
+        counts = str(row["values"]), str(row["found"])
+        robot = DRIVES[row["robot"]].partition(",")[0]
+        return robot, row["value"], *counts, *shown, percent(row["inside 95 %"])
+
+    return each(head, rows_of("commanded_unknown"), line)
+
+
 def commanded_free() -> str:
     """Values moved to the ends of their ranges, and how far the simulated motion moves."""
     head = ("robot", "called", "moves", "by, median", "motion, others fitted again", "the same on another motion",

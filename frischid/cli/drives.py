@@ -1,4 +1,4 @@
-"""The command `gains`: drive gains, the torque of a joint per ampere."""
+"""The command `gains`: drive gains, the torque of a joint per ampere or per position error."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from frischid.cli.arguments import (
     map_option,
     robot_options,
 )
+from frischid.cli.controllers import ControllerArguments, controller_options
 from frischid.cli.group import main
-from frischid.cli.inputs import load, read
+from frischid.cli.inputs import load, names_of, read
 from frischid.cli.output import show_page, working
 from frischid.cli.paths import InputPath
 
@@ -34,6 +35,7 @@ from frischid.cli.paths import InputPath
 @robot_options
 @effects_option
 @map_option
+@controller_options
 @json_option
 def gains(
     robot: str,
@@ -45,12 +47,15 @@ def gains(
     cutoff: str,
     effects: str | None,
     mapping: MapFiles,
+    controller: ControllerArguments,
     as_json: bool,
     **options: Any,
 ) -> None:
     """Find drive gains from logs with and without a known payload.
 
-    Gains given in the mapping file are checked.
+    Gains given in the mapping file are checked. With --controller pd, the logs
+    have commanded positions, and the gains are kp; a --kp of all joints is
+    checked.
     """
     from frischid.cli.pages import drives as show
     from frischid.export.drive_gain_problem import KnownPayload
@@ -72,5 +77,6 @@ def gains(
             given={n: given[n] for n in machine.joints if n in given} or None,
             effects=effects_of(effects),
             cutoff=cutoff_of(cutoff),
+            controller=controller.read(names_of(machine)),
         )
     show_page(show.gains(found), as_json)

@@ -111,6 +111,7 @@ def fill(folder: Path, progress: Callable[[str], None] = lambda _: None) -> None
     write_log(in_amperes(record(robot, 3), (10.0, 5.0)), folder / "unloaded_currents.csv")
     write_log(in_amperes(loaded, (10.0, 5.0)), folder / "loaded_currents.csv")
     write_log(with_commands(log), folder / "commanded.csv")
+    write_log(with_commands(loaded), folder / "loaded_commanded.csv")
     write_table(as_rtde(log, (10.0, 5.0)), folder / "rtde.csv")
     write_table(named(log, "stamp", "pos_{k}", "eff_{k}"), folder / "monday.csv")
     write_table(named(log, "t", "position_joint{k}", "effort_joint{k}"), folder / "friday.parquet")

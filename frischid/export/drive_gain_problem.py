@@ -114,7 +114,8 @@ class GainProblem:
         if not which:
             return None
         q, v, a = random_states(self.robot, 40)
-        Y = self.regressor(0.5 * np.arange(40.0), q, v, 3.0 * a)[:, self.payload_columns[list(which)]]
+        carried = Regressor(self.robot, self.regressor.effects[-1:])
+        Y = carried(0.5 * np.arange(40.0), q, v, 3.0 * a)[:, len(self.robot.columns) + np.array(which)]
         columns = [self.regressor.columns[i] for i in self.payload_columns[list(which)]]
         return reduce(Y.transpose(0, 2, 1).reshape(-1, len(which)), columns)
 

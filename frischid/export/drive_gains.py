@@ -1,4 +1,4 @@
-"""Drive gains, the torque of a joint per ampere, from a payload of known mass.
+"""Drive gains, the torque of a joint per ampere or per position error, from a payload of known mass.
 
     g_j i_j = Y_j θ                        without the payload
     g_j i_j = Y_j θ + L_j x_L              with the payload, whose mass in x_L is known
@@ -15,6 +15,9 @@ Currents alone determine θ and g only up to one common factor; the known mass d
 - *physically constrained*: the values nearest to the second method, weighted by its information, with physical links, a
   physical payload, and g > 0.
 
+The kp of a position controller is such a gain: its signal is the position error q_cmd(t − d) − q in place of a current.
+Damping kd of the drive is one more column where velocities are commanded, and a part of viscous friction where not.
+
 Given gains are checked in the other direction: with them, the identified payload must have its true mass.
 """
 
@@ -30,12 +33,16 @@ from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError
 from frischid.estimators.drive_gain_ls import in_amperes, total_least_squares
 from frischid.export.drive_gain_problem import Carried, GainProblem, KnownPayload
+from frischid.logs.controller import PDController
 from frischid.logs.cutoff_choice import choose_lowpass
 from frischid.logs.filters import LowPass
 from frischid.logs.given import Logs, whole_logs
 from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
 from frischid.logs.summary import held_by
+from frischid.model.identify_options import IdentifyOptions
+from frischid.model.unknown_damping import damping_effects
+from frischid.model.unknown_drive import known_controller
 from frischid.regression.moments import total
 from frischid.robot.robot import Robot
 
@@ -47,8 +54,9 @@ class Gains:
     Attributes
     ----------
     joints : tuple of str
-    channel : {"current", "tau"}
-        Channel that the gains multiply: currents (N·m/A, N/A), or a torque channel with a wrong scale (1).
+    channel : {"current", "tau", "qcmd"}
+        Channel that the gains multiply: currents (N·m/A, N/A), a torque channel with a wrong scale (1), or the position
+        error of a controller (N·m/rad, N/m).
     gains, stderr : ndarray, shape (J,)
         The gains to use and their standard errors, by maximum likelihood for noisy currents.
     total_least_squares, constrained : ndarray, shape (J,)
@@ -101,6 +109,7 @@ def find_gains(
     given: Mapping[str, float] | None = None,
     effects: Sequence[Effect] = BASELINE,
     cutoff: float | str | None = "auto",
+    controller: PDController | None = None,
     mapping: MappingLike = None,
 ) -> Gains:
     """Identify drive gains from logs without and with a payload of known mass.
@@ -110,7 +119,7 @@ def find_gains(
     robot : Robot
         Loaded with ``frames="joint"``.
     unloaded, loaded : sequence of Log or data frame, or one data frame
-        With positions and currents (A), or with torques whose scale is to be checked.
+        With positions and currents (A), with torques whose scale is to be checked, or with commanded positions.
     payload : KnownPayload
         What hangs there in the loaded logs.
     given : mapping of str to float, optional
@@ -119,6 +128,9 @@ def find_gains(
         Effects besides the links, assumed to be the same with and without the payload.
     cutoff : float, "auto" or None
         Cut-off of the filter, Hz; None filters nothing.
+    controller : PDController, optional
+        Of logs of commanded positions: its kp is to be found, or checked if it is named for all joints. A delay of None
+        is found from the unloaded logs.
     mapping : LogMap, mapping or path of a TOML file, optional
         Names and units of the columns of data frames.
 
@@ -129,7 +141,8 @@ def find_gains(
     Raises
     ------
     InputError
-        A log lacks currents.
+        A log lacks currents, torques or commands; or the controller has an effort limit or a feed-forward torque, whose
+        unit is not that of the position error.
     UnknownNameError
         The joint that carries the payload is not the robot's.
     IdentifiabilityError
@@ -157,15 +170,21 @@ def find_gains(
         for name, given_logs in (("unloaded", unloaded), ("loaded", loaded))
     )
     robot, notes = held_by(robot, [*unloaded, *loaded])
-    channel = (
-        "current" if all(log.has("current")[log.index(robot.joints)].all() for log in [*unloaded, *loaded]) else "tau"
-    )
+    if controller is not None:
+        controller, given = _without_gains(robot, unloaded, controller, notes)
+        unloaded, loaded = ([_position_errors(log, robot, controller) for log in logs] for logs in (unloaded, loaded))
+        effects = damping_effects(controller, effects, [log.extra for log in [*unloaded, *loaded]], robot.joints)
+        channel = "qcmd"
+    else:
+        currents = all(log.has("current")[log.index(robot.joints)].all() for log in [*unloaded, *loaded])
+        channel = "current" if currents else "tau"
+        unloaded, loaded = ([_measured(log, robot, channel) for log in logs] for logs in (unloaded, loaded))
     _check_given(robot, given)
     problem = GainProblem(robot, effects, payload)
-    lowpass = _lowpass([_measured(log, robot, channel) for log in [*unloaded, *loaded]], robot, cutoff)
+    lowpass = _lowpass([*unloaded, *loaded], robot, cutoff)
     blocks = [
-        *problem.blocks([_measured(log, robot, channel) for log in unloaded], lowpass, loaded=False),
-        *problem.blocks([_measured(log, robot, channel) for log in loaded], lowpass, loaded=True),
+        *problem.blocks(unloaded, lowpass, loaded=False),
+        *problem.blocks(loaded, lowpass, loaded=True),
     ]
     arranged, counts, J = [problem.arranged(b) for b in blocks], total(blocks).counts, len(robot.joints)
     rough, start = total_least_squares(np.sum(arranged, axis=0), counts)
@@ -189,6 +208,35 @@ def find_gains(
         lowpass,
         (*notes, *remark),
     )
+
+
+def _without_gains(
+    robot: Robot, logs: Sequence[Log], controller: PDController, notes: list[str]
+) -> tuple[PDController, dict[str, float] | None]:
+    """The controller with kp = 1 and an open kd, so that its torque is the position error; and the kp to check."""
+    if controller.limit is not None:
+        raise InputError(
+            "an effort limit is in N·m (N), and the torque is not known before kp is: leave --effort-limit out, and "
+            "give logs in which no drive reaches its limit"
+        )
+    given = {n: controller.gain(n) for n in robot.joints if controller.knows_gain(n)}
+    if controller.delay is None:
+        controller = known_controller(robot, logs, IdentifyOptions(controller=controller), notes) or controller
+    unit = replace(controller, kp=1.0, kd=None, kp_doubt=0.0, delay_doubt=0.0, kd_near=0.0)
+    return unit, given or None
+
+
+def _position_errors(log: Log, robot: Robot, unit: PDController) -> Log:
+    """The log with position errors in place of torques."""
+    chosen = log.select(robot.joints)
+    if lacks := [n for n, yes in zip(robot.joints, chosen.has("qcmd"), strict=True) if not yes]:
+        raise InputError(f"{log.source}: no commanded position qcmd_<joint> of {', '.join(lacks)}; kp needs them all")
+    if chosen.tauff is not None and np.nan_to_num(chosen.tauff).any():
+        raise InputError(
+            f"{log.source}: the drive gets a feed-forward torque (tauff_<joint>) in N·m (N) beside the position error; "
+            "kp is found from logs without feed-forward"
+        )
+    return unit.drive(replace(chosen, tau=None))
 
 
 def _check_given(robot: Robot, given: Mapping[str, float] | None) -> None:

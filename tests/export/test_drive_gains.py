@@ -89,6 +89,57 @@ def test_knowing_the_centre_helps():
     assert (found(centre=CENTRE).stderr < 1.05 * found().stderr).all()
 
 
+KP = np.array([3000.0, 3000.0, 2000.0, 400.0, 400.0, 400.0])
+
+
+def commands(late=0.0, velocities=False):
+    """The logs as those of position servos: what they were commanded, and nothing of their torque."""
+    kd, written = 0.02 * KP, []
+    for log in logs():
+        wanted = np.sin(np.outer(log.t, 1.0 + np.arange(6.0))) * velocities
+        acts = log.q + (log.current * GAINS + kd * (log.v - wanted)) / KP
+        keep = log.t <= log.t[-1] - late
+        stamped = np.column_stack([np.interp(log.t + late, log.t, x) for x in acts.T])
+        vcmd = wanted[keep] if velocities else None
+        written.append(fr.Log(log.t[keep], log.joints, q=log.q[keep], v=log.v[keep], qcmd=stamped[keep], vcmd=vcmd))
+    return written
+
+
+@pytest.mark.parametrize("velocities", [False, True])
+def test_a_weight_gives_the_kp_of_position_servos(velocities):
+    unloaded, loaded = commands(velocities=velocities)
+    result = find_gains(robot(NAME), [unloaded], [loaded], PAYLOAD, controller=fr.PDController())
+    assert result.channel == "qcmd"
+    assert (np.abs(result.gains - KP) < 4 * result.stderr).all()
+    np.testing.assert_allclose(result.gains[1:], KP[1:], rtol=0.05)
+
+
+def test_an_unknown_delay_of_commands_is_found_first():
+    unloaded, loaded = commands(late=0.02)
+    result = find_gains(robot(NAME), [unloaded], [loaded], PAYLOAD, controller=fr.PDController(delay=None))
+    assert any("commands act 2" in note or "commands act 19" in note for note in result.notes)
+    np.testing.assert_allclose(result.gains[1:], KP[1:], rtol=0.05)
+
+
+def test_a_named_kp_weighs_the_payload():
+    unloaded, loaded = commands()
+    named = fr.PDController(dict(zip(robot(NAME).joints, KP, strict=True)))
+    result = find_gains(robot(NAME), [unloaded], [loaded], PAYLOAD, controller=named)
+    assert result.payload.mass == pytest.approx(MASS, rel=0.03)
+
+
+def test_commands_that_give_no_kp():
+    unloaded, loaded = commands()
+    machine, pd = robot(NAME), fr.PDController()
+    with pytest.raises(InputError, match="no commanded position qcmd_<joint> of shoulder_pan_joint"):
+        find_gains(machine, [unloaded], [replace(logs()[1], current=None)], PAYLOAD, controller=pd)
+    with pytest.raises(InputError, match="leave --effort-limit out"):
+        find_gains(machine, [unloaded], [loaded], PAYLOAD, controller=fr.PDController(limit=100.0))
+    pushed = replace(loaded, tauff=np.ones_like(loaded.q))
+    with pytest.raises(InputError, match="without feed-forward"):
+        find_gains(machine, [unloaded], [pushed], PAYLOAD, controller=pd)
+
+
 def test_what_cannot_be():
     unloaded, loaded = logs()
     machine = robot(NAME)
@@ -126,6 +177,14 @@ def test_command(tmp_path):
     data = json.loads(CliRunner().invoke(main, [*arguments, "--json", "--com", "0.05", "0.1", "0.03"]).output)
     assert data["payload"] is None
     assert data["joints"][2]["gain"] == pytest.approx(9.0, rel=0.05)
+    for log, name in zip(commands(), ("unloaded", "loaded"), strict=True):
+        (tmp_path / f"{name}.parquet").unlink()
+        fr.write_log(log, tmp_path / f"{name}.parquet")
+    text = CliRunner().invoke(main, [*arguments, "--controller", "pd"]).output
+    assert "kp, torque per position error" in text
+    assert "to use these gains: frischid identify ROBOT LOGS --controller pd --kp shoulder_pan_joint=" in " ".join(
+        text.split()
+    )
     done = CliRunner().invoke(main, [*arguments[:-1], "-1"])
     assert done.exit_code == 2
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import Any
 
 from rich.markup import escape
@@ -12,10 +13,16 @@ from frischid.export.drive_gains import Gains
 
 UNCERTAIN_GAIN = 0.05  # standard error over value, above which a drive gain is called uncertain
 
+WHAT = {
+    "current": "torque per ampere",
+    "tau": "factor on the torque channel",
+    "qcmd": "kp, torque per position error",
+}
+
 
 def gains(found: Gains) -> Page:
     """Gains by three methods, the given gains, and the payload that the given gains would measure."""
-    what = "torque per ampere" if found.channel == "current" else "factor on the torque channel"
+    what = WHAT[found.channel]
     extra = [] if found.given is None else ["given", "ratio"]
     table = table_of("joint", "gain", "± s.e.", "total least squares", "physical", *extra, title=f"drive gains: {what}")
     rows = []
@@ -35,6 +42,11 @@ def gains(found: Gains) -> Page:
     parts: list[Any] = [table]
     if weak:
         parts.append(f"uncertain with this payload (s.e. above {percent(UNCERTAIN_GAIN)}): {', '.join(weak)}")
+    if found.channel == "qcmd" and found.given is None:
+        named = ",".join(f"{n}={g:.4g}" for n, g in zip(found.joints, found.gains, strict=True))
+        parts.append(
+            f"to use these gains: frischid identify ROBOT LOGS --controller pd --kp {escape(shlex.quote(named))}"
+        )
     cut = "unfiltered" if found.lowpass.cutoff is None else f"low-passed at {found.lowpass.cutoff:g} Hz"
     data: dict[str, Any] = {
         "channel": found.channel,
