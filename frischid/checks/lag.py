@@ -50,16 +50,18 @@ def check_lag(sketch: Sketch, notes: Notebook) -> None:
     if not len(delays) or not judged or not sketch.robot.nominal.any():
         return
     rows = [_nominal_row(sketch, int(j)) for j in sketch.rows[judged]]
-    costs = _costs(sketch, rows, delays)
+    shifted = _shifted(sketch, rows, delays)
+    costs = _costs(sketch, rows, shifted)
     common, spread = _best(sketch, delays, costs)
-    rigid = _best(sketch, delays, _costs(sketch, [_late_friction_row(sketch, row) for row in rows], delays))
+    rigid = _best(sketch, delays, _costs(sketch, [_late_friction_row(sketch, row) for row in rows], shifted))
     own, error = np.array([_best(sketch, delays, cost[None]) for cost in costs]).T
     whole = np.full(len(sketch.robot.joints), np.nan)
     whole[sketch.rows[judged]] = own
     notes.per_joint("torque_lag", whole)
     notes.facts |= {"torque_lag": common, "torque_lag_error": spread}
     # delays count from the torques as they were measured: the sketch may hold them moved
-    left = _costs(sketch, rows, np.array([0.0, common, *own]) - sketch.earlier).sum(axis=2)
+    tried = np.array([0.0, common, *own]) - sketch.earlier
+    left = _costs(sketch, rows, _shifted(sketch, rows, tried)).sum(axis=2)
     gone = _removed(left)
     removed = 1 - np.diag(left[:, 2:]) / left[:, 0]
     alone = (removed > criteria.explained_share) & (abs(own) > criteria.significant_errors * error)
@@ -113,9 +115,10 @@ def clear_lag(sketch: Sketch) -> float:
     rows = [row for row in rows if criteria.samples_per_parameter * row.basis.shape[1] < row.use.sum()]
     if not rows:
         return 0.0
-    common, spread = _best(sketch, delays, _costs(sketch, rows, delays))
+    common, spread = _best(sketch, delays, _costs(sketch, rows, _shifted(sketch, rows, delays)))
     clear = abs(common) > criteria.significant_errors * spread
-    gone = _removed(_costs(sketch, rows, np.array([0.0, common])).sum(axis=2)) if clear else 0.0
+    tried = np.array([0.0, common])
+    gone = _removed(_costs(sketch, rows, _shifted(sketch, rows, tried)).sum(axis=2)) if clear else 0.0
     return common if gone > criteria.common_lag_share else 0.0
 
 
@@ -184,17 +187,25 @@ def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, 
     )
 
 
-def _costs(sketch: Sketch, rows: Sequence[_Row], delays: Array) -> Array:
+def _shifted(sketch: Sketch, rows: Sequence[_Row], delays: Array) -> list[Array]:
+    """Torque of each row less its known part, at each delay, (used samples, D)."""
+    part = sketch.longest
+    t, tau = sketch.t[part], make_interp_spline(sketch.t[part], sketch.tau[part][:, [row.joint for row in rows]])
+    inner = _inner(sketch)
+    at = tau((t[inner, None] + delays).ravel()).reshape(int(inner.sum()), len(delays), len(rows))
+    return [at[row.use[inner], :, k] - row.known[row.use, None] for k, row in enumerate(rows)]
+
+
+def _costs(sketch: Sketch, rows: Sequence[_Row], shifted: Sequence[Array]) -> Array:
     """Squared error of each row for each delay and block of the stretch, (R, D, B)."""
-    t, inner, blocks = sketch.t[sketch.longest], _inner(sketch), sketch.criteria.lag_blocks
+    inner, blocks = _inner(sketch), sketch.criteria.lag_blocks
     block = np.cumsum(inner) * blocks // (inner.sum() + 1)
-    cost = np.empty((len(rows), len(delays), blocks))
-    for i, row in enumerate(rows):
-        tau, use, Q = make_interp_spline(t, sketch.tau[sketch.longest, row.joint]), row.use, row.basis
-        Y = np.column_stack([tau(t[use] + d) - row.known[use] for d in delays])
-        left = (Y - Q @ (Q.T @ Y)) ** 2
-        cost[i] = np.stack([np.bincount(block[use], x, blocks) for x in left.T])
-    return cost
+    member = np.arange(blocks)[:, None] == block
+    costs = []
+    for row, Y in zip(rows, shifted, strict=True):
+        left = Y - row.basis @ (row.basis.T @ Y)
+        costs.append((member[:, row.use] @ left**2).T)
+    return np.array(costs)
 
 
 def _best(sketch: Sketch, delays: Array, costs: Array) -> tuple[float, float]:
