@@ -24,7 +24,8 @@ from common import data_folder, parser, publish
 import frischid as fr
 from frischid.core.types import Array
 from frischid.effects import columns_of
-from frischid.forward.forward_dynamics import ForwardDynamics, Starts
+from frischid.forward.forward_dynamics import ForwardDynamics
+from frischid.forward.simulated_motion import Starts
 from frischid.forward.torque_sources import PositionController
 from frischid.logs.delayed_commands import velocity_of
 from frischid.regression.regressor import nominal_parameters

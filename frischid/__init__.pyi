@@ -21,12 +21,12 @@ from .export.drive_gains import find_gains as find_gains
 from .export.export import Export as Export
 from .export.export import export as export
 from .forward.forward_dynamics import ForwardDynamics as ForwardDynamics
-from .forward.forward_dynamics import Starts as Starts
 from .forward.motion_error import MotionComparison as MotionComparison
 from .forward.motion_error import compare_simulated as compare_simulated
 from .forward.output_error import OutputError as OutputError
 from .forward.output_error import output_error as output_error
 from .forward.shooting import OutputErrorOptions as OutputErrorOptions
+from .forward.simulated_motion import Starts as Starts
 from .forward.torque_sources import PositionController as PositionController
 from .forward.torque_sources import RecordedTorque as RecordedTorque
 from .logs.controller import PDController as PDController

@@ -67,6 +67,13 @@ class _Compiled:
         j = self.joints
         out[:, j] += self.values[which] * self.formula(q[:, j], v[:, j], a[:, j])
 
+    def add_each(self, out: Array, q: Array, v: Array) -> None:
+        """Add the torque of every set of parameters to `out`, (K, J, P)."""
+        j = self.joints
+        out[:, j] += (
+            np.broadcast_to(self.formula(q[:, j], v[:, j], 0.0 * v[:, j]), (len(q), len(j)))[..., None] * self.values.T
+        )
+
 
 class EffectTorques:
     """Torques of effects with P sets of parameters.
@@ -126,6 +133,40 @@ class EffectTorques:
             self._weights = general[:, kept], sharp[:, kept]
             self._regressor = Regressor(robot, known, reference)
             self._sharp_regressor = Regressor(robot, [e.with_sign_width(1e-3 * CRAWL) for e in known], reference)
+
+    @property
+    def of_one_joint(self) -> bool:
+        """Whether every effect's torque depends on the motion of its own joint alone."""
+        return self._general is None and self._sharp is None
+
+    @property
+    def bent(self) -> bool:
+        """Whether some torque depends on the state by more than the directions of the speeds and viscous friction."""
+        return bool(self.smooth or self.dry) or not self.of_one_joint
+
+    def smooth_of_each(self, now: Samples) -> Array:
+        """Smooth torque of every set of parameters at the same K states, (K, J, P)."""
+        out = self.constant.T + self.damping.T * now.v[..., None] + self.inertia.T * now.a[..., None]
+        for part in self.smooth:
+            part.add_each(out, now.q, now.v)
+        if self._general is not None:
+            out += self._regressor.evaluate(now).transpose(0, 2, 1) @ self._weights[0].T
+        return np.asarray(out)
+
+    def dry_of_each(self, now: Samples) -> tuple[Array, Array]:
+        """Dry friction of every set of parameters at the same K states, forwards and backwards, (K, J, P)."""
+        sides = [np.broadcast_to(level.T, (*now.q.shape, len(level))).copy() for level in self.levels]
+        for out, speed in zip(sides, (np.maximum(now.v, CRAWL), np.minimum(now.v, -CRAWL)), strict=True):
+            for part in self.dry:
+                part.add_each(out, now.q, speed)
+        if self._sharp is not None:
+            weights = self._weights[1].T
+            self._add_by_direction(now, sides, lambda Y: np.asarray(Y.transpose(0, 2, 1) @ weights))
+        for memory in self.remembered:
+            if memory.replaces:
+                sides[0] -= memory.size.T
+                sides[1] += memory.size.T
+        return sides[0], sides[1]
 
     def _add_delay(self, effect: Effect, values: Array) -> None:
         if effect.joints is None:
@@ -210,7 +251,10 @@ class EffectTorques:
                 for part in self.dry:
                     part.add(out, which, q, speed, none)
         if self._sharp is not None:
-            self._add_loaded(which, Samples(t, q, v, a, 0.0, extra), sides)
+            weights = self._weights[1][which]
+            self._add_by_direction(
+                Samples(t, q, v, a, 0.0, extra), sides, lambda Y: np.asarray(np.einsum("kcj,kc->kj", Y, weights))
+            )
         for memory in self.remembered:
             memory.reduce(which, *sides)
         forwards, backwards = sides
@@ -219,7 +263,7 @@ class EffectTorques:
             forwards, backwards = np.where(turned, level, forwards), np.where(turned, level, backwards)
         return DryFriction(forwards, backwards)
 
-    def _add_loaded(self, which: Worlds, now: Samples, sides: Sequence[Array]) -> None:
+    def _add_by_direction(self, now: Samples, sides: Sequence[Array], weighted: Callable[[Array], Array]) -> None:
         """Add dry friction without compiled columns. The load on a joint is that at the speeds of all joints.
 
         Only within the step of a reversal, the load is that of the arm at standstill.
@@ -227,12 +271,11 @@ class EffectTorques:
         v = now.v
 
         def friction(speed: Array) -> Array:
-            samples = Samples(now.t, now.q, speed, now.a, 0.0, now.extra)
-            return np.asarray(np.einsum("kcj,kc->kj", self._sharp_regressor.evaluate(samples), self._weights[1][which]))
+            return weighted(self._sharp_regressor.evaluate(Samples(now.t, now.q, speed, now.a, 0.0, now.extra)))
 
-        turned = friction(np.where(v > 0.0, -CRAWL, CRAWL))
-        sides[0][...] += np.where(v >= 0.0, friction(np.where(v == 0.0, CRAWL, v)), turned)
-        sides[1][...] += np.where(v <= 0.0, friction(np.where(v == 0.0, -CRAWL, v)), turned)
+        turned, speed = friction(np.where(v > 0.0, -CRAWL, CRAWL)), v.reshape(*v.shape, *[1] * (sides[0].ndim - 2))
+        sides[0][...] += np.where(speed >= 0.0, friction(np.where(v == 0.0, CRAWL, v)), turned)
+        sides[1][...] += np.where(speed <= 0.0, friction(np.where(v == 0.0, -CRAWL, v)), turned)
 
     def _evaluate_general(
         self, which: Worlds, t: Array, q: Array, v: Array, a: Array, extra: Mapping[str, Array]

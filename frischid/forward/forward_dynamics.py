@@ -17,7 +17,7 @@ Source: Moreau 1988, "Unilateral contact and dry friction in finite freedom dyna
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -29,6 +29,7 @@ from frischid.core.types import Array
 from frischid.effects.friction_memory import presliding
 from frischid.errors import InputError
 from frischid.forward.effect_torques import DryFriction, EffectTorques
+from frischid.forward.simulated_motion import Follower, SimulatedMotion, Starts, Step, delay_of, held_back
 from frischid.forward.stiction import solve, step_with_friction
 from frischid.forward.torque_sources import TorqueSource
 from frischid.logs.controller import REST
@@ -41,58 +42,6 @@ ACCELERATION_PASSES = 12
 """Evaluations of an acceleration: effects that are not linear in the acceleration are linearised about the last."""
 RUNAWAY = 1e4
 """Speed that no joint of a robot reaches, rad/s (m/s): the simulated motion is unstable."""
-
-
-@dataclass(frozen=True, eq=False)
-class SimulatedMotion:
-    """Motions of K simulated robots.
-
-    Attributes
-    ----------
-    t : ndarray, shape (N,)
-        Time since each motion's start, s.
-    q, v : ndarray, shape (K, N, J)
-        rad, rad/s (m, m/s); NaN after a motion became unstable.
-    unstable : ndarray, shape (K,)
-        Time at which a motion became unstable, s; infinite for a stable one.
-    """
-
-    t: Array
-    q: Array
-    v: Array
-    unstable: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Starts:
-    """Where K simulated robots start.
-
-    Attributes
-    ----------
-    q, v : ndarray, shape (K, J)
-        rad, rad/s (m, m/s).
-    t : ndarray, shape (K,), optional
-        Time of each start on the source's clock, s; zero by default.
-    which : ndarray of int, shape (K,), optional
-        Set of parameters of each robot; the first by default.
-    remembered : sequence of ndarray, shape (K, J), optional
-        State of each effect with memory, from `ForwardDynamics.remembered`; by default, each joint has moved a long
-        way in the direction of its speed.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import frischid as fr
-    >>> hanging = fr.Starts(q=np.zeros((1, 2)), v=np.array([[0.1, 0.0]]))
-    >>> hanging.v.shape
-    (1, 2)
-    """
-
-    q: Array
-    v: Array
-    t: Array | None = None
-    which: NDArray[np.intp] | None = None
-    remembered: Sequence[Array] | None = None
 
 
 @dataclass(eq=False)
@@ -117,6 +66,7 @@ class _Balance(NamedTuple):
 
 
 Drive = Callable[[_Moving, Array, Array, Array, float], Array]
+Recorded = Callable[[NDArray[np.intp], Array, Array, Array], Array]
 
 
 class ForwardDynamics:
@@ -170,7 +120,7 @@ class ForwardDynamics:
         self.model, self.robot = model, robot
         self.effects = EffectTorques(robot, model.effects, values, model.reference)
         self.rigid = MassMatrices(robot, values[:, :rigid])
-        self._extra, self._begin = dict(extra or {}), begin
+        self._extra, self.begin = dict(extra or {}), begin
         self._channels = sorted({c for e in model.effects for c in e.channels(robot)})
         for name in self._channels:
             if name.startswith(REST):  # the source has this torque, of the simulated speed
@@ -233,7 +183,13 @@ class ForwardDynamics:
         return state.a
 
     def simulate(
-        self, source: TorqueSource, starts: Starts, t: Array, *, step: float = LARGEST_STEP
+        self,
+        source: TorqueSource,
+        starts: Starts,
+        t: Array,
+        *,
+        step: float = LARGEST_STEP,
+        follower: Follower | None = None,
     ) -> SimulatedMotion:
         """Move K robots under a source of torque.
 
@@ -245,6 +201,8 @@ class ForwardDynamics:
             Times since the start at which the motion is wanted, s: increasing, the first zero.
         step : float
             Longest step of the integration, s.
+        follower : Follower, optional
+            Sees every step, for example `frischid.forward.tangents.Tangents`.
 
         Returns
         -------
@@ -267,7 +225,11 @@ class ForwardDynamics:
             for k, gap in enumerate(np.diff(t), start=1):
                 count = max(1, int(np.ceil(gap / step - 1e-9)))
                 for _ in range(count):
-                    self._advance(state, drive, gap / count)
+                    taken = self._advance(state, drive, gap / count)
+                    if follower is not None:
+                        follower.follow(taken)
+                if follower is not None:
+                    follower.note()
                 if not np.abs(state.v).max() < RUNAWAY:
                     away = ~(np.abs(state.v) < RUNAWAY).all(axis=1)
                     unstable[away] = np.minimum(unstable[away], t[k])
@@ -288,47 +250,51 @@ class ForwardDynamics:
         z = [np.sign(v) for _ in self.effects.remembered] if starts.remembered is None else list(starts.remembered)
         return _Moving(t, q, v, np.zeros_like(q), which, z)
 
-    def _drive(self, source: TorqueSource) -> Drive:
-        """Torque that acts in a step: the source's, shifted by the delay of the log and held back by its own."""
-        shift, back = self.effects.delay, float(getattr(source, "delay", 0.0))
+    def recorded(self, source: TorqueSource) -> Recorded:
+        """Torque (K, J) of a source for robots at times, positions and velocities, ahead by the delay of the log."""
+        shift = self.effects.delay
         equal, any_shift = bool((shift == shift[:, :1]).all()), bool(shift.any())
 
-        def recorded(s: _Moving, t: Array, q: Array, v: Array) -> Array:
+        def torque(which: NDArray[np.intp], t: Array, q: Array, v: Array) -> Array:
             if not any_shift:
                 return source.torque(t, q, v)
-            ahead = shift[s.which]
+            ahead = shift[which]
             if equal:
                 return source.torque(t + ahead[:, 0], q, v)
             each = [source.torque(t + ahead[:, j], q, v)[:, j] for j in range(q.shape[1])]
             return np.stack(each, axis=1)
 
+        return torque
+
+    def _drive(self, source: TorqueSource) -> Drive:
+        """Torque that acts in a step: the source's, shifted by the delay of the log and held back by its own."""
+        recorded, back = self.recorded(source), delay_of(source)
+
         def drive(s: _Moving, t: Array, q: Array, v: Array, h: float) -> Array:
-            now = recorded(s, t, q, v)
-            if back == 0.0:
-                return now
-            whole, share = int(back / h), back / h - int(back / h)
-            s.given = [*s.given[-(whole + 1) :], now]
-            late, later = (s.given[max(0, len(s.given) - 1 - n)] for n in (whole, whole + 1))
-            return np.asarray((1.0 - share) * late + share * later)
+            now = recorded(s.which, t, q, v)
+            return now if back == 0.0 else held_back(s.given, now, back / h)
 
         return drive
 
+    def extra_at(self, t: Array) -> dict[str, Array]:
+        """Further channels that effects read, at times (K,) on the source's clock."""
+        return {name: np.interp(t, *self._extra[name]) for name in self._channels}
+
     def _balance(self, s: _Moving, q: Array, v: Array, t: Array) -> _Balance:
         inertia, bias = self.rigid(s.which, q, v)
-        extra = {name: np.interp(t, *self._extra[name]) for name in self._channels}
-        smooth, slope, dry = self.effects.at(s.which, t - self._begin, q, v, s.a, extra)
+        smooth, slope, dry = self.effects.at(s.which, t - self.begin, q, v, s.a, self.extra_at(t))
         np.einsum("kii->ki", inertia)[...] += self.effects.inertia[s.which]
         return _Balance(inertia if slope is None else inertia + slope, bias + smooth, dry)
 
-    def _advance(self, s: _Moving, drive: Drive, h: float) -> None:
+    def _advance(self, s: _Moving, drive: Drive, h: float) -> Step:
         """Move all robots by one step."""
         middle, half = s.q + 0.5 * h * s.v, 0.5 * h
         v = s.v + half * s.a
         v = np.where(v * s.v > 0.0, v, 0.0)  # friction decides about a reversal, not the extrapolation
         inertia, bias, dry = self._balance(s, middle, v, s.t + half)
-        for n, memory in enumerate(self.effects.remembered):
-            s.z[n] = memory.moved(s.z[n], half * s.v)
-            bias += memory.torque(s.which, middle, s.z[n])
+        z = [x.moved(y, half * s.v) for x, y in zip(self.effects.remembered, s.z, strict=True)]
+        for memory, y in zip(self.effects.remembered, z, strict=True):
+            bias += memory.torque(s.which, middle, y)
         damping = np.maximum(self.effects.damping[s.which], 0.0)
         bias += damping * (s.v - v)
         push = np.einsum("kij,kj->ki", inertia, s.v) + h * (drive(s, s.t + half, middle, v, h) - bias)
@@ -338,7 +304,8 @@ class ForwardDynamics:
             after = solve(inertia, push)
         else:
             after = step_with_friction(inertia, push, s.v, (h * dry.forwards, h * dry.backwards))
-        for n, memory in enumerate(self.effects.remembered):
-            s.z[n] = memory.moved(s.z[n], half * after)
-        s.a = np.where((after != 0.0) & (s.v * after >= 0.0), (after - s.v) / h, 0.0)
+        step = Step(h, s.which, s.t + half, middle, v, s.a, s.v, s.z, z, inertia, damping, dry, after)
+        s.z = [x.moved(y, half * after) for x, y in zip(self.effects.remembered, z, strict=True)]
+        s.a = np.where(step.keeps_on, (after - s.v) / h, 0.0)
         s.q, s.v, s.t = middle + half * after, after, s.t + h
+        return step

@@ -23,7 +23,8 @@ from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.forward.commanded_motion import follows_commands, moved
-from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics, Starts
+from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics
+from frischid.forward.simulated_motion import Starts
 from frischid.forward.torque_sources import TorqueSource
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.mapping import MappingLike

@@ -4,7 +4,7 @@
 
 The logs are cut into stretches. In each, the model moves from the measured start s_k, under the recorded torque or, in
 a log of commands, under its controller. No acceleration and no filter is needed. Gauss-Newton starts at the linear
-answer. Derivatives are differences of simulations that move at once.
+answer. `frischid.forward.tangents` carries the derivatives along the simulation.
 
 The singular values of the Jacobian say what the motion determines: J = U diag(s) Vᵀ in units of the linear answer's
 standard errors and of the rms residual. Of a direction with s < 1 the motion knows less
@@ -185,7 +185,7 @@ class _Fit(NamedTuple):
 
 def _weighted(shooting: Shooting, z: Array) -> Array:
     """Weight each joint by its rms error (J,), and return these errors."""
-    rms = np.sqrt((shooting.residuals(z[None]) ** 2).mean(axis=(0, 1, 2)))
+    rms = np.sqrt((shooting.residuals(z) ** 2).mean(axis=(0, 1)))
     if not np.isfinite(rms).all():
         shooting.jacobian(z)  # says why
     shooting.weights = shooting.weights * np.maximum(rms, SMALLEST_PATH)
@@ -221,11 +221,11 @@ def _fit(shooting: Shooting, z: Array, V: Array) -> Array:
     if not V.shape[1]:
         return z
 
-    size = shooting.residuals(z[None]).size
+    size = shooting.residuals(z).size
 
     def errors(x: Array) -> Array:
         try:
-            r = shooting.residuals((z + V @ x)[None]).ravel()
+            r = shooting.residuals(z + V @ x).ravel()
         except InputError:  # a step too far: no robot has such inertias, and nothing can be simulated
             return np.full(size, UNSTABLE_ERROR)
         return np.where(np.isfinite(r), r, UNSTABLE_ERROR)

@@ -23,7 +23,9 @@ from numpy.typing import NDArray
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.forward.commanded_motion import moved
-from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics, Starts
+from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics
+from frischid.forward.simulated_motion import Starts
+from frischid.forward.tangents import Tangents
 from frischid.forward.torque_sources import TorqueSource
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
@@ -51,8 +53,6 @@ class OutputErrorOptions:
         Most stretches per log, spread evenly.
     step : float
         Longest step of the integration, s.
-    difference : float
-        Step of the derivatives, in standard errors of the linear answer.
     rounds : int
         Fits; after each, the positions of each joint are weighted by the joint's own rms error.
     iterations : int
@@ -69,7 +69,6 @@ class OutputErrorOptions:
     samples: int = 40
     stretches: int = 40
     step: float = LARGEST_STEP
-    difference: float = 0.1
     rounds: int = 2
     iterations: int = 15
 
@@ -117,61 +116,63 @@ class Shooting:
         """L of θ = θ_linear + L z."""
         return np.asarray(np.linalg.cholesky(self.model.estimate.covariance))
 
-    def theta(self, z: Array) -> Array:
-        """Values of all columns (..., C) at scaled parameters (..., p)."""
-        full = np.zeros((*z.shape[:-1], len(self.model.full_theta)))
-        full[..., list(self.model.base)] = self.model.estimate.theta + z @ self.root.T
+    @cached_property
+    def _directions(self) -> Array:
+        """Change of the values of all columns with z, (C, p)."""
+        full = np.zeros((len(self.model.full_theta), len(self.root)))
+        full[list(self.model.base)] = self.root
         return full
 
     def errors(self) -> Array:
         """Rms error of the simulated positions of the linear answer, (J,), rad (m); infinite where unstable."""
-        r = self._simulated(self.model.full_theta[None])[0]
+        r = self._simulated(np.zeros(len(self.root)))
         squares = (np.where(np.isfinite(r), r, np.inf) ** 2).sum(axis=(0, 1))
         return np.asarray(np.sqrt(squares / sum(len(cut.first) * len(cut.samples) for cut in self.cuts)))
 
-    def residuals(self, zs: Array) -> Array:
-        """Scaled errors of positions (P, stretches, samples, J) for parameters (P, p); zero after a shorter stretch."""
-        return self._simulated(self.theta(zs)) / self.weights
+    def residuals(self, z: Array) -> Array:
+        """Scaled errors of positions (stretches, samples, J) for parameters (p,); zero after a shorter stretch."""
+        return self._simulated(z) / self.weights
 
-    def _simulated(self, thetas: Array) -> Array:
-        """Errors of positions (P, stretches, samples, J) for values of all columns (P, C), rad (m)."""
-        done, J, P = 0, len(self.weights), len(thetas)
+    def _simulated(self, z: Array, slopes: Array | None = None) -> Array:
+        """Errors of positions (stretches, samples, J), rad (m); `slopes` gets their derivatives (..., p)."""
+        done, J = 0, len(self.weights)
         widest = max(len(cut.samples) for cut in self.cuts)
-        out = np.zeros((P, sum(len(cut.first) for cut in self.cuts), widest, J))
+        out = np.zeros((sum(len(cut.first) for cut in self.cuts), widest, J))
+        theta = self.model.full_theta + self._directions @ z
         for motion, source, first, samples in self.cuts:
-            S = len(first)
+            part = slice(done, done + len(first)), slice(len(samples))
             extra = {name: (motion.t, values) for name, values in motion.extra.items()}
-            forward = ForwardDynamics(self.model, thetas, extra=extra, begin=motion.start)
+            forward = ForwardDynamics(self.model, theta[None], extra=extra, begin=motion.start)
             speed = np.where(motion.standstill, 0.0, motion.v)  # the measured speed of standstill is noise
-            q, v = (np.tile(x[first], (P, 1)) for x in (motion.q, speed))
-            remembered = [np.tile(z, (P, 1)) for z in forward.remembered(motion.t, motion.v, first)]
-            begin = Starts(q, v, np.tile(motion.t[first], P), np.repeat(np.arange(P), S), remembered)
+            begin = Starts(
+                motion.q[first], speed[first], motion.t[first], remembered=forward.remembered(motion.t, motion.v, first)
+            )
             times = np.asarray(samples * motion.step, dtype=np.float64)
-            found = forward.simulate(source, begin, times, step=self.options.step).q
-            error = found.reshape(P, S, len(samples), J) - motion.q[first[:, None] + samples]
-            out[:, done : done + S, : len(samples)] = error
-            done += S
+            tangents = None if slopes is None else Tangents(forward, self._directions, source, len(first))
+            found = forward.simulate(source, begin, times, step=self.options.step, follower=tangents).q
+            out[part] = found - motion.q[first[:, None] + samples]
+            if slopes is not None and tangents is not None:
+                slopes[part[0], 1 : len(samples)] = np.stack(tangents.noted, axis=1)
+            done += len(first)
         return out
 
     def jacobian(self, z: Array) -> Jacobian:
-        """Residuals and their derivatives.
+        """Residuals and their derivatives (`frischid.forward.tangents`).
 
         Raises
         ------
         InputError
             A simulated motion is unstable.
         """
-        d, p = self.options.difference, len(z)
-        r = self.residuals(np.concatenate([z[None], z + d * np.eye(p)]))
-        if not np.isfinite(r).all():
+        shape = sum(len(cut.first) for cut in self.cuts), max(len(cut.samples) for cut in self.cuts)
+        slopes = np.zeros((*shape, len(self.weights), len(z)))
+        r = self._simulated(z, slopes) / self.weights
+        if not (np.isfinite(r).all() and np.isfinite(slopes).all()):
             raise InputError(
                 "the simulated motion is unstable while it is fitted: the torque recorded in the logs moves the model "
                 "away within one stretch; give a shorter horizon, or identify with the URDF as a prior first"
             )
-        S = r.shape[1]
-        r = r.reshape(p + 1, S, -1)
-        m = r.shape[2]
+        S, m = shape[0], shape[1] * len(self.weights)
         pieces = min(m, -(-FEWEST_PIECES // S))  # of a stretch, where stretches are few
-        piece = (np.arange(S)[:, None] * pieces + np.arange(m) * pieces // m).ravel()
-        slopes = (r[1:] - r[0]).reshape(p, -1).T / d
-        return Jacobian(slopes, r[0].ravel(), piece)
+        piece = np.asarray((np.arange(S)[:, None] * pieces + np.arange(m) * pieces // m).ravel())
+        return Jacobian((slopes / self.weights[:, None]).reshape(-1, len(z)), r.ravel(), piece)

@@ -93,6 +93,28 @@ class MassMatrices:
             return mass, bias
         return self._followers.T @ mass @ self._followers, bias @ self._followers
 
+    def slopes(self, which: NDArray[np.intp], q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+        """Derivatives of the torque of the links by position and by velocity, each (K, J, J).
+
+        Parameters
+        ----------
+        which : ndarray of int, shape (K,)
+            Set of parameters of each state.
+        q, v, a : ndarray, shape (K, J)
+            Positions, rad (m), velocities and accelerations.
+        """
+        x = np.ascontiguousarray(q) if self._plain else self.robot.configuration(q)
+        rates, seconds = (y if self._followers is None else self.robot.full_rates(y) for y in (v, a))
+        L = len(self.robot.bodies)
+        by_q, by_v = np.empty((2, len(q), L, L))
+        for k, p in enumerate(which.tolist()):
+            model, data = self._models[p]
+            by_q[k], by_v[k], _ = pin.computeRNEADerivatives(model, data, x[k], rates[k], seconds[k])
+        if self._followers is None:
+            return by_q, by_v
+        F = self._followers
+        return F.T @ by_q @ F, F.T @ by_v @ F
+
 
 def _whole(robot: Robot, columns: Array) -> Array:
     """Values of ``robot.all_names``, (P, 10 L), from those of ``robot.columns``."""

@@ -23,7 +23,8 @@ from frischid.export.export import export
 from frischid.export.mjcf_effects import effects_source
 from frischid.export.mjcf_share import forces, share_of
 from frischid.export.reach import beside, left_out
-from frischid.forward.forward_dynamics import ForwardDynamics, Starts
+from frischid.forward.forward_dynamics import ForwardDynamics
+from frischid.forward.simulated_motion import Starts
 from frischid.forward.torque_sources import RecordedTorque
 from frischid.regression.regressor import Regressor
 from frischid.robot.kinematic_tree import bodies_of

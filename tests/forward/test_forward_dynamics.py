@@ -10,7 +10,8 @@ from cases import exact_log, quick, random_values, robot
 import frischid as fr
 from frischid.effects import EFFECTS, parse_effects
 from frischid.errors import InputError
-from frischid.forward.forward_dynamics import ForwardDynamics, Starts
+from frischid.forward.forward_dynamics import ForwardDynamics
+from frischid.forward.simulated_motion import Starts
 from frischid.forward.torque_sources import PositionController, RecordedTorque, TorqueFunction
 from frischid.motions.simulation import parameters_of
 

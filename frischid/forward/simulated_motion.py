@@ -1,0 +1,120 @@
+"""Where simulated robots start, how they move, and one step between: what a simulation and its followers share.
+
+held back by d:   τ(t) = the torque that was given at t − d, between two steps of the integration
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.core.types import Array
+from frischid.forward.effect_torques import DryFriction
+from frischid.forward.torque_sources import TorqueSource
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedMotion:
+    """Motions of K simulated robots.
+
+    Attributes
+    ----------
+    t : ndarray, shape (N,)
+        Time since each motion's start, s.
+    q, v : ndarray, shape (K, N, J)
+        rad, rad/s (m, m/s); NaN after a motion became unstable.
+    unstable : ndarray, shape (K,)
+        Time at which a motion became unstable, s; infinite for a stable one.
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    unstable: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Starts:
+    """Where K simulated robots start.
+
+    Attributes
+    ----------
+    q, v : ndarray, shape (K, J)
+        rad, rad/s (m, m/s).
+    t : ndarray, shape (K,), optional
+        Time of each start on the source's clock, s; zero by default.
+    which : ndarray of int, shape (K,), optional
+        Set of parameters of each robot; the first by default.
+    remembered : sequence of ndarray, shape (K, J), optional
+        State of each effect with memory, from `ForwardDynamics.remembered`; by default, each joint has moved a long
+        way in the direction of its speed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> hanging = fr.Starts(q=np.zeros((1, 2)), v=np.array([[0.1, 0.0]]))
+    >>> hanging.v.shape
+    (1, 2)
+    """
+
+    q: Array
+    v: Array
+    t: Array | None = None
+    which: NDArray[np.intp] | None = None
+    remembered: Sequence[Array] | None = None
+
+
+class Step(NamedTuple):
+    """One step of K robots: its length `h`, what was before it, its middle, and the velocities after it.
+
+    `t`, `q` and `v` belong to the middle, and so does `z`, the state of each effect with memory. `a` is the
+    acceleration about which effects are linearised. `inertia` holds the damping of half a step.
+    """
+
+    h: float
+    which: NDArray[np.intp]
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    v_before: Array
+    z_before: list[Array]
+    z: list[Array]
+    inertia: Array
+    damping: Array
+    dry: DryFriction | None
+    v_after: Array
+
+    @property
+    def keeps_on(self) -> NDArray[np.bool_]:
+        """Joints (K, J) that move after the step, in the direction of before."""
+        return np.asarray((self.v_after != 0.0) & (self.v_before * self.v_after >= 0.0))
+
+
+class Follower(Protocol):
+    """Something that follows a simulation step by step."""
+
+    def follow(self, step: Step) -> None:
+        """See one step."""
+
+    def note(self) -> None:
+        """See that a wanted time is reached."""
+
+
+def delay_of(source: TorqueSource) -> float:
+    """Time by which a source's torque acts late, s."""
+    return float(getattr(source, "delay", 0.0))
+
+
+def held_back(given: list[Array], now: Array, steps: float) -> Array:
+    """What was given `steps` steps of the integration ago, between two steps; `given` keeps what later steps need."""
+    whole, share = int(steps), steps - int(steps)
+    given.append(now)
+    del given[: -(whole + 2)]
+    late, later = (given[max(0, len(given) - 1 - n)] for n in (whole, whole + 1))
+    return np.asarray((1.0 - share) * late + share * later)
