@@ -30,7 +30,7 @@ from frischid.forward.simulated_motion import Step, delay_of, held_back
 from frischid.forward.torque_sources import RecordedTorque, TorqueSource
 from frischid.regression.block import Samples
 
-APART = 1e-6
+CLOSE_BY = 1e-6
 """rad, rad/s, rad/s² (m, m/s, m/s²), s: half the distance of a central difference."""
 
 
@@ -186,7 +186,7 @@ class Tangents:
 
 
 def _central(function: Callable[[float], Array]) -> Array:
-    return np.asarray((function(APART) - function(-APART)) / (2 * APART))
+    return np.asarray((function(CLOSE_BY) - function(-CLOSE_BY)) / (2 * CLOSE_BY))
 
 
 def _remembered(distance: float, z: Array, path: Array, by_z: Array, by_path: Array) -> Array:
