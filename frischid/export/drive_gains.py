@@ -252,7 +252,7 @@ def _measured(log: Log, robot: Robot, channel: str) -> Log:
     if values is None or np.isnan(values).any():
         raise InputError(
             f"{log.source}: neither current_<joint> nor tau_<joint> for all of {', '.join(robot.joints)}; drive gains "
-            "need one of them in every log"
+            "need one of them in every log, or commanded positions qcmd_<joint> and their controller (--controller pd)"
         )
     return replace(chosen, tau=values)
 
