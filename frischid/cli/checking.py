@@ -84,6 +84,7 @@ def check(
             machine,
             data,
             controller=controller.read(names_of(machine)),
+            currents=controller.currents(names_of(machine)),
             torque_joints=matching(torque_joints, machine.joints),
             progress=progress,
         )

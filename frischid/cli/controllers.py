@@ -17,6 +17,7 @@ from frischid.errors import InputError
 
 if TYPE_CHECKING:
     from frischid.logs.controller import PDController
+    from frischid.logs.current_gains import CurrentGains
 
 KEYS = {
     "kp": "kp",
@@ -27,6 +28,8 @@ KEYS = {
     "delay_doubt": "delay_doubt",
 }
 """Option -> field of `PDController`."""
+SIGNALS = ("current", "voltage")
+"""Drives whose torque is a gain times a signal of the log."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class ControllerArguments:
     Attributes
     ----------
     controller : str or None
-        ``pd``, or a TOML file.
+        ``pd``, ``current``, ``voltage``, or a TOML file.
     values : dict of str to str
         Option -> a number, or ``JOINT=VALUE,...``; options that were not given are absent.
     held : bool
@@ -46,6 +49,32 @@ class ControllerArguments:
     controller: str | None
     values: dict[str, str]
     held: bool = False
+    gain: str | None = None
+
+    def currents(self, joints: Sequence[str]) -> CurrentGains | None:
+        """The torque per ampere or volt that ``--gain`` names; None without it.
+
+        Parameters
+        ----------
+        joints : sequence of str
+            All joints of the robot, against which names and patterns are matched.
+
+        Raises
+        ------
+        InputError
+            The controller has no such gain, or a value is not usable.
+        """
+        from frischid.logs.current_gains import CurrentGains
+
+        if self.gain is None:
+            return None
+        if self.controller not in SIGNALS:
+            raise InputError(
+                "--gain is the torque per ampere or volt; add --controller current or --controller voltage"
+            )
+        found = _values("gain", self.gain, joints)
+        each = found if isinstance(found, Mapping) else dict.fromkeys(joints, found)
+        return CurrentGains({n: x for n, x in each.items() if x is not None})
 
     def read(self, joints: Sequence[str]) -> PDController | None:
         """The controller; None without one.
@@ -69,12 +98,19 @@ class ControllerArguments:
             if options:
                 raise InputError(f"{options} describes a controller; add --controller pd (or --controller FILE.toml)")
             return None
+        if self.controller in SIGNALS:
+            if options:
+                raise InputError(
+                    f"{options} is of a controller of positions (--controller pd); a drive of {self.controller} has "
+                    "--gain alone"
+                )
+            return None
         path = Path(self.controller)
         if self.controller != "pd" and not path.suffix and not path.exists():
             raise InputError(
                 f"--controller {shortened(self.controller)}: there is no such controller; give pd "
-                "(kp, kd, saturation, dead band and delay are its options), or a TOML file that describes one. For "
-                "logs of currents or voltages, see frischid map"
+                "(kp, kd, saturation, dead band and delay are its options), current or voltage (with --gain), or a "
+                "TOML file that describes a pd controller"
             )
         found = PDController() if self.controller == "pd" else PDController.load(self.controller)
         values: dict[str, Any] = {KEYS[name]: _values(name, text, joints) for name, text in self.values.items()}
@@ -101,18 +137,24 @@ def controller_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options of a controller; the command gets them as ``controller``, a `ControllerArguments`."""
 
     @functools.wraps(command)
-    def collected(*args: Any, controller: str | None, held_commands: bool, **given: Any) -> Any:
+    def collected(*args: Any, controller: str | None, held_commands: bool, gain: str | None, **given: Any) -> Any:
         values = {name: text for name in KEYS if (text := given.pop(name)) is not None}
-        return command(*args, controller=ControllerArguments(controller, values, held_commands), **given)
+        return command(*args, controller=ControllerArguments(controller, values, held_commands, gain), **given)
 
     each = "one number, or JOINT=VALUE,... (* and ? match)."
     options = [
         click.option(
             "--controller",
             type=InputPath(),
-            metavar="pd|FILE",
-            help="The controller that turns commands into torque, for logs of commanded positions (qcmd_<joint>) "
-            "without torque: pd, or a TOML file.",
+            metavar="pd|current|voltage|FILE",
+            help="What makes torque, for logs without torque. Commanded positions (qcmd_<joint>): pd, or a TOML file. "
+            "Drives of current or voltage (current_<joint>): current, or voltage.",
+        ),
+        click.option(
+            "--gain",
+            metavar="VALUES",
+            help=f"With a drive of current or voltage, torque per ampere or volt, N·m/A (N·m/V): {each} Gains that are "
+            "left out are found from the URDF's masses.",
         ),
         click.option(
             "--kp",

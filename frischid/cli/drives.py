@@ -67,6 +67,8 @@ def gains(
     with working(as_json) as progress:
         progress("reading logs")
         machine, without = load(robot, RobotArguments(**options), unloaded, mapping, progress=progress)
+        named = controller.currents(names_of(machine))
+        given |= {} if named is None else named.gain
         carrying = read(loaded, machine, mapping, progress)
         progress("drive gains")
         found = find_gains(

@@ -164,6 +164,7 @@ def identify(
             window=window,
             force=force,
             controller=controller.read(names_of(machine)),
+            currents=controller.currents(names_of(machine)),
             progress=progress,
         )
         if simulated:

@@ -19,6 +19,7 @@ from frischid.core.remembered import Remembered
 from frischid.effects import BASELINE
 from frischid.errors import InputError
 from frischid.logs.controller import PDController
+from frischid.logs.current_gains import CurrentGains
 from frischid.logs.cutoff_choice import choose_lowpass
 from frischid.logs.driven import driven
 from frischid.logs.filters import LowPass
@@ -45,6 +46,7 @@ def check(
     logs: Logs,
     *,
     controller: PDController | None = None,
+    currents: CurrentGains | None = None,
     torque_joints: Sequence[str] | None = None,
     mapping: MappingLike = None,
     progress: Callable[[str], None] = lambda _: None,
@@ -58,6 +60,8 @@ def check(
         A long one is examined piece by piece: see `frischid.checks.long_log`.
     controller : PDController, optional
         Makes the torque of logs that hold commanded positions and no torque.
+    currents : CurrentGains, optional
+        Torque per ampere, or per volt, of joints whose logs hold such a signal and no torque.
     torque_joints : sequence of str, optional
         Joints whose torque is judged, all by default; the others only move.
     mapping : LogMap, mapping or path of a TOML file, optional
@@ -89,7 +93,7 @@ def check(
     if controller is not None:
         controller.check_joints((*robot.joints, *robot.locked))
     found: list[str] = []
-    logs = driven(logs, known_controller(robot, logs, IdentifyOptions(controller=controller), found))
+    logs = driven(logs, known_controller(robot, logs, IdentifyOptions(controller=controller), found), currents)
     robot, locked = held_by(robot, logs)
     locked += found
 

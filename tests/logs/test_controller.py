@@ -266,11 +266,32 @@ def test_the_command_line(tmp_path, measured, robot, monkeypatch):
         (["--controller", "wrong.toml"], "unknown key 'kq'"),
         (["--controller", "none.toml"], "the controller file cannot be read"),
         (["--controller", "pid"], "there is no such controller; give pd"),
+        (["--controller", "current", "--kp", "20"], "--kp is of a controller of positions"),
+        (["--gain", "20"], "add --controller current"),
+        (["--controller", "voltage", "--gain", "elbow=20"], "unknown joint 'elbow'"),
     ]:
         done = run(*words)
         assert done.exit_code == 2
         assert message in done.output
         assert "Traceback" not in done.output
+
+
+def test_drives_of_current_and_voltage_are_named(tmp_path, measured, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    log, gains = measured[0], np.array([10.0, 5.0])
+    fr.write_log(replace(log, tau=None, qcmd=None, current=log.tau / gains, sha256=None), "drives.parquet")
+    for kind, words in (("current", ["--gain", "joint1=10,joint2=5"]), ("voltage", ["--gain", "joint*=10"])):
+        done = CliRunner().invoke(
+            main, ["identify", "planar2", "drives.parquet", "--controller", kind, *words, "-o", f"{kind}.json"]
+        )
+        assert done.exit_code == 0, done.output
+        told = fr.Model.load(f"{kind}.json").currents
+        assert told.gain["joint1"] == 10.0
+        assert not told.doubt
+    done = CliRunner().invoke(main, ["check", "planar2", "drives.parquet", "--controller", "current", "--gain", "10"])
+    assert "torque of 2 joints from their currents" in done.output
+    open_gains = CliRunner().invoke(main, ["identify", "planar2", "drives.parquet", "--controller", "current"])
+    assert "from the URDF's masses" in open_gains.output
 
 
 def test_cut_writes_two_logs(tmp_path, measured, monkeypatch):
