@@ -8,8 +8,8 @@ to first order,
 with the controller's gains kp and kd in closed loop, and zero in open loop. So the effects that explain r are those
 that explain e, and the search of `frischid.diagnosis.diagnosis` serves both: its ranking and its probabilities need no
 simulation. But r and e weigh frequencies and joints differently, and a user of the simulated motion wants to know the
-error of the motion. So each probable finding is added to the model, the model is fitted again, and both simulate the
-logs: over stretches of the same length, from the measured state.
+error of the motion. So each finding that adds likelihood is added to the model, the model is fitted again, and both
+simulate the logs: over stretches of the same length, from the measured state.
 
 Sources: as `frischid.diagnosis.diagnosis`; Ljung 1999, System Identification, 2nd edition, section 3.2, on errors of
 one-step prediction and of simulation.
@@ -40,8 +40,6 @@ from frischid.model.model import Model
 
 HORIZON = 1.0
 """s. Length of a simulated stretch by default: an arm of a metre swings once."""
-SIMULATED = 5
-"""Findings that are added and simulated, the most probable first: the table of a terminal page has ten."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +91,7 @@ class MotionDiagnosis(Shown):
     joints : dict of str to float
         Rms error of the positions that the model simulates, rad (m).
     findings : tuple of SimulatedFinding
-        The most probable findings, in the diagnosis's order.
+        The findings that add likelihood, in the diagnosis's order.
     horizon : float
         Length of the simulated stretches, s.
     closed : bool
@@ -145,7 +143,7 @@ def simulate_findings(
     progress: Callable[[str], None] = lambda _: None,
     mapping: MappingLike = None,
 ) -> MotionDiagnosis:
-    """Add each probable finding of a diagnosis to the model, and simulate the motion with it and without it.
+    """Add each finding of a diagnosis to the model, and simulate the motion with it and without it.
 
     Parameters
     ----------
@@ -189,7 +187,7 @@ def simulate_findings(
     progress("simulating the model")
     before = simulated_error(model, shown, options)
     findings = []
-    for finding in [f for f in found.findings if f.members and f.gain > 0][:SIMULATED]:
+    for finding in [f for f in found.findings if f.members and f.gain > 0]:
         progress(f"simulating {finding.effect}")
         findings.append(_simulated(finding, (model, logs, found.situation), (shown, options), before))
     closed = all(follows_commands(model.controller, log, model.robot.joints) for log in shown)

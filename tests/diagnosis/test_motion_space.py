@@ -47,6 +47,7 @@ def test_commands_that_act_late_are_named_and_correct_the_delay():
     assert (found.verdict, found.findings[0].effect, found.findings[0].joints) == ("effect", "command_delay", ())
     assert not any(f.effect == "time_delay" for f in found.findings)  # no torque was recorded, so none is late
     moved = fr.simulate_findings(model, found, logs)
+    assert [x.finding for x in moved.findings] == [f for f in found.findings if f.members and f.gain > 0]
     assert moved.closed
     assert moved.findings[0].ratio < 0.3
     step = fr.add(model, found.findings[0].members, logs)
