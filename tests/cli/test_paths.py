@@ -27,7 +27,7 @@ NO_FILES = {
     "export.box", "consistent.box", "studio.host",
     *(f"{command}.{option}" for command in COMMANDS for option in (
         "joints", "lock", "frames", "known", "effects", "torque_joints", "cutoff", "scheduler", "kp", "kd",
-        "effort_limit", "dead_band", "delay", "delay_doubt")),
+        "effort_limit", "dead_band", "delay", "delay_doubt", "gain")),
 }  # fmt: skip
 """Parameters whose text is no name of a file: a new one is put here, or gets the type of a path."""
 MADE_UP = {"payload": "1.0", "effect": "viscous", "name": "planar"}
