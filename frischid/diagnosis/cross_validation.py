@@ -5,11 +5,13 @@ The held-out error of joint j in fold f is a quadratic form of the fold's moment
     SSE_fj = d ᵀ [Y τ]ᵀ[Y τ] d,    d = (θ of the other folds, −1),
 
 and so is the error with a candidate (`weighted_fit` gives its coefficients). A thousand candidates are scored in a
-second. The evidence for a candidate is the log likelihood ratio on held-out data,
+second. The evidence for a candidate is a log likelihood ratio,
 
     Λ = ½ Σ_j (n_j / ℓ_j) log(SSE_j before / SSE_j after),
 
-with n_j rows and ℓ_j the correlation time of the residual: n_j / ℓ_j samples are *effectively independent*.
+with n_j rows and ℓ_j the correlation time of the residual: n_j / ℓ_j samples are *effectively independent*. Λ is
+computed twice, and the smaller one counts (`scored_candidate`): with held-out errors, and with those of the fit to all
+folds.
 
 Source: Stone 1974, "Cross-validatory choice and assessment of statistical predictions", J. R. Stat. Soc. B 36(2).
 """
@@ -29,7 +31,7 @@ from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.candidate_fits import CandidateFit, Fits, candidate_fits
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
-from frischid.diagnosis.dataset import Moments, RegressionData
+from frischid.diagnosis.dataset import RegressionData
 from frischid.diagnosis.model_columns import ModelColumns
 from frischid.diagnosis.motion_cache import MotionCache
 from frischid.diagnosis.shape_screening import screened
@@ -46,9 +48,20 @@ from frischid.model.standstill_joints import STANDSTILL_LOG, rows_of
 
 
 class Score(NamedTuple):
-    """Held-out sum of squared residuals with a candidate, (folds, J), and its coefficients fitted to all data, (k,)."""
+    """Sums of squared residuals with a candidate, and its coefficients.
+
+    Attributes
+    ----------
+    sse : ndarray, shape (folds, J)
+        Of each fold under the fit to the others.
+    sse_inside : ndarray, shape (J,)
+        Under the fit to all folds.
+    beta : ndarray, shape (k,)
+        Fitted to all folds.
+    """
 
     sse: Array
+    sse_inside: Array
     beta: Array
 
 
@@ -254,16 +267,20 @@ class CrossValidator:
             chosen = _best(fits, f)
             if chosen is None:
                 return None
-            sse[f] = self._held_out(*self.columns.moments(candidates[chosen[0]]), chosen[1], f)
+            sse[f] = self._squares(candidates[chosen[0]], chosen[1], f, [f])
         chosen = _best(fits, -1)
-        return None if chosen is None else (Score(sse, chosen[1].beta), candidates[chosen[0]])
+        if chosen is None:
+            return None
+        inside = self._squares(candidates[chosen[0]], chosen[1], -1, range(self.data.folds))
+        return Score(sse, inside, chosen[1].beta), candidates[chosen[0]]
 
-    def _held_out(self, X: Moments, D: Moments, fit: CandidateFit, fold: int) -> Array:
-        beta = fit.beta
-        d = np.append(self.fit.systems[fold].theta + fit.change, -1.0)
-        sse = self.columns.gram[fold] @ d @ d
+    def _squares(self, candidate: Candidate, fit: CandidateFit, left_out: int, folds: Sequence[int]) -> Array:
+        """Sum of squared residuals over some folds, (J,), under the fit of a candidate without one fold (-1: none)."""
+        (X, D), beta, chosen = self.columns.moments(candidate), fit.beta, list(folds)
+        d = np.append(self.fit.systems[left_out].theta + fit.change, -1.0)
+        sse = self.columns.gram[chosen].sum(axis=0) @ d @ d
         for row in X:
-            sse[row] += 2 * d @ X[row][fold] @ beta + beta @ D[row][fold] @ beta
+            sse[row] += 2 * d @ X[row][chosen].sum(axis=0) @ beta + beta @ D[row][chosen].sum(axis=0) @ beta
         return np.asarray(np.maximum(sse, 0.0))
 
     # ------------------------------------------------------------------ errors and evidence
@@ -285,10 +302,16 @@ class CrossValidator:
         """Fall of the sum over joints of the squared held-out NRMSE, from two sums of squares (folds, J)."""
         return float((self.nrmse(before) ** 2 - self.nrmse(after) ** 2).sum())
 
-    def log_likelihood(self, before: Array, after: Array, effective: Array) -> float:
-        """Held-out log likelihood ratio, in effectively independent samples of each joint (J,)."""
-        ratio = np.maximum(before.sum(axis=0), 1e-300) / np.maximum(after.sum(axis=0), 1e-300)
-        return float(0.5 * np.sum(effective * np.log(ratio)))
+    def evidence(self, score: Score, effective: Array) -> float:
+        """Log likelihood ratio of a candidate: the smaller one of that on held-out data and that of the whole fit."""
+        inside = self.log_likelihood(self.fit.sse_inside, score.sse_inside, effective)
+        return min(inside, self.log_likelihood(self.base_sse(), score.sse, effective))
+
+    @staticmethod
+    def log_likelihood(before: Array, after: Array, effective: Array) -> float:
+        """Log likelihood ratio of two sums of squares, (folds, J) or (J,), in independent samples, (J,)."""
+        first, second = (np.maximum(np.atleast_2d(sse).sum(axis=0), 1e-300) for sse in (before, after))
+        return float(0.5 * np.sum(effective * np.log(first / second)))
 
     def effective_with(self, candidate: Candidate) -> Array:
         """Effectively independent samples of each joint when a candidate is in the model, (J,).

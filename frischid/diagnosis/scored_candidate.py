@@ -1,12 +1,17 @@
 """One effect in one place: its best shape, its evidence, its price, and whether chance explains the evidence.
 
-A candidate has k parameters: its coefficients and its searched shape parameters. It is fitted to one part of the data
-and scored on the rest. Its gain is
+A candidate has k parameters: its coefficients and its searched shape parameters. Its gain is
 
-    gain = Λ − ½ k log n,     Λ = ½ Σ_j (n_j / ℓ_j) log(SSE_j before / SSE_j after),
+    gain = Λ − ½ k log n,     Λ = min(Λ of the folds left out, Λ of the fit to all folds),
+    Λ = ½ Σ_j (n_j / ℓ_j) log(SSE_j before / SSE_j after),
 
-the held-out log likelihood ratio less the price of its parameters (Schwarz 1978, Ann. Statist. 6(2)). If m candidates
-were tried, the p value of each is
+the log likelihood ratio less the price of its parameters (Schwarz 1978, Ann. Statist. 6(2)). A candidate has to pass
+both tests. Held-out data alone are no evidence: a fold that excites little leaves some parameters undetermined, and the
+error of these parameters is one draw over the whole of the other fold, not n_j / ℓ_j independent ones. A candidate that
+happens to draw a smaller error has a large Λ there, but explains nothing as soon as all folds determine the parameters.
+The fit to all folds alone is no evidence either: a curve through all data may be wrong beside them.
+
+If m candidates were tried, the p value of each is
 
     p = min(1, m · P(χ²_k > 2Λ))      (Bonferroni).
 """
@@ -47,7 +52,7 @@ class ScoredCandidate:
     candidate : Candidate
     score : Score
     ratio : float
-        Log likelihood ratio Λ on held-out data.
+        Log likelihood ratio Λ: the smaller one of that on held-out data and that of the fit to all data.
     price : float
         ½ k log n.
     explained : float
@@ -67,7 +72,7 @@ class ScoredCandidate:
 
     @property
     def gain(self) -> float:
-        """Rise of the held-out log likelihood, less the price."""
+        """Rise of the log likelihood, less the price."""
         return self.ratio - self.price
 
     def p_value(self, tried: int) -> float:
@@ -115,11 +120,11 @@ def _scored(validator: CrossValidator, shapes: Sequence[Candidate]) -> ScoredCan
     if found is None:
         return None
     score, candidate = found
-    before = validator.base_sse()
-    ratio = validator.log_likelihood(before, score.sse, validator.effective)
+    ratio = validator.evidence(score, validator.effective)
     if ratio > 0:
-        ratio = validator.log_likelihood(before, score.sse, validator.effective_with(candidate))
-    return ScoredCandidate(candidate, score, ratio, price(validator, candidate), validator.explained(before, score.sse))
+        ratio = validator.evidence(score, validator.effective_with(candidate))
+    explained = validator.explained(validator.base_sse(), score.sse)
+    return ScoredCandidate(candidate, score, ratio, price(validator, candidate), explained)
 
 
 def passes(validator: CrossValidator, found: ScoredCandidate, tried: int) -> bool:

@@ -145,6 +145,12 @@ class WeightedFit:
         return np.asarray(np.einsum("fa,fjab,fb->fj", d, self.columns.gram, d))
 
     @property
+    def sse_inside(self) -> Array:
+        """Sum of squared residuals of all folds under the parameters fitted to all of them, (J,)."""
+        d = np.append(self.theta, -1.0)
+        return np.asarray(np.maximum(self.columns.gram.sum(axis=0) @ d @ d, 0.0))
+
+    @property
     def held_out_cost(self) -> float:
         """Negative log likelihood of the folds left out, up to a constant: ``½ Σ_j N_j log SSE_j``."""
         rows = self.columns.data.counts.sum(axis=0)

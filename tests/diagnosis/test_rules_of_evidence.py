@@ -54,7 +54,7 @@ def found(effect, ratio: float, rows: int = 1000) -> ScoredCandidate:
     """A candidate with one coefficient and some log likelihood ratio, on so many rows."""
     candidate = Candidate(effect, {0: None}, (0,))
     cost = 0.5 * parameters_of(candidate) * np.log(rows)
-    return ScoredCandidate(candidate, Score(np.ones((1, 1)), np.ones(1)), ratio, cost, 0.1)
+    return ScoredCandidate(candidate, Score(np.ones((1, 1)), np.ones(1), np.ones(1)), ratio, cost, 0.1)
 
 
 # ---------------------------------------------------------------------- many tries
