@@ -14,9 +14,16 @@ from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator, Score
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.improvement import improve
-from frischid.diagnosis.scored_candidate import ScoredCandidate, parameters_of, price, scored
+from frischid.diagnosis.scored_candidate import (
+    ScoredCandidate,
+    parameters_of,
+    passes,
+    price,
+    scored,
+    usable_candidates,
+)
 from frischid.diagnosis.stepwise_selection import excluded
-from frischid.effects import BASELINE, Formula, parse_effects
+from frischid.effects import BASELINE, EFFECTS, Formula, parse_effects
 from frischid.estimators.least_squares import Prior
 from frischid.logs.log import Log
 from frischid.model.identification import identify
@@ -143,6 +150,29 @@ def test_a_gain_that_does_not_pay_for_its_shapes_is_none():
     assert one.p_value(1) < 0.01
     assert three.gain < 0
     assert three.p_value(1) == 1.0
+
+
+# ---------------------------------------------------------------------- folds that excite little
+
+
+def test_less_error_on_a_fold_that_another_fold_hardly_predicts_is_no_evidence():
+    """A small motion leaves parameters open, so any candidate may happen to predict a large motion better.
+
+    The arm is healthy. Held-out errors alone would name a spring, with a likelihood ratio of e^70.
+    """
+    arm, logs = Robot.load("z1"), []
+    dry = {f"{kind}{n}": x for n in range(1, len(arm.joints) + 1) for kind, x in (("fv", 0.2), ("fc", 0.3))}
+    for seed, scale in ((0, 0.1), (50, 0.7)):
+        motion, noise = random_fourier(arm, 20.0, seed=seed, scale=scale), Noise(q=0.0, tau=0.05)
+        logs.append(simulate(arm, motion, rate=100.0, effects=BASELINE, parameters=dry, noise=noise, seed=seed))
+    model = identify(arm, logs[:1], recursion="none").model
+    v = CrossValidator.of(model, logs, weak_urdf_prior(model))
+    kinds = [EFFECTS[name] for name in ("joint_spring", "asymmetric_viscous", "joint_coupling")]
+    tried = usable_candidates(v, [places for kind in kinds for places in kind.candidates(arm)])
+    found = [x for shapes in tried if shapes and (x := scored(v, shapes)) is not None]
+    outside = [v.log_likelihood(v.base_sse(), x.score.sse, v.effective) for x in found]
+    assert max(outside) > 30
+    assert not any(passes(v, x, len(found)) for x in found)
 
 
 # ---------------------------------------------------------------------- certainty of an identification
