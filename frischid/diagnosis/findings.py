@@ -29,6 +29,7 @@ from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking, ScoredEffect, ranking
 from frischid.diagnosis.floor import Floor
+from frischid.diagnosis.healthy_twin import HealthyTwin
 from frischid.diagnosis.reversal_residuals import only_at_reversals
 from frischid.effects import EFFECTS, Effect
 from frischid.robot.robot import Robot
@@ -68,6 +69,9 @@ class Finding:
         do not count.
     over_twin : float
         The same over the error of the healthy twin (`frischid.diagnosis.healthy_twin`).
+    twin_gain : float
+        The gain that the effect seems to have on the healthy twin, which lacks nothing. Zero for an effect that neither
+        entered nor is a rival of the first.
     p_value : float
         Of the gain, if the model lacked nothing else, corrected for all candidates tried. It decides inside the search
         and is no probability that the finding is right: see `probability`.
@@ -99,6 +103,7 @@ class Finding:
     share: float
     floors: float
     over_twin: float
+    twin_gain: float
     p_value: float
     parameters: dict[str, float]
     confused_with: tuple[str, ...]
@@ -247,11 +252,15 @@ def find_effects(
     noise = floor.under(ranked.full)
     moving = ~only_at_reversals(validator, noise)
     floors = noise, floor.without_effects(noise)
-    return [_finding(validator, floors, moving, effect) for effect in ranked.effects], ranked
+    return [_finding(validator, floors, moving, effect, floor.twin) for effect in ranked.effects], ranked
 
 
 def _finding(
-    validator: CrossValidator, floors: tuple[Array, Array], moving: NDArray[np.bool_], effect: ScoredEffect
+    validator: CrossValidator,
+    floors: tuple[Array, Array],
+    moving: NDArray[np.bool_],
+    effect: ScoredEffect,
+    twin: HealthyTwin,
 ) -> Finding:
     """A finding; `floors`: sensor noise of each joint, and the error of a perfect model's fit, N·m (N)."""
     before, after = validator.base_nrmse(), validator.nrmse(effect.score.sse)
@@ -272,6 +281,7 @@ def _finding(
         share=_share(before[rows], after[rows], noise[rows], validator.criteria),
         floors=_in_floors(before[seen], noise[seen]),
         over_twin=_in_floors(before[seen], least[seen]),
+        twin_gain=twin.gain(members) if effect.gain > 0 and (effect.entered or effect.rivals) else 0.0,
         p_value=effect.p_value,
         parameters=dict(zip(names, map(float, effect.score.beta), strict=True)) | shapes,
         confused_with=effect.rivals,
@@ -326,6 +336,7 @@ def refit_finding(validator: CrossValidator, floor: Array) -> Finding:
         share=_share(*errors, noise, criteria),
         floors=_in_floors(errors[0], noise),
         over_twin=_in_floors(errors[0], noise),
+        twin_gain=0.0,
         p_value=float(special.chdtrc(parameters, 2 * ratio)) if gain > 0 else 1.0,
         parameters={},
         confused_with=(),

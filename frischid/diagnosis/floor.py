@@ -31,7 +31,7 @@ from scipy import linalg
 
 from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.diagnosis.healthy_twin import healthy_twin_error
+from frischid.diagnosis.healthy_twin import HealthyTwin
 from frischid.diagnosis.repeats import measured_noise
 from frischid.diagnosis.slow_noise import slow_noise
 from frischid.model.noise_floor import NoiseFloor, Octaves
@@ -91,13 +91,13 @@ class Floor:
         return cls(known, validator, tuple(noise.octaves))
 
     @cached_property
-    def twin(self) -> Array:
-        """Held-out error of the healthy twin, N·m (N), (J,): the floor of the error without an effect."""
-        return healthy_twin_error(self.fit)
+    def twin(self) -> HealthyTwin:
+        """The healthy twin; its held-out error is the floor of the error without an effect."""
+        return HealthyTwin(self.fit)
 
     def without_effects(self, noise: Array) -> Array:
         """The floor of the error without an effect, (J,), from that of `under`: the larger of that and the twin's."""
-        return np.maximum(noise, self.twin)
+        return np.maximum(noise, self.twin.error)
 
     def under(self, full: CrossValidator) -> Array:
         """The floor where the model with all effects that entered is known, N·m (N), (J,).

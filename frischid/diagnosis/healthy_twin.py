@@ -11,13 +11,16 @@ of the null hypothesis).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.scored_candidate import scored
+from frischid.effects import Effect
 from frischid.logs.preprocessing import Motion
 from frischid.model.model import Model
 from frischid.model.noise_floor import octaves_above, torque_noise
@@ -27,25 +30,54 @@ from frischid.regression.regressor import Regressor
 DRAWS = 3  # of the noise: the bias of a fit to noisy columns varies from draw to draw
 
 
-def healthy_twin_error(validator: CrossValidator) -> Array:
-    """Held-out error of the model of the healthy twin, N·m (N), shape (J,): the rms of all draws of the noise.
+@dataclass(frozen=True, eq=False)
+class HealthyTwin:
+    """The healthy twin of a model on some logs.
 
-    Parameters
+    Attributes
     ----------
-    validator : CrossValidator
+    fit : CrossValidator
         Fit of the model to the logs, without any candidate.
     """
-    model = validator.model
-    regressor = Regressor(model.robot, model.effects, model.reference)
-    twins: dict[Motion, _Twin] = {}  # by the object: two logs may have one name
 
-    def seen(rng: np.random.Generator, motion: Motion) -> Motion:
-        if motion not in twins:
-            twins[motion] = _Twin.of(model, regressor, motion)
-        return twins[motion].seen(rng)
+    fit: CrossValidator
 
-    draws = (validator.with_motions(partial(seen, np.random.default_rng(seed))) for seed in range(DRAWS))
-    return np.asarray(np.sqrt(np.mean([(twin.base_nrmse() * twin.spread) ** 2 for twin in draws], axis=0)))
+    @cached_property
+    def draws(self) -> list[CrossValidator]:
+        """The same fit to the records of the twin, for some draws of the noise."""
+        model = self.fit.model
+        regressor = Regressor(model.robot, model.effects, model.reference)
+        twins: dict[Motion, _Twin] = {}  # by the object: two logs may have one name
+
+        def seen(rng: np.random.Generator, motion: Motion) -> Motion:
+            if motion not in twins:
+                twins[motion] = _Twin.of(model, regressor, motion)
+            return twins[motion].seen(rng)
+
+        return [self.fit.with_motions(partial(seen, np.random.default_rng(seed))) for seed in range(DRAWS)]
+
+    @cached_property
+    def error(self) -> Array:
+        """Held-out error of the twin's model, N·m (N), shape (J,): the rms of all draws."""
+        return np.asarray(np.sqrt(np.mean([(v.base_nrmse() * v.spread) ** 2 for v in self.draws], axis=0)))
+
+    def gain(self, places: Sequence[Effect]) -> float:
+        """Gain that an effect seems to have on the twin, which lacks nothing: the mean of all draws.
+
+        Parameters
+        ----------
+        places : sequence of Effect
+            The effect at each of its places, in its shape.
+        """
+        return float(np.mean([_gain(draw, places) for draw in self.draws]))
+
+
+def _gain(twin: CrossValidator, places: Sequence[Effect]) -> float:
+    parts = [c for c in twin.candidates(places) if c.columns and c.finite]
+    if not parts:
+        return 0.0
+    found = scored(twin, [parts[0] if len(parts) == 1 else twin.joined(parts)])
+    return 0.0 if found is None else max(found.gain, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -240,5 +240,5 @@ def with_verdict(
     if verdict not in SENTENCES:
         return tuple(findings)
     chance = probabilities["outside" if verdict == "unknown" else verdict]
-    first = Finding(verdict, (), error, error, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, {}, (), SENTENCES[verdict], ())
+    first = Finding(verdict, (), error, error, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, {}, (), SENTENCES[verdict], ())
     return (replace(first, probability=chance), *findings)

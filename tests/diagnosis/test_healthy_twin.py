@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from frischid.diagnosis import floor
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.floor import Floor
-from frischid.diagnosis.healthy_twin import healthy_twin_error
+from frischid.diagnosis.healthy_twin import HealthyTwin
 from frischid.diagnosis.hypotheses import OTHERS
+from frischid.diagnosis.scored_candidate import scored
 from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.verdict import LIKE_THE_TWIN, concluded, with_probability, without_bias
 from frischid.effects import BASELINE, parse_effects
@@ -51,7 +51,7 @@ def fit(logs):
 
 def test_the_error_of_a_healthy_robot_with_coarse_encoders_is_the_twins():
     v = fit(logs_of())
-    twin, error = Floor.of(v).twin, v.base_nrmse() * v.spread
+    twin, error = Floor.of(v).twin.error, v.base_nrmse() * v.spread
     assert (error < 1.5 * twin).all()
     assert (error > 0.5 * twin).all()
     assert diagnose(v.model, logs_of()).verdict == "none"
@@ -60,7 +60,7 @@ def test_the_error_of_a_healthy_robot_with_coarse_encoders_is_the_twins():
 def test_with_fine_encoders_the_twin_has_no_more_error_than_the_noise_floor():
     v = fit(logs_of(step=0.0))
     found = Floor.of(v)
-    np.testing.assert_allclose(found.twin, found.known, rtol=0.2)
+    np.testing.assert_allclose(found.twin.error, found.known, rtol=0.2)
 
 
 def test_the_error_with_an_effect_that_is_missing_is_more_than_the_twins():
@@ -70,11 +70,21 @@ def test_the_error_with_an_effect_that_is_missing_is_more_than_the_twins():
     assert first.floors > first.over_twin > 3
 
 
+def test_an_effect_that_is_missing_gains_nothing_on_the_twin():
+    logs, spring = logs_of("joint_spring@joint2"), parse_effects("joint_spring@joint2")
+    v = fit(logs)
+    (found,) = v.candidates(spring)
+    assert scored(v, [found]).gain > 50
+    assert HealthyTwin(v).gain(spring) == 0.0
+    first = diagnose(v.model, logs).findings[0]
+    assert (first.effect, first.twin_gain) == ("joint_spring", 0.0)
+
+
 def test_an_error_like_the_twins_is_evidence_that_nothing_is_missing(monkeypatch):
     logs = logs_of("joint_spring@joint2")
     model = fit(logs).model
     before = diagnose(model, logs)
-    monkeypatch.setattr(floor, "healthy_twin_error", lambda fit: 1e3 * np.ones(len(fit.joints)))
+    monkeypatch.setattr(HealthyTwin, "error", property(lambda twin: 1e3 * np.ones(len(twin.fit.joints))))
     after = diagnose(model, logs)
     assert after.probabilities["none"] > 3 * before.probabilities["none"]
 
@@ -97,4 +107,4 @@ def test_what_the_twin_has_too_is_set_aside_where_nothing_missing_is_likeliest(b
 @pytest.mark.parametrize("effect", ["", "joint_spring@joint2"])
 def test_the_twin_is_the_same_for_the_same_logs(effect):
     v = fit(logs_of(effect))
-    np.testing.assert_array_equal(healthy_twin_error(v), healthy_twin_error(v))
+    np.testing.assert_array_equal(HealthyTwin(v).error, HealthyTwin(v).error)

@@ -135,6 +135,7 @@ class FindingOutput(Output):
     share: float
     floors: float
     over_twin: float
+    twin_gain: NotNegative
     parameters: dict[str, float]
     confused_with: list[str]
     sentence: str
