@@ -10,8 +10,7 @@ second. The evidence for a candidate is a log likelihood ratio,
     Λ = ½ Σ_j (n_j / ℓ_j) log(SSE_j before / SSE_j after),
 
 with n_j rows and ℓ_j the correlation time of the residual: n_j / ℓ_j samples are *effectively independent*. Λ is
-computed twice, and the smaller one counts (`scored_candidate`): with held-out errors, and with those of the fit to all
-folds.
+computed twice: with held-out errors, and with those of the fit to all folds (`scored_candidate`).
 
 Source: Stone 1974, "Cross-validatory choice and assessment of statistical predictions", J. R. Stat. Soc. B 36(2).
 """
@@ -301,11 +300,6 @@ class CrossValidator:
     def explained(self, before: Array, after: Array) -> float:
         """Fall of the sum over joints of the squared held-out NRMSE, from two sums of squares (folds, J)."""
         return float((self.nrmse(before) ** 2 - self.nrmse(after) ** 2).sum())
-
-    def evidence(self, score: Score, effective: Array) -> float:
-        """Log likelihood ratio of a candidate: the smaller one of that on held-out data and that of the whole fit."""
-        inside = self.log_likelihood(self.fit.sse_inside, score.sse_inside, effective)
-        return min(inside, self.log_likelihood(self.base_sse(), score.sse, effective))
 
     @staticmethod
     def log_likelihood(before: Array, after: Array, effective: Array) -> float:

@@ -57,8 +57,8 @@ class Finding:
     error_before, error_after : float
         Cross-validated NRMSE, mean over the joints.
     gain : float
-        Rise of the log likelihood less the price ½ k log n of its k parameters: the smaller rise of that on data the
-        effect was not fitted to, and that of the fit to all data.
+        Rise of the log likelihood on data the effect was not fitted to, less the price ½ k log n of its k parameters.
+        Not positive unless the rise of the fit to all data pays this price too.
     removed : float
         Explained error: fall of the summed squared cross-validated NRMSE of the joints.
     share : float

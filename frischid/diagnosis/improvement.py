@@ -27,7 +27,7 @@ from frischid.diagnosis.refit import check_formulas, fitted_error, known_error, 
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
 from frischid.diagnosis.step import Refusal, Step
 from frischid.diagnosis.step_acceptance import impossible_coefficients, reason_against, worse_with_standstill
-from frischid.effects import Effect, check_effects, columns_of
+from frischid.effects import EFFECTS, Effect, check_effects, columns_of
 from frischid.errors import InputError
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.log import Log
@@ -136,7 +136,8 @@ def improve(
     - the mean NRMSE falls;
     - no coefficient has an impossible sign.
 
-    The last diagnosis notes each refused step and the reason.
+    Effects are ranked beside each other, so a refused one may hide others: where all findings are refused, the
+    diagnosis is made once more without the refused effects. The last diagnosis notes each refused step and the reason.
 
     Parameters
     ----------
@@ -191,8 +192,14 @@ def improve(
         situation = cross_validator(model, logs, criteria=criteria)[1]
     while True:
         progress(f"diagnosis {len(steps) + 1}")
+        known = dict(refused)
         diagnosis = diagnose(model, logs, situation=situation, effects=effects, criteria=criteria, progress=progress)
         step = next_step(model, diagnosis, logs, refused) if len(steps) < max_steps else None
+        while step is None and refused.keys() != known.keys():  # effects were ranked beside those that are refused now
+            known = dict(refused)
+            others = [name for name in (EFFECTS if effects is None else effects) if name not in refused]
+            again = diagnose(model, logs, situation=situation, effects=others, criteria=criteria, progress=progress)
+            step = next_step(model, again, logs, refused)
         if step is None:
             notes = [f"{refusal.finding.title} was not added: {refusal.reason}" for refusal in refused.values()]
             if valid:

@@ -2,14 +2,13 @@
 
 A candidate has k parameters: its coefficients and its searched shape parameters. Its gain is
 
-    gain = Λ − ½ k log n,     Λ = min(Λ of the folds left out, Λ of the fit to all folds),
-    Λ = ½ Σ_j (n_j / ℓ_j) log(SSE_j before / SSE_j after),
+    gain = Λ − ½ k log n,     Λ = ½ Σ_j (n_j / ℓ_j) log(SSE_j before / SSE_j after),
 
-the log likelihood ratio less the price of its parameters (Schwarz 1978, Ann. Statist. 6(2)). A candidate has to pass
-both tests. Held-out data alone are no evidence: a fold that excites little leaves some parameters undetermined, and the
-error of these parameters is one draw over the whole of the other fold, not n_j / ℓ_j independent ones. A candidate that
-happens to draw a smaller error has a large Λ there, but explains nothing as soon as all folds determine the parameters.
-The fit to all folds alone is no evidence either: a curve through all data may be wrong beside them.
+the held-out log likelihood ratio less the price of its parameters (Schwarz 1978, Ann. Statist. 6(2)). Held-out data
+alone are no evidence, though: a fold that excites little leaves some parameters undetermined, and the error of these
+parameters on another fold is one draw, not n_j / ℓ_j independent ones. A candidate that happens to draw a smaller error
+has a large Λ there, but explains nothing as soon as all folds determine the parameters. So the same ratio of the fit to
+all folds, Λ_all, must pay the price as well: otherwise the smaller one of the two counts as Λ.
 
 If m candidates were tried, the p value of each is
 
@@ -26,6 +25,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from scipy import special
 
+from frischid.core.types import Array
 from frischid.diagnosis.block_test import block_test
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator, Score
@@ -52,7 +52,7 @@ class ScoredCandidate:
     candidate : Candidate
     score : Score
     ratio : float
-        Log likelihood ratio Λ: the smaller one of that on held-out data and that of the fit to all data.
+        Log likelihood ratio Λ on held-out data; that of the fit to all data where the latter does not pay the price.
     price : float
         ½ k log n.
     explained : float
@@ -120,11 +120,18 @@ def _scored(validator: CrossValidator, shapes: Sequence[Candidate]) -> ScoredCan
     if found is None:
         return None
     score, candidate = found
-    ratio = validator.evidence(score, validator.effective)
+    cost, effective = price(validator, candidate), validator.effective
+    ratio = _evidence(validator, score, effective, cost)
     if ratio > 0:
-        ratio = validator.evidence(score, validator.effective_with(candidate))
-    explained = validator.explained(validator.base_sse(), score.sse)
-    return ScoredCandidate(candidate, score, ratio, price(validator, candidate), explained)
+        ratio = _evidence(validator, score, validator.effective_with(candidate), cost)
+    return ScoredCandidate(candidate, score, ratio, cost, validator.explained(validator.base_sse(), score.sse))
+
+
+def _evidence(validator: CrossValidator, score: Score, effective: Array, cost: float) -> float:
+    """Λ: that of the folds left out where that of the fit to all folds pays the price, else the smaller one."""
+    held_out = validator.log_likelihood(validator.base_sse(), score.sse, effective)
+    inside = validator.log_likelihood(validator.fit.sse_inside, score.sse_inside, effective)
+    return held_out if inside > cost else min(held_out, inside)
 
 
 def passes(validator: CrossValidator, found: ScoredCandidate, tried: int) -> bool:

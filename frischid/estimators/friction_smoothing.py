@@ -7,7 +7,8 @@ a joint before the joint reverses, friction changes before the speed does, by th
 parameters. So moments of many values are computed in one pass, each value as a column of its own. The value that best
 predicts data left out of the fit is kept: first of a series of widths, then of leads, then of values in between. A
 wider sign, or a lead, must lower the error clearly, because a sharp sign at the reversal has the smallest error on
-other motions.
+other motions. On a slow robot the sharpest sign of the series may still be too wide: where the error clearly falls at
+that end, sharper ones are tried too.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 
 WIDTHS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s (m/s)
+SHARPER = (0.0001, 0.0002, 0.0005)  # rad/s (m/s): tried where the sharpest of these is clearly better than the next one
 LEADS = (0.001, 0.002, 0.005, 0.01, 0.02)  # s
 WIDTHS_WITH_LEAD = (
     0.002,
@@ -80,6 +82,10 @@ def dry_friction(
     )
     try:
         known = _errors(robot, parts, lowpass, joints, reduction, [*simple, *ahead], effects)
+        if known[simple[0]] < DECISIVE * known[simple[1]]:
+            sharper = [Coulomb(width=w) for w in SHARPER]
+            known |= _errors(robot, parts, lowpass, joints, reduction, sharper, effects)
+            simple = [*sharper, *simple]
         best = _simplest(simple, known)
         best = _simplest([best, min(ahead, key=lambda c: known[c])], known)
         near = _near(best)
