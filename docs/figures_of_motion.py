@@ -73,6 +73,11 @@ def emps_test() -> str:
     return f"{_emps('baseline', 'output_error')['test mm']:.1f}"
 
 
+def emps_recorded_train() -> str:
+    """Error on the EMPS's fitted log with the torque as recorded, mm."""
+    return f"{_emps('baseline, torque as recorded', 'output_error')['train mm']:.1f}"
+
+
 def emps_recorded_test() -> str:
     """Error on the EMPS's official test with the torque as recorded, mm."""
     return f"{_emps('baseline, torque as recorded', 'output_error')['test mm']:.1f}"

@@ -146,6 +146,7 @@ FIGURES: dict[str, Callable[[], str]] = {
         motion.emps_drift_test,
         motion.emps_train,
         motion.emps_test,
+        motion.emps_recorded_train,
         motion.emps_recorded_test,
         motion.emps_chosen_test,
         motion.emps_chosen_half,
