@@ -58,7 +58,7 @@ class Finding:
         Cross-validated NRMSE, mean over the joints.
     gain : float
         Rise of the log likelihood on data the effect was not fitted to, less the price ½ k log n of its k parameters.
-        Not positive unless the rise of the fit to all data pays this price too.
+        The rise of the fit to all data counts instead where it is smaller and may be chance.
     removed : float
         Explained error: fall of the summed squared cross-validated NRMSE of the joints.
     share : float

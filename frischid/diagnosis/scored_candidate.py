@@ -8,7 +8,8 @@ the held-out log likelihood ratio less the price of its parameters (Schwarz 1978
 alone are no evidence, though: a fold that excites little leaves some parameters undetermined, and the error of these
 parameters on another fold is one draw, not n_j / ℓ_j independent ones. A candidate that happens to draw a smaller error
 has a large Λ there, but explains nothing as soon as all folds determine the parameters. So the same ratio of the fit to
-all folds, Λ_all, must pay the price as well: otherwise the smaller one of the two counts as Λ.
+all folds, Λ_all, must be more than chance as well (Wilks 1938, Ann. Math. Statist. 9(1)): 2 Λ_all ~ χ²_k without the
+effect. Otherwise the smaller one of the two counts as Λ.
 
 If m candidates were tried, the p value of each is
 
@@ -52,7 +53,7 @@ class ScoredCandidate:
     candidate : Candidate
     score : Score
     ratio : float
-        Log likelihood ratio Λ on held-out data; that of the fit to all data where the latter does not pay the price.
+        Log likelihood ratio Λ on held-out data; that of the fit to all data where the latter may be chance.
     price : float
         ½ k log n.
     explained : float
@@ -120,18 +121,19 @@ def _scored(validator: CrossValidator, shapes: Sequence[Candidate]) -> ScoredCan
     if found is None:
         return None
     score, candidate = found
-    cost, effective = price(validator, candidate), validator.effective
-    ratio = _evidence(validator, score, effective, cost)
+    ratio = _ratio(validator, candidate, score, validator.effective)
     if ratio > 0:
-        ratio = _evidence(validator, score, validator.effective_with(candidate), cost)
-    return ScoredCandidate(candidate, score, ratio, cost, validator.explained(validator.base_sse(), score.sse))
+        ratio = _ratio(validator, candidate, score, validator.effective_with(candidate))
+    explained = validator.explained(validator.base_sse(), score.sse)
+    return ScoredCandidate(candidate, score, ratio, price(validator, candidate), explained)
 
 
-def _evidence(validator: CrossValidator, score: Score, effective: Array, cost: float) -> float:
-    """Λ: that of the folds left out where that of the fit to all folds pays the price, else the smaller one."""
+def _ratio(validator: CrossValidator, candidate: Candidate, score: Score, effective: Array) -> float:
+    """Λ: that of the folds left out where that of the fit to all folds is more than chance, else the smaller one."""
     held_out = validator.log_likelihood(validator.base_sse(), score.sse, effective)
     inside = validator.log_likelihood(validator.fit.sse_inside, score.sse_inside, effective)
-    return held_out if inside > cost else min(held_out, inside)
+    chance = float(special.chdtrc(parameters_of(candidate), max(2 * inside, 0.0)))
+    return held_out if chance < validator.criteria.significance else min(held_out, inside)
 
 
 def passes(validator: CrossValidator, found: ScoredCandidate, tried: int) -> bool:
