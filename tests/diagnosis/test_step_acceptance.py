@@ -195,6 +195,33 @@ def test_a_shape_that_harms_at_standstill_gives_way_to_the_best_that_does_not(mo
     assert refused == {"hysteresis": (finding, improvement.RISES_AT_STANDSTILL)}
 
 
+def test_a_refused_effect_hides_no_other(monkeypatch):
+    """Effects are ranked beside each other. Without the refused ones, others may come first."""
+    machine = Robot.load("planar2")
+    log = simulate(machine, random_fourier(machine, 10.0, seed=1), rate=50.0, noise=Noise(tau=0.01), seed=1)
+    model = identify(machine, [log], recursion="none").model
+    tried, diagnose = [], improvement.diagnose
+
+    def watched(*args, effects, **options):
+        tried.append(effects)
+        return diagnose(*args, effects=effects, **options)
+
+    def refuse(model, diagnosis, logs, refused):
+        finding = next((f for f in diagnosis.findings if f.effect not in refused and f.members), None)
+        if len(refused) < 2:
+            refused[finding.effect] = improvement.Refusal(finding, "it is a test")
+
+    monkeypatch.setattr(improvement, "diagnose", watched)
+    monkeypatch.setattr(improvement, "next_step", refuse)
+    names = ["joint_spring", "quadratic_viscous", "stribeck"]
+    steps, last = improvement.improve(model, [log], effects=names)
+    assert not steps
+    assert [len(x) for x in tried] == [3, 2, 1]
+    assert tried[0] == names
+    assert {f.effect for f in last.findings} >= set(names), "the last diagnosis is that with all effects"
+    assert sum("was not added: it is a test" in note for note in last.notes) == 2
+
+
 def test_improve_makes_no_joint_worse_beside_joints_full_of_noise():
     """A Kinova's wrist currents are mostly noise: a mean over joints must not hide a joint that got worse."""
     machine, rng = Robot.load("kinova"), np.random.default_rng(3)

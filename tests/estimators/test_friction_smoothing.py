@@ -17,11 +17,11 @@ from frischid.robot.robot import Robot
 PLANAR = Robot.load("planar2")
 
 
-def log_of(width, seconds=20.0, lead=0.0):
+def log_of(width, seconds=20.0, lead=0.0, scale=0.7):
     """A log of an arm whose dry friction has this width and lead."""
     effects = parse_effects(f"viscous, coulomb(width={width}, lead={lead}), offset, rotor_inertia")
     values = {"fv1": 0.5, "fv2": 0.5, "fc1": 1.0, "fc2": 0.6, "Ia1": 0.1, "Ia2": 0.1}
-    motion = random_fourier(PLANAR, seconds, seed=3)
+    motion = random_fourier(PLANAR, seconds, seed=3, scale=scale)
     noise = Noise(q=1e-5, tau=0.003)
     return simulate(PLANAR, motion, rate=200, effects=effects, parameters=values, noise=noise, channels=(), seed=1)
 
@@ -33,6 +33,16 @@ def test_the_width_is_found(width, lower, upper):
     assert lower < friction.width <= upper
     assert friction.lead == 0
     assert any("chosen by cross-validation" in note for note in found.notes)
+
+
+def test_a_slow_robot_gets_a_sharp_sign():
+    """At a tenth of a rad/s, a sign of 0.001 rad/s is a ramp that a log shows: it must not pass for another effect."""
+    log = log_of(1e-4, seconds=60.0, scale=0.02)
+    assert np.abs(np.diff(log.q, axis=0)).max() / 0.005 < 0.1
+    found = identify(PLANAR, [log], recursion="none")
+    friction = next(e for e in found.model.effects if e.id == "coulomb")
+    assert friction.width < 0.0006
+    assert friction.lead == 0
 
 
 def test_the_lead_is_found():
