@@ -125,7 +125,6 @@ FIGURES: dict[str, Callable[[], str]] = {
         diagnosis.chance_error,
         diagnosis.chance_errors,
         robots.bands_hold,
-        robots.tiago_improves,
         cost.moments_us,
         cost.small_fleets_count,
         cost.small_fleets_loads,

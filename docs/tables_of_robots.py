@@ -147,12 +147,6 @@ def bands_hold() -> str:
     return f"{sum(row['90 % holds'] >= 0.88 for row in rows)} of {len(rows)}"
 
 
-def tiago_improves() -> str:
-    """Change of TIAGo's error on the test log by the effects that `improve` adds, in percent."""
-    (row,) = (row for row in rows_of("six_robots") if row["key"] == "tiago")
-    return f"{100 * (row['improved'] / row['identified'] - 1):+.1f} %"
-
-
 def trust_in_words() -> str:
     """The prior against the better of the two alternatives, over all pairs."""
     rows = rows_of("trust")
