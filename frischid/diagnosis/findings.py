@@ -131,11 +131,12 @@ class Finding:
 
     @property
     def pays(self) -> bool:
-        """Whether the effect may be added to the model: sure, and more than sensor noise.
+        """Whether the effect may be added to the model: sure, and the error is more than sensor noise.
 
-        An effect that is set aside is no cause, but may still predict other logs better.
+        An effect that explains a small part of the error, or a part that the healthy twin has too, is not called
+        missing, but may still predict other logs better.
         """
-        return self.sure and not self._against(self.floors)
+        return self.sure and (self.floors > self.criteria.floor_tolerance or not self._against(self.floors))
 
     @property
     def beyond_twin(self) -> bool:

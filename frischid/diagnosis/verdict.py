@@ -220,13 +220,13 @@ def without_bias(
     """
     if by_twin != "none" or max(probabilities, key=lambda name: probabilities[name]) != "none":
         return tuple(findings)
-    return tuple(replace(f, set_aside=LIKE_THE_TWIN) if f.pays else f for f in findings)
+    return tuple(replace(f, set_aside=LIKE_THE_TWIN) if f.significant else f for f in findings)
 
 
 def with_probability(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> tuple[Finding, ...]:
-    """The findings, each with its probability; those that can be added to the model in the order of probability."""
+    """The findings, each with its probability; those that are called missing stand in the order of probability."""
     found = [replace(f, probability=probabilities.get(f.effect, 0.0)) for f in findings]
-    places = [k for k, f in enumerate(found) if f.pays and f.members]
+    places = [k for k, f in enumerate(found) if f.significant and f.members]
     ordered = sorted((found[k] for k in places), key=lambda f: -f.probability)
     for k, finding in zip(places, ordered, strict=True):
         found[k] = finding
