@@ -62,22 +62,19 @@ class HealthyTwin:
         return np.asarray(np.sqrt(np.mean([(v.base_nrmse() * v.spread) ** 2 for v in self.draws], axis=0)))
 
     def gain(self, places: Sequence[Effect]) -> float:
-        """Gain that an effect seems to have on the twin, which lacks nothing: the mean of all draws.
+        """Gain that an effect seems to have on the twin, which lacks nothing, for the first draw of the noise.
 
         Parameters
         ----------
         places : sequence of Effect
             The effect at each of its places, in its shape.
         """
-        return float(np.mean([_gain(draw, places) for draw in self.draws]))
-
-
-def _gain(twin: CrossValidator, places: Sequence[Effect]) -> float:
-    parts = [c for c in twin.candidates(places) if c.columns and c.finite]
-    if not parts:
-        return 0.0
-    found = scored(twin, [parts[0] if len(parts) == 1 else twin.joined(parts)])
-    return 0.0 if found is None else max(found.gain, 0.0)
+        twin = self.draws[0]
+        parts = [c for c in twin.candidates(places) if c.columns and c.finite]
+        if not parts:
+            return 0.0
+        found = scored(twin, [parts[0] if len(parts) == 1 else twin.joined(parts)])
+        return 0.0 if found is None else max(found.gain, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
