@@ -266,20 +266,20 @@ class CrossValidator:
             chosen = _best(fits, f)
             if chosen is None:
                 return None
-            sse[f] = self._squares(candidates[chosen[0]], chosen[1], f, [f])
+            sse[f] = self._squares(candidates[chosen[0]], chosen[1], f)
         chosen = _best(fits, -1)
         if chosen is None:
             return None
-        inside = self._squares(candidates[chosen[0]], chosen[1], -1, range(self.data.folds))
-        return Score(sse, inside, chosen[1].beta), candidates[chosen[0]]
+        return Score(sse, self._squares(candidates[chosen[0]], chosen[1], None), chosen[1].beta), candidates[chosen[0]]
 
-    def _squares(self, candidate: Candidate, fit: CandidateFit, left_out: int, folds: Sequence[int]) -> Array:
-        """Sum of squared residuals over some folds, (J,), under the fit of a candidate without one fold (-1: none)."""
-        (X, D), beta, chosen = self.columns.moments(candidate), fit.beta, list(folds)
-        d = np.append(self.fit.systems[left_out].theta + fit.change, -1.0)
-        sse = self.columns.gram[chosen].sum(axis=0) @ d @ d
+    def _squares(self, candidate: Candidate, fit: CandidateFit, fold: int | None) -> Array:
+        """Sum of squared residuals of a fold, (J,), under the fit of a candidate to the others; None: of all folds."""
+        (X, D), beta = self.columns.moments(candidate), fit.beta
+        d = np.append(self.fit.systems[-1 if fold is None else fold].theta + fit.change, -1.0)
+        sse = (self.fit.whole_gram if fold is None else self.columns.gram[fold]) @ d @ d
         for row in X:
-            sse[row] += 2 * d @ X[row][chosen].sum(axis=0) @ beta + beta @ D[row][chosen].sum(axis=0) @ beta
+            x, own = (m[row].sum(axis=0) if fold is None else m[row][fold] for m in (X, D))
+            sse[row] += 2 * d @ x @ beta + beta @ own @ beta
         return np.asarray(np.maximum(sse, 0.0))
 
     # ------------------------------------------------------------------ errors and evidence

@@ -22,6 +22,7 @@ tried, and the fit that predicts the folds left out better is kept,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -144,11 +145,16 @@ class WeightedFit:
         d = np.column_stack([self.fold_theta, np.full(self.columns.data.folds, -1.0)])
         return np.asarray(np.einsum("fa,fjab,fb->fj", d, self.columns.gram, d))
 
-    @property
+    @cached_property
+    def whole_gram(self) -> Array:
+        """Moments of [Y τ] of all folds together, (J, p + 1, p + 1)."""
+        return np.asarray(self.columns.gram.sum(axis=0))
+
+    @cached_property
     def sse_inside(self) -> Array:
         """Sum of squared residuals of all folds under the parameters fitted to all of them, (J,)."""
         d = np.append(self.theta, -1.0)
-        return np.asarray(np.maximum(self.columns.gram.sum(axis=0) @ d @ d, 0.0))
+        return np.asarray(np.maximum(self.whole_gram @ d @ d, 0.0))
 
     @property
     def held_out_cost(self) -> float:
