@@ -148,7 +148,6 @@ def _of_finding(
         "whole": min(f.removed / total, 1.0),
         "clear": float(np.log(max(f.over_twin, 1.0))),
         "gain": float(np.log10(1 + f.gain)),
-        "twin share": min(f.twin_gain / f.gain, 1.0),
         "searched": float(np.log(searched)),
         "refit": float(kind is None),
     }

@@ -192,11 +192,11 @@ def improve(
         situation = cross_validator(model, logs, criteria=criteria)[1]
     while True:
         progress(f"diagnosis {len(steps) + 1}")
-        known = dict(refused)
+        before = len(refused)
         diagnosis = diagnose(model, logs, situation=situation, effects=effects, criteria=criteria, progress=progress)
         step = next_step(model, diagnosis, logs, refused) if len(steps) < max_steps else None
-        while step is None and refused.keys() != known.keys():  # effects were ranked beside those that are refused now
-            known = dict(refused)
+        while step is None and len(refused) > before:  # the findings were ranked beside those that are refused now
+            before = len(refused)
             others = [name for name in (EFFECTS if effects is None else effects) if name not in refused]
             again = diagnose(model, logs, situation=situation, effects=others, criteria=criteria, progress=progress)
             step = next_step(model, again, logs, refused)

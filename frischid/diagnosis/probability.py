@@ -13,9 +13,6 @@ robots whose truth is known. They maximise the probability of these events there
 
 by turns: find the first right hypothesis of each case, then maximise its probability (Celeux and Govaert 1992, "A
 classification EM algorithm for clustering and two stochastic versions"). λ has the best cross-validated likelihood.
-The numbers are not scaled to the same size: all are logarithms or shares, and a number that is seldom different from
-zero, in a few cases of the training only, must not get a large weight.
-
 With the sum of P over the right hypotheses in place of the maximum, P of an answer would be smaller than the share of
 right answers, because several right hypotheses would share the probability.
 
@@ -27,7 +24,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -165,8 +162,10 @@ def fitted(cases: Sequence[Case]) -> tuple[Weights, float]:
     """
     names = list(dict.fromkeys(k for evidence, _ in cases for e in evidence for k in e if k != _NAME))
     used = _Cases.of(cases, names)
+    scale = np.maximum(np.sqrt(np.mean(used.x**2, axis=0)), 1e-9)
+    used = replace(used, x=used.x / scale)
     best = max(RIDGES, key=lambda ridge: _held_out(used, ridge))
-    weights = _fit(used, best)
+    weights = _fit(used, best) / scale
     return Weights(dict(zip(names, map(float, weights), strict=True))), best
 
 

@@ -31,7 +31,7 @@ from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 
 WIDTHS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)  # rad/s (m/s)
-SHARPER = (0.0001, 0.0002, 0.0005)  # rad/s (m/s): tried where the sharpest of these is clearly better than the next one
+SHARPER = (0.0001, 0.0002, 0.0005)  # rad/s (m/s): tried where the sharpest of WIDTHS is clearly better than the next
 LEADS = (0.001, 0.002, 0.005, 0.01, 0.02)  # s
 WIDTHS_WITH_LEAD = (
     0.002,

@@ -78,10 +78,9 @@ def test_a_hidden_effect_is_named_and_removed(effect, values, name):
     assert found.verdict == "effect"
     best = found.findings[0]
     assert name in (best.effect, *best.confused_with)
-    named = next(f for f in found.findings if f.effect == name)  # the first, or a rival that the sentence names with it
-    assert effect.partition("@")[2] in named.joints
-    assert named.p_value < 0.01
-    step = add(model, named.members, logs, valid=held_out, finding=named)
+    assert effect.partition("@")[2] in best.joints
+    assert best.p_value < 0.01
+    step = add(model, best.members, logs, valid=held_out, finding=best)
     assert step.test_after < 0.7 * step.test_before
     assert step.test_after < 1.5 * compare(step.model, held_out).noise_floor
 
