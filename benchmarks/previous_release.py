@@ -81,6 +81,7 @@ def prepared(data: Path, work: Path) -> dict[str, list[str]]:
 def timed(command: list[str], source: Path, work: Path) -> tuple[float, str]:
     """Processor seconds of a command and of its children, and its output."""
     environment = {**os.environ, "PYTHONPATH": str(source), "OMP_NUM_THREADS": "1"}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # as installed: modules are compiled once
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     words = [sys.executable, "-m", "frischid", *command]
     done = subprocess.run(words, cwd=work, env=environment, capture_output=True, text=True, check=False)

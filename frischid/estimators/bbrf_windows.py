@@ -1,16 +1,24 @@
 """Frisch boxes of windows that slide over the rows, for the bounding-box recursion.
 
 Moments of a window follow from those of the window before by adding the new rows and subtracting the old ones. ``K`` is
-the inverse of the moments; its columns give the window's vertices.
+the inverse of the moments; its columns give the window's vertices. With U the new and old rows, and C = ±1 for new and
+old ones, the inverse follows too (Woodbury 1950, "Inverting modified matrices"):
+
+    (M + Uᵀ C U)⁻¹ = K − K Uᵀ (C + U K Uᵀ)⁻¹ U K,
+
+which costs n² where an inverse costs n³. Rounding accumulates, so the last inverse of each batch is compared with a new
+one, and a batch where the two differ is inverted window by window.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 from scipy.fft import next_fast_len
 
 from frischid.core.types import Array
@@ -20,6 +28,7 @@ Flags = NDArray[np.bool_]
 
 BATCH = 256
 """Windows whose moments are updated from one anchor: enough to amortise it, too few to drift."""
+_LOST_DIGITS = 1e-9  # relative error of an inverse that followed from others
 
 
 class Extents(NamedTuple):
@@ -30,8 +39,23 @@ class Extents(NamedTuple):
     usable: Flags
 
 
-def window_moments(rows: Array, window: int, stride: int) -> Iterator[Array]:
-    """Mean moments of the sliding windows, in batches of shape (n, p + 1, p + 1).
+class Batch(NamedTuple):
+    """Windows that follow one another.
+
+    Attributes
+    ----------
+    moments : ndarray, shape (n, p + 1, p + 1)
+        Mean moments of each window.
+    changes : ndarray, shape (n − 1, 2 stride, p + 1)
+        Rows that enter each window but the first, then rows that leave.
+    """
+
+    moments: Array
+    changes: Array
+
+
+def window_moments(rows: Array, window: int, stride: int) -> Iterator[Batch]:
+    """Mean moments of the sliding windows.
 
     The first of a batch is summed from its rows; the others follow by adding the new rows and subtracting the old ones.
     A fresh sum every `BATCH` windows limits the accumulation of rounding errors, and the memory.
@@ -44,19 +68,67 @@ def window_moments(rows: Array, window: int, stride: int) -> Iterator[Array]:
         moved = (len(batch) - 1) * stride
         leaving = rows[old : old + moved].reshape(-1, stride, width)
         entering = rows[new : new + moved].reshape(-1, stride, width)
+        changes = np.concatenate([entering, leaving], axis=1)
         moments = np.empty((len(batch), width, width))
         moments[0] = rows[old:new].T @ rows[old:new]
-        moments[1:] = entering.mT @ entering - leaving.mT @ leaving
-        yield np.cumsum(moments, axis=0, out=moments) / window
+        for (before, after), u, v in zip(
+            itertools.pairwise(moments), changes, changes * _signs(stride)[:, None], strict=True
+        ):
+            np.matmul(u.T, v, out=after)
+            after += before
+        moments /= window
+        yield Batch(moments, changes)
+
+
+def _signs(stride: int) -> Array:
+    """+1 for each row that enters, −1 for each row that leaves."""
+    return np.repeat([1.0, -1.0], stride)
 
 
 def sample_extents(rows: Array, window: int, stride: int) -> Iterator[Extents]:
     """Boxes around the vertices of each window, in batches."""
-    for moments in window_moments(rows, window, stride):
-        K, rms, usable = inverses(moments)
-        lower, upper = extent(vertices_of(K))
-        unit = rms[:, -1:] / rms[:, :-1]
-        yield Extents(lower * unit, upper * unit, usable)
+    for batch in window_moments(rows, window, stride):
+        K = _followed(batch, window)
+        usable = None if K is None else _usable(batch.moments, K)
+        if K is None or usable is None or not usable[[0, -1]].all():
+            K, rms, usable = inverses(batch.moments)
+            K /= rms[:, :, None] * rms[:, None, :]
+        yield Extents(*extent(vertices_of(K)), usable)
+
+
+def _followed(batch: Batch, window: int) -> Array | None:
+    """Inverses of the moments, each from the one before; None where this is no cheaper or has lost digits."""
+    moments, changes = batch
+    rank, width = changes.shape[1:]
+    if len(moments) < 3 or 4 * rank > width:
+        return None
+    scaled = changes / np.sqrt(window)
+    C = np.diag(_signs(rank // 2))
+    K = np.empty_like(moments)
+    try:
+        K[0], last = np.linalg.inv(moments[[0, -1]])
+    except np.linalg.LinAlgError:
+        return None
+    for (before, after), u in zip(itertools.pairwise(K), scaled, strict=True):
+        seen = u @ before
+        _, _, x, singular = linalg.lapack.dgesv(C + seen @ u.T, seen)
+        if singular:
+            return None
+        np.matmul(seen.T, x, out=after)
+        np.subtract(before, after, out=after)
+    error = float(np.linalg.norm(K[-1] - last) / np.linalg.norm(last))
+    return K if error < _LOST_DIGITS else None
+
+
+def _usable(moments: Array, K: Array) -> Flags:
+    """Whether each inverse has correct digits, as `inverses` says; all others become the identity."""
+    power = np.diagonal(moments, axis1=-2, axis2=-1)
+    rms = np.sqrt(np.where(power > 0, power, 1.0))[:, None, :]
+    norms = [((np.abs(x) @ d.mT).mT * d).max(axis=(-2, -1)) for x, d in ((moments, 1 / rms), (K, rms))]
+    positive = (np.diagonal(K, axis1=-2, axis2=-1) > 0).all(axis=-1)
+    usable = np.asarray(positive & (norms[0] * norms[1] < CONDITION_LIMIT * np.clip(power.min(axis=-1), 0.0, 1.0)))
+    K[~usable] = np.eye(K.shape[-1])
+    return usable
 
 
 def calibrated_extents(rows: Array, window: int, stride: int, block: int, quantile: float) -> Iterator[Extents]:

@@ -67,9 +67,32 @@ def test_equals_the_direct_port(stride):
 def test_rolling_moments_equal_direct_sums(window, stride, monkeypatch):
     monkeypatch.setattr("frischid.estimators.bbrf_windows.BATCH", 16)
     rows = np.random.default_rng(0).normal(size=(1000, 4)) * np.geomspace(1, 100, 1000)[:, None]
-    rolled = np.concatenate(list(window_moments(rows, window, stride)))
+    rolled = np.concatenate([batch.moments for batch in window_moments(rows, window, stride)])
     direct = [rows[s : s + window].T @ rows[s : s + window] / window for s in range(0, 1001 - window, stride)]
     np.testing.assert_allclose(rolled, direct, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("still", [0, 200], ids=["moving", "a column rests for a while"])
+def test_inverses_that_follow_from_others_are_those_computed_anew(still, monkeypatch):
+    rng = np.random.default_rng(1)
+    rows = noisy_rows(rng, 1500, rng.normal(size=12))
+    rows[600 : 600 + still, 3] = 0.0
+    followed = bbrf(rows, names_of(12), window=150, variant="undo")
+    monkeypatch.setattr("frischid.estimators.bbrf_windows._followed", lambda *_: None)
+    anew = bbrf(rows, names_of(12), window=150, variant="undo")
+    assert (followed.skipped, followed.undone) == (anew.skipped, anew.undone)
+    assert (followed.skipped > 0) == (still > 0)
+    np.testing.assert_allclose(followed.lower, anew.lower, rtol=1e-6)
+    np.testing.assert_allclose(followed.upper, anew.upper, rtol=1e-6)
+
+
+def test_two_inverses_a_batch_of_wide_windows(monkeypatch):
+    inverted = []
+    inverse = np.linalg.inv
+    monkeypatch.setattr(np.linalg, "inv", lambda a: inverted.append(len(a)) or inverse(a))
+    rng = np.random.default_rng(0)
+    bbrf(noisy_rows(rng, 2000, rng.normal(size=12)), names_of(12), window=500, variant="undo")
+    assert sum(inverted) == 2 * -(-1501 // 256)
 
 
 def test_one_inverse_a_window(monkeypatch):
