@@ -91,6 +91,9 @@ class DiagnosisCriteria:
     the far side of the gear."""
     max_contenders: int = 6
     """Candidates whose shapes are refined before the comparison. For speed."""
+    rival_share: float = 0.9
+    """Share of the error that the best effect explains. An effect that explains more than this share alone, and nothing
+    beside the best, is named as confused with the best. Seed 0."""
     rival_addition: float = 0.1
     """Share of the error that the best effect explains. An effect that explains less than this share beside the best
     counts as explaining nothing there. Seed 0."""

@@ -5,11 +5,10 @@
 3.  Places of one effect are joined. Effects that entered come first, in order of the error that only they explain. On
     new logs, only the part beyond the known residual counts: the residual on the training logs was there before.
     Effects that did not enter follow, in order of their own evidence.
-4.  An effect is *as good* as the first where the first leaves no less error on its own joints than that effect does: a
-    paired test over blocks of time (`block_test.less_error`). If such an effect adds nothing beside the first, the two
-    are *rivals*: these data cannot distinguish them. The simpler of two rivals comes first, or the one with more gain
-    after its price.
-5.  Effects that are as good are named as confused with the first, whether they add something or not.
+4.  An effect that explains nearly as much as the first, and adds nothing beside the first, is a *rival*: these data
+    cannot distinguish the two. The simpler of two rivals comes first, or the one with more gain after its price.
+5.  An effect is named as confused with the first, too, where the first leaves no less error on its own joints than that
+    effect does: a paired test over blocks of time (`block_test.less_error`).
 
 So a hidden effect is found beside several small ones, and an effect that only resembles it ranks lower.
 """
@@ -167,13 +166,15 @@ def _joined(
 
 
 def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[ScoredEffect]:
-    """Name the rivals of the first effect: those that are as good alone, and explain nothing beside the first."""
+    """Name the rivals of the first effect: those that explain nearly as much alone, and nothing beside the first."""
     if not found or not found[0].entered:
         return found
     criteria, top = validator.criteria, found[0]
     given = validator.extended(top.together)
     rivals = []
-    for other in _as_good(validator, found):
+    for other in found[1:]:
+        if other.explained < criteria.rival_share * top.explained or other.gain <= 0:
+            continue
         beside = scored(given, [other.together])
         if beside is None or beside.gain <= 0 or beside.explained < criteria.rival_addition * top.explained:
             rivals.append(other)
@@ -188,23 +189,23 @@ def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[S
             result.append(replace(e, rivals=(first.kind.id,), entered=False, own=OwnPart(0.0, 0.0)))
         elif e is not first:
             result.append(replace(e, rivals=(first.kind.id,)) if any(e is r for r in rivals) else e)
-    return _with_all_as_good(validator, result)
+    return _with_as_good(validator, result)
 
 
-def _as_good(validator: CrossValidator, found: Sequence[ScoredEffect]) -> list[ScoredEffect]:
-    """Effects that leave no more error on the first one's joints, as far as blocks of time can tell."""
-    level, top = validator.criteria.block_p_value, found[0]
-    return [e for e in found[1:] if e.gain > 0 and less_error(validator, top.together, e.together) > level]
+def _with_as_good(validator: CrossValidator, found: list[ScoredEffect]) -> list[ScoredEffect]:
+    """Name effects too that explain the error of the first one's joints as well, as far as blocks of time can tell.
 
-
-def _with_all_as_good(validator: CrossValidator, found: list[ScoredEffect]) -> list[ScoredEffect]:
-    """Name effects too that are as good as the first, and that add something beside the first.
-
-    The model may need both. But the first has no better claim to its part of the error: on other logs of the same robot
-    the order may be the reverse.
+    Such an effect may add something beside the first, and the model may need both. But the first has no better claim to
+    its part of the error: on other logs of the same robot the order may be the reverse.
     """
-    top, level = found[0], validator.criteria.significance
-    as_good = [e for e in _as_good(validator, found) if e.p_value <= level]
+    criteria, top = validator.criteria, found[0]
+    as_good = [
+        e
+        for e in found[1:]
+        if e.gain > 0
+        and e.p_value <= criteria.significance
+        and less_error(validator, top.together, e.together) > criteria.block_p_value
+    ]
     named = [e for e in found[1:] if e.kind.id in top.rivals or any(e is x for x in as_good)]
     names = tuple(e.kind.id for e in sorted(named, key=lambda e: -e.explained))
     others = [
