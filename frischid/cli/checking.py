@@ -132,13 +132,15 @@ def _corrections(logs: Sequence[str], mapping: MapFiles, data: Sequence[Log], re
 def fetch(name: str | None, output: str | None, source: str | None, as_json: bool) -> None:
     """Fetch public logs of real robots; without NAME, list them.
 
-    Every file is verified by its checksum.
+    Files are verified by their checksum. Files without one are put into a folder by hand (--from), and their contents
+    are checked.
     """
     from frischid.cli.pages import checking as show
     from frischid.logs import datasets
+    from frischid.logs.dataset_list import DATASETS
 
     if name is None:
-        show_page(show.datasets(datasets.DATASETS), as_json)
+        show_page(show.datasets(DATASETS), as_json)
         return
     with working(as_json) as progress:
         dataset, paths = datasets.fetch(name, output or name, source, progress)

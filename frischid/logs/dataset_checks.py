@@ -6,6 +6,7 @@ the variables, the number of columns and samples, the sampling rate, and ranges 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,14 @@ TX40_GEARS = (32.0, 32.0, 45.0, -48.0, 45.0, 32.0)
 """Motor turns per joint turn; motor 6 also turns with joint 5, by the gear of joint 6."""
 TX40_ZEROS = (0.0, -np.pi / 2, np.pi / 2, 0.0, 0.0, 0.0)
 """rad, added to the joints' angles: the zeros of the URDF."""
+KR300_SHAPE = (6, 90_881)
+"""Axes and samples of each recording, at 250 Hz."""
+KR300_STEP = 0.004
+"""s."""
+KR300_REACH = 360.0
+"""deg. No axis turns further."""
+KR300_SEEN_BEHIND = 3
+"""First axes whose position the owners take from the second encoder, behind the gear."""
 
 
 def emps(path: Path) -> dict[str, Any]:
@@ -36,16 +45,8 @@ def emps(path: Path) -> dict[str, Any]:
     InputError
         The file is not this recording.
     """
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        content = loadmat(path)
-    except (MatReadError, ValueError, OSError) as error:
-        raise InputError(f"{path}: cannot be read as a MATLAB file ({error})") from error
     wanted = ("t", "qm", "qg", "vir", "gtau")
-    if missing := [name for name in wanted if name not in content]:
-        raise InputError(f"{path}: holds no {', '.join(missing)}; EMPS files hold {', '.join(wanted)}")
+    content = _matlab(path, wanted, ("pulses_N",), "EMPS")
     t, q, reference, voltage = (np.asarray(content[name], dtype=float).ravel() for name in wanted[:4])
     _check(path, "samples", len(t), len(t) == EMPS_SAMPLES, f"{EMPS_SAMPLES}")
     _check(
@@ -60,6 +61,57 @@ def emps(path: Path) -> dict[str, Any]:
     if "pulses_N" in content:
         table["pulses"] = np.asarray(content["pulses_N"], dtype=float).ravel()
     return table
+
+
+def kr300(path: Path) -> dict[str, Any]:
+    """A log of the arm from a MATLAB file: degrees and N·m at 250 Hz.
+
+    Position and velocity are those that the owners use: of the second encoder behind the gear on axes 1 to 3, of the
+    motor on axes 4 to 6. The channel ``qm`` has the motors' positions of all axes, ``qref`` the positions of the path.
+
+    Raises
+    ------
+    InputError
+        The file is not such a recording.
+    """
+    channels = ("q_se_meas", "qd_se_meas", "q_mot_meas", "qd_mot_meas", "tau_meas", "q_ref")
+    content = _matlab(path, ("time", "recording_ok", *channels), (), "KR300")
+    shapes = {content[name].shape for name in channels}
+    _check(path, "axes and samples", sorted(shapes), shapes == {KR300_SHAPE}, str(KR300_SHAPE))
+    rows = {name: np.asarray(content[name], dtype=float).T for name in channels}
+    t = np.asarray(content["time"], dtype=float).ravel()
+    _check(path, "time stamps", len(t), len(t) == KR300_SHAPE[1], str(KR300_SHAPE[1]))
+    steady = bool(np.allclose(np.diff(t), KR300_STEP, rtol=0, atol=1e-9))
+    _check(path, "time steps", f"{np.diff(t).min():.6g} to {np.diff(t).max():.6g} s", steady, f"{KR300_STEP} s")
+    finite = all(np.isfinite(x).all() for x in rows.values())
+    _check(path, "values", "NaN or infinity", finite, "finite numbers")
+    far = max(float(np.abs(rows[name]).max()) for name in ("q_se_meas", "q_mot_meas"))
+    _check(path, "largest angle", f"{far:.6g} deg", far <= KR300_REACH, f"at most {KR300_REACH:g} deg")
+    _check(path, "recording_ok", "false", bool(np.all(content["recording_ok"])), "true")
+    behind = np.arange(KR300_SHAPE[0]) < KR300_SEEN_BEHIND
+    found = {
+        "q": np.deg2rad(np.where(behind, rows["q_se_meas"], rows["q_mot_meas"])),
+        "v": np.deg2rad(np.where(behind, rows["qd_se_meas"], rows["qd_mot_meas"])),
+        "tau": rows["tau_meas"],
+        "qm": np.deg2rad(rows["q_mot_meas"]),
+        "qref": np.deg2rad(rows["q_ref"]),
+    }
+    columns = {f"{c}_joint_a{k + 1}": column for c, values in found.items() for k, column in enumerate(values.T)}
+    return {"t": t, **columns}
+
+
+def _matlab(path: Path, wanted: Sequence[str], optional: Sequence[str], owner: str) -> dict[str, Any]:
+    """Some variables of a MATLAB file; others are not read."""
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        content: dict[str, Any] = loadmat(path, variable_names=[*wanted, *optional])
+    except (MatReadError, ValueError, OSError, NotImplementedError) as error:
+        raise InputError(f"{path}: cannot be read as a MATLAB file ({error})") from error
+    if missing := [name for name in wanted if name not in content]:
+        raise InputError(f"{path}: holds no {', '.join(missing)}; {owner} files hold {', '.join(wanted)}")
+    return content
 
 
 def staubli_tx40(folder: Path) -> dict[str, Any]:

@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,8 @@ from scipy.io import savemat
 
 from frischid.cli import main
 from frischid.errors import InputError, UnknownNameError
-from frischid.logs import datasets
+from frischid.logs import dataset_checks, datasets
+from frischid.logs.dataset_list import DATASETS, Dataset
 from frischid.logs.readers import read_log
 
 JOINTS = ["torso_lift_joint", "arm_1_joint"]
@@ -32,8 +34,8 @@ def folder(tmp_path, monkeypatch):
         path = source / "dynamic" / f"tiago_{kind}.csv"
         path.write_text("\n".join([",".join(["t", *(f"- {j}_{kind}" for j in JOINTS)]), *rows]))
         digests[f"dynamic/{path.name}"] = hashlib.sha256(path.read_bytes()).hexdigest()
-    known = datasets.DATASETS["tiago"]
-    made = datasets.Dataset(
+    known = DATASETS["tiago"]
+    made = Dataset(
         known.title,
         known.page,
         known.licence,
@@ -43,7 +45,7 @@ def folder(tmp_path, monkeypatch):
         {"dynamic": "dynamic"},
         known.layout,
     )
-    monkeypatch.setitem(datasets.DATASETS, "tiago", made)
+    monkeypatch.setitem(DATASETS, "tiago", made)
     return source
 
 
@@ -78,7 +80,7 @@ def test_what_cannot_be_fetched(tmp_path, monkeypatch):
 
 
 def test_addresses_are_permanent():
-    for dataset in datasets.DATASETS.values():
+    for dataset in DATASETS.values():
         for path, digest in dataset.files.items():
             if not digest:  # put into place by hand
                 assert not dataset.address
@@ -105,7 +107,7 @@ UR10E = {
 @pytest.mark.skipif("FRISCHID_DATA" not in os.environ, reason="FRISCHID_DATA is not set")
 def test_the_ur10es_files_written_again(tmp_path):
     """The owners' files, byte for byte, from the measured logs: their checksums hold and their numbers come back."""
-    measured, source, known = Path(os.environ["FRISCHID_DATA"]), tmp_path / "source", datasets.DATASETS["ur10e"]
+    measured, source, known = Path(os.environ["FRISCHID_DATA"]), tmp_path / "source", DATASETS["ur10e"]
     source.mkdir()
     rows = {}
     for name, (last, decimals, end) in UR10E.items():
@@ -129,7 +131,7 @@ def test_the_pandas_layout(tmp_path):
     for kind, rows in truth.items():
         (tmp_path / f"exciting_traj_{kind}.txt").write_text("".join(f"{x}\n" for x in rows.ravel()))
     (tmp_path / "exciting_traj_time.txt").write_text("".join(f"{x}\n" for x in np.arange(5) / 1000))
-    table = datasets.DATASETS["panda"].layout(tmp_path)
+    table = DATASETS["panda"].layout(tmp_path)
     assert np.array_equal(table["tau_panda_joint7"], truth["torques"][:, 6])
     assert list(table)[:2] == ["t", "q_panda_joint1"]
     assert len(table) == 22
@@ -199,6 +201,74 @@ def test_tx40_by_hand(tmp_path, header):
     assert np.allclose(log.q, q)
     assert np.allclose(log.tau, tau @ R)
     assert log.rate == pytest.approx(5000)
+
+
+def kr300_files(folder, samples=300, **changed):
+    """Twelve recordings of a short arm: `monkeypatch` shortens what is expected too."""
+    t = np.arange(samples) * 0.004
+    axes = np.arange(1.0, 7)[:, None]
+    content = {"time": t[None], "recording_ok": np.array([[True]]), "READ_ME": np.full((2, 2), "words", dtype=object)}
+    content |= {"q_se_meas": 10 * axes + np.sin(t), "q_mot_meas": 20 * axes + np.sin(t), "q_ref": axes + np.sin(t)}
+    content |= {"qd_se_meas": axes * np.cos(t), "qd_mot_meas": 2 * axes * np.cos(t), "tau_meas": axes * np.ones_like(t)}
+    content |= changed
+    folder.mkdir(parents=True)
+    for file in DATASETS["kr300"].files:
+        savemat(folder / Path(file).name, {k: x for k, x in content.items() if x is not None})
+
+
+def test_kr300_by_hand(tmp_path, monkeypatch):
+    monkeypatch.setattr(dataset_checks, "KR300_SHAPE", (6, 300))
+    kr300_files(tmp_path / "source/raw_data")
+    result = by_hand("kr300", tmp_path / "source", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert "Weigand" in result.output
+    logs = sorted(path.stem for path in (tmp_path / "out").glob("*.parquet"))
+    assert len(logs) == 12
+    assert [name for name in logs if name.startswith("test")] == ["test_22H_58M"]
+    log = read_log(tmp_path / "out/test_22H_58M.parquet", [f"joint_a{k}" for k in range(1, 7)])
+    assert log.rate == pytest.approx(250)
+    assert np.allclose(np.rad2deg(log.q[0]), [10, 20, 30, 80, 100, 120])  # behind the gears, then the motors'
+    assert np.allclose(np.rad2deg(log.v[0]), [1, 2, 3, 8, 10, 12])
+    assert np.allclose(log.tau[0], [1, 2, 3, 4, 5, 6])
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"tau_meas": None}, "holds no tau_meas"),
+        ({"samples": 200}, "axes and samples"),
+        ({"time": np.arange(300)[None] * 0.001}, "time steps"),
+        ({"q_mot_meas": np.full((6, 300), 400.0)}, "largest angle"),
+        ({"tau_meas": np.full((6, 300), np.nan)}, "NaN or infinity"),
+        ({"recording_ok": np.array([[False]])}, "recording_ok"),
+    ],
+)
+def test_other_recordings_are_refused(tmp_path, monkeypatch, changed, said):
+    monkeypatch.setattr(dataset_checks, "KR300_SHAPE", (6, 300))
+    kr300_files(tmp_path / "source", **changed)
+    result = by_hand("kr300", tmp_path / "source", tmp_path / "out")
+    assert result.exit_code == 2
+    assert said in result.output.replace("\n", " ")
+    assert not list((tmp_path / "out").glob("*.parquet"))
+
+
+def test_another_archive_is_refused(tmp_path, monkeypatch):
+    """Where the archive lies beside the unpacked files, it has to be the known one."""
+    monkeypatch.setattr(dataset_checks, "KR300_SHAPE", (6, 300))
+    kr300_files(tmp_path / "source")
+    (tmp_path / "source" / DATASETS["kr300"].archive.name).write_bytes(b"half of it")
+    with pytest.raises(InputError, match=r"its MD5 is .* download it again"):
+        datasets.fetch("kr300", tmp_path / "out", tmp_path / "source")
+    assert not (tmp_path / "out").exists()
+    known = DATASETS["kr300"]
+    own = known.archive._replace(md5=hashlib.md5(b"half of it").hexdigest())
+    monkeypatch.setitem(DATASETS, "kr300", replace(known, archive=own))
+    assert len(datasets.fetch("kr300", tmp_path / "out", tmp_path / "source")[1]) == 12
+
+
+def test_an_archive_is_named_with_its_checksum(tmp_path):
+    with pytest.raises(InputError, match=r"With_Raw_Data\.rar \(227 MB, MD5 4a9d3a\w+\).* fetch kr300 --from FOLDER"):
+        datasets.fetch("kr300", tmp_path / "out")
 
 
 @pytest.mark.parametrize("name", ["emps", "staubli_tx40"])

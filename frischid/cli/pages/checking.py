@@ -11,7 +11,7 @@ from rich.markup import escape
 from frischid.checks import LogIssue, LogReport
 from frischid.cli.pages.page import Page, figure, table_of
 from frischid.core.text import percent
-from frischid.logs.datasets import Dataset
+from frischid.logs.dataset_list import Dataset
 from frischid.logs.log import Log
 from frischid.logs.proposal import Proposal
 
