@@ -32,6 +32,7 @@ from frischid.checks.log_issue import Notebook, span
 from frischid.checks.sketch import Sketch
 from frischid.core.text import percent
 from frischid.core.types import Array
+from frischid.robot.stated_inertials import unstated
 
 RANK_TOLERANCE = 1e-4
 """Singular value over the largest: a smaller one is that of parameters which the motion hardly shows."""
@@ -47,7 +48,7 @@ def check_lag(sketch: Sketch, notes: Notebook) -> None:
     """Find a delay between torque and motion, of all joints or of single ones."""
     criteria, delays = sketch.criteria, _delays(sketch)
     judged = [k for k in range(len(sketch.rows)) if sketch.asis[k] < 1.0]
-    if not len(delays) or not judged or not sketch.robot.nominal.any():
+    if not len(delays) or not judged or unstated(sketch.robot):
         return
     rows = [_nominal_row(sketch, int(j)) for j in sketch.rows[judged]]
     shifted = _shifted(sketch, rows, delays)

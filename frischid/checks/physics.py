@@ -20,6 +20,7 @@ from frischid.checks.payload import beats_links, check_payload, payload_errors
 from frischid.checks.sketch import Sketch
 from frischid.core.text import percent
 from frischid.core.types import Array
+from frischid.robot.stated_inertials import unstated
 
 
 def squared(errors: Array, cap: float) -> float:
@@ -43,8 +44,8 @@ def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) ->
     Sketch
         The log with the named faults undone, and with its torques moved to earlier times where they are clearly late.
     """
-    if not sketch.robot.nominal.any():
-        notes.facts["nominal"] = "the URDF has no inertials: torques cannot be compared with it"
+    if what := unstated(sketch.robot):
+        notes.facts["nominal"] = f"the URDF has {what}: the torques cannot be compared with it"
         return sketch
     if (sketch.excess > notes.criteria.bad_nrmse).any() and (lag := clear_lag(sketch)):
         sketch = sketch.moved_earlier(lag)

@@ -43,6 +43,7 @@ from frischid.estimators.urdf_prior import gaussian, link_spread
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
+from frischid.robot.stated_inertials import unstated
 
 PRECISION_ROUNDING = 1e-12  # share of the diagonal of a precision that is added
 LEAST_MODEL_SHARE = 1e-6  # against division by zero: of a perfect log
@@ -141,8 +142,11 @@ def _spread(model: Model, regressor: Regressor, mapping: Array, criteria: Diagno
     largest = float(effort.max(initial=0.0)) or _UNSTATED
     others = np.full(len(regressor.columns), criteria.friction_prior_factor * largest)
     rotors = np.array([c.effect == "rotor_inertia" for c in regressor.columns], bool)
-    others[rotors] = np.maximum(_inertia(model), _identified(model, mapping)[rotors])
+    identified = _identified(model, mapping)
+    others[rotors] = np.maximum(_inertia(model), identified[rotors])
     links = link_spread(regressor)
+    if unstated(model.robot):
+        links = np.maximum(links, identified)
     return np.where(np.isnan(links), others, links)
 
 
@@ -155,7 +159,8 @@ def _inertia(model: Model) -> float:
 def _identified(model: Model, mapping: Array) -> Array:
     """Largest value (C,) that each parameter can have by what was identified: that of a base parameter it is part of.
 
-    Behind a high gear, a rotor has hundreds of times the inertia of the links.
+    Behind a high gear, a rotor has hundreds of times the inertia of the links. And a URDF may not say what its links
+    weigh.
     """
     share = np.abs(mapping)
     values = np.abs(model.estimate.theta)[:, None] / np.where(share > 0, share, np.inf)

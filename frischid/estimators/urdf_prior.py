@@ -2,7 +2,9 @@
 
     θ ~ N(θ_URDF, d²),   a link of mass m and size L:   d_m = a,   d_first moment = a L,   d_inertia = a L²,
 
-with a = m / 2 + m_max / 10 and L = √(½ tr I / m), the root-mean-square distance of its mass from the joint. An effect
+with a = m / 2 + m_max / 10 and L = √(½ tr I / m), the root-mean-square distance of its mass from the joint. If the URDF
+does not say what its links weigh, L is that of a rod from the joint to the next one, and all d are so large that the
+first of the parameters alone would cause the measured torque. An effect
 has mean zero, because the damping in a URDF is not measured. Its standard deviation is the value at which the effect
 alone would cause the measured torque. A rotor's inertia on the joint's side is usually at most ten times the inertia of
 the links; a torque sensor behind the gear measures little of it, and possibly a small negative value. The fingers of a
@@ -32,6 +34,7 @@ from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.robot.robot import Robot
 from frischid.robot.scale import RobotScale
+from frischid.robot.stated_inertials import link_lengths, unstated
 
 
 @dataclass(frozen=True)
@@ -193,6 +196,9 @@ def urdf_prior(
     rotor = np.array([c.effect == "rotor_inertia" for c in columns])
     links = link_spread(regressor, criteria)
     effects = _effect_spread(reduction, whole)
+    share = effects[rigid] / links[rigid]
+    if unstated(robot) and (share > 0).any():  # the torques say how heavy the robot is
+        links = links * share[share > 0].min()
     inertia = _joint_inertias(robot, links, regressor)
     about = np.array([inertia.get(c.joint, 0.0) for c in columns])
     spread = np.where(rigid, links, np.where(rotor, np.minimum(effects, criteria.rotor * about), effects))
@@ -230,22 +236,26 @@ def link_spread(regressor: Regressor, criteria: PriorCriteria | None = None) -> 
     length = RobotScale.of(robot).length
     sizes = criteria.least_size * min(length, 1.0), criteria.largest_size * max(length, 1.0)
     heaviest = max(nominal[f"m{i}"] for i in robot.numbers.values()) or 1.0
-    spread = np.full(len(regressor.columns), np.nan)
+    spread, size = np.full(len(regressor.columns), np.nan), _sizes(robot, nominal)
     for k, column in enumerate(regressor.columns):
         if column.effect == "rigid":
             kind, body = column.name.rstrip("0123456789"), column.name.lstrip("mxyzI")
             mass = criteria.mass_share * max(nominal[f"m{body}"], 0.0) + criteria.heaviest_share * heaviest
             order = {"m": 0}.get(kind, 1 if kind.startswith("m") else 2)
-            spread[k] = mass * _size(nominal, body, *sizes) ** order
+            spread[k] = mass * np.clip(size[int(body)], *sizes) ** order
     return spread
 
 
-def _size(nominal: Mapping[str, float], body: str, least: float, largest: float) -> float:
-    """Root-mean-square distance of a link's mass from its joint, m."""
-    mass = nominal[f"m{body}"]
-    squares = 0.5 * sum(nominal[f"I{axis}{axis}{body}"] for axis in "xyz")
-    size = np.sqrt(max(squares, 0.0) / mass) if mass > 0 else 0.0
-    return float(np.clip(size, least, largest))
+def _sizes(robot: Robot, nominal: Mapping[str, float]) -> dict[int, float]:
+    """Root-mean-square distance of each link's mass from its joint, m; of a rod where the URDF does not say."""
+    found: dict[int, float] = {}
+    stated, lengths = not unstated(robot), link_lengths(robot)
+    for body in robot.numbers.values():
+        mass = nominal[f"m{body}"]
+        squares = 0.5 * sum(nominal[f"I{axis}{axis}{body}"] for axis in "xyz")
+        known = stated and mass > 0
+        found[body] = float(np.sqrt(max(squares, 0.0) / mass)) if known else lengths[body] / np.sqrt(3)  # of a rod
+    return found
 
 
 def _joint_inertias(robot: Robot, links: Array, regressor: Regressor) -> dict[str, float]:

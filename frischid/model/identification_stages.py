@@ -41,6 +41,7 @@ from frischid.regression.regressor import Regressor
 from frischid.regression.streaming_qr import SAFE_CONDITION
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
+from frischid.robot.stated_inertials import unstated
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +128,7 @@ def read_logs(
     options = replace(options, currents=known_currents(robot, logs, options, journal.notes))
     logs, valid = driven(logs, None, options.currents), driven(valid, None, options.currents)
     robot, locked = held_by(robot, logs)
-    journal.notes += locked
+    journal.notes += [*locked, *_unstated(robot)]
     joints = tuple(torque_joints(robot, logs, options.torque_joints, journal.notes))
     try:
         check_cutoff(options.cutoff, [*logs, *valid])
@@ -145,6 +146,11 @@ def read_logs(
     data = LogData(robot, tuple(logs), tuple(valid), joints, seen, motions, preparation, options, journal)
     _check_issues(data)
     return data
+
+
+def _unstated(robot: Robot) -> list[str]:
+    what = unstated(robot)
+    return [f"{robot.source} has {what}: the links' values come from the logs, not from the URDF"] if what else []
 
 
 def _nothing(_: int) -> None:

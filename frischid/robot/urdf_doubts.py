@@ -9,7 +9,6 @@ number too. Each doubt names its line.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping
 from xml.parsers import expat
 
@@ -117,13 +116,22 @@ def _dampings(seen: _Seen) -> list[str]:
     ]
 
 
+def has_one_inertia(text: str) -> bool:
+    """Whether all links of a URDF, at least three, have the same inertia: a placeholder."""
+    return _is_one_inertia(_read(text))
+
+
+def _is_one_inertia(seen: _Seen) -> bool:
+    own = {six for _, six in seen.inertia.values()}
+    return len(seen.inertia) >= FEWEST_ALIKE and len(own) == 1 and any(*own)
+
+
 def _inertias(seen: _Seen) -> list[str]:
     found = []
-    alike = Counter(six for _, six in seen.inertia.values() if any(six))
-    if alike and (most := alike.most_common(1)[0])[1] >= FEWEST_ALIKE and most[1] == len(seen.inertia):
-        line = min(line for line, _ in seen.inertia.values())
+    if _is_one_inertia(seen):
+        line, count = min(line for line, _ in seen.inertia.values()), len(seen.inertia)
         found.append(
-            f"line {line}: all {most[1]} links have the same inertia: a placeholder, hardly that of a real robot"
+            f"line {line}: all {count} links have the same inertia: a placeholder, hardly that of a real robot"
         )
     for link, (line, (xx, xy, xz, yy, yz, zz)) in seen.inertia.items():
         moments = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))

@@ -101,7 +101,8 @@ def _verdict(reports: Sequence[LogReport]) -> str:
     logs = f"{len(reports)} logs" if len(reports) > 1 else "log"
     doubtful = [report for report in reports if report.issues]
     if not doubtful:
-        return f"[bold]Nothing suspicious in the {logs}.[/bold]"
+        unjudged = next((f"; {r.facts['nominal']}" for r in reports if "nominal" in r.facts), "")
+        return f"[bold]Nothing suspicious in the {logs}{unjudged}.[/bold]"
     kinds = ", ".join(dict.fromkeys(issue.kind for report in doubtful for issue in report.issues))
     first = f"{len(doubtful)} of {logs}" if len(reports) > 1 else "The log"
     return f"[bold]{first} need{'s' * (len(doubtful) == 1)} attention: {kinds}.[/bold]"
@@ -160,9 +161,11 @@ def _joints(joints: Mapping[str, Mapping[str, float]]) -> list[Any]:
 
 
 def _parameters(facts: Mapping[str, Any]) -> list[str]:
+    if "nominal" in facts:
+        return [f"  {facts['nominal']}"]
     unseen = facts.get("unseen_parameters")
     if unseen is None:
-        return [f"  {facts['nominal']}"] if "nominal" in facts else []
+        return []
     if not unseen:
         return [
             f"  this log determines all {facts['rigid_parameters']} rigid base parameters that are not 0 in the URDF: "

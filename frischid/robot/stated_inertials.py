@@ -1,0 +1,47 @@
+"""Whether a URDF says what its links weigh, and how long the links are if it does not.
+
+Many URDFs describe a robot's geometry only. Some have no inertials, and some have one inertial for all links, so that a
+simulator accepts them. Neither says anything of the robot's torques.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from frischid.robot.robot import Robot
+from frischid.robot.urdf_doubts import has_one_inertia
+
+
+def unstated(robot: Robot) -> str:
+    """What the URDF has in place of inertials: "no inertials" or "one inertia for all links"; "" where it has them.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> from frischid.robot.stated_inertials import unstated
+    >>> unstated(fr.Robot.load("ur5"))
+    ''
+    """
+    if not robot.nominal.any():
+        return "no inertials"
+    return "one inertia for all links" if has_one_inertia(robot.urdf) else ""
+
+
+def link_lengths(robot: Robot) -> dict[int, float]:
+    """Distance from each joint to the farthest next joint or frame on its link, m, by the joint's number.
+
+    A link without any of them counts as long as the mean of the others.
+    """
+    model = robot.model
+    found = dict.fromkeys(robot.numbers.values(), 0.0)
+    for i in range(1, model.njoints):
+        parent = int(model.parents[i])
+        if parent in found:
+            found[parent] = max(found[parent], float(np.linalg.norm(model.jointPlacements[i].translation)))
+    for frame in model.frames:
+        parent = int(frame.parentJoint)
+        if parent in found:
+            found[parent] = max(found[parent], float(np.linalg.norm(frame.placement.translation)))
+    known = [x for x in found.values() if x > 0]
+    usual = float(np.mean(known)) if known else 0.0
+    return {number: x or usual for number, x in found.items()}
