@@ -1,7 +1,7 @@
 """Whether a URDF says what its links weigh, and how long the links are if it does not.
 
-Many URDFs describe a robot's geometry only. Some have no inertials, and some have one inertial for all links, so that a
-simulator accepts them. Neither says anything of the robot's torques.
+Many URDFs describe a robot's geometry only. Some have no inertials. Others have one mass and inertia for all links, so
+that a simulator accepts them. Neither says anything of the robot's torques.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from frischid.robot.robot import Robot
-from frischid.robot.urdf_doubts import has_one_inertia
+from frischid.robot.urdf_doubts import has_one_inertial
 
 
 def unstated(robot: Robot) -> str:
-    """What the URDF has in place of inertials: "no inertials" or "one inertia for all links"; "" where it has them.
+    """What the URDF has in place of inertials, in words: nothing, or one for all links; "" where it states them.
 
     Examples
     --------
@@ -24,7 +24,7 @@ def unstated(robot: Robot) -> str:
     """
     if not robot.nominal.any():
         return "no inertials"
-    return "one inertia for all links" if has_one_inertia(robot.urdf) else ""
+    return "one mass and inertia for all links" if has_one_inertial(robot.urdf) else ""
 
 
 def link_lengths(robot: Robot) -> dict[int, float]:

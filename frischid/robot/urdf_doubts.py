@@ -116,9 +116,10 @@ def _dampings(seen: _Seen) -> list[str]:
     ]
 
 
-def has_one_inertia(text: str) -> bool:
-    """Whether all links of a URDF, at least three, have the same inertia: a placeholder."""
-    return _is_one_inertia(_read(text))
+def has_one_inertial(text: str) -> bool:
+    """Whether all links of a URDF, at least three, have the same mass and the same inertia: a placeholder."""
+    seen = _read(text)
+    return _is_one_inertia(seen) and len({seen.mass.get(link) for link in seen.inertia}) == 1
 
 
 def _is_one_inertia(seen: _Seen) -> bool:

@@ -52,11 +52,21 @@ def log_of(seed: int, seconds: float, effects: str = "") -> Log:
 
 
 def test_a_urdf_of_geometry_is_recognised(geometry):
-    assert unstated(geometry) in {"no inertials", "one inertia for all links"}
+    assert unstated(geometry) in {"no inertials", "one mass and inertia for all links"}
     assert not unstated(UR5)
     lengths = link_lengths(UR5)
     assert len(lengths) == 6
     assert lengths[2] == pytest.approx(0.443, abs=0.02)  # the upper arm
+
+
+def test_masses_that_differ_are_stated(tmp_path):
+    """One inertia for all links is a doubt, but the masses hold the gravity."""
+    moments = r'ixx="[^"]*" ixy="[^"]*" ixz="[^"]*" iyy="[^"]*" iyz="[^"]*" izz="[^"]*"'
+    same = 'ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"'
+    path = tmp_path / "masses.urdf"
+    path.write_text(re.sub(moments, same, text()))
+    assert same in path.read_text()
+    assert not unstated(Robot.load(path))
 
 
 def test_no_fault_of_a_log_is_read_off_links_that_nobody_stated(geometry):
