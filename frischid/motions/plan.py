@@ -40,6 +40,7 @@ from frischid.motions.optimize import ATTEMPTS, Progress, Search
 from frischid.motions.plan_options import PlanOptions
 from frischid.motions.trajectory import ClosedForm, Family
 from frischid.robot.robot import Robot
+from frischid.robot.stated_inertials import unstated
 
 CLOSED = 1e-6
 """rad (m). A motion that ends this near to its start can run again without a jump."""
@@ -236,8 +237,14 @@ def _searched(seed: int, task: _Task, progress: Progress | None = None) -> Plan:
         evaluations=search.cost.evaluations,
         seconds=0.0,
         violations=tuple(violations(task.robot, motion, task.limits, task.clearance)),
-        notes=task.clearance.notes,
+        notes=(*task.clearance.notes, *_of_torques(task.robot)),
     )
+
+
+def _of_torques(robot: Robot) -> list[str]:
+    what = unstated(robot)
+    said = "the torques of this plan, and their comparison with limits, mean nothing; run the motion slowly first"
+    return [f"the URDF has {what}: {said}"] if what else []
 
 
 def _final_cost(search: Search, motion: ClosedForm, X: Array) -> float:

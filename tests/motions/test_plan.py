@@ -1,6 +1,7 @@
 """Exciting motions: gradients, limits at every instant, rest, reproducibility, the paper's cost on its own points."""
 
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -263,6 +264,15 @@ def test_a_missing_mesh_is_said_and_no_failure():
     notes = Clearance.of(robot).notes
     assert notes == ("no mesh file for base: not checked for collision",)
     assert NO_SHAPES in Clearance.of(Robot.load("planar2")).notes[0]
+
+
+def test_torques_of_links_that_nobody_stated_are_said_to_mean_nothing():
+    bare = Robot.load("planar2").urdf
+    bare = re.sub(r"<inertial>.*?</inertial>", "", bare, flags=re.DOTALL)
+    options = PlanOptions(duration=2.0, budget=20)
+    (said,) = [n for n in plan(made(bare), options=options).notes if "no inertials" in n]
+    assert "mean nothing" in said
+    assert not any("mean nothing" in n for n in plan(Robot.load("planar2"), options=options).notes)
 
 
 def test_boxes_where_a_link_has_the_name_of_a_fixed_joint():
