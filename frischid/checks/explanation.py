@@ -23,7 +23,7 @@ explanation than errors of the URDF's links, which every URDF has (`_beats_links
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -89,8 +89,15 @@ class Explanation:
         return f"{odds} alone, if the other faults named here are real" if said > 1 else odds
 
 
-def explain(sketch: Sketch) -> Explanation | None:
-    """The best acceptable hypothesis about a log that the URDF does not explain; None without one."""
+def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corrected: False) -> Explanation | None:
+    """The best acceptable hypothesis about a log that the URDF does not explain; None without one.
+
+    Parameters
+    ----------
+    sketch : Sketch
+    contradicted : callable, optional
+        Whether the torques speak against a log with faults undone, whatever the links weigh (`KinematicEvidence`).
+    """
     fits = RowFits(sketch)
     null = Hypothesis((), fits.total(sketch.asis), sketch.asis, sketch)
     found = _readings(sketch, ())
@@ -111,14 +118,15 @@ def explain(sketch: Sketch) -> Explanation | None:
     likeliest = max([*found, null], key=_score)
     found += [h for h in _parts(likeliest) if h.faults]
     enough = sorted((h for h in found if h.key <= likeliest.key and _is_enough(h, null)), key=_score, reverse=True)
-    if not enough:
+    best = next((h for h in enough if not contradicted(h.sketch)), None)
+    if best is None:
         return None  # what explains the torques best is no fault that can be named: several gains, or too many faults
-    best = enough[0]
     others = [h for h in [*found, null] if not h.key >= best.key]
     runner = max(others, key=_score, default=None)
-    gap = np.inf if runner is None else likeliest.score - runner.score
-    needed = max((h for h in enough if h.key <= best.key and (h is best or _is_good(h))), key=_fewest_faults)
-    best = replace(best, faults=_by_evidence(best))
+    reached = likeliest.score if best is enough[0] else best.score
+    gap = np.inf if runner is None else reached - runner.score
+    parts = [h for h in enough if h.key <= best.key and (h is best or _is_good(h))]
+    needed, best = max(parts, key=_fewest_faults), replace(best, faults=_by_evidence(best))
     return Explanation(best, float(1 / (1 + np.exp(np.clip(-gap, -50, 50)))), runner, needed)
 
 

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from frischid.checks.explanation import Explanation, explain
+from frischid.checks.kinematic_evidence import KinematicEvidence
 from frischid.checks.lag import clear_lag
 from frischid.checks.log_issue import Notebook, Sureness, span
 from frischid.checks.payload import beats_links, check_payload, payload_errors
@@ -28,15 +29,15 @@ def squared(errors: Array, cap: float) -> float:
     return float(np.sum(np.minimum(errors, cap) ** 2))
 
 
-def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) -> Sketch:
+def check_physics(sketch: Sketch, free: Callable[[Sketch], Array], notes: Notebook) -> Sketch:
     """Compare the torques with the nominal URDF, and name the faults that explain a bad fit.
 
     Parameters
     ----------
     sketch : Sketch
     free : callable
-        Returns the NRMSE of freely fitted base parameters on the judged joints, (R,), NaN where unknown; called only
-        when needed.
+        Sketch -> NRMSE of freely fitted base parameters on the judged joints, (R,), NaN where unknown; called only when
+        needed.
     notes : Notebook
 
     Returns
@@ -50,7 +51,8 @@ def check_physics(sketch: Sketch, free: Callable[[], Array], notes: Notebook) ->
     if (sketch.excess > notes.criteria.bad_nrmse).any() and (lag := clear_lag(sketch)):
         sketch = sketch.moved_earlier(lag)
     bad = bool((sketch.excess > notes.criteria.bad_nrmse).any())
-    found = explain(sketch.thinned(sketch.criteria.few_samples)) if bad else None
+    few = sketch.thinned(sketch.criteria.few_samples)
+    found = explain(few, KinematicEvidence(few, free).contradicts) if bad else None
     if found is None:
         if not check_payload(sketch, notes):
             _unexplained(sketch, free, notes)
@@ -92,13 +94,13 @@ def _say(found: Explanation, sketch: Sketch, notes: Notebook) -> Sketch:
     return corrected
 
 
-def _unexplained(sketch: Sketch, free_errors: Callable[[], Array], notes: Notebook) -> None:
+def _unexplained(sketch: Sketch, free_errors: Callable[[Sketch], Array], notes: Notebook) -> None:
     """Report joints whose torque neither the URDF nor a simple mistake explains."""
     criteria, cap = sketch.criteria, sketch.criteria.nrmse_cap
     bad = sketch.excess > criteria.bad_nrmse
     if not bad.any():
         return
-    free = free_errors()
+    free = free_errors(sketch)
     before, nominal, best = squared(sketch.without, cap), squared(sketch.asis, cap), squared(np.fmin(free, cap), cap)
     names = tuple(n for n, yes in zip(sketch.names, bad, strict=True) if yes)
     figures = (

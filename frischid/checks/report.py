@@ -144,19 +144,27 @@ def _dynamics(
         return
 
     @cache
-    def fit() -> FreeFit | None:
-        return free_fit(sketch, reduction())
+    def structure() -> Reduction:
+        return reduction()
 
-    def free() -> Array:
-        found = fit()
-        return np.full(len(sketch.rows), np.nan) if found is None else found.errors
+    @cache
+    def fit(seen: Sketch) -> FreeFit | None:
+        return free_fit(seen, structure())
+
+    def free(seen: Sketch) -> Array:
+        found = fit(seen)
+        return np.full(len(seen.rows), np.nan) if found is None else found.errors
 
     corrected = check_physics(sketch, free, notes)
     check_lag(corrected, notes)
     if brief:
         return
-    for label, values in (("nominal_nrmse", sketch.asis), ("friction_nrmse", sketch.without), ("free_nrmse", free())):
+    for label, values in (
+        ("nominal_nrmse", sketch.asis),
+        ("friction_nrmse", sketch.without),
+        ("free_nrmse", free(sketch)),
+    ):
         whole = np.full(len(log.joints), np.nan)
         whole[sketch.rows] = values
         notes.per_joint(label, whole)
-    check_excitation(sketch, reduction(), fit(), notes, alone=alone)
+    check_excitation(sketch, structure(), fit(sketch), notes, alone=alone)
