@@ -35,6 +35,7 @@ FAULT_COSTS = (
     ("torque scale", 5.0),
     ("spring", 6.0),
     ("motor coupling", 6.0),
+    ("wrong robot", 6.0),
 )
 """Kinds of faults and their costs; `CheckCriteria.fault_costs` explains them."""
 

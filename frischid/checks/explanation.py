@@ -30,7 +30,8 @@ from itertools import combinations
 import numpy as np
 
 from frischid.checks.check_criteria import CheckCriteria
-from frischid.checks.faults import Fault
+from frischid.checks.faults import Fault, cost
+from frischid.checks.other_links import evidence_of_other_links
 from frischid.checks.payload import LEAST_ERROR, evidence
 from frischid.checks.position_faults import joint_faults, position_faults, with_torques
 from frischid.checks.robot_faults import robot_faults, shared_errors, shared_faults
@@ -109,7 +110,8 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
     if _has_room(max([*found, null], key=_score)):
         for start in _best(found):
             for item in position_faults(start.sketch):
-                found += _readings(item.sketch, (*start.faults, item.fault))
+                if (item.fault.kind, item.fault.where) not in start.key:  # twice is not at all
+                    found += _readings(item.sketch, (*start.faults, item.fault))
         found += [_hypothesis((item.fault,), item.sketch) for item in joint_faults(sketch)]
         behind = _behind_the_robot(found)
         found += (shared := _of_the_robot([*behind, *_best(h for h in found if _has_robot_fault(h))]))
@@ -118,7 +120,8 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
     likeliest = max([*found, null], key=_score)
     found += [h for h in _parts(likeliest) if h.faults]
     enough = sorted((h for h in found if h.key <= likeliest.key and _is_enough(h, null)), key=_score, reverse=True)
-    best = next((h for h in enough if not contradicted(h.sketch)), None)
+    rival = evidence_of_other_links(sketch) - cost(sketch.criteria, "wrong robot") if enough else 0.0
+    best = next((h for h in enough if h.score > rival and not contradicted(h.sketch)), None)
     if best is None:
         return None  # what explains the torques best is no fault that can be named: several gains, or too many faults
     others = [h for h in [*found, null] if not h.key >= best.key]

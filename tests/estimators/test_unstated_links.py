@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from large_arm import large, log_of_large
 
 from frischid.checks import inspect
 from frischid.diagnosis.diagnosis import diagnose
@@ -76,56 +77,12 @@ def test_no_fault_of_a_log_is_read_off_links_that_nobody_stated(geometry):
     assert "cannot be compared" in report.facts["nominal"]
 
 
-LARGE = (
-    ("0 0 0.675", "0 0 -1", 250, "0.1 0 -0.15", (18, 20, 16)),
-    ("0.35 0 0", "0 1 0", 180, "0.5 -0.2 0", (5, 35, 34)),
-    ("1.15 0 0", "0 1 0", 200, "0.15 0.02 0.12", (8, 14, 12)),
-    ("1.0 0 -0.041", "-1 0 0", 60, "-0.2 0 0", (0.8, 3, 3)),
-    ("0 0 0", "0 1 0", 35, "0.03 0 0.01", (0.4, 0.5, 0.4)),
-    ("0 0 0", "-1 0 0", 15, "0.18 0.01 0", (0.15, 0.12, 0.12)),
-)
-"""An arm for 300 kg: place and axis of each joint, mass, centre and moments of each link."""
-
-
-def large(folder: Path, *, stated: bool) -> Robot:
-    """The arm, with its inertials or without."""
-    parts = []
-    for k, (place, axis, mass, centre, (xx, yy, zz)) in enumerate(LARGE, 1):
-        inertia = f'<inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/>'
-        inertial = f'<inertial><origin xyz="{centre}"/><mass value="{mass}"/>{inertia}</inertial>' if stated else ""
-        limit = '<limit effort="0" lower="-2" upper="2" velocity="3"/>'
-        parts += [
-            f'<link name="l{k}">{inertial}</link>',
-            f'<joint name="a{k}" type="revolute"><origin xyz="{place}"/><parent link="l{k - 1}"/><child link="l{k}"/>'
-            f'<axis xyz="{axis}"/>{limit}</joint>',
-        ]
-    path = folder / f"{'stated' if stated else 'bare'}.urdf"
-    path.write_text(f'<robot name="large"><link name="l0"/>{"".join(parts)}</robot>')
-    return Robot.load(path)
-
-
 def test_the_prior_does_no_harm(tmp_path):
     """A prior of a tenth of a kilogram for each link had made the held-out error half as large again as without it."""
-    robot, geometry = (large(tmp_path, stated=stated) for stated in (True, False))
-    drive = {"fv": 500.0, "fc": 200.0, "Ia": 80.0}
-    drives = {f"{name}{k}": value * scale for k, scale in enumerate((1, 1, 0.8, 0.2, 0.2, 0.1), 1)
-              for name, value in drive.items()}  # fmt: skip
-
-    def logged(seed: int, seconds: float) -> Log:
-        return simulate(
-            robot,
-            random_fourier(robot, seconds, seed=seed, scale=0.8),
-            rate=50.0,
-            effects=(*BASELINE, *parse_effects("counterbalance(rest=0.3, ratio=2.5)@a2, load_friction@a3")),
-            parameters=drives | {"cp2": -6000.0, "cs2": 1500.0, "fl3": 0.06},
-            noise=Noise(q=2e-5, tau=0.01),
-            channels=(),
-            seed=seed,
-        )
-
+    robot, geometry = (large(tmp_path, links) for links in ("stated", "none"))
     ratios = []
     for seed in (10, 11, 12):
-        fit, valid = [logged(seed, 12.0)], [logged(seed + 100, 20.0)]
+        fit, valid = [log_of_large(robot, seed, 12.0)], [log_of_large(robot, seed + 100, 20.0)]
         urdf, none = (
             identify(geometry, fit, valid=valid, recursion="none", prior=prior, force=True)
             for prior in ("urdf", "none")
