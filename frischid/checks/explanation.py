@@ -14,7 +14,9 @@ best faults of single torques follow row by row (`row_fits`). Two such faults to
 
 A fault of one torque can hide a fault of the robot, and the reverse. So faults of the robot are also fitted beside each
 fault of a torque alone (`_alone`), and without each row in turn (`_without_one_row`). An answer is given only if no
-other combination without it explains more, and says which of its faults the torques need (`Explanation.needed`).
+other combination without it explains more, and says which of its faults the torques need (`Explanation.needed`). A
+fault of positions has one more rival: positions that are right, and links that weigh something else than the URDF says
+(`other_links`).
 
 The likeliest hypothesis may hold more faults than can be named. Each part of it is judged by itself (`_parts`). A part
 is named if it explains most of the error of its rows. Fitted numbers that explain a smaller share must be a better
@@ -121,7 +123,8 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
     found += [h for h in _parts(likeliest) if h.faults]
     enough = sorted((h for h in found if h.key <= likeliest.key and _is_enough(h, null)), key=_score, reverse=True)
     rival = evidence_of_other_links(sketch) - cost(sketch.criteria, "wrong robot") if enough else 0.0
-    best = next((h for h in enough if h.score > rival and not contradicted(h.sketch)), None)
+    fair = (h for h in enough if h.score > rival or not any(f.kind in POSITION_KINDS for f in h.faults))
+    best = next((h for h in fair if not contradicted(h.sketch)), None)
     if best is None:
         return None  # what explains the torques best is no fault that can be named: several gains, or too many faults
     others = [h for h in [*found, null] if not h.key >= best.key]

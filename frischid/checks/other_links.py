@@ -1,4 +1,4 @@
-"""The rival of every fault: the log is right, and the links weigh something else than the URDF says.
+"""The rival of a fault of positions: they are right, and the links weigh something else than the URDF says.
 
 With the torques of row j in units of their standard deviation, and friction projected out,
 
@@ -24,7 +24,7 @@ from frischid.robot.stated_inertials import link_lengths
 
 MASSES = np.geomspace(0.1, 1000.0, 13)
 """Masses M that are tried, kg: three for each power of ten."""
-_TURNS = 4  # of the error and the parameters, each from the other
+_NOISE_TURNS = 4  # of the error and the parameters, each from the other
 
 
 def evidence_of_other_links(sketch: Sketch) -> float:
@@ -56,7 +56,7 @@ def _sizes(sketch: Sketch) -> Array:
 def _evidence(moments: Array, weight: Array, spread: Array, floor: float) -> float:
     """Log marginal likelihood for moments (R, C + 1, C + 1) of the rows, and standard deviations (C,)."""
     square = np.full(len(moments), 2 * floor**2)
-    for _ in range(_TURNS):
+    for _ in range(_NOISE_TURNS):
         H = np.tensordot(weight / square, moments, axes=(0, 0))
         A = np.eye(len(spread)) + spread[:, None] * H[:-1, :-1] * spread
         x = np.linalg.solve(A, spread * H[:-1, -1])
