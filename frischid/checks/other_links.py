@@ -20,7 +20,7 @@ import numpy as np
 from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
-from frischid.robot.stated_inertials import link_lengths
+from frischid.robot.stated_inertials import length_order, link_lengths
 
 MASSES = np.geomspace(0.1, 1000.0, 13)
 """Masses M that are tried, kg: three for each power of ten."""
@@ -45,12 +45,10 @@ def evidence_of_other_links(sketch: Sketch) -> float:
 def _sizes(sketch: Sketch) -> Array:
     """Each parameter of the links for a mass of 1 kg: 1, L, L², with L of a rod, (C,)."""
     robot = sketch.robot
-    lengths, longest = link_lengths(robot), max(link_lengths(robot).values(), default=0.0) or 1.0
-    order = [
-        0 if c.name.startswith("m") and c.name[1:].isdigit() else 1 if c.name[0] == "m" else 2 for c in robot.columns
-    ]
+    lengths = link_lengths(robot)
+    longest = max(lengths.values(), default=0.0) or 1.0
     rods = np.array([(lengths[robot.numbers[c.joint]] or longest) / np.sqrt(3) for c in robot.columns])
-    return np.asarray(rods ** np.array(order))
+    return np.asarray(rods ** np.array([length_order(c.name) for c in robot.columns]))
 
 
 def _evidence(moments: Array, weight: Array, spread: Array, floor: float) -> float:

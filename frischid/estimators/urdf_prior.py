@@ -34,7 +34,7 @@ from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.robot.robot import Robot
 from frischid.robot.scale import RobotScale
-from frischid.robot.stated_inertials import link_lengths, unstated
+from frischid.robot.stated_inertials import length_order, link_lengths, unstated
 
 
 @dataclass(frozen=True)
@@ -239,10 +239,9 @@ def link_spread(regressor: Regressor, criteria: PriorCriteria | None = None) -> 
     spread, size = np.full(len(regressor.columns), np.nan), _sizes(robot, nominal)
     for k, column in enumerate(regressor.columns):
         if column.effect == "rigid":
-            kind, body = column.name.rstrip("0123456789"), column.name.lstrip("mxyzI")
+            body = column.name.lstrip("mxyzI")
             mass = criteria.mass_share * max(nominal[f"m{body}"], 0.0) + criteria.heaviest_share * heaviest
-            order = {"m": 0}.get(kind, 1 if kind.startswith("m") else 2)
-            spread[k] = mass * np.clip(size[int(body)], *sizes) ** order
+            spread[k] = mass * np.clip(size[int(body)], *sizes) ** length_order(column.name)
     return spread
 
 

@@ -45,3 +45,16 @@ def link_lengths(robot: Robot) -> dict[int, float]:
     known = [x for x in found.values() if x > 0]
     usual = float(np.mean(known)) if known else 0.0
     return {number: x or usual for number, x in found.items()}
+
+
+def length_order(name: str) -> int:
+    """Power of the length in a parameter of a link: 0 of a mass, 1 of a first moment, 2 of an inertia.
+
+    Examples
+    --------
+    >>> from frischid.robot.stated_inertials import length_order
+    >>> [length_order(name) for name in ("m3", "mx3", "Ixy3")]
+    [0, 1, 2]
+    """
+    kind = name.rstrip("0123456789")
+    return 0 if kind == "m" else 1 if kind.startswith("m") else 2
