@@ -112,7 +112,7 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
     if _has_room(max([*found, null], key=_score)):
         for start in _best(found):
             for item in position_faults(start.sketch):
-                if (item.fault.kind, item.fault.where) not in start.key:  # twice is not at all
+                if (item.fault.kind, item.fault.where) not in start.key:  # undone twice is as it was
                     found += _readings(item.sketch, (*start.faults, item.fault))
         found += [_hypothesis((item.fault,), item.sketch) for item in joint_faults(sketch)]
         behind = _behind_the_robot(found)
@@ -122,14 +122,16 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
     likeliest = max([*found, null], key=_score)
     found += [h for h in _parts(likeliest) if h.faults]
     enough = sorted((h for h in found if h.key <= likeliest.key and _is_enough(h, null)), key=_score, reverse=True)
-    rival = evidence_of_other_links(sketch) - cost(sketch.criteria, "wrong robot") if enough else 0.0
-    fair = (h for h in enough if h.score > rival or not any(f.kind in POSITION_KINDS for f in h.faults))
+    fair = enough
+    if any(map(_has_position_fault, enough)):
+        rival = evidence_of_other_links(sketch) - cost(sketch.criteria, "wrong robot")
+        fair = [h for h in enough if h.score > rival or not _has_position_fault(h)]
     best = next((h for h in fair if not contradicted(h.sketch)), None)
     if best is None:
         return None  # what explains the torques best is no fault that can be named: several gains, or too many faults
     others = [h for h in [*found, null] if not h.key >= best.key]
     runner = max(others, key=_score, default=None)
-    reached = likeliest.score if best is enough[0] else best.score
+    reached = likeliest.score if best is enough[0] else best.score  # a part of a hypothesis that was refused
     gap = np.inf if runner is None else reached - runner.score
     parts = [h for h in enough if h.key <= best.key and (h is best or _is_good(h))]
     needed, best = max(parts, key=_fewest_faults), replace(best, faults=_by_evidence(best))
@@ -167,8 +169,11 @@ def _behind_the_robot(found: Iterable[Hypothesis]) -> list[Hypothesis]:
     """
     kept: dict[frozenset[tuple[str, tuple[str, ...]]], tuple[float, Hypothesis]] = {}
     for hypothesis in sorted(found, key=_score, reverse=True):
-        at_positions = any(f.kind in POSITION_KINDS for f in hypothesis.faults)
-        if at_positions and hypothesis.key not in kept and not any(f.torque is not None for f in hypothesis.faults):
+        if (
+            _has_position_fault(hypothesis)
+            and hypothesis.key not in kept
+            and not any(f.torque is not None for f in hypothesis.faults)
+        ):
             errors = shared_errors(hypothesis.sketch.thinned(SHARED_SAMPLES))
             score = RowFits(hypothesis.sketch).total(errors) - sum(f.cost for f in hypothesis.faults)
             kept[hypothesis.key] = score, hypothesis
@@ -181,6 +186,10 @@ def _has_room(hypothesis: Hypothesis) -> bool:
     least = np.minimum(hypothesis.errors, fits.criteria.urdf_error)
     room = fits.total(least) - fits.total(hypothesis.errors) + sum(costs) - min(costs, default=0.0)
     return bool(room > np.log(fits.criteria.least_odds))
+
+
+def _has_position_fault(hypothesis: Hypothesis) -> bool:
+    return any(f.kind in POSITION_KINDS for f in hypothesis.faults)
 
 
 def _has_robot_fault(hypothesis: Hypothesis) -> bool:

@@ -101,13 +101,14 @@ def test_a_log_too_short_to_fit_contradicts_nothing():
     assert not KinematicEvidence(short, lambda s: np.full(len(s.rows), np.nan)).contradicts(short)
 
 
-@pytest.mark.parametrize("seed", [1, 3, 4])
-def test_no_joint_is_reversed_for_links_that_somebody_guessed(seed, tmp_path):
-    """With masses that are thirty times too small, the best hypothesis had a reversed joint, and `identify` stopped.
+SPRING = "the counterbalance is found as a spring beside a factor of all torques, and a shifted zero looks possible"
 
-    The counterbalance of the arm acts too. Where it is found as a spring beside a factor of all torques (seed 2), a
-    shifted zero of another joint still looks possible.
-    """
+
+@pytest.mark.parametrize(
+    "seed", [1, pytest.param(2, marks=pytest.mark.xfail(strict=True, raises=AssertionError, reason=SPRING)), 3, 4]
+)
+def test_no_joint_is_reversed_for_links_that_somebody_guessed(seed, tmp_path):
+    """With masses that are thirty times too small, the best hypothesis had a reversed joint, and `identify` stopped."""
     robot, guessed = large(tmp_path, "stated"), large(tmp_path, "guessed")
     log = log_of_large(robot, seed, 60.0)
     report = inspect(guessed, log, lambda: structure(Regressor(guessed, BASELINE), guessed.joints))
