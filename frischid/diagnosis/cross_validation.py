@@ -7,10 +7,10 @@ The held-out error of joint j in fold f is a quadratic form of the fold's moment
 and so is the error with a candidate (`weighted_fit` gives its coefficients). A thousand candidates are scored in a
 second. The evidence for a candidate is a log likelihood ratio,
 
-    Λ = ½ Σ_j (n_j / ℓ_j) log(SSE_j before / SSE_j after),
+    Λ = ½ Σ_j (n_j / ℓ_j) log(Q_j before / Q_j after),
 
-with n_j rows and ℓ_j the correlation time of the residual: n_j / ℓ_j samples are *effectively independent*. Λ is
-computed twice: with held-out errors, and with those of the fit to all folds (`scored_candidate`).
+with n_j rows and ℓ_j the correlation time of the residual: n_j / ℓ_j samples are *effectively independent*. Q_j is the
+held-out squared error without the part that uncertain parameters alone cause (`weighted_fit`).
 
 Source: Stone 1974, "Cross-validatory choice and assessment of statistical predictions", J. R. Stat. Soc. B 36(2).
 """
@@ -34,7 +34,7 @@ from frischid.diagnosis.dataset import RegressionData
 from frischid.diagnosis.model_columns import ModelColumns
 from frischid.diagnosis.motion_cache import MotionCache
 from frischid.diagnosis.shape_screening import screened
-from frischid.diagnosis.weighted_fit import WeightedFit
+from frischid.diagnosis.weighted_fit import WeightedFit, predictive_sse
 from frischid.effects import Effect
 from frischid.errors import InputError
 from frischid.estimators.autocorrelation import Autocorrelation
@@ -53,14 +53,14 @@ class Score(NamedTuple):
     ----------
     sse : ndarray, shape (folds, J)
         Of each fold under the fit to the others.
-    sse_inside : ndarray, shape (J,)
-        Under the fit to all folds.
+    predictive : ndarray, shape (folds, J)
+        The same, without the error that uncertain parameters alone cause (`predictive_sse`).
     beta : ndarray, shape (k,)
         Fitted to all folds.
     """
 
     sse: Array
-    sse_inside: Array
+    predictive: Array
     beta: Array
 
 
@@ -261,32 +261,38 @@ class CrossValidator:
             The candidate is the shape that fits all data best; None when the model's columns already span the effect.
         """
         fits = self.fits(candidates)
-        sse = np.empty((self.data.folds, len(self.joints)))
+        sse, predictive = np.empty((2, self.data.folds, len(self.joints)))
         for f in range(self.data.folds):
             chosen = _best(fits, f)
-            if chosen is None:
+            whole = None if chosen is None else fits[chosen[0]][-1]
+            if chosen is None or whole is None:
                 return None
-            sse[f] = self._squares(candidates[chosen[0]], chosen[1], f)
+            products = self._products(candidates[chosen[0]], (chosen[1], whole), f)
+            sse[f], predictive[f] = np.maximum(products[:, 0, 0], 0.0), predictive_sse(products, self.fit.omega)
         chosen = _best(fits, -1)
-        if chosen is None:
-            return None
-        return Score(sse, self._squares(candidates[chosen[0]], chosen[1], None), chosen[1].beta), candidates[chosen[0]]
+        return None if chosen is None else (Score(sse, predictive, chosen[1].beta), candidates[chosen[0]])
 
-    def _squares(self, candidate: Candidate, fit: CandidateFit, fold: int | None) -> Array:
-        """Sum of squared residuals of a fold, (J,), under the fit of a candidate to the others; None: of all folds."""
-        (X, D), beta = self.columns.moments(candidate), fit.beta
-        d = np.append(self.fit.systems[-1 if fold is None else fold].theta + fit.change, -1.0)
-        sse = (self.fit.whole_gram if fold is None else self.columns.gram[fold]) @ d @ d
-        for row in X:
-            x, own = (m[row].sum(axis=0) if fold is None else m[row][fold] for m in (X, D))
-            sse[row] += 2 * d @ x @ beta + beta @ own @ beta
-        return np.asarray(np.maximum(sse, 0.0))
+    def _products(self, candidate: Candidate, fits: tuple[CandidateFit, CandidateFit], fold: int) -> Array:
+        """Sums of products of two residuals of a fold, (J, 2, 2): fitted to the other folds, and to all."""
+        X, D = self.columns.moments(candidate)
+        systems = self.fit.systems[fold], self.fit.systems[-1]
+        d = np.array([np.append(s.theta + x.change, -1.0) for s, x in zip(systems, fits, strict=True)]).T
+        beta = np.array([x.beta for x in fits]).T
+        found = d.T @ (self.columns.gram[fold] @ d)
+        for row, x in X.items():
+            crossed = d.T @ x[fold] @ beta
+            found[row] += crossed + crossed.T + beta.T @ D[row][fold] @ beta
+        return np.asarray(found)
 
     # ------------------------------------------------------------------ errors and evidence
 
     def base_sse(self) -> Array:
         """Held-out sum of squared residuals without any candidate, (folds, J)."""
         return self.fit.held_out_sse
+
+    def base_predictive(self) -> Array:
+        """The same without the error that uncertain parameters alone cause (`predictive_sse`), (folds, J)."""
+        return self.fit.predictive_sse
 
     def base_nrmse(self) -> Array:
         """Held-out NRMSE of each joint without any candidate, (J,)."""

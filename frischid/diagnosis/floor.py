@@ -12,7 +12,8 @@ Noise in the columns biases a fit, so the error *without* an effect has a higher
 (`healthy_twin`). An effect may absorb some of that bias, so the error *with* an effect is held against floor_j. The
 rules use floor_j; the probabilities use both.
 
-Noise of the drives that is as slow as the motion raises the floor, as far as it shows above the band (`slow_noise`).
+Noise of the drives that is as slow as the motion is part of n_j, as far as it shows above the band (`slow_noise`). Few
+rows of slow noise are independent, so it makes parameters, and therefore predictions, more uncertain than white noise.
 
 A floor is computed from assumptions on the noise. A held-out error below the floor proves that the floor is wrong
 there: then that error is the floor.
@@ -61,8 +62,10 @@ class Floor:
 
     Attributes
     ----------
+    noise : ndarray, shape (J,)
+        Noise of the sensors, that of the drives without its slow part, N·m (N).
     known : ndarray, shape (J,)
-        From the noise of the sensors and the uncertainty of the prediction, N·m (N).
+        From this noise and the uncertainty of the prediction, N·m (N).
     fit : CrossValidator
         The fit whose floor this is.
     octaves : sequence of Octaves
@@ -71,6 +74,7 @@ class Floor:
         A sentence on repeated motions, empty without any.
     """
 
+    noise: Array
     known: Array
     fit: CrossValidator
     octaves: Sequence[Octaves] = ()
@@ -81,14 +85,15 @@ class Floor:
         """The floor of a model's error on some logs; measured where a motion comes again (`repeats`)."""
         measured = measured_noise(validator)
         if measured is not None:
-            return cls(with_leverage(validator, measured.noise), validator, said=measured.said)
+            known = with_leverage(validator, measured.noise)
+            return cls(measured.noise, known, validator, said=measured.said)
         noise = NoiseFloor(validator.model)
         for _ in noise.watch(validator.data.cache.prepared):
             pass
         error = validator.base_nrmse() * validator.spread
         under = noise.under(error)
         known = np.minimum(with_leverage(validator, under), np.maximum(under, error))
-        return cls(known, validator, tuple(noise.octaves))
+        return cls(under, known, validator, tuple(noise.octaves))
 
     @cached_property
     def twin(self) -> HealthyTwin:
@@ -104,8 +109,8 @@ class Floor:
 
         Slow noise of the drives raises the floor; an error below the floor lowers it.
         """
-        slow = slow_noise(self.octaves, full)
-        return refuted(np.maximum(self.known, slow), full)
+        noise = np.maximum(self.noise, slow_noise(self.octaves, full))
+        return refuted(np.maximum(self.known, with_leverage(full, noise)), full)
 
 
 def refuted(floor: Array, full: CrossValidator) -> Array:

@@ -2,14 +2,11 @@
 
 A candidate has k parameters: its coefficients and its searched shape parameters. Its gain is
 
-    gain = Λ − ½ k log n,     Λ = ½ Σ_j (n_j / ℓ_j) log(SSE_j before / SSE_j after),
+    gain = Λ − ½ k log n,     Λ = ½ Σ_j (n_j / ℓ_j) log(Q_j before / Q_j after),
 
-the held-out log likelihood ratio less the price of its parameters (Schwarz 1978, Ann. Statist. 6(2)). Held-out data
-alone are no evidence, though: a fold that excites little leaves some parameters undetermined, and the error of these
-parameters on another fold is one draw, not n_j / ℓ_j independent ones. A candidate that happens to draw a smaller error
-has a large Λ there, but explains nothing as soon as all folds determine the parameters. So the same ratio of the fit to
-all folds, Λ_all, must be more than chance as well (Wilks 1938, Ann. Math. Statist. 9(1)): 2 Λ_all ~ χ²_k without the
-effect. Otherwise the smaller one of the two counts as Λ.
+the log likelihood ratio of the folds left out less the price of its parameters (Schwarz 1978, Ann. Statist. 6(2)). Q is
+the held-out squared error without the part that uncertain parameters alone cause (`weighted_fit`): a candidate that
+happens to draw less of this part has explained nothing.
 
 If m candidates were tried, the p value of each is
 
@@ -26,7 +23,6 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from scipy import special
 
-from frischid.core.types import Array
 from frischid.diagnosis.block_test import block_test
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator, Score
@@ -53,7 +49,7 @@ class ScoredCandidate:
     candidate : Candidate
     score : Score
     ratio : float
-        Log likelihood ratio Λ on held-out data; that of the fit to all data where the latter may be chance.
+        Log likelihood ratio Λ of the folds left out.
     price : float
         ½ k log n.
     explained : float
@@ -112,8 +108,9 @@ def scored(validator: CrossValidator, shapes: Sequence[Candidate]) -> ScoredCand
     found = [x for x in tried if x is not None]
     if len(found) < 2:
         return found[0] if found else None
-    before, effective = validator.base_sse(), np.max([validator.effective_with(x.candidate) for x in found], axis=0)
-    return max(found, key=lambda x: validator.log_likelihood(before, x.score.sse, effective) - x.price)
+    before = validator.base_predictive()
+    effective = np.max([validator.effective_with(x.candidate) for x in found], axis=0)
+    return max(found, key=lambda x: validator.log_likelihood(before, x.score.predictive, effective) - x.price)
 
 
 def _scored(validator: CrossValidator, shapes: Sequence[Candidate]) -> ScoredCandidate | None:
@@ -121,19 +118,12 @@ def _scored(validator: CrossValidator, shapes: Sequence[Candidate]) -> ScoredCan
     if found is None:
         return None
     score, candidate = found
-    ratio = _ratio(validator, candidate, score, validator.effective)
+    before, after = validator.base_predictive(), score.predictive
+    ratio = validator.log_likelihood(before, after, validator.effective)
     if ratio > 0:
-        ratio = _ratio(validator, candidate, score, validator.effective_with(candidate))
+        ratio = validator.log_likelihood(before, after, validator.effective_with(candidate))
     explained = validator.explained(validator.base_sse(), score.sse)
     return ScoredCandidate(candidate, score, ratio, price(validator, candidate), explained)
-
-
-def _ratio(validator: CrossValidator, candidate: Candidate, score: Score, effective: Array) -> float:
-    """Λ: that of the folds left out where that of the fit to all folds is more than chance, else the smaller one."""
-    held_out = validator.log_likelihood(validator.base_sse(), score.sse, effective)
-    inside = validator.log_likelihood(validator.fit.sse_inside, score.sse_inside, effective)
-    chance = float(special.chdtrc(parameters_of(candidate), max(2 * inside, 0.0)))
-    return held_out if chance < validator.criteria.significance else min(held_out, inside)
 
 
 def passes(validator: CrossValidator, found: ScoredCandidate, tried: int) -> bool:

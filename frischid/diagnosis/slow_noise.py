@@ -10,9 +10,16 @@ and above the band of the motion, between reversals, there is nothing but noise.
 
     slow_j² = 2 h ∫ S_j df = 2 h (W_j f_c + L_j f₀ arctan(f_c/f₀)),
 
-with h the step of the samples: the larger, the slower. The residual limits f₀ in two ways. No joint's noise can be
-larger than its residual r_j; drives of an arm are alike, so one f₀ serves all joints, and the joint with the least
-residual decides. And the noise cannot be correlated over a longer time than the most correlated residual is,
+with h the step of the samples: the larger, the slower. The residual limits f₀ in two ways. A joint's residual
+contains its noise. So the variance σ_j² of the residual, from n_j independent samples beyond the fitted parameters, is
+below slow_j² only by chance. Drives of an arm are alike, so one f₀ serves all joints. Such noise costs the residuals of
+all joints the log likelihood, with x_j = slow_j² / σ_j²,
+
+    D = ½ Σ_{x_j > 1} n_j (log x_j + 1/x_j − 1),
+
+and may be as large as chance makes D on average, J/4: a joint that misses nothing loses about ½ z², with z a standard
+normal variable, and only where z > 0. And the noise cannot be correlated over a longer time than the most correlated
+residual is,
 
     T = S(0) / (2 ∫ S df) = 1 / (2 f₀ arctan(f_c/f₀))  ≤  max_j T_j.
 
@@ -60,9 +67,17 @@ def slow_noise(octaves: Sequence[Octaves], full: CrossValidator) -> Array:
     share = np.array([x.samples for x in usable]) / sum(x.samples for x in usable)
     for corner in _CORNERS[times <= step * full.fit.correlation.max()]:
         squares = share @ np.array([_in_band(x, float(corner), cutoff) for x in usable])
-        if (squares <= full.fit.sigma**2).all():
+        if _lost(full, squares) <= len(squares) / 4:
             return np.asarray(np.sqrt(squares))
     return np.zeros(len(full.joints))
+
+
+def _lost(full: CrossValidator, squares: Array) -> float:
+    """Log likelihood that the residuals of all joints lose if noise of these variances, (J,), is in them."""
+    independent = np.maximum(full.effective - full.fit.determined, 1.0)
+    variance = full.fit.sigma**2 * full.effective / independent
+    ratio = np.maximum(squares / np.maximum(variance, 1e-300), 1.0)
+    return float(0.5 * independent @ (np.log(ratio) + 1 / ratio - 1))
 
 
 def _in_band(octaves: Octaves, corner: float, cutoff: float) -> Array:

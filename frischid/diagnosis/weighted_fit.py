@@ -7,6 +7,17 @@ correlation time in samples, so that evidence counts in *effectively independent
 
 A candidate is fitted beside these columns without solving for θ again (`candidate_fits`).
 
+**A held-out error counts by its covariance.** The other folds predict fold f with parameters θ_f of precision H_f. So
+the residual r_f has the covariance W⁻¹ + Y_f H_f⁻¹ Y_fᵀ, and not that of noise, W⁻¹ (W: the weights ω). A fold that
+alone excites a parameter has a large r_f that proves nothing. With θ of all folds and the residual r of fold f under θ,
+
+    r_fᵀ (W⁻¹ + Y_f H_f⁻¹ Y_fᵀ)⁻¹ r_f  =  r_fᵀ W r  =  rᵀ W r + (θ − θ_f)ᵀ H_f (θ − θ_f).
+
+This is the error of fold f under the parameters of all folds, and what these parameters cost elsewhere. The cost has no
+parts by joints. So every joint gets the same share s of the difference between its two errors, with s from the sum,
+
+    Q_fj = ‖r_j‖² + s_f (‖r_fj‖² − ‖r_j‖²),     0 ≤ s_f ≤ ½     (½: the other folds determine all parameters).
+
 **Known signs are bounds.** Dry and viscous friction, a spring of memory and many other coefficients have a known sign.
 Where θ, or the coefficient of a candidate, would have an impossible sign, all are corrected together (`sign_bounds`),
 for the model alone and with the candidate. So no candidate gains from other parameters that a refit would refuse.
@@ -17,6 +28,8 @@ is believed again. From weights so large that the data alone decide, the iterati
 tried, and the fit that predicts the folds left out better is kept,
 
     minimum of  Σ_j N_j log SSE_j  (held out).
+
+Source: Rasmussen and Williams 2006, Gaussian Processes for Machine Learning, section 5.4.2 (predictive likelihood).
 """
 
 from __future__ import annotations
@@ -146,15 +159,13 @@ class WeightedFit:
         return np.asarray(np.einsum("fa,fjab,fb->fj", d, self.columns.gram, d))
 
     @cached_property
-    def whole_gram(self) -> Array:
-        """Moments of [Y τ] of all folds together, (J, p + 1, p + 1)."""
-        return np.asarray(self.columns.gram.sum(axis=0))
-
-    @cached_property
-    def sse_inside(self) -> Array:
-        """Sum of squared residuals of all folds under the parameters fitted to all of them, (J,)."""
-        d = np.append(self.theta, -1.0)
-        return np.asarray(np.maximum(self.whole_gram @ d @ d, 0.0))
+    def predictive_sse(self) -> Array:
+        """The same without the error that uncertain parameters alone cause (`predictive_sse`), (folds, J)."""
+        found = []
+        for gram, theta in zip(self.columns.gram, self.fold_theta, strict=True):
+            d = np.array([np.append(theta, -1.0), np.append(self.theta, -1.0)]).T
+            found.append(predictive_sse(d.T @ (gram @ d), self.omega))
+        return np.array(found)
 
     @property
     def held_out_cost(self) -> float:
@@ -206,6 +217,22 @@ class WeightedFit:
             return None
         HA = solve(system, A)
         return EliminatedSystem((own - A.T @ HA) / (scale[:, None] * scale), (e - A.T @ theta) / scale, scale, HA)
+
+
+def predictive_sse(products: Array, omega: Array) -> Array:
+    """Squared error of each joint in a fold, without the error that uncertain parameters alone cause, (J,).
+
+    Parameters
+    ----------
+    products : ndarray, shape (J, 2, 2)
+        Sums of products of two residuals of the fold, under the fit to the other folds and under the fit to all.
+    omega : ndarray, shape (J,)
+        Weights.
+    """
+    held_out, inside = np.maximum(products[:, [0, 1], [0, 1]], 0.0).T
+    pull, fall = float(omega @ (products[:, 0, 1] - inside)), float(omega @ (held_out - inside))
+    share = float(np.clip(pull / fall, 0.0, 0.5)) if fall > 0 else 0.0
+    return np.asarray(inside + share * (held_out - inside))
 
 
 def solve(system: System, right: Array) -> Array:

@@ -23,6 +23,7 @@ from frischid.diagnosis.scored_candidate import (
     usable_candidates,
 )
 from frischid.diagnosis.stepwise_selection import excluded
+from frischid.diagnosis.weighted_fit import predictive_sse
 from frischid.effects import BASELINE, EFFECTS, Formula, parse_effects
 from frischid.estimators.least_squares import Prior
 from frischid.logs.log import Log
@@ -61,7 +62,7 @@ def found(effect, ratio: float, rows: int = 1000) -> ScoredCandidate:
     """A candidate with one coefficient and some log likelihood ratio, on so many rows."""
     candidate = Candidate(effect, {0: None}, (0,))
     cost = 0.5 * parameters_of(candidate) * np.log(rows)
-    return ScoredCandidate(candidate, Score(np.ones((1, 1)), np.ones(1), np.ones(1)), ratio, cost, 0.1)
+    return ScoredCandidate(candidate, Score(np.ones((1, 1)), np.ones((1, 1)), np.ones(1)), ratio, cost, 0.1)
 
 
 # ---------------------------------------------------------------------- many tries
@@ -153,6 +154,25 @@ def test_a_gain_that_does_not_pay_for_its_shapes_is_none():
 
 
 # ---------------------------------------------------------------------- folds that excite little
+
+
+@pytest.mark.parametrize("strength", [1e-3, 1.0, 1e3])
+def test_the_predictive_error_is_the_held_out_error_by_its_covariance(strength):
+    """Q of `weighted_fit`, computed the long way: with the covariance of a fold's residual."""
+    rng = np.random.default_rng(4)
+    rows, omega = 40, np.array([2.0, 0.5])
+    blocks, tau = rng.normal(size=(2, rows, 5)), rng.normal(size=(2, rows))
+    Y, weights = np.concatenate(blocks), np.repeat(omega, rows)
+    others = rng.normal(size=(30, 5)) * strength
+    H, theta = others.T @ others, rng.normal(size=5)
+    whole = np.linalg.solve(H + Y.T @ (weights[:, None] * Y), H @ theta + Y.T @ (weights * tau.ravel()))
+    left = np.stack([tau - blocks @ theta, tau - blocks @ whole], axis=-1)  # (2, rows, 2)
+    products = left.swapaxes(1, 2) @ left
+    residual = left[..., 0].ravel()
+    expected = residual @ np.linalg.solve(np.diag(1 / weights) + Y @ np.linalg.solve(H, Y.T), residual)
+    found = predictive_sse(products, omega)
+    assert omega @ found == pytest.approx(expected, rel=1e-9)
+    assert (found > 0).all()
 
 
 def test_less_error_on_a_fold_that_another_fold_hardly_predicts_is_no_evidence():
