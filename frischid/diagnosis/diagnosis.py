@@ -76,7 +76,7 @@ class Diagnosis(Shown):
         cross-validated without any.
     error, noise_floor : float
         The search's own yardstick: cross-validated NRMSE of the model refitted to these logs without any finding, and
-        that of the sensor noise alone.
+        that of noise alone, with slow noise of the drives and the uncertainty of the parameters.
     joints : dict of str to dict
         ``error`` and ``noise_floor`` of each joint.
     contacts : tuple of Contact
@@ -149,9 +149,12 @@ class Diagnosis(Shown):
         if self.fit is None:
             return "the arm stands still, and nothing touches it"
         suspect = suspected(self.findings, self.probabilities)
-        if self.error <= self.criteria.floor_tolerance * self.noise_floor:
-            return f"no effect is missing: the residual error is that of the sensor noise{suspect}"
-        error, noise = self.headline.nrmse, self.headline.noise_floor
+        error, noise, tolerance = self.headline.nrmse, self.headline.noise_floor, self.criteria.floor_tolerance
+        if self.error <= tolerance * self.noise_floor:
+            if error <= tolerance * noise:
+                return f"no effect is missing: the residual error is that of the sensor noise{suspect}"
+            slow = "slow noise of the drives, and parameters that it leaves uncertain, explain the residual error"
+            return f"no effect is missing: {slow}{suspect}"
         said = (
             f"no effect is called missing; the model's NRMSE is {error:.2g}, that of the sensor noise alone {noise:.2g}"
         )

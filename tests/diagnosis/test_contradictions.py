@@ -53,7 +53,10 @@ def test_no_sentence_contradicts_the_table(name):
     result = found(name)
     assert contradictions(result.to_dict()) == []
     quiet = result.error <= result.criteria.floor_tolerance * result.noise_floor
-    assert ("is that of the sensor noise" in result.remainder) == quiet
+    there = result.headline
+    shown = there.nrmse <= result.criteria.floor_tolerance * there.noise_floor
+    assert ("no effect is missing" in result.remainder) == quiet
+    assert ("is that of the sensor noise" in result.remainder) == (quiet and shown), "the headline says something else"
 
 
 @pytest.mark.parametrize("likely", [*OTHERS, "joint_spring"])
