@@ -108,9 +108,13 @@ class Estimate:
             (N·m)² (N²). With a prior, C contains the model's own error, so the formula is valid away from the fitted
             motion too; without a prior, C is that of noise alone.
         """
+        return self.parameter_variance(Y) + self.sigma**2
+
+    def parameter_variance(self, Y: Array) -> Array:
+        """The part ``y C yᵀ`` of `error_variance`, which the uncertainty of the parameters causes, shape (M, J)."""
         rows = Y.transpose(0, 2, 1).reshape(-1, Y.shape[1])  # one product of matrices for all rows
         spread = np.einsum("rp,rp->r", rows @ self.covariance, rows).reshape(len(Y), -1)
-        return np.asarray(np.maximum(spread, 0.0) + self.sigma**2)
+        return np.asarray(np.maximum(spread, 0.0))
 
 
 @dataclass(frozen=True, eq=False)

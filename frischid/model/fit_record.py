@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from frischid.core.types import Array
+from frischid.estimators.least_squares import Estimate
 
 LEVELS = (0.5, 0.6827, 0.8, 0.9, 0.95, 0.99)
 """Shares of the measurements at which quantiles of the error are kept; the normal's are stretched between them."""
@@ -27,8 +28,8 @@ class FitRecord:
         Base parameters of the URDF's links with friction and offsets fitted to the same logs: the model of a careful
         user of the URDF. A simulator's damping is not used.
     scores : ndarray, shape (L, J)
-        Quantiles of each joint's error on stretches left out of the fit, in units of the expected error; NaN for a
-        joint without rows (`frischid.model.residual_scores`).
+        Quantiles of each joint's error on stretches left out of the fit, in standard deviations of its residual; NaN
+        for a joint without rows (`frischid.model.residual_scores`).
     model_share : ndarray, shape (J,)
         Share of the parameters' covariance that is there on another motion. The prior's covariance holds the model's
         own error, as if all of the residual were that. Where the sensors' noise causes a part w of the residual, that
@@ -77,7 +78,7 @@ class FitRecord:
         return replace(self, urdf=np.append(self.urdf, np.zeros(count)))
 
     def interval_reach(self, interval: float) -> Array:
-        """Half width of a prediction interval, in units of the expected error, (J,).
+        """Half width of a prediction interval on the fitted motion, in standard deviations of the residual, (J,).
 
         Parameters
         ----------
@@ -92,3 +93,26 @@ class FitRecord:
 def normal_reach(interval: float) -> float:
     """Half width of the interval that holds a share of a normal distribution, in standard deviations."""
     return NormalDist().inv_cdf(0.5 + 0.5 * interval)
+
+
+def half_width(estimate: Estimate, record: FitRecord | None, Y: Array, interval: float) -> Array:
+    """Half width ``sqrt((r_j σ_j)² + z² s_j y C yᵀ)`` of the interval that holds a share of the measurements, (M, J).
+
+    r_j is the reach that held this share of the torque of joint j on stretches left out of the fit, in residual
+    standard deviations σ_j. z is that of a normal distribution, and takes the place of r_j without such a fit. s_j is
+    the share of the parameters' covariance that is there on another motion (`FitRecord.model_share`).
+
+    Parameters
+    ----------
+    estimate : Estimate
+    record : FitRecord or None
+    Y : ndarray, shape (M, p, J)
+        Base columns of the fitted joints.
+    interval : float
+        Share, between 0 and 1.
+    """
+    normal, uncertain = normal_reach(interval), estimate.parameter_variance(Y)
+    if record is None:
+        return np.asarray(normal * np.sqrt(estimate.sigma**2 + uncertain))
+    own = (record.interval_reach(interval) * estimate.sigma) ** 2
+    return np.asarray(np.sqrt(own + normal**2 * record.model_share * uncertain))

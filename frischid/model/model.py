@@ -32,7 +32,7 @@ from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions
 from frischid.logs.summary import Data
-from frischid.model.fit_record import FitRecord, normal_reach
+from frischid.model.fit_record import FitRecord, half_width
 from frischid.model.log_requirements import check_logs_fit, motion_of
 from frischid.model.model_digest import check_digest, check_stored, text_of, without_hash
 from frischid.model.model_file import SCHEMA, read_json, read_records, robot_of
@@ -173,8 +173,7 @@ class Model(Shown):
     ) -> tuple[Array, Array, Array]:
         """Torque of the fitted joints, with the interval in which a measurement is to be expected.
 
-        The half width is ``r_j sqrt(σ_j² + y C yᵀ)``. The root is the error to expect; r_j is the reach that held this
-        share of the torque of joint j on stretches left out of the fit, and a normal distribution's without such a fit.
+        The half width is `frischid.model.fit_record.half_width`.
 
         Parameters
         ----------
@@ -197,14 +196,9 @@ class Model(Shown):
             raise InputError(f"the interval is a share of the measurements between 0 and 1, got {interval}")
         Y, q, v, a = self._columns(q, v, a, t)
         index = self.torque_index
-        half = self.interval_reach(interval) * np.sqrt(self.estimate.error_variance(Y[:, list(self.base)][:, :, index]))
+        half = half_width(self.estimate, self.fitted, Y[:, list(self.base)][:, :, index], interval)
         torque = self.inverse_dynamics(q, v, a, t)[:, index]
         return torque, torque - half, torque + half
-
-    def interval_reach(self, interval: float) -> Array:
-        """Half width of a prediction interval, in units of the expected error, (J,)."""
-        normal = np.full(len(self.joints), normal_reach(interval))
-        return normal if self.fitted is None else self.fitted.interval_reach(interval)
 
     def friction(self, q: Array, v: Array, a: Array | None = None, t: Array | None = None) -> Array:
         """Torque of the model's friction effects alone.

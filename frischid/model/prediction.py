@@ -1,12 +1,12 @@
 """A model along some logs: measured torque, the model's, the band around it, and the motion.
 
-A torque row y has the expected error ``e = sqrt(σ² + y C yᵀ)``, with the residual variance σ² and the covariance C of
-the parameters. The band is
+For a torque row y, with the residual variance σ² and the covariance C of the parameters, the band is
 
-    y θ̂ ± r e,
+    y θ̂ ± sqrt((r σ)² + z² s y C yᵀ),
 
-with r from the errors on stretches of time that were left out of the fit (`frischid.model.residual_scores`). Noise and
-the model's own error are in it. A change of the robot since the fit is not.
+with r from the errors on stretches of time that were left out of the fit (`frischid.model.residual_scores`), z of a
+normal distribution, and the share s of C that is the model's own error (`frischid.model.fit_record`). Noise and the
+model's own error are in the band. A change of the robot since the fit is not.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.log import Log
+from frischid.model.fit_record import half_width
 from frischid.model.model import Model
 from frischid.regression.block import Block
 
@@ -89,7 +90,7 @@ def predict(
     """
     if not logs:
         raise InputError("there is no log to predict; give at least one")
-    index, reach = model.torque_index, model.interval_reach(INTERVAL)
+    index = model.torque_index
     parts: dict[str, list[Array]] = {
         k: [] for k in ("t", "q", "v", "a", "measured", "fitted", "lower", "upper", "used")
     }
@@ -97,7 +98,7 @@ def predict(
     for number, log in enumerate(logs):
         for block, fitted in model.blocks([log]) if evaluated is None else evaluated[number]:
             known = block.known[:, index]
-            half = reach * np.sqrt(model.estimate.error_variance(block.Y[:, list(model.base)][:, :, index]))
+            half = half_width(model.estimate, model.fitted, block.Y[:, list(model.base)][:, :, index], INTERVAL)
             torques = (block.tau[:, index], fitted[:, index], fitted[:, index] - half, fitted[:, index] + half)
             motion = (block.t - log.t[0], block.q[:, index], block.v[:, index], block.a[:, index])
             rows = (*motion, *(x + known for x in torques), block.used[:, index])

@@ -1,16 +1,24 @@
-"""How large errors are, in units of the error to expect: the distribution behind prediction intervals.
+"""How large errors are, in residual standard deviations: the distribution behind prediction intervals.
 
 On stretches of time left out of the fit in turn, with θ fitted to all others, each torque row gives the score
 
-    s = |τ − y θ| / sqrt(σ_j² + y C yᵀ).
+    s = |τ − y θ| / σ_j.
 
-An interval that is to hold a share α of the measurements reaches as far as the α quantile of the joint's scores times
-the expected error of the row (split conformal prediction with a normalised score). No distribution is assumed: real
-residuals have heavy tails at reversals and are small elsewhere. The score is divided by the expected error of *its*
-row, so the interval widens where the motion asks for more than the fitted logs showed.
+On such a motion, r_j σ_j with the α quantile r_j of the joint's scores holds a share α of the measurements (split
+conformal prediction). No distribution is assumed: real residuals have heavy tails at reversals and are small elsewhere.
+
+The model's own error does not show in full there. It is a function of the motion, and the stretches of a log resemble
+one another: parameters that are fitted to some of them absorb this error on all. On another motion its variance is
+y C yᵀ, with C the covariance that counts the data of each joint as a few rows. If scores were divided by an expected
+error that contains y C yᵀ, their quantile would take the model's error away again. So both are added,
+
+    half width² = (r_j σ_j)² + z_α² s_j y C yᵀ,
+
+with the share s_j of C that noise does not explain (`FitRecord.model_share`). The interval widens where the motion asks
+for more than the fitted logs showed.
 
 Source: Lei, G'Sell, Rinaldo, Tibshirani and Wasserman 2018, "Distribution-free predictive inference for regression",
-J. Am. Stat. Assoc. 113(523), section 5.2.
+J. Am. Stat. Assoc. 113(523).
 
 Scores are counted in narrow bins, so that a log of any length takes the same memory.
 """
@@ -45,12 +53,12 @@ class ResidualScores:
     folds : sequence of Fold
         In the order of time.
     estimate : Estimate
-        Expected error of each row.
+        With the standard deviation σ of each joint's residual.
     """
 
     def __init__(self, problem: Problem, folds: Sequence[Fold], estimate: Estimate) -> None:
         joints = problem.data.joints
-        self._base, self._estimate = list(problem.reduction.base), estimate
+        self._base, self._sigma = list(problem.reduction.base), estimate.sigma
         self._index = [problem.data.robot.joints.index(name) for name in joints]
         # Rows come in the order in which the moments took them in: the number of a row of a joint says its fold.
         self._ends = np.cumsum([fold.out.counts for fold in folds], axis=0)
@@ -61,7 +69,6 @@ class ResidualScores:
     def add(self, block: Block) -> None:
         """Take in the next block in the order of time."""
         Y, tau, used = block.Z[:, self._base][:, :, self._index], block.tau[:, self._index], block.used[:, self._index]
-        expected = np.sqrt(self._estimate.error_variance(Y[:: self._every]))
         number = self._seen + np.cumsum(used, axis=0) - 1
         self._seen = self._seen + used.sum(axis=0)
         for j in range(len(self._index)):
@@ -70,7 +77,7 @@ class ResidualScores:
             fold = np.searchsorted(self._ends[:, j], number[rows, j], side="right")
             theta = self._thetas[np.minimum(fold, len(self._thetas) - 1)]
             error = tau[rows, j] - np.einsum("np,np->n", Y[rows, :, j], theta)
-            score = np.abs(error) / np.maximum(expected[some, j], 1e-300)
+            score = np.abs(error) / max(float(self._sigma[j]), 1e-300)
             self._counts[j] += np.histogram(np.minimum(score, EDGES[-1]), EDGES)[0]
 
     def quantiles(self) -> Array:

@@ -36,11 +36,12 @@ def test_the_band_is_as_wide_as_the_errors_that_were_left_out_of_the_fit(name):
     model, logs = case(name)
     seen = predict(model, logs)
     Y, fitted = rows_of(model, logs)
-    expected = np.sqrt(np.einsum("mpj,pr,mrj->mj", Y, model.estimate.covariance, Y) + model.estimate.sigma**2)
-    reach = model.fitted.scores[LEVELS.index(0.9)]
+    uncertain = np.einsum("mpj,pr,mrj->mj", Y, model.estimate.covariance, Y)
+    reach = model.fitted.scores[LEVELS.index(0.9)] * model.estimate.sigma
+    half = np.sqrt(reach**2 + 1.6448536**2 * model.fitted.model_share * uncertain)
     np.testing.assert_allclose(seen.fitted, fitted, rtol=1e-12)
-    np.testing.assert_allclose(seen.upper - seen.fitted, reach * expected, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(seen.fitted - seen.lower, reach * expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(seen.upper - seen.fitted, half, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(seen.fitted - seen.lower, half, rtol=1e-7, atol=1e-12)
     used = seen.used
     assert np.std(seen.residual[used]) < 0.05 * np.std(seen.measured[used])
 
