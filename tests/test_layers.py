@@ -181,6 +181,16 @@ def test_starting_is_light(start):
     assert done.stdout.strip() == ""
 
 
+TEXT_PAGES = sorted(p.stem for p in (PACKAGE / "cli" / "pages").glob("[a-z]*.py") if p.stem not in ("seeing", "paper"))
+
+
+@pytest.mark.parametrize("page", TEXT_PAGES)
+def test_a_command_that_prints_text_loads_no_figures(page):
+    code = f"import sys\nimport frischid.cli.pages.{page}\nprint(*(m for m in ('plotly', 'viser') if m in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
 def test_the_picture_of_the_folders_is_the_code():
     script = PACKAGE.parent / "docs" / "architecture_picture.py"
     spec = spec_from_file_location("architecture_picture", script)

@@ -16,6 +16,7 @@ import plotly.graph_objects as go
 from markupsafe import Markup
 
 from frischid import figures
+from frischid.diagnosis.clause import missing
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.errors import InputError
 from frischid.figures.robot_picture import robot_picture
@@ -26,7 +27,6 @@ from frischid.model.identification import Identification
 from frischid.model.model import Model
 from frischid.motions.plan import Plan
 from frischid.reports.chapters.verdict import rungs
-from frischid.reports.study import missing
 from frischid.reports.templates import render
 
 Backend = Literal["pandas", "polars", "pyarrow"]

@@ -9,12 +9,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from frischid.core.text import listed, percent
+from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.improvement import next_step
-from frischid.diagnosis.rivals import cause_of, suspect_of
+from frischid.diagnosis.rivals import suspect_of
 from frischid.diagnosis.roles import diagnose_with, roles
 from frischid.diagnosis.step import Refusal
 from frischid.errors import FrischidError, InputError
@@ -171,28 +171,6 @@ class Study:
             for log in event.get("logs", ()):
                 text = text.replace(log["source"], Path(log["source"]).name)
         return text
-
-
-def missing(diagnosis: Diagnosis) -> str:
-    """A diagnosis in one clause, as the subject line of a page."""
-    best = next((f for f in diagnosis.findings if f.significant and f.members), None)
-    named = "" if best is None else f"{best.effect} on {listed(best.joints) or 'the whole robot'}"
-    cause = cause_of(diagnosis.findings, diagnosis.probabilities)
-    sure = "" if best is None or cause else f" (probability {percent(best.probability)})"
-    if diagnosis.verdict == "contact":
-        count = len(diagnosis.contacts)
-        touched = f"Something touched the robot {'once' if count == 1 else f'{count} times'} (left out)"
-        return f"{touched}; also missing: {named}" if named else touched
-    if diagnosis.verdict == "unknown":
-        part = f"; {named} explains a part of it" if named else ""
-        return f"More is missing than any one effect of the catalogue explains{part}"
-    if diagnosis.verdict == "several":
-        return "Several small effects are missing; none of them dominates"
-    if best is not None and cause:
-        likely = cause.startswith(best.effect) and best.probability > 0.5
-        first = f", most probably {named}" if likely else ""
-        return f"An effect is missing{first}; these logs alone cannot tell the cause: {cause}"
-    return f"Missing: {named}{sure}" if named else f"{diagnosis.remainder[:1].upper()}{diagnosis.remainder[1:]}"
 
 
 def opened(sentence: str, joints: Collection[str]) -> str:

@@ -81,8 +81,8 @@ class Findings:
                     self._waiting = self._listed[0]
                     self._rank()
                 return
+            from frischid.diagnosis.clause import missing
             from frischid.diagnosis.findings import HOW_RANKED
-            from frischid.reports.study import missing
 
             passing = [f for f in state.diagnosis.findings if f.significant and f.members]
             first = (

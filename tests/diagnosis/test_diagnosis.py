@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from frischid.cli import main
 from frischid.cli.pages.improving import verdict_of
 from frischid.core.text import listed
+from frischid.diagnosis.clause import missing
 from frischid.diagnosis.contacts import _stands_out
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.diagnosis import diagnose
@@ -28,7 +29,6 @@ from frischid.model.identification import identify, identify_again
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
-from frischid.reports.study import missing
 from frischid.robot.robot import Robot
 
 UR5 = Robot.load("ur5")

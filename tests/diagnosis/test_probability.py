@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from frischid.cli.pages.improving import diagnosis as page_of
+from frischid.diagnosis.clause import missing
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.floor import refuted, with_leverage
 from frischid.diagnosis.hypotheses import OTHERS, Evidence, evidence_of
@@ -19,7 +20,6 @@ from frischid.effects import BASELINE, EFFECTS, parse_effects
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
-from frischid.reports.study import missing
 from frischid.robot.robot import Robot
 
 ARM = Robot.load("planar2")

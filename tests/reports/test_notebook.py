@@ -9,9 +9,9 @@ from markupsafe import escape
 from test_reports import recorded
 
 import frischid as fr
+from frischid.diagnosis.clause import missing
 from frischid.model.alarms import Alarm
 from frischid.reports.notebook import next_of
-from frischid.reports.study import missing
 
 
 @pytest.fixture(scope="module")

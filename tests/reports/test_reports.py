@@ -15,6 +15,7 @@ from jinja2 import UndefinedError
 
 from frischid import figures
 from frischid.diagnosis import improvement
+from frischid.diagnosis.clause import missing
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.effect_curves import correlation_ratio, shape_of
 from frischid.diagnosis.improvement import add, improve
@@ -36,7 +37,7 @@ from frischid.motions.trajectory import random_fourier
 from frischid.reports.chapters import CHAPTERS
 from frischid.reports.chapters.history import rounded
 from frischid.reports.page import page, report
-from frischid.reports.study import Study, missing, study
+from frischid.reports.study import Study, study
 from frischid.reports.study import opened as capital
 from frischid.reports.templates import environment, packed_plotly, render
 from frischid.robot.robot import Robot

@@ -10,6 +10,7 @@ from rich.markup import escape
 from frischid.cli.narrow import Command
 from frischid.cli.pages.page import Page, change, headline_line, quantities, table_of
 from frischid.core.text import percent, sentence
+from frischid.diagnosis.clause import missing
 from frischid.diagnosis.diagnosis import Diagnosis, delay_in
 from frischid.diagnosis.findings import HOW_RANKED, Finding
 from frischid.diagnosis.motion_space import MotionDiagnosis
@@ -19,7 +20,6 @@ from frischid.effects import EFFECTS
 from frischid.export.reach import Reach, in_words, reach_of
 from frischid.model.headline import error_after, headline_of
 from frischid.model.model import Model
-from frischid.reports.study import missing
 
 MOST_LISTED, FEWEST_LISTED = 10, 3
 SMALLEST_SHOWN = 0.005  # probability; a smaller one is printed as 0 %

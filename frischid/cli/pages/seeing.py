@@ -6,7 +6,8 @@ from pathlib import Path
 
 from frischid.cli.pages.page import Page, headline_line, warning_lines
 from frischid.core.text import listed
-from frischid.reports.study import Study, missing
+from frischid.diagnosis.clause import missing
+from frischid.reports.study import Study
 
 
 def report(study: Study, output: str) -> Page:

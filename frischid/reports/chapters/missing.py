@@ -8,6 +8,7 @@ from typing import Any
 
 from frischid import figures
 from frischid.core.text import listed, percent, sentence
+from frischid.diagnosis.clause import missing
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.effect_curves import shape_of
 from frischid.diagnosis.findings import HOW_RANKED, Finding
@@ -15,7 +16,7 @@ from frischid.diagnosis.rivals import IN_WORDS, command_for, pair_of, sentence_o
 from frischid.effects import EFFECTS
 from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
-from frischid.reports.study import Study, missing, opened
+from frischid.reports.study import Study, opened
 
 FINDING_CARDS = 6  # findings with a card; the others stand in the ranking
 RANK_CAPTION = (

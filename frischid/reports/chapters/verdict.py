@@ -12,12 +12,13 @@ from markupsafe import Markup
 
 from frischid import figures
 from frischid.core.text import listed
+from frischid.diagnosis.clause import missing
 from frischid.diagnosis.rivals import separating_command
 from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
 from frischid.model.events import selection_errors
 from frischid.model.headline import Headline, between, headline_of
 from frischid.model.own_logs import paths_of
-from frischid.reports.study import Study, missing
+from frischid.reports.study import Study
 
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
 STEPS_PROPOSED = 3
