@@ -191,13 +191,28 @@ def place(row: dict[str, Any], own: Sequence[str]) -> int | None:
     return None
 
 
-def judged(rows: Sequence[dict[str, Any]]) -> list[tuple[str, float, bool]]:
-    """Robot, stated probability of the answer, and whether the answer is right, of every case with a planted effect."""
-    own = {(r["robot"], r["situation"]): names[0] for r in rows if r["kind"] == "none" for names in r["said"][:1]}
+def in_words(answers: Sequence[tuple[str, float, bool]]) -> str:
+    """How many of the answers are right, beside what was stated."""
+    sure = [right for _, p, right in answers if p >= 0.9]
+    return (
+        f"{np.mean([right for *_, right in answers]):.0%} of the most probable answers are right, "
+        f"{np.mean([p for _, p, _ in answers]):.0%} were stated; {reliability('all', answers)[-1]['said'][5:]}; "
+        f"{sum(sure)} of {len(sure)} answers with a probability of 0.9 or more are right"
+    )
+
+
+def judged(rows: Sequence[dict[str, Any]], rivals: bool = False) -> list[tuple[str, float, bool]]:
+    """Robot, stated probability of the answer, and whether the answer is right, of every case with a planted effect.
+
+    With `rivals`, effects that the rules cannot tell from the robot's own first finding are right too: the robot has
+    one of them, and a small difference decides which of them comes first.
+    """
+    most = None if rivals else 1
+    own = {(r["robot"], r["situation"]): names[:most] for r in rows if r["kind"] == "none" for names in r["said"][:1]}
     found = []
     for row in rows:
         truth = "outside" if row["truth"] == "unknown" else row["truth"]
-        right = {truth, own.get((row["robot"], row["situation"]), "")}
+        right = {truth, *own.get((row["robot"], row["situation"]), ())}
         if row["kind"] != "none":
             found.append((row["robot"], row["probability"], row["answer"] in right))
     return found
@@ -271,12 +286,10 @@ def main() -> None:
                 for r in here
             ]
     answers, reliable = judged(rows), list[dict[str, Any]]()
-    sure = [right for _, p, right in answers if p >= 0.9]
     notes = [
         f"seed {chosen.seed}; {sum(r['kind'] != 'none' for r in rows)} planted effects, terms and contacts",
-        f"{np.mean([right for *_, right in answers]):.0%} of the most probable answers are right, "
-        f"{np.mean([p for _, p, _ in answers]):.0%} were stated; {reliability('all', answers)[-1]['said'][5:]}; "
-        f"{sum(sure)} of {len(sure)} answers with a probability of 0.9 or more are right",
+        in_words(answers),
+        "With the rivals of the robot's own first finding as right answers too: " + in_words(judged(rows, rivals=True)),
     ]
     publish(f"effects of {chosen.size:.0%} planted in measured logs", table, chosen.json, notes)
     for name in [*dict.fromkeys(robot for robot, *_ in answers), "all"]:
