@@ -34,7 +34,7 @@ from frischid.diagnosis.dataset import RegressionData
 from frischid.diagnosis.model_columns import ModelColumns
 from frischid.diagnosis.motion_cache import MotionCache
 from frischid.diagnosis.shape_screening import screened
-from frischid.diagnosis.weighted_fit import WeightedFit, predictive_sse
+from frischid.diagnosis.weighted_fit import WeightedFit, predictive_squares
 from frischid.effects import Effect
 from frischid.errors import InputError
 from frischid.estimators.autocorrelation import Autocorrelation
@@ -54,7 +54,7 @@ class Score(NamedTuple):
     sse : ndarray, shape (folds, J)
         Of each fold under the fit to the others.
     predictive : ndarray, shape (folds, J)
-        The same, without the error that uncertain parameters alone cause (`predictive_sse`).
+        The same without the error that uncertain parameters alone cause: Q of `weighted_fit`.
     beta : ndarray, shape (k,)
         Fitted to all folds.
     """
@@ -268,7 +268,7 @@ class CrossValidator:
             if chosen is None or whole is None:
                 return None
             products = self._products(candidates[chosen[0]], (chosen[1], whole), f)
-            sse[f], predictive[f] = np.maximum(products[:, 0, 0], 0.0), predictive_sse(products, self.fit.omega)
+            sse[f], predictive[f] = np.maximum(products[:, 0, 0], 0.0), predictive_squares(products, self.fit.omega)
         chosen = _best(fits, -1)
         return None if chosen is None else (Score(sse, predictive, chosen[1].beta), candidates[chosen[0]])
 
@@ -291,7 +291,7 @@ class CrossValidator:
         return self.fit.held_out_sse
 
     def base_predictive(self) -> Array:
-        """The same without the error that uncertain parameters alone cause (`predictive_sse`), (folds, J)."""
+        """The same without the error that uncertain parameters alone cause: Q of `weighted_fit`, (folds, J)."""
         return self.fit.predictive_sse
 
     def base_nrmse(self) -> Array:

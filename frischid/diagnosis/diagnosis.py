@@ -148,17 +148,14 @@ class Diagnosis(Shown):
         """A sentence on the residual error where no effect is found: this error may be more than the sensor noise."""
         if self.fit is None:
             return "the arm stands still, and nothing touches it"
-        suspect = suspected(self.findings, self.probabilities)
         error, noise, tolerance = self.headline.nrmse, self.headline.noise_floor, self.criteria.floor_tolerance
-        if self.error <= tolerance * self.noise_floor:
-            if error <= tolerance * noise:
-                return f"no effect is missing: the residual error is that of the sensor noise{suspect}"
-            slow = "slow noise of the drives, and parameters that it leaves uncertain, explain the residual error"
-            return f"no effect is missing: {slow}{suspect}"
-        said = (
-            f"no effect is called missing; the model's NRMSE is {error:.2g}, that of the sensor noise alone {noise:.2g}"
-        )
-        return f"{said}{suspect}"
+        if self.error > tolerance * self.noise_floor:
+            said = f"called missing; the model's NRMSE is {error:.2g}, that of the sensor noise alone {noise:.2g}"
+        elif error > tolerance * noise:
+            said = "missing: noise of sensors and drives, and parameters that it leaves uncertain, explain the error"
+        else:
+            said = "missing: the residual error is that of the sensor noise"
+        return f"no effect is {said}{suspected(self.findings, self.probabilities)}"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""

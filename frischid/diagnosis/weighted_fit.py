@@ -13,8 +13,9 @@ alone excites a parameter has a large r_f that proves nothing. With θ of all fo
 
     r_fᵀ (W⁻¹ + Y_f H_f⁻¹ Y_fᵀ)⁻¹ r_f  =  r_fᵀ W r  =  rᵀ W r + (θ − θ_f)ᵀ H_f (θ − θ_f).
 
-This is the error of fold f under the parameters of all folds, and what these parameters cost elsewhere. The cost has no
-parts by joints. So every joint gets the same share s of the difference between its two errors, with s from the sum,
+This is the error of fold f under the parameters of all folds, and what these parameters cost elsewhere. This cost
+cannot be divided among the joints. So every joint gets the same share s of the difference between its two errors, with
+s from the sum,
 
     Q_fj = ‖r_j‖² + s_f (‖r_fj‖² − ‖r_j‖²),     0 ≤ s_f ≤ ½     (½: the other folds determine all parameters).
 
@@ -160,11 +161,11 @@ class WeightedFit:
 
     @cached_property
     def predictive_sse(self) -> Array:
-        """The same without the error that uncertain parameters alone cause (`predictive_sse`), (folds, J)."""
+        """`held_out_sse` without the error that uncertain parameters alone cause: Q, (folds, J)."""
         found = []
         for gram, theta in zip(self.columns.gram, self.fold_theta, strict=True):
             d = np.array([np.append(theta, -1.0), np.append(self.theta, -1.0)]).T
-            found.append(predictive_sse(d.T @ (gram @ d), self.omega))
+            found.append(predictive_squares(d.T @ (gram @ d), self.omega))
         return np.array(found)
 
     @property
@@ -219,8 +220,8 @@ class WeightedFit:
         return EliminatedSystem((own - A.T @ HA) / (scale[:, None] * scale), (e - A.T @ theta) / scale, scale, HA)
 
 
-def predictive_sse(products: Array, omega: Array) -> Array:
-    """Squared error of each joint in a fold, without the error that uncertain parameters alone cause, (J,).
+def predictive_squares(products: Array, omega: Array) -> Array:
+    """Q of each joint in a fold: its squared error without the error that uncertain parameters alone cause, (J,).
 
     Parameters
     ----------

@@ -106,7 +106,8 @@ def test_a_healthy_robot_raises_no_alarm():
         == "no effect is missing: the residual error is that of the sensor noise"
     )
     above = replace(found.headline, nrmse=3 * found.headline.noise_floor)
-    assert "slow noise of the drives" in replace(found, error=found.noise_floor, headline=above).remainder
+    explained = replace(found, error=found.noise_floor, headline=above).remainder
+    assert explained.startswith("no effect is missing: noise of sensors and drives"), "the headline shows more noise"
     far, there = 9 * found.noise_floor, found.headline
     noisy = replace(found, error=far, headline=replace(there, nrmse=0.017, noise_floor=0.0123), probabilities={})
     assert noisy.remainder.endswith("the model's NRMSE is 0.017, that of the sensor noise alone 0.012")

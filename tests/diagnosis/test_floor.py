@@ -42,12 +42,17 @@ def logs_of(memory: float, effect: str = "", motions: tuple[int, ...] = (1, 2), 
             seed=seed,
             name=f"log {seed}",
         )
-        x = np.random.default_rng([seed, run]).normal(size=log.tau.shape)
-        if memory:
-            pole = np.exp(-1 / (RATE * memory))
-            x = lfilter([np.sqrt(1 - pole**2)], [1, -pole], x, axis=0)
-        found.append(Log(log.t, log.joints, log.q, tau=log.tau + 0.02 * log.tau.std(axis=0) * x, source=log.source))
+        found.append(noisy(log, memory, [seed, run]))
     return tuple(found)
+
+
+def noisy(log: Log, memory: float, seed: list[int]) -> Log:
+    """The log's positions and torques, with torque noise of 2 % with a memory, s (0: white)."""
+    x = np.random.default_rng(seed).normal(size=log.tau.shape)
+    if memory:
+        pole = np.exp(-(log.t[1] - log.t[0]) / memory)
+        x = lfilter([np.sqrt(1 - pole**2)], [1, -pole], x, axis=0)
+    return Log(log.t, log.joints, log.q, tau=log.tau + 0.02 * log.tau.std(axis=0) * x, source=log.source)
 
 
 def validator(logs: tuple[Log, ...]) -> CrossValidator:
@@ -71,10 +76,7 @@ def test_slow_noise_makes_predictions_of_short_logs_more_uncertain():
         for seed in pair:
             motion, quiet = random_fourier(arm, 15, seed=seed), Noise(q=1e-6, tau=0.0)
             log = simulate(arm, motion, rate=100, parameters=values, noise=quiet, channels=(), seed=seed)
-            pole, x = np.exp(-1 / (100 * 0.1)), np.random.default_rng(seed).normal(size=log.tau.shape)
-            x = lfilter([np.sqrt(1 - pole**2)], [1, -pole], x, axis=0)
-            tau = log.tau + 0.02 * log.tau.std(axis=0) * x
-            logs.append(Log(log.t, log.joints, log.q, tau=tau, source=log.source))
+            logs.append(noisy(log, 0.1, [seed]))
         v, _ = cross_validator(identify(arm, logs[:1], recursion="none").model, logs)
         floor, error = Floor.of(v), v.base_nrmse() * v.spread
         slow.append(np.sqrt(np.mean((slow_noise(floor.octaves, v) / error) ** 2)))

@@ -23,7 +23,7 @@ from frischid.diagnosis.scored_candidate import (
     usable_candidates,
 )
 from frischid.diagnosis.stepwise_selection import excluded
-from frischid.diagnosis.weighted_fit import predictive_sse
+from frischid.diagnosis.weighted_fit import predictive_squares
 from frischid.effects import BASELINE, EFFECTS, Formula, parse_effects
 from frischid.estimators.least_squares import Prior
 from frischid.logs.log import Log
@@ -170,7 +170,7 @@ def test_the_predictive_error_is_the_held_out_error_by_its_covariance(strength):
     products = left.swapaxes(1, 2) @ left
     residual = left[..., 0].ravel()
     expected = residual @ np.linalg.solve(np.diag(1 / weights) + Y @ np.linalg.solve(H, Y.T), residual)
-    found = predictive_sse(products, omega)
+    found = predictive_squares(products, omega)
     assert omega @ found == pytest.approx(expected, rel=1e-9)
     assert (found > 0).all()
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -38,10 +39,10 @@ def test_the_band_is_as_wide_as_the_errors_that_were_left_out_of_the_fit(name):
     Y, fitted = rows_of(model, logs)
     uncertain = np.einsum("mpj,pr,mrj->mj", Y, model.estimate.covariance, Y)
     reach = model.fitted.scores[LEVELS.index(0.9)] * model.estimate.sigma
-    half = np.sqrt(reach**2 + 1.6448536**2 * model.fitted.model_share * uncertain)
+    half = np.sqrt(reach**2 + NormalDist().inv_cdf(0.95) ** 2 * model.fitted.model_share * uncertain)
     np.testing.assert_allclose(seen.fitted, fitted, rtol=1e-12)
-    np.testing.assert_allclose(seen.upper - seen.fitted, half, rtol=1e-7, atol=1e-12)
-    np.testing.assert_allclose(seen.fitted - seen.lower, half, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(seen.upper - seen.fitted, half, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(seen.fitted - seen.lower, half, rtol=1e-9, atol=1e-12)
     used = seen.used
     assert np.std(seen.residual[used]) < 0.05 * np.std(seen.measured[used])
 
