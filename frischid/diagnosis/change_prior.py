@@ -45,6 +45,7 @@ from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
 from frischid.robot.stated_inertials import unstated
 
+REGROUPING_ROUNDING = 1e-9  # of the product of two rows' lengths, below which their scalar product is rounding
 PRECISION_ROUNDING = 1e-12  # share of the diagonal of a precision that is added
 LEAST_MODEL_SHARE = 1e-6  # against division by zero: of a perfect log
 _UNSTATED = 10.0  # N·m (N): torque limit of a robot whose URDF states none
@@ -133,7 +134,10 @@ def _regrouping(model: Model, regressor: Regressor) -> Array:
             return found.mapping
         mappings.append(found.mapping)
     mapping = max(mappings, key=lambda m: int(np.linalg.matrix_rank(m[:, model.base])))
-    return np.asarray(np.linalg.pinv(mapping[:, model.base]) @ mapping)
+    inverse = np.linalg.pinv(mapping[:, model.base])
+    found = inverse @ mapping
+    sizes = np.outer(np.linalg.norm(inverse, axis=1), np.linalg.norm(mapping, axis=0))
+    return np.where(np.abs(found) > REGROUPING_ROUNDING * sizes, found, 0.0)  # rounding is no part of a base parameter
 
 
 def _spread(model: Model, regressor: Regressor, mapping: Array, criteria: DiagnosisCriteria) -> Array:

@@ -262,8 +262,8 @@ def diagnose(
     verdict, by_twin = decided(results), decided(results, by_twin=True)
     if state == "changed" and effects is None:
         refit = refit_finding(results.validator, results.floor)
-        by_twin, _ = with_refit(by_twin, results.findings, refit)
-        verdict, findings = with_refit(verdict, results.findings, refit)
+        by_twin, _ = with_refit(by_twin, results.findings, refit, results.together)
+        verdict, findings = with_refit(verdict, results.findings, refit, results.together)
         results = replace(results, findings=tuple(findings))
     found = _diagnosis(results, (verdict, by_twin), headline(model, [as_recording(log) for log in valid or moving]))
     judged = set(validator.joints) & found.headline.joints.keys()
@@ -321,7 +321,7 @@ def _diagnosis(results: StageResults, verdicts: tuple[Verdict, Verdict], error_o
         unmodelled=unmodelled is not None,
     )
     probable = probabilities(evidence)
-    named = with_probability(results.findings, probable)
+    named = with_probability(results.findings, probable, results.together)
     if unmodelled is None:
         named = without_bias(named, by_twin, probable)
     results = replace(results, findings=named)

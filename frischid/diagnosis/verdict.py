@@ -84,6 +84,12 @@ class StageResults:
     unmodelled: UnmodelledTerm | None
     said: str = ""
 
+    @property
+    def together(self) -> float:
+        """Error that all effects that entered explain, in summed squared NRMSE."""
+        before, after = self.validator.base_nrmse(), self.ranking.full.base_nrmse()
+        return float((before**2 - after**2).sum())
+
 
 def decided(results: StageResults, *, by_twin: bool = False) -> Verdict:
     """The verdict, before a refit of all parameters is considered; `by_twin`: the healthy twin's error counts as noise.
@@ -173,16 +179,33 @@ def not_called_missing(findings: Sequence[Finding], probabilities: Mapping[str, 
     return []
 
 
-def with_refit(verdict: Verdict, findings: Sequence[Finding], refit: Finding) -> tuple[Verdict, list[Finding]]:
-    """Put the refit of all parameters among the findings: first only where it explains far more than any effect."""
+def with_refit(
+    verdict: Verdict, findings: Sequence[Finding], refit: Finding, together: float
+) -> tuple[Verdict, list[Finding]]:
+    """Put the refit of all parameters among the findings: first only where it explains far more than any effect.
+
+    The refit says that no effects explain the change. So it is left out where the effects that entered explain more
+    than the refit.
+
+    Parameters
+    ----------
+    verdict : str
+    findings : sequence of Finding
+    refit : Finding
+    together : float
+        Error that all effects that entered explain, in summed squared NRMSE.
+    """
     findings = list(findings)
     if not refit.significant:
         return verdict, findings
     criteria = refit.criteria
     best = next((f for f in findings if f.significant), None)
     better = best is None or (refit.gain > best.gain and refit.removed > criteria.refit_factor * best.removed)
-    if verdict != "contact" and refit.share > criteria.half_explained and (verdict == "unknown" or better):
+    needed = refit.removed > together
+    if verdict != "contact" and refit.share > criteria.half_explained and (verdict == "unknown" or (better and needed)):
         return "effect", [refit, *findings]
+    if not needed:
+        return verdict, findings
     before = [f for f in findings if f.removed >= refit.removed] or findings[:1]
     return verdict, [*before, refit, *(f for f in findings if f not in before)]
 
@@ -223,11 +246,26 @@ def without_bias(
     return tuple(replace(f, set_aside=LIKE_THE_TWIN) if f.significant else f for f in findings)
 
 
-def with_probability(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> tuple[Finding, ...]:
-    """The findings, each with its probability; those that are called missing stand in the order of probability."""
+def with_probability(
+    findings: Sequence[Finding], probabilities: Mapping[str, float], together: float
+) -> tuple[Finding, ...]:
+    """The findings, each with its probability; of those that are called missing the most probable stands first.
+
+    Two effects that a robot lacks share the probability with the rivals of each. So each of the other findings stands
+    by its probability, or by its share of the explained error that no other finding explains, where that is larger.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+    probabilities : mapping of str to float
+    together : float
+        Error that all effects that entered explain, in summed squared NRMSE.
+    """
     found = [replace(f, probability=probabilities.get(f.effect, 0.0)) for f in findings]
-    places = [k for k, f in enumerate(found) if f.significant and f.members]
-    ordered = sorted((found[k] for k in places), key=lambda f: -f.probability)
+    places = [k for k, f in enumerate(found) if f.significant]
+    named = [found[k] for k in places]
+    first = max(named, key=lambda f: f.probability, default=None)
+    ordered = sorted(named, key=lambda f: (f is not first, -max(f.probability, f.own / max(together, 1e-300))))
     for k, finding in zip(places, ordered, strict=True):
         found[k] = finding
     return tuple(found)

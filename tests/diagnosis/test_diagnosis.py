@@ -170,6 +170,32 @@ def test_a_payload_is_a_change():
     assert found.findings[0].parameters[columns[0]] == pytest.approx(1.5, rel=0.1)
 
 
+@cache
+def scaled_under_a_payload() -> tuple[Log, ...]:
+    """Logs of an arm that carries a payload, and whose fourth torque channel has lost a tenth."""
+    last = parse_effects("payload@wrist_3_joint")
+    truth = dict(zip([c.name for c in last[0].columns(UR5)], (0.3, 0.01, 0.0, 0.02), strict=True))
+    scale = np.where(np.array(UR5.joints) == "wrist_1_joint", 0.9, 1.0)
+    loaded = (log_of(s, "payload@wrist_3_joint", **truth) for s in (3, 4))
+    return tuple(Log(x.t, x.joints, x.q, tau=x.tau * scale, source=x.source) for x in loaded)
+
+
+def test_two_changes_stand_before_a_refit_that_explains_both():
+    found = diagnose(healthy(), scaled_under_a_payload())
+    first, second, *others = (f for f in found.findings if f.significant)
+    assert {first.effect, second.effect} == {"payload", "drive_gain"}
+    assert first.entered
+    assert second.entered
+    (refit,) = (f for f in others if f.effect == "old_parameters")
+    assert refit.probability > second.probability, "so the probability alone does not put it there"
+
+
+def test_a_change_is_found_beside_one_that_was_added():
+    (first, second), _ = improve(healthy(), list(scaled_under_a_payload()), max_steps=2)
+    assert {first.finding.effect, second.finding.effect} == {"payload", "drive_gain"}
+    assert second.error_after < 0.1 * first.error_before
+
+
 def test_an_outside_force_is_a_contact():
     log = log_of(2)
     tau = np.array(log.tau)

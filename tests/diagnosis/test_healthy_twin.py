@@ -97,7 +97,7 @@ def test_what_the_twin_has_too_is_set_aside_where_nothing_missing_is_likeliest(b
     found = diagnose(fit(logs).model, logs).findings
     chance = {"joint_spring": 0.6 - 0.3 * (likely == "none"), **dict.fromkeys(OTHERS, 0.05)}
     chance["none"] = 0.9 - chance["joint_spring"]
-    (first, *_) = named = without_bias(with_probability(found, chance), by_twin, chance)
+    (first, *_) = named = without_bias(with_probability(found, chance, 1.0), by_twin, chance)
     assert first.pays
     assert first.significant != aside
     assert (first.withheld == LIKE_THE_TWIN) == aside
