@@ -134,10 +134,11 @@ def _regrouping(model: Model, regressor: Regressor) -> Array:
             return found.mapping
         mappings.append(found.mapping)
     mapping = max(mappings, key=lambda m: int(np.linalg.matrix_rank(m[:, model.base])))
-    inverse = np.linalg.pinv(mapping[:, model.base])
-    found = inverse @ mapping
+    inverse: Array = np.asarray(np.linalg.pinv(mapping[:, model.base]), dtype=np.float64)
+    regrouped: Array = inverse @ mapping
     sizes = np.outer(np.linalg.norm(inverse, axis=1), np.linalg.norm(mapping, axis=0))
-    return np.where(np.abs(found) > REGROUPING_ROUNDING * sizes, found, 0.0)  # rounding is no part of a base parameter
+    part = np.abs(regrouped) > REGROUPING_ROUNDING * sizes  # a rounding error is no part of a base parameter
+    return np.where(part, regrouped, 0.0)
 
 
 def _spread(model: Model, regressor: Regressor, mapping: Array, criteria: DiagnosisCriteria) -> Array:
