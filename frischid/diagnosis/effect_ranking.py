@@ -18,10 +18,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from frischid.diagnosis.block_test import block_test, less_error
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator, Score
-from frischid.diagnosis.scored_candidate import ScoredCandidate, Watcher, scored, usable_candidates
+from frischid.diagnosis.scored_candidate import ScoredCandidate, Watcher, price, scored, usable_candidates
 from frischid.diagnosis.shape_refinement import refined, with_refined_contenders
 from frischid.diagnosis.stepwise_selection import OwnPart, excluded, own_part, selected, with_all
 from frischid.diagnosis.symmetric_shifts import without_smoothing
@@ -179,9 +181,9 @@ def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[S
         if beside is None or beside.gain <= 0 or beside.explained < criteria.rival_addition * top.explained:
             rivals.append(other)
     wider = [r for r in rivals if top.kind.id in r.kind.generalises]
-    sure = [r for r in rivals if r.gain > top.gain and r.p_value <= criteria.significance and r not in wider]
+    sure = [r for r in rivals if _over(validator, r, top) > 0 and r.p_value <= criteria.significance and r not in wider]
     simpler = [r for r in rivals if r.kind.id in top.kind.generalises] + sure
-    first = max(simpler, key=lambda r: r.gain, default=top)
+    first = max(simpler, key=lambda r: _over(validator, r, top), default=top)
     names = {top.kind.id, *(r.kind.id for r in rivals)} - {first.kind.id}
     result = [replace(first, rivals=tuple(sorted(names)), entered=True, own=top.own)]
     for e in found:
@@ -190,6 +192,17 @@ def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[S
         elif e is not first:
             result.append(replace(e, rivals=(first.kind.id,)) if any(e is r for r in rivals) else e)
     return _with_as_good(validator, result)
+
+
+def _over(validator: CrossValidator, one: ScoredEffect, other: ScoredEffect) -> float:
+    """Log likelihood of one effect over that of another, less the difference of their prices.
+
+    Both count the same independent samples. Their gains do not, because each gain takes the correlation of what its own
+    effect leaves.
+    """
+    effective = np.maximum(validator.effective_with(one.together), validator.effective_with(other.together))
+    ratio = validator.log_likelihood(other.score.predictive, one.score.predictive, effective)
+    return ratio - price(validator, one.together) + price(validator, other.together)
 
 
 def _with_as_good(validator: CrossValidator, found: list[ScoredEffect]) -> list[ScoredEffect]:

@@ -15,6 +15,7 @@ from frischid.core.text import listed
 from frischid.diagnosis.clause import missing
 from frischid.diagnosis.contacts import _stands_out
 from frischid.diagnosis.criteria import DiagnosisCriteria
+from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.improvement import add, improve, undo
@@ -413,6 +414,21 @@ def test_what_another_joint_does_is_not_called_an_effect_that_resembles_it():
     assert found.verdict == "unknown"
     assert found.description.formula[0] == "tau_model2"
     assert any(f"on joint1 'tau_model2' explains far more than {resembling.effect} does" in n for n in found.notes)
+
+
+def test_two_effects_are_compared_in_the_same_independent_samples(monkeypatch):
+    planar2, dry = Robot.load("planar2"), {"fv1": 0.5, "fv2": 0.3, "fc1": 0.5, "fc2": 0.3, "Ia1": 0.02, "Ia2": 0.01}
+    before, *after = (log_of(s, robot=planar2, **dry) for s in (1, 2, 3))
+    scaled = [Log(x.t, x.joints, x.q, tau=x.tau * [1.0, 0.97], source=x.source) for x in after]
+    counted = CrossValidator.effective_with
+    monkeypatch.setattr(
+        CrossValidator, "effective_with", lambda v, c: counted(v, c) * (9.0 if c.effect.id == "gear_play" else 1.0)
+    )
+    found = diagnose(identify(planar2, [before], recursion="none").model, scaled)
+    gain, rival = found.findings[:2]
+    assert (gain.effect, rival.effect) == ("drive_gain", "gear_play")
+    assert rival.gain > gain.gain, "each gain counts the samples that its own effect leaves independent"
+    assert rival.removed < gain.removed
 
 
 def test_sectors_of_a_damaged_gear_are_no_cogging():
