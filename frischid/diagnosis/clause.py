@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from frischid.core.text import listed, percent
 from frischid.diagnosis.diagnosis import Diagnosis
-from frischid.diagnosis.rivals import cause_of
+from frischid.diagnosis.rivals import beside_of, cause_of
 
 
 def missing(diagnosis: Diagnosis) -> str:
     """The clause, as the subject line of a page: a capital, and no full stop."""
+    more = beside_of(diagnosis.findings) if diagnosis.verdict == "effect" else ""
+    return f"{_first(diagnosis)}; {more}" if more else _first(diagnosis)
+
+
+def _first(diagnosis: Diagnosis) -> str:
+    """The clause without the effects beside the first."""
     best = next((f for f in diagnosis.findings if f.significant and f.members), None)
     named = "" if best is None else f"{best.effect} on {listed(best.joints) or 'the whole robot'}"
     cause = cause_of(diagnosis.findings, diagnosis.probabilities)

@@ -1,17 +1,21 @@
-"""The hypotheses that share the probability with the first finding, and the motion that separates them.
+"""What stands instead of the first finding, what stands beside it, and the motion that separates two effects.
 
 Where the first finding has less than 80 % (`DiagnosisCriteria.sure_probability`), its sentence names up to three others
 that may be the cause instead, and the command that plans a motion on which two effects act differently. So a user hears
 of a rival before acting on the first finding.
+
+An effect that explains the logs together with the first, and error that no other effect explains, is no rival: the
+model lacks both. It stands *beside* the first, however the two share the probability.
 """
 
 from __future__ import annotations
 
+import itertools
 import shlex
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from frischid.core.text import percent
+from frischid.core.text import listed, percent
 from frischid.diagnosis.findings import Finding
 from frischid.effects import EFFECTS
 
@@ -45,7 +49,8 @@ def rivals(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> l
     first = best_of(findings)
     if first is None or first.probability >= first.criteria.sure_probability:
         return []
-    others = [Rival(name, p) for name, p in probabilities.items() if name != first.effect]
+    both = {first.effect, *(f.effect for f in beside(findings))}
+    others = [Rival(name, p) for name, p in probabilities.items() if name not in both]
     told = [r for r in others if r.probability >= first.criteria.rival_probability or r.name in first.undecided]
     return sorted(told, key=lambda r: -r.probability)[:MOST_RIVALS]
 
@@ -53,6 +58,16 @@ def rivals(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> l
 def best_of(findings: Sequence[Finding]) -> Finding | None:
     """The first finding that is called missing and can be added to a model."""
     return next((f for f in findings if f.significant and f.members), None)
+
+
+def beside(findings: Sequence[Finding]) -> list[Finding]:
+    """Findings that the model lacks beside the first: each explains error that no other effect explains."""
+    first = best_of(findings)
+    if first is None or not first.entered:
+        return []
+    least = first.criteria.smallest_error**2
+    own = [f for f in findings if f is not first and f.significant and f.members and f.entered and f.own > least]
+    return [f for f in own if f.effect not in first.confused_with][:MOST_RIVALS]
 
 
 def shared(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> list[Rival]:
@@ -64,7 +79,7 @@ def shared(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> l
 
 
 def separating_command(findings: Sequence[Finding], probabilities: Mapping[str, float], robot: str = "ROBOT") -> str:
-    """Command that plans a motion to separate the two most probable effects of `shared`; empty without two."""
+    """Command that plans a motion to separate the two effects of `pair_of`; empty without two."""
     return command_for(pair_of(findings, probabilities), robot)
 
 
@@ -80,9 +95,20 @@ def command_for(pair: Sequence[Finding], robot: str = "ROBOT") -> str:
 
 
 def pair_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> list[Finding]:
-    """The two most probable effects of `shared`, or fewer."""
+    """The two most probable effects of `shared`, else two that stand beside each other and look alike, or fewer."""
     members = {f.effect: f for f in findings if f.members}
-    return [members[r.name] for r in shared(findings, probabilities) if r.name in EFFECTS and r.name in members][:2]
+    pair = [members[r.name] for r in shared(findings, probabilities) if r.name in EFFECTS and r.name in members][:2]
+    first = best_of(findings)
+    if len(pair) == 2 or first is None or first.probability >= first.criteria.sure_probability:
+        return pair
+    return next((list(two) for two in itertools.combinations([first, *beside(findings)], 2) if _alike(*two)), [])
+
+
+def _alike(one: Finding, other: Finding) -> bool:
+    """Whether the columns of two findings look alike on many motions, and the two have a joint in common."""
+    kinds = [(EFFECTS[a.effect].confused_with, b.effect) for a, b in ((one, other), (other, one))]
+    together = not one.joints or not other.joints or not set(one.joints).isdisjoint(other.joints)
+    return together and any(name in confused for confused, name in kinds)
 
 
 def _placed(finding: Finding) -> str:
@@ -98,15 +124,28 @@ def cause_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) ->
 
 
 def sentence_of(findings: Sequence[Finding], probabilities: Mapping[str, float], robot: str = "ROBOT") -> str:
-    """A sentence on the hypotheses that share the probability; empty where the first finding is sure."""
-    cause = cause_of(findings, probabilities)
-    if not cause:
+    """Sentences on what stands instead of the first finding and beside it; empty where nothing does."""
+    cause, more = cause_of(findings, probabilities), beside_of(findings)
+    told = [f"these logs alone cannot tell the cause: {cause}"] if cause else []
+    told += [more[:1].upper() + more[1:] if cause else more] if more else []
+    pair = pair_of(findings, probabilities)
+    if len(pair) == 2:
+        told.append(
+            f"This command plans a motion on which {pair[0].effect} and {pair[1].effect} differ: "
+            f"`{command_for(pair, robot)}`"
+        )
+    return ". ".join(told)
+
+
+def beside_of(findings: Sequence[Finding]) -> str:
+    """A clause on the findings beside the first; empty without any."""
+    others = beside(findings)
+    first = best_of(findings)
+    if first is None or not others:
         return ""
-    sentence = f"these logs alone cannot tell the cause: {cause}"
-    command = separating_command(findings, probabilities, robot)
-    return (
-        f"{sentence}. This command plans a motion on which the first two differ: `{command}`" if command else sentence
-    )
+    explain = "explains" if len(others) == 1 else "each explain"
+    also = listed([f.title for f in others])
+    return f"more than {first.title} is missing: {also} {explain} error that no other effect explains"
 
 
 def suspect_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> Finding | None:

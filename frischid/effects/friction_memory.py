@@ -87,7 +87,7 @@ class Hysteresis(Effect):
     looks_like: ClassVar[str] = (
         "after each reversal, an error that depends on the path since the reversal and not on the speed"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "coulomb", "backlash", "cable_hose")
+    confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "coulomb", "backlash", "cable_hose", "time_delay")
     confirmed_by: ClassVar[str] = (
         "record tiny slow back-and-forth motions of growing size: the torque drawn against the angle forms loops"
     )

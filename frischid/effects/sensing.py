@@ -75,7 +75,7 @@ class TimeDelay(Effect):
     looks_like: ClassVar[str] = (
         "an error like the time derivative of the torque, largest where the torque changes fastest"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "elasticity", "rotor_inertia")
+    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "elasticity", "rotor_inertia", "hysteresis")
     confirmed_by: ClassVar[str] = (
         "record a sudden step of one joint and compare the times at which the two channels move"
     )

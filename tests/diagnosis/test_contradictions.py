@@ -45,6 +45,11 @@ def contradictions(told: dict) -> list[str]:
         hidden = re.match(r"more than chance, but not called missing: (\w+)", note)
         if hidden:
             wrong.append((any(f["effect"] == hidden[1] for f in named), f"{hidden[1]} is called missing and is not"))
+        beside = re.search(r"[Mm]ore than (\w+) on .* is missing: (.*) error that no other effect explains", note)
+        for name in re.findall(r"(\w+) on ", beside[2]) if beside else ():
+            (finding,) = (f for f in named if f["effect"] == name)
+            wrong.append((finding["own"] <= 0 or not finding["entered"], f"{name} explains nothing of its own"))
+            wrong.append((name in (named[0]["effect"], *named[0]["confused_with"]), f"{name} stands beside itself"))
     return [text for condition, text in wrong if condition]
 
 
@@ -93,3 +98,9 @@ def test_a_contradiction_is_seen():
     told = found("spring").to_dict()
     assert contradictions(told | {"verdict": "none"})
     assert contradictions(told | {"probabilities": dict.fromkeys(told["probabilities"], 0.0)})
+    first = next(f for f in told["findings"] if f["significant"])
+    note = "more than joint_spring on joint2 is missing: cogging on joint1 explains error that no other effect explains"
+    for own, seen in ((0.0, True), (0.1, False)):
+        other = first | {"effect": "cogging", "own": own}
+        said = contradictions(told | {"notes": [note], "findings": [first, other]})
+        assert ("cogging explains nothing of its own" in said) == seen

@@ -13,7 +13,7 @@ from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.floor import refuted, with_leverage
 from frischid.diagnosis.hypotheses import OTHERS, Evidence, evidence_of
 from frischid.diagnosis.probability import DATA, Weights, chances, fitted, probabilities
-from frischid.diagnosis.rivals import IN_WORDS, rivals, sentence_of, separating_command
+from frischid.diagnosis.rivals import IN_WORDS, beside, pair_of, rivals, sentence_of, separating_command
 from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.verdict import concluded
 from frischid.effects import BASELINE, EFFECTS, parse_effects
@@ -262,3 +262,23 @@ def test_a_floor_above_a_held_out_error_is_wrong_and_a_prediction_is_uncertain()
 def _short(v):
     log = simulate(ARM, random_fourier(ARM, 5, seed=3), rate=50, effects=BASELINE, noise=Noise(q=1e-5, tau=0.02))
     return replace(log, source="short")
+
+
+def test_an_effect_that_explains_error_of_its_own_is_no_rival():
+    spring = next(f for f in found("spring").findings if f.significant)
+    first = replace(spring, probability=0.5, confused_with=("cable_hose",))
+    delay = replace(spring, effect="time_delay", joints=(), probability=0.2)
+    memory = replace(delay, effect="hysteresis", probability=0.1)
+    hose = replace(delay, effect="cable_hose", probability=0.15)
+    chance = {f.effect: f.probability for f in (first, delay, memory, hose)} | dict.fromkeys(OTHERS, 0.01)
+    findings = [first, delay, memory, hose]
+    assert beside(findings) == [delay, memory]
+    assert [r.name for r in rivals(findings, chance)] == ["cable_hose"]
+    more = "time_delay on the robot and hysteresis on the robot each explain error that no other effect explains"
+    assert f"More than joint_spring on joint2 is missing: {more}" in sentence_of(findings, chance)
+    assert pair_of(findings, chance) == [first, hose]
+    assert pair_of(findings[:3], chance) == [delay, memory], "the two look alike, and neither looks like a spring"
+    assert len(pair_of([first, delay], chance)) < 2
+    assert pair_of([replace(first, probability=0.95), delay, memory], chance) == []
+    assert beside([replace(first, entered=False), delay]) == []
+    assert beside([first, replace(delay, own=0.0)]) == []
