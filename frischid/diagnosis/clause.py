@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from frischid.core.text import listed, percent
 from frischid.diagnosis.diagnosis import Diagnosis
-from frischid.diagnosis.rivals import beside_of, cause_of
+from frischid.diagnosis.rivals import beside, cause_of
 
 
 def missing(diagnosis: Diagnosis) -> str:
     """The clause, as the subject line of a page: a capital, and no full stop."""
-    more = beside_of(diagnosis.findings) if diagnosis.verdict == "effect" else ""
-    return f"{_first(diagnosis)}; {more}" if more else _first(diagnosis)
+    more = beside(diagnosis.findings) if diagnosis.verdict == "effect" else []
+    also = f"; also missing: {listed([f.title for f in more])}" if more else ""
+    return f"{_first(diagnosis)}{also}"
 
 
 def _first(diagnosis: Diagnosis) -> str:

@@ -15,6 +15,7 @@ from frischid.core.text import listed
 from frischid.diagnosis.clause import missing
 from frischid.diagnosis.contacts import _stands_out
 from frischid.diagnosis.criteria import DiagnosisCriteria
+from frischid.diagnosis.clause import missing
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
@@ -190,6 +191,7 @@ def test_two_changes_stand_before_a_refit_that_explains_both():
     (refit,) = (f for f in others if f.effect == "old_parameters")
     assert refit.probability > second.probability, "so the probability alone does not put it there"
     assert any(f"more than {first.title} is missing: {second.title} explains" in x.lower() for x in found.notes)
+    assert missing(found).endswith(f"; also missing: {second.title}")
 
 
 def test_a_change_is_found_beside_one_that_was_added():
