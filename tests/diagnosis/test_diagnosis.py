@@ -15,7 +15,6 @@ from frischid.core.text import listed
 from frischid.diagnosis.clause import missing
 from frischid.diagnosis.contacts import _stands_out
 from frischid.diagnosis.criteria import DiagnosisCriteria
-from frischid.diagnosis.clause import missing
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
