@@ -39,6 +39,7 @@ from hidden_unknown import UNKNOWN
 from frischid.core.files import write_text
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.probability import DATA, Weights, chances, fitted
+from frischid.diagnosis.rivals import MOST_RIVALS
 from frischid.model.identification import identify
 
 GENERATORS = {"first": hidden_cases, "second": second_cases}
@@ -50,6 +51,7 @@ NAMELESS = {*UNKNOWN, *second_cases.OUTSIDE}
 """Effects that the catalogue does not have."""
 EDGES = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 SMALL_BACKGROUND = 0.01  # share of the torque
+LEAST_OWN = -5.0  # log share of the largest error that one effect alone explains; the evidence has no smaller value
 
 
 def right_answers(kind: str, truth: Truth) -> list[str]:
@@ -186,7 +188,7 @@ def flat(row: dict[str, Any], said: tuple[str, float, bool]) -> dict[str, Any]:
     return (
         {key: row[key] for key in keys}
         | {"answer": name, "probability": probability, "correct": correct}
-        | {"alarm": alarm(row, name), "right joints": where, "both": both(row)}
+        | {"alarm": alarm(row, name), "right joints": where, "both": both(row), "beside": beside(row)}
         | {"visible": max(row["visible"], default=0.0), "error": row.get("error"), "floor": row.get("floor")}
     )
 
@@ -204,6 +206,16 @@ def both(row: dict[str, Any]) -> bool | None:
         return None
     first = {effect for effect, _ in row.get("ranking", [])[:3]}
     return all(first & set(SAME.get(name, (name,))) for name in row["effects"])
+
+
+def beside(row: dict[str, Any]) -> list[bool]:
+    """Whether the robot has each of the effects that stand beside the first finding (`frischid.diagnosis.rivals`)."""
+    told = {e["hypothesis"]: e for e in row.get("evidence", []) if e.get("effect")}
+    named = [told[effect] for effect, _ in row.get("ranking", []) if effect in told and told[effect]["significant"]]
+    if row.get("verdict") != "effect" or not named or not named[0]["entered"]:
+        return []
+    own = [e for e in named[1:] if e["entered"] and not e["rival"] and e["own"] > LEAST_OWN]
+    return [e["hypothesis"] in row["right"] for e in own[:MOST_RIVALS]]
 
 
 def reliability(name: str, answers: Sequence[tuple[str, float, bool]]) -> list[dict[str, Any]]:

@@ -124,6 +124,8 @@ FIGURES: dict[str, Callable[[], str]] = {
         logs.set_points_within,
         diagnosis.chance_error,
         diagnosis.chance_errors,
+        diagnosis.beside_right,
+        diagnosis.beside_right_alone,
         robots.bands_hold,
         cost.moments_us,
         cost.small_fleets_count,

@@ -119,6 +119,18 @@ def chance_errors() -> str:
     return " and ".join(f"{by_chance(part):.2f}" for part in parts)
 
 
+def beside_right() -> str:
+    """Effects beside the first finding that are really there."""
+    told = [right for row in rows_of("calibration") for right in row["beside"]]
+    return f"{sum(told)} of {len(told)}"
+
+
+def beside_right_alone() -> str:
+    """Of the cases with one hidden effect and nothing else, those without another effect beside it."""
+    rows = [row for row in rows_of("calibration") if row["kind"] == "single" and not row["background"]]
+    return f"{sum(not row['beside'] for row in rows)} of {len(rows)}"
+
+
 def found_by_background() -> str:
     """Whether a true effect is named first, and on the right joints, by the size of the background."""
     rows = [row for row in rows_of("calibration") if row["kind"] in ("single", "pair")]

@@ -10,7 +10,7 @@ from frischid.diagnosis.rivals import beside, cause_of
 def missing(diagnosis: Diagnosis) -> str:
     """The clause, as the subject line of a page: a capital, and no full stop."""
     more = beside(diagnosis.findings) if diagnosis.verdict == "effect" else []
-    also = f"; also missing: {listed([f.title for f in more])}" if more else ""
+    also = f"; probably also missing: {listed([f.title for f in more])}" if more else ""
     return f"{_first(diagnosis)}{also}"
 
 

@@ -5,7 +5,7 @@ that may be the cause instead, and the command that plans a motion on which two 
 of a rival before acting on the first finding.
 
 An effect that explains the logs together with the first, and error that no other effect explains, is no rival: the
-model lacks both. It stands *beside* the first, however the two share the probability.
+model probably lacks both. It stands *beside* the first, however the two share the probability.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def best_of(findings: Sequence[Finding]) -> Finding | None:
 
 
 def beside(findings: Sequence[Finding]) -> list[Finding]:
-    """Findings that the model lacks beside the first: each explains error that no other effect explains."""
+    """Findings that the model probably lacks beside the first: each explains error that no other effect explains."""
     first = best_of(findings)
     if first is None or not first.entered:
         return []
@@ -143,9 +143,9 @@ def beside_of(findings: Sequence[Finding]) -> str:
     first = best_of(findings)
     if first is None or not others:
         return ""
-    explain = "explains" if len(others) == 1 else "each explain"
+    each = "it" if len(others) == 1 else "each"
     also = listed([f.title for f in others])
-    return f"more than {first.title} is missing: {also} {explain} error that no other effect explains"
+    return f"probably also missing, beside {first.title}: {also}; {each} explains error that no other effect explains"
 
 
 def suspect_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> Finding | None:

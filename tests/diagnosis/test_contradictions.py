@@ -45,7 +45,7 @@ def contradictions(told: dict) -> list[str]:
         hidden = re.match(r"more than chance, but not called missing: (\w+)", note)
         if hidden:
             wrong.append((any(f["effect"] == hidden[1] for f in named), f"{hidden[1]} is called missing and is not"))
-        beside = re.search(r"[Mm]ore than (\w+) on .* is missing: (.*) error that no other effect explains", note)
+        beside = re.search(r"[Pp]robably also missing, beside (\w+) on [^:]*: (.*); ", note)
         for name in re.findall(r"(\w+) on ", beside[2]) if beside else ():
             (finding,) = (f for f in named if f["effect"] == name)
             wrong.append((finding["own"] <= 0 or not finding["entered"], f"{name} explains nothing of its own"))
@@ -99,7 +99,7 @@ def test_a_contradiction_is_seen():
     assert contradictions(told | {"verdict": "none"})
     assert contradictions(told | {"probabilities": dict.fromkeys(told["probabilities"], 0.0)})
     first = next(f for f in told["findings"] if f["significant"])
-    note = "more than joint_spring on joint2 is missing: cogging on joint1 explains error that no other effect explains"
+    note = "probably also missing, beside joint_spring on joint2: cogging on joint1; it explains error that no other"
     for own, seen in ((0.0, True), (0.1, False)):
         other = first | {"effect": "cogging", "own": own}
         said = contradictions(told | {"notes": [note], "findings": [first, other]})

@@ -189,8 +189,8 @@ def test_two_changes_stand_before_a_refit_that_explains_both():
     assert second.entered
     (refit,) = (f for f in others if f.effect == "old_parameters")
     assert refit.probability > second.probability, "so the probability alone does not put it there"
-    assert any(f"more than {first.title} is missing: {second.title} explains" in x.lower() for x in found.notes)
-    assert missing(found).endswith(f"; also missing: {second.title}")
+    assert any(f"robably also missing, beside {first.title}: {second.title}; it explains" in x for x in found.notes)
+    assert missing(found).endswith(f"; probably also missing: {second.title}")
 
 
 def test_a_change_is_found_beside_one_that_was_added():

@@ -274,8 +274,8 @@ def test_an_effect_that_explains_error_of_its_own_is_no_rival():
     findings = [first, delay, memory, hose]
     assert beside(findings) == [delay, memory]
     assert [r.name for r in rivals(findings, chance)] == ["cable_hose"]
-    more = "time_delay on the robot and hysteresis on the robot each explain error that no other effect explains"
-    assert f"More than joint_spring on joint2 is missing: {more}" in sentence_of(findings, chance)
+    more = "time_delay on the robot and hysteresis on the robot; each explains error that no other effect explains"
+    assert f"Probably also missing, beside joint_spring on joint2: {more}" in sentence_of(findings, chance)
     assert pair_of(findings, chance) == [first, hose]
     assert pair_of(findings[:3], chance) == [delay, memory], "the two look alike, and neither looks like a spring"
     assert len(pair_of([first, delay], chance)) < 2
