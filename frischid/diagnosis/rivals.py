@@ -78,11 +78,6 @@ def shared(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> l
     return sorted([Rival(first.effect, first.probability), *others], key=lambda r: -r.probability)
 
 
-def separating_command(findings: Sequence[Finding], probabilities: Mapping[str, float], robot: str = "ROBOT") -> str:
-    """Command that plans a motion to separate the two effects of `pair_of`; empty without two."""
-    return command_for(pair_of(findings, probabilities), robot)
-
-
 def command_for(pair: Sequence[Finding], robot: str = "ROBOT") -> str:
     """Command that plans a motion on which two findings act differently, at their joints; empty without two.
 

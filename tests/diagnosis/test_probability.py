@@ -13,7 +13,7 @@ from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.floor import refuted, with_leverage
 from frischid.diagnosis.hypotheses import OTHERS, Evidence, evidence_of
 from frischid.diagnosis.probability import DATA, Weights, chances, fitted, probabilities
-from frischid.diagnosis.rivals import IN_WORDS, beside, pair_of, rivals, sentence_of, separating_command
+from frischid.diagnosis.rivals import IN_WORDS, beside, command_for, pair_of, rivals, sentence_of
 from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.verdict import concluded
 from frischid.effects import BASELINE, EFFECTS, parse_effects
@@ -209,13 +209,13 @@ def test_below_four_fifths_the_rivals_are_told_with_the_motion_that_separates_th
     shared = [replace(first, probability=0.6), replace(second, probability=0.25)]
     chance = {first.effect: 0.6, second.effect: 0.25, "none": 0.0, "several": 0.12, "outside": 0.03, "contact": 0.0}
     assert [r.name for r in rivals(shared, chance)] == [second.effect, "several"]
-    command = separating_command(shared, chance)
+    command = command_for(pair_of(shared, chance))
     pair = parse_effects(command.split("--separate ")[1].split()[0])
     assert [e.id for e in pair] == [first.effect, second.effect]
     sentence = sentence_of(shared, chance)
     assert f"{first.effect} (60 %), {second.effect} (25 %) or several small effects" in sentence
     assert command in sentence
-    named = separating_command(shared, chance, "my arm.urdf")
+    named = command_for(pair_of(shared, chance), "my arm.urdf")
     assert named.startswith("frischid excite 'my arm.urdf' --separate ")  # the command works as printed
     assert f"`{named}`" in sentence_of(shared, chance, "my arm.urdf")
     sure = [replace(first, probability=0.85), *shared[1:]]

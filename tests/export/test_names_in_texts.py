@@ -16,7 +16,7 @@ from test_code import physical
 
 from frischid.core.text import one_line, quoted
 from frischid.diagnosis.criteria import DiagnosisCriteria
-from frischid.diagnosis.rivals import separating_command
+from frischid.diagnosis.rivals import command_for, pair_of
 from frischid.effects import EFFECTS
 from frischid.export.actuators import actuators_csv, actuators_json
 from frischid.export.names import cell
@@ -86,8 +86,8 @@ def test_the_table_of_drives_runs_no_formula_and_json_keeps_the_name(name):
 @pytest.mark.parametrize("joint", ["$(touch owned)", "a; rm -rf b", "`x`", "a'b", "a\nb", "joint2"])
 def test_a_name_is_one_word_of_a_proposed_command(joint):
     found = [
-        SimpleNamespace(effect=name, joints=(joint,), members=(EFFECTS[name]((joint,)),), **SURE)
+        SimpleNamespace(effect=name, joints=(joint,), members=(EFFECTS[name]((joint,)),), entered=False, **SURE)
         for name in ("joint_spring", "viscous")
     ]
-    command = separating_command(found, {"joint_spring": 0.5, "viscous": 0.45})
+    command = command_for(pair_of(found, {"joint_spring": 0.5, "viscous": 0.45}))
     assert shlex.split(command)[3:5] == ["--separate", f"joint_spring@{joint},viscous@{joint}"]

@@ -12,7 +12,7 @@ from frischid.diagnosis.clause import missing
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.effect_curves import shape_of
 from frischid.diagnosis.findings import HOW_RANKED, Finding
-from frischid.diagnosis.rivals import IN_WORDS, command_for, pair_of, sentence_of, separating_command
+from frischid.diagnosis.rivals import IN_WORDS, command_for, pair_of, sentence_of
 from frischid.effects import EFFECTS
 from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
@@ -48,7 +48,8 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "chances": [f"{IN_WORDS.get(k, k)} {percent(p)}" for k, p in _likely(diagnosis)],
         "notes": [sentence(note) for note in diagnosis.notes[1:] if note != shared and f"; {note}" not in said],
         "refused": study.refusals,
-        "separate": separating_command(diagnosis.findings, diagnosis.probabilities, source) if pair else "",
+        "separate": command_for(pair, source),
+        "separated": listed([f.effect for f in pair]),
         "how_ranked": HOW_RANKED if len(significant) > 1 else "",
         "cards": _cards(study, significant[:FINDING_CARDS], {frozenset(f.effect for f in pair)}),
         "ranking": Table(

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from frischid import figures
 from frischid.core.text import listed
 from frischid.diagnosis.clause import missing
-from frischid.diagnosis.rivals import separating_command
+from frischid.diagnosis.rivals import command_for, pair_of
 from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
 from frischid.model.events import selection_errors
 from frischid.model.headline import Headline, between, headline_of
@@ -130,11 +130,12 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     diagnosis, best = study.diagnosis, study.proposed
     robot, logs = study.model.robot.source, _logs(study)
-    separating = "" if diagnosis is None else separating_command(diagnosis.findings, diagnosis.probabilities, robot)
+    pair = [] if diagnosis is None else pair_of(diagnosis.findings, diagnosis.probabilities)
     if diagnosis is not None and diagnosis.verdict == "unknown":
         found.append({"kind": "formula", "command": f"frischid studio {given}{logs}"})
-    elif separating:
-        found.append({"kind": "separate", "command": separating})
+    elif len(pair) == 2:
+        effects = listed([f.effect for f in pair])
+        found.append({"kind": "separate", "effects": effects, "command": command_for(pair, robot)})
     if best is not None:
         where = f" --joints {shlex.quote(','.join(best.joints))}" if best.joints else ""
         add = f"frischid add {given} {best.effect}{where}{logs} -o {better}"
