@@ -56,7 +56,7 @@ def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
         "error: change of the mean error with this effect alone, cross-validated on the logs that select; explains: "
         "share of the error above the sensor noise on its joints; gain: rise of the log likelihood, less a price per "
         "parameter; probability: that the model lacks this effect and no more probable answer is right, as learnt from "
-        "simulated robots"
+        "simulated robots; it is small for an effect beside a first one that is right"
     )
     if moved is None:
         return Page(result.to_dict(), parts, result.headline.alarms)

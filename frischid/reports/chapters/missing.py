@@ -22,8 +22,7 @@ FINDING_CARDS = 6  # findings with a card; the others stand in the ranking
 RANK_CAPTION = (
     "error: its change with this effect alone, cross-validated; explains: share of the error above the sensor noise on "
     "its joints; gain: of log likelihood; probability: that the model lacks this effect and no more probable answer is "
-    "right, as learnt from simulated robots. The rank is the rise of the error when the effect is taken out of a model "
-    "with all effects: error that several effects explain equally well counts for none of them"
+    "right, as learnt from simulated robots; it is small for an effect beside a first one that is right"
 )
 LEAST_TOLD = 0.005  # probability
 RANK_HEADINGS = ("effect", "where", "error", "explains", "gain", "probability", "confused with")
