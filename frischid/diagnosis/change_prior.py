@@ -45,7 +45,7 @@ from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
 from frischid.robot.stated_inertials import unstated
 
-REGROUPING_ROUNDING = 1e-9  # of the product of two rows' lengths, below which their scalar product is rounding
+REGROUPING_ROUNDING = 1e-9  # of a row's length times a column's, below which their scalar product is rounding
 PRECISION_ROUNDING = 1e-12  # share of the diagonal of a precision that is added
 LEAST_MODEL_SHARE = 1e-6  # against division by zero: of a perfect log
 _UNSTATED = 10.0  # N·m (N): torque limit of a robot whose URDF states none
