@@ -1,4 +1,4 @@
-"""A diagnosis in one clause: what is missing, how sure that is, and what shares the probability."""
+"""A diagnosis in one clause: what is missing, how sure that is, what shares the probability, what else is missing."""
 
 from __future__ import annotations
 

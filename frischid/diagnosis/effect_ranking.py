@@ -181,9 +181,10 @@ def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[S
         if beside is None or beside.gain <= 0 or beside.explained < criteria.rival_addition * top.explained:
             rivals.append(other)
     wider = [r for r in rivals if top.kind.id in r.kind.generalises]
-    sure = [r for r in rivals if _over(validator, r, top) > 0 and r.p_value <= criteria.significance and r not in wider]
+    over = {r.kind.id: _over(validator, r, top) for r in rivals}
+    sure = [r for r in rivals if over[r.kind.id] > 0 and r.p_value <= criteria.significance and r not in wider]
     simpler = [r for r in rivals if r.kind.id in top.kind.generalises] + sure
-    first = max(simpler, key=lambda r: _over(validator, r, top), default=top)
+    first = max(simpler, key=lambda r: over[r.kind.id], default=top)
     names = {top.kind.id, *(r.kind.id for r in rivals)} - {first.kind.id}
     result = [replace(first, rivals=tuple(sorted(names)), entered=True, own=top.own)]
     for e in found:

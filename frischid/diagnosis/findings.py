@@ -38,10 +38,9 @@ OLD_PARAMETERS = "old_parameters"
 """Identifier of the finding that the identified parameters no longer hold."""
 
 HOW_RANKED = (
-    "Of the effects that are called missing, the most probable stands first. Each of the others stands by its "
-    "probability, or by the share of the explained error that it alone explains, whichever is larger. The other "
-    "figures of a row are for this effect alone, so a lower row may have the larger figure. Many of the lower effects "
-    "are not needed once the first is in the model."
+    "Of the effects that are called missing, the most probable stands first. Each other one stands by its probability, "
+    "or by the share of the explained error that it alone explains, whichever is larger. All other figures of a row "
+    "are for this effect alone. Many of the lower effects are not needed once the first is in the model."
 )
 
 

@@ -15,7 +15,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from frischid.core.text import listed, percent
+from frischid.core.text import listed, percent, sentence
 from frischid.diagnosis.findings import Finding
 from frischid.effects import EFFECTS
 
@@ -122,14 +122,14 @@ def sentence_of(findings: Sequence[Finding], probabilities: Mapping[str, float],
     """Sentences on what stands instead of the first finding and beside it; empty where nothing does."""
     cause, more = cause_of(findings, probabilities), beside_of(findings)
     told = [f"these logs alone cannot tell the cause: {cause}"] if cause else []
-    told += [more[:1].upper() + more[1:] if cause else more] if more else []
+    told += [more] if more else []
     pair = pair_of(findings, probabilities)
     if len(pair) == 2:
         told.append(
             f"This command plans a motion on which {pair[0].effect} and {pair[1].effect} differ: "
             f"`{command_for(pair, robot)}`"
         )
-    return ". ".join(told)
+    return ". ".join([*told[:1], *map(sentence, told[1:])])
 
 
 def beside_of(findings: Sequence[Finding]) -> str:
