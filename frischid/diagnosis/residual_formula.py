@@ -92,7 +92,7 @@ def _dependence(validator: CrossValidator, row: int) -> dict[str, float]:
 def _formula(validator: CrossValidator, row: int) -> tuple[list[str], float]:
     """Expressions that describe a joint's residual, and the share of its squared held-out error they explain."""
     criteria, joint = validator.criteria, validator.joints[row]
-    terms = [Formula((joint,), e) for e in _library(validator, joint)]
+    terms = [Formula((joint,), e) for e in library(validator, joint)]
     terms += evenly_spaced_jumps(validator, row, criteria.formula_sectors - 1)
     candidates = [c for c in validator.candidates(terms) if c.columns]
     start = validator.base_nrmse()[row] ** 2
@@ -115,7 +115,7 @@ def expression_of(found: ScoredCandidate) -> str:
     return effect.expression
 
 
-def _library(validator: CrossValidator, joint: str) -> list[str]:
+def library(validator: CrossValidator, joint: str) -> list[str]:
     """Simple expressions of the joint's own quantities, of those of each other joint, and of both together."""
     own = str(validator.model.robot.numbers[joint])
     found = [f"{wave}({k}q{own})" for wave in ("sin", "cos") for k in ("", "2*", "3*")]
@@ -138,4 +138,5 @@ def coupling_expressions(validator: CrossValidator, joint: str) -> list[str]:
 
 def _others(validator: CrossValidator, joint: str) -> list[str]:
     """Numbers of the other joints."""
-    return [str(number) for name, number in validator.model.robot.numbers.items() if name != joint]
+    robot = validator.model.robot  # whose numbers count mimic joints too
+    return [str(robot.numbers[name]) for name in robot.joints if name != joint]

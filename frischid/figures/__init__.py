@@ -12,7 +12,7 @@ from frischid.figures.history import staircase
 from frischid.figures.missing import shape
 from frischid.figures.motion import animated, excitation
 from frischid.figures.parameters import closing, intervals
-from frischid.figures.quality import noise, reach
+from frischid.figures.quality import noise, reach, usual_noise
 from frischid.figures.style import Drawing, save, short
 from frischid.figures.torque import Overlay, measured
 from frischid.figures.two_logs import two_logs
@@ -20,4 +20,5 @@ from frischid.figures.two_logs import two_logs
 __all__ = [
     "Drawing", "Overlay", "against", "animated", "closing", "excitation", "ghost", "intervals", "matrix", "measured",
     "noise", "plane", "position_error", "reach", "save", "shape", "short", "staircase", "two_logs",
+    "usual_noise",
 ]  # fmt: skip

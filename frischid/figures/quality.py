@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import plotly.graph_objects as go
 
+from frischid.core.types import Array
 from frischid.figures.style import BLUE, COLOURS, MEASURED, Drawing, drawing, number, plain, short, units_of
 from frischid.robot.robot import Robot
 
@@ -49,6 +50,15 @@ def reach(robot: Robot, logs: Sequence[Quality]) -> Drawing:
     return drawing("Positions reached", reading, figure, 140 + 26 * len(names))
 
 
+def usual_noise(logs: Sequence[Quality], channel: Literal["tau", "q"]) -> Array:
+    """Median over the logs of each joint's white noise, (J,); NaN for a joint whose channel no log has."""
+    levels = np.array([log.noise[channel] for log in logs])
+    there = ~np.isnan(levels).all(axis=0)
+    usual = np.full(len(there), np.nan)
+    usual[there] = np.nanmedian(levels[:, there], axis=0)
+    return usual
+
+
 def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -> Drawing:
     """White noise of torque or position, joint by joint, one mark per log."""
     names = short(list(robot.joints))
@@ -65,7 +75,7 @@ def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -
         title_text=f"noise of the {word}, {unit}", rangemode="tozero", exponentformat="power", nticks=3, tickangle=0
     )
     figure.update_yaxes(autorange="reversed", automargin=True)
-    level = np.nanmedian([q.noise[channel] for q in logs], axis=0)
+    level = usual_noise(logs, channel)
     k = int(np.nanargmax(level))
     own = units_of(bool(robot.prismatic[k]))["load" if channel == "tau" else "q"]
     usually = "; median over the logs" if len(logs) > 1 else ""

@@ -3,9 +3,12 @@
 from functools import cache
 
 import pytest
+from cases import MIXED, made
 
 from frischid.diagnosis.improvement import add
-from frischid.effects import parse_effects
+from frischid.diagnosis.residual_formula import library
+from frischid.diagnosis.situation import cross_validator
+from frischid.effects import Formula, parse_effects
 from frischid.errors import InputError
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
@@ -48,3 +51,14 @@ def test_the_scale_of_a_formula_changes_no_error(scale):
     model, logs = case()
     steps = [add(model, parse_effects(f'formula(expression="{s}*sin(3*q)")@joint2'), logs) for s in ("1", scale)]
     assert steps[1].error_after == pytest.approx(steps[0].error_after, rel=2e-3)
+
+
+@pytest.mark.parametrize("joint", ["turn", "slide", "elbow"])
+def test_formulas_know_the_joints_of_a_robot_with_mimic_joints(joint):
+    robot = made(MIXED)
+    assert robot.mimics
+    log = simulate(robot, random_fourier(robot, 8.0, seed=0), rate=50.0, noise=Noise(tau=0.01), channels=())
+    model = identify(robot, [log], recursion="none").model
+    validator, _ = cross_validator(model, [log], "always")
+    for expression in library(validator, joint):
+        assert Formula(expression=expression, joints=(joint,)).columns(robot)

@@ -284,6 +284,14 @@ def test_every_noise_has_the_unit_of_its_joint(spring):
     assert re.search(r"<td>[^<]+ rad</td><td>[^<]+ N·m</td></tr>", text)
 
 
+def test_a_channel_that_no_log_has_is_not_measured(tmp_path):
+    log = recorded(seconds=10.0)
+    log = replace(log, tau=np.where([True, False], np.nan, log.tau))
+    model = identify(Robot.load("planar2"), [log], recursion="none").model
+    shown = report(model, [log], tmp_path / "page.html")
+    assert re.search(r'<td class="text">joint1</td>.*<td>not measured</td></tr>', chapter("data", shown))
+
+
 def test_a_recursion_of_an_earlier_model_is_said_to_be_one(spring):
     shown = spring[1]
     assert shown.model.recursion is not None

@@ -57,12 +57,14 @@ def _excitation(study: Study) -> Table:
     robot, qualities = study.model.robot, study.qualities
     speed, acceleration = (np.max([getattr(q, k) for q in qualities], axis=0) for k in ("speed", "acceleration"))
     standstill = np.average([q.standstill for q in qualities], axis=0, weights=[q.kept for q in qualities])
+    levels = {"q": figures.usual_noise(qualities, "q"), "load": figures.usual_noise(qualities, "tau")}
     rows = []
     for i, name in enumerate(robot.joints):
         unit = figures.style.units_of(study.sliding(name))
-        q, tau = (number(float(np.nanmedian([x.noise[c][i] for x in qualities])), 2) for c in ("q", "tau"))
         fastest = [f"{number(speed[i], 3)} {unit['v']}", f"{number(acceleration[i], 3)} {unit['a']}"]
-        noise = [f"{q} {unit['q']}", f"{tau} {unit['load']}"]
+        noise = [
+            "not measured" if np.isnan(level[i]) else f"{number(level[i], 2)} {unit[c]}" for c, level in levels.items()
+        ]
         rows.append([name, *fastest, f"{100 * standstill[i]:.0f} %", *noise])
     caption = f"Excitation; condition number of the regression {number(study.model.estimate.condition, 3)}"
     return Table(EXCITATION, rows, caption=caption)
