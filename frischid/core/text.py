@@ -14,13 +14,13 @@ _STEERING = ("Cc", "Cf", "Cs")
 """Unicode's categories of control characters, marks of direction, and halves of characters."""
 
 
-def listed(names: Sequence[str]) -> str:
-    """Join names to ``a, b and c``.
+def listed(names: Sequence[str], last: str = "and") -> str:
+    """Join names to ``a, b and c``, or with another word before the last one.
 
     >>> listed(["a", "b", "c"])
     'a, b and c'
     """
-    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
+    return f" {last} ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 def each_of(names: Sequence[str]) -> str:

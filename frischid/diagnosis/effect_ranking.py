@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from frischid.diagnosis.shape_refinement import refined, with_refined_contenders
 from frischid.diagnosis.stepwise_selection import OwnPart, excluded, own_part, selected, with_all
 from frischid.diagnosis.symmetric_shifts import without_smoothing
 from frischid.effects import Effect
+
+_Scored = TypeVar("_Scored", "ScoredEffect", ScoredCandidate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +56,8 @@ class ScoredEffect:
         Whether it is one of the effects that explain the data together.
     rivals : tuple of str
         Effects that explain these data nearly as well.
+    elsewhere : tuple of str
+        Joints on each of which the same effect instead explains these data nearly as well.
     """
 
     places: tuple[ScoredCandidate, ...]
@@ -64,6 +69,7 @@ class ScoredEffect:
     p_value: float
     entered: bool
     rivals: tuple[str, ...] = ()
+    elsewhere: tuple[str, ...] = ()
 
     @property
     def kind(self) -> type[Effect]:
@@ -118,7 +124,8 @@ def ranking(
         effects.append(_joined(validator, best, part, tried, bool(entered)))
     level = validator.criteria.significance
     effects.sort(key=lambda e: (not e.entered, -e.own.new, -e.own.unique, e.p_value > level, -e.explained, -e.gain))
-    return Ranking(_with_rivals(validator, effects), full, with_all(validator, others), tuple(smoothing))
+    effects = _with_other_places(validator, _with_rivals(validator, effects), pool)
+    return Ranking(effects, full, with_all(validator, others), tuple(smoothing))
 
 
 def _told(
@@ -172,14 +179,7 @@ def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[S
     if not found or not found[0].entered:
         return found
     criteria, top = validator.criteria, found[0]
-    given = validator.extended(top.together)
-    rivals = []
-    for other in found[1:]:
-        if other.explained < criteria.rival_share * top.explained or other.gain <= 0:
-            continue
-        beside = scored(given, [other.together])
-        if beside is None or beside.gain <= 0 or beside.explained < criteria.rival_addition * top.explained:
-            rivals.append(other)
+    rivals = _instead(validator, top, found[1:])
     wider = [r for r in rivals if top.kind.id in r.kind.generalises]
     over = {r.kind.id: _over(validator, r, top) for r in rivals}
     sure = [r for r in rivals if over[r.kind.id] > 0 and r.p_value <= criteria.significance and r not in wider]
@@ -193,6 +193,30 @@ def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[S
         elif e is not first:
             result.append(replace(e, rivals=(first.kind.id,)) if any(e is r for r in rivals) else e)
     return _with_as_good(validator, result)
+
+
+def _instead(validator: CrossValidator, top: ScoredEffect, others: Sequence[_Scored]) -> list[_Scored]:
+    """Those of some effects that explain nearly as much as the first, and nothing beside the first."""
+    criteria, found = validator.criteria, []
+    near = [x for x in others if x.explained >= criteria.rival_share * top.explained and x.gain > 0]
+    given = validator.extended(top.together) if near else validator
+    for other in near:
+        beside = scored(given, [other.together])
+        if beside is None or beside.gain <= 0 or beside.explained < criteria.rival_addition * top.explained:
+            found.append(other)
+    return found
+
+
+def _with_other_places(
+    validator: CrossValidator, found: list[ScoredEffect], pool: Sequence[ScoredCandidate]
+) -> list[ScoredEffect]:
+    """Name the other joints at which the first effect explains these data nearly as well, if it has one place."""
+    if not found or not found[0].entered or len(found[0].places) > 1:
+        return found
+    top = found[0]
+    others = [c for c in pool if type(c.effect) is top.kind and c.effect.joints != top.places[0].effect.joints]
+    joints = [name for c in _instead(validator, top, others) for name in c.effect.joints or ()]
+    return [replace(top, elsewhere=tuple(dict.fromkeys(joints))), *found[1:]]
 
 
 def _over(validator: CrossValidator, one: ScoredEffect, other: ScoredEffect) -> float:

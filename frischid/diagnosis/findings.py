@@ -37,12 +37,6 @@ from frischid.robot.robot import Robot
 OLD_PARAMETERS = "old_parameters"
 """Identifier of the finding that the identified parameters no longer hold."""
 
-HOW_RANKED = (
-    "Of the effects that are called missing, the most probable stands first. Each other one stands by its probability, "
-    "or by the share of the explained error that it alone explains, whichever is larger. All other figures of a row "
-    "are for this effect alone. Many of the lower effects are not needed once the first is in the model."
-)
-
 
 @dataclass(frozen=True, eq=False)
 class Finding:
@@ -92,6 +86,8 @@ class Finding:
         Probability that the model lacks this effect and no more probable hypothesis is right (`probability`).
     set_aside : str
         Why the effect is not called missing although it passes the rules; empty where it may be.
+    elsewhere : tuple of str
+        Joints on each of which the same effect instead explains these data nearly as well.
     """
 
     effect: str
@@ -114,6 +110,7 @@ class Finding:
     own: float = 0.0
     probability: float = 0.0
     set_aside: str = ""
+    elsewhere: tuple[str, ...] = ()
 
     @property
     def sure(self) -> bool:
@@ -215,8 +212,8 @@ class Finding:
         so it decides inside the search only and is not among the values.
         """
         values = {k: v for k, v in vars(self).items() if k not in {"members", "criteria", "p_value", "set_aside"}}
-        judged = {"significant": self.significant, "withheld": self.withheld}
-        return values | {"joints": list(self.joints), "confused_with": list(self.confused_with)} | judged
+        lists = {k: list(values[k]) for k in ("joints", "confused_with", "elsewhere")}
+        return values | lists | {"significant": self.significant, "withheld": self.withheld}
 
 
 def find_effects(
@@ -272,6 +269,9 @@ def _finding(
     joints = tuple(dict.fromkeys(j for e in members for j in (e.joints or ())))
     names = [c.name for e in members for c in e.columns(validator.model.robot)]
     shapes = {f"{k}_{n}" if len(members) > 1 else k: v for n, e in enumerate(members, 1) for k, v in _shape(e).items()}
+    said = effect.kind.sentence.format(joint=each_of(joints), joints=listed(joints))
+    if effect.elsewhere:
+        said += f". On {listed(effect.elsewhere, 'or')} instead, the same effect explains these logs nearly as well"
     return Finding(
         effect=effect.kind.id,
         joints=joints,
@@ -286,11 +286,12 @@ def _finding(
         p_value=effect.p_value,
         parameters=dict(zip(names, map(float, effect.score.beta), strict=True)) | shapes,
         confused_with=effect.rivals,
-        sentence=effect.kind.sentence.format(joint=each_of(joints), joints=listed(joints)),
+        sentence=said,
         members=members,
         criteria=validator.criteria,
         entered=effect.entered,
         own=effect.own.unique,
+        elsewhere=effect.elsewhere,
     )
 
 

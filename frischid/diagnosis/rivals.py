@@ -27,6 +27,11 @@ IN_WORDS = {
     "contact": "a contact",
 }
 """Hypotheses other than an effect, in words."""
+HOW_RANKED = (
+    "Of the effects that are called missing, the most probable stands first. Each other one stands by its probability, "
+    "or by the share of the explained error that it alone explains, whichever is larger. All other figures of a row "
+    "are for this effect alone. Many of the lower effects are not needed once the first is in the model."
+)
 
 
 class Rival(NamedTuple):

@@ -63,6 +63,11 @@ class ScoredCandidate:
     explained: float
 
     @property
+    def together(self) -> Candidate:
+        """The candidate, under the name that all places of an effect have."""
+        return self.candidate
+
+    @property
     def effect(self) -> Effect:
         """The effect, in its place and shape."""
         return self.candidate.effect

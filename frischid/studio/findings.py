@@ -82,7 +82,7 @@ class Findings:
                     self._rank()
                 return
             from frischid.diagnosis.clause import missing
-            from frischid.diagnosis.findings import HOW_RANKED
+            from frischid.diagnosis.rivals import HOW_RANKED
 
             passing = [f for f in state.diagnosis.findings if f.significant and f.members]
             first = (

@@ -611,3 +611,17 @@ def test_logs_too_short_to_judge_by_are_told():
     found = diagnose(healthy(), [short], situation="always")
     assert any("too short" in note for note in found.notes)
     assert not any("too short" in note for note in diagnose(healthy(), [log], effects=["stribeck"]).notes)
+
+
+def test_another_joint_that_explains_as_much_is_named():
+    """Of two joints, one gain is the inverse of the other beside links of other weight: no log tells which is wrong."""
+    robot = Robot.load("TwoDofs")
+    logs = [log_of(seed, "drive_gain@J2", robot=robot, gain2=0.1) for seed in (1, 2)]
+    found = diagnose(identify(robot, logs, recursion="none").model, logs, situation="always")
+    first = found.findings[0]
+    assert first.effect == "drive_gain"
+    assert {*first.joints, *first.elsewhere} == {"J1", "J2"}
+    (other,) = first.elsewhere
+    assert f"On {other} instead, the same effect" in first.sentence
+    spring = log_of(3, "joint_spring@wrist_2_joint", ks5=1.0)
+    assert diagnose(healthy(), [spring]).findings[0].elsewhere == ()

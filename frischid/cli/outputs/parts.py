@@ -144,6 +144,7 @@ class FindingOutput(Output):
     probability: Share
     significant: bool
     withheld: str
+    elsewhere: list[str]
 
 
 class ContactOutput(Output):

@@ -12,9 +12,9 @@ from frischid.cli.pages.page import Page, change, headline_line, quantities, tab
 from frischid.core.text import percent, sentence
 from frischid.diagnosis.clause import missing
 from frischid.diagnosis.diagnosis import Diagnosis, delay_in
-from frischid.diagnosis.findings import HOW_RANKED, Finding
+from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.motion_space import MotionDiagnosis
-from frischid.diagnosis.rivals import IN_WORDS
+from frischid.diagnosis.rivals import HOW_RANKED, IN_WORDS
 from frischid.diagnosis.step import Step
 from frischid.effects import EFFECTS
 from frischid.export.reach import Reach, in_words, reach_of

@@ -11,8 +11,8 @@ from frischid.core.text import listed, percent, sentence
 from frischid.diagnosis.clause import missing
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.effect_curves import shape_of
-from frischid.diagnosis.findings import HOW_RANKED, Finding
-from frischid.diagnosis.rivals import IN_WORDS, command_for, pair_of, sentence_of
+from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.rivals import HOW_RANKED, IN_WORDS, command_for, pair_of, sentence_of
 from frischid.effects import EFFECTS
 from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
