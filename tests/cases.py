@@ -78,6 +78,7 @@ LOADERS = {
     "ur10 own frames": lambda: Robot.load("ur10", frames={"elbow_joint": "forearm_link"}),
     "panda with fingers": lambda: Robot.load("panda"),
     "double pendulum continuous": lambda: Robot.load("double_pendulum_continuous"),
+    "one joint": lambda: Robot.load("double_pendulum", joints=["joint1"]),
     "kinova continuous": lambda: Robot.load("kinova", lock={"j2s6s200_joint_4": 0.7}),
     "tiago torso and arm": lambda: Robot.load("tiago", joints=TIAGO, lock={"arm_6_joint": 0.5}),
     "mixed mimic": lambda: made(MIXED),

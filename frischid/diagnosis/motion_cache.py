@@ -139,6 +139,13 @@ class MotionCache:
         for motion in self.motions:
             yield sampled(self.state(motion), motion.t.read())
 
+    @cached_property
+    def reach(self) -> dict[str, float]:
+        """Range of each joint over all motions, rad (m)."""
+        ends = [(q.min(axis=0), q.max(axis=0)) for q in (self.state(motion).q for motion in self.motions)]
+        low, high = np.min([x for x, _ in ends], axis=0), np.max([x for _, x in ends], axis=0)
+        return dict(zip(self.model.robot.joints, (high - low).tolist(), strict=True))
+
     @property
     def channels(self) -> set[str]:
         """Further channels that every log has."""

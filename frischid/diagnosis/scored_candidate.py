@@ -154,7 +154,8 @@ def usable_candidates(
 ) -> list[list[Candidate]]:
     """Candidates, shape by shape, that are not yet in the model and whose columns are finite and act on some row.
 
-    Errors of a recorded torque are no candidates where the torque was computed from commands.
+    A shape that these motions cannot show is left out. Errors of a recorded torque are no candidates where the torque
+    was computed from commands.
 
     All places are handled at once, because each call goes through all motions.
 
@@ -170,7 +171,7 @@ def usable_candidates(
     present = {c.name for c in validator.data.cache.regressor.columns}
 
     def fresh(effect: Effect) -> bool:
-        if effect.of_recording and commanded:
+        if (effect.of_recording and commanded) or not effect.shows_within(validator.data.cache.reach):
             return False
         return measured.issuperset(effect.channels(robot)) and not any(
             column.name in present for column in effect.columns(robot)

@@ -56,6 +56,7 @@ def searched(
         places = [(n,) for n in effect.joints or model.joints] if effect.candidate == "joint" else [effect.joints]
         for place in places:
             variants = [with_model_width(x, model.effects) for x in effect.variants(place)]
+            variants = [x for x in variants if x.shows_within(validator.data.cache.reach)]
             candidates = [c for c in validator.candidates(variants) if c.columns]
             found = scored(validator, candidates) if candidates else None
             if found is not None:

@@ -147,6 +147,10 @@ class Effect(ABC):
         changed: dict[str, Any] = {"width": width} if self.smooths_sign else {}
         return dataclasses.replace(self, **changed)
 
+    def shows_within(self, reach: Mapping[str, float]) -> bool:
+        """Whether motions show the effect in this shape; `reach`: each joint's range in all of them, rad (m)."""
+        return True
+
     @abstractmethod
     def terms(self, state: State) -> list[Term]:
         """Columns of this effect over `state`, which may be without samples (`State.empty`)."""
@@ -181,6 +185,13 @@ class Effect(ABC):
     def nominal(self, robot: Robot) -> list[float]:
         """Values of the parameters in the URDF, one per column; zero where the URDF states none."""
         return [0.0] * len(self.columns(robot))
+
+    def usual(self, robot: Robot) -> list[float]:
+        """Usual size of each column's coefficient, as a share of the value that alone would cause the measured torque.
+
+        The URDF prior has these sizes as standard deviations (`frischid.estimators.urdf_prior`).
+        """
+        return [1.0] * len(self.columns(robot))
 
     def acts_on(self, robot: Robot) -> list[tuple[int, str, str]]:
         """Index, name and number of the joints this effect acts on.

@@ -1,10 +1,11 @@
 """Torque that depends on a joint's own position: springs and counterbalances.
 
-    ks q_j;   bq q_j + bqq q_j² + bqqq q_j³;   bs sin q_j + bc cos q_j + bss sin 2q_j + bcc cos 2q_j
+    ks q_j;   bq q_j + bqq q_j² + bqqq q_j³;   Σ_h bs_h sin(h q_j) + bc_h cos(h q_j),   h = 1 … 2 or 1 … 4
 
 The cubic form describes a spring or hose that becomes stiffer as it stretches. The lever arm of a spring between a link
 and its base changes with the angle. Over a turn the torque of such a spring is periodic, and two harmonics describe it
-well for any geometry. Where the geometry of a cylinder on a lever is known, its torque is exact,
+well where its ends stay far apart. A cylinder whose ends come near to each other has a narrow peak of torque, which
+needs four. Where the geometry of a cylinder on a lever is known, its torque is exact,
 
     τ_j = cp sin(q_j − rest)/ℓ + cs sin(q_j − rest),    ℓ = √(1 + ρ² − 2ρ cos(q_j − rest)),
 
@@ -29,7 +30,9 @@ from frischid.effects.units import ANGLE_UNITS, is_number, torque_unit
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.robot import Robot
 
-SPRING_FORMS = ("linear", "cubic", "periodic")
+SPRING_FORMS = ("linear", "cubic", "periodic", "curve")
+HARMONICS = {"periodic": 2, "curve": 4}
+"""Harmonics of the angle in the forms of a turning joint."""
 
 
 @dataclass(frozen=True)
@@ -38,16 +41,18 @@ class JointSpring(Effect):
 
     Attributes
     ----------
-    form : {"linear", "cubic", "periodic"}
+    form : {"linear", "cubic", "periodic", "curve"}
         ``"linear"``: ``ks q``; the torque offset holds the angle q₀ without torque: ``ks (q − q₀) = ks q + off``.
         ``"cubic"``: up to the third power of the angle. ``"periodic"``: two harmonics of the angle of a turning joint.
+        ``"curve"``: four harmonics.
     """
 
     id: ClassVar[str] = "joint_spring"
     title: ClassVar[str] = "spring or counterbalance on a joint"
     equation: ClassVar[str] = (
         "ks·q (no torque at q = −off/ks); cubic: bq·q + bqq·q² + bqqq·q³; "
-        "periodic: bs·sin q + bc·cos q + bss·sin 2q + bcc·cos 2q"
+        "periodic: bs·sin q + bc·cos q + bss·sin 2q + bcc·cos 2q; "
+        "curve: periodic + bsss·sin 3q + bccc·cos 3q + bssss·sin 4q + bcccc·cos 4q"
     )
     symbols: ClassVar[Mapping[str, str]] = {
         "off": "offset of the joint, an effect of its own",
@@ -68,6 +73,10 @@ class JointSpring(Effect):
         "bc": "cos({q})",
         "bss": "sin(2 * {q})",
         "bcc": "cos(2 * {q})",
+        "bsss": "sin(3 * {q})",
+        "bccc": "cos(3 * {q})",
+        "bssss": "sin(4 * {q})",
+        "bcccc": "cos(4 * {q})",
         "bq": "{q}",
         "bqq": "{q} * {q}",
         "bqqq": "{q} * {q} * {q}",
@@ -84,24 +93,32 @@ class JointSpring(Effect):
         """Every joint, in every form that the joint can have."""
         slides = dict(zip(robot.joints, robot.prismatic, strict=True))
         return [
-            [cls(joints=(name,), form=form) for form in SPRING_FORMS if not (slides[name] and form == "periodic")]
+            [cls(joints=(name,), form=form) for form in SPRING_FORMS if not (slides[name] and form in HARMONICS)]
             for name in robot.joints
         ]
 
+    def usual(self, robot: Robot) -> list[float]:
+        """Shares 1/h² of the h-th harmonics: each adds the same curvature, so the torque varies smoothly."""
+        if self.form not in HARMONICS:
+            return super().usual(robot)
+        return [1.0 / h**2 for _ in self.acts_on(robot) for h in _orders(self.form) for _ in range(2)]
+
     def terms(self, state: State) -> list[Term]:
-        """Columns per joint: one if linear (the position), three if cubic, four if periodic.
+        """Columns per joint: one if linear (the position), three if cubic, four if periodic, eight if a curve.
 
         Raises
         ------
         InputError
-            The form is periodic and a joint slides.
+            The form has harmonics and a joint slides.
         """
         if self.form == "linear":
             return self.per_joint(state, "ks", "position", lambda i: state.q[:, i])
         found = []
         for i, name, number in self.acts_on(state.robot):
-            if state.robot.prismatic[i] and self.form == "periodic":
-                raise InputError(f"joint_spring: {name} slides, so its spring cannot be periodic; choose form=cubic")
+            if state.robot.prismatic[i] and self.form in HARMONICS:
+                raise InputError(
+                    f"joint_spring: {name} slides, so its spring cannot be of form {self.form}; choose form=cubic"
+                )
             for symbol, per, values in _curves(state.q[:, i], self.form):
                 found.append(Term(self.column(symbol, torque_unit(state.robot, i, per), name, number), {i: values}))
         return found
@@ -111,8 +128,12 @@ def _curves(q: Array, form: str) -> list[tuple[str, str, Array]]:
     """Symbol, quantity and values of each column."""
     if form == "cubic":
         return [("bq", "position", q), ("bqq", "position^2", q**2), ("bqqq", "position^3", q**3)]
-    harmonics = {"bs": np.sin(q), "bc": np.cos(q), "bss": np.sin(2 * q), "bcc": np.cos(2 * q)}
-    return [(symbol, "", values) for symbol, values in harmonics.items()]
+    waves = (("s", np.sin), ("c", np.cos))
+    return [("b" + letter * h, "", wave(h * q)) for h in _orders(form) for letter, wave in waves]
+
+
+def _orders(form: str) -> range:
+    return range(1, HARMONICS[form] + 1)
 
 
 @dataclass(frozen=True)
@@ -150,7 +171,7 @@ class Counterbalance(Effect):
         "cs": "sin({q} - {rest})",
     }
 
-    candidate: ClassVar[Literal["joint", "robot", "never"]] = "never"  # joint_spring's periodic form finds it
+    candidate: ClassVar[Literal["joint", "robot", "never"]] = "never"  # joint_spring's forms with harmonics find it
 
     units: ClassVar[Mapping[str, tuple[str, str]]] = {"rest": ANGLE_UNITS}
 

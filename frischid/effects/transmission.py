@@ -127,6 +127,10 @@ class Cogging(Effect):
     def __post_init__(self) -> None:
         self.require_positive(order="number of ripples per turn")
 
+    def shows_within(self, reach: Mapping[str, float]) -> bool:
+        """Whether each joint passes two ripples: a wave that does not repeat is no ripple but a torque of a spring."""
+        return all(self.order * reach[name] >= 2 * 2 * np.pi for name in self.joints or reach)
+
     def terms(self, state: State) -> list[Term]:
         """Two columns per joint: sine and cosine."""
         return [

@@ -6,9 +6,10 @@ with a = m / 2 + m_max / 10 and L = √(½ tr I / m), the root-mean-square dista
 does not say what its links weigh, L is that of a rod from the joint to the next one, and all d are so large that the
 first of the parameters alone would cause the measured torque. An effect
 has mean zero, because the damping in a URDF is not measured. Its standard deviation is the value at which the effect
-alone would cause the measured torque. A rotor's inertia on the joint's side is usually at most ten times the inertia of
-the links; a torque sensor behind the gear measures little of it, and possibly a small negative value. The fingers of a
-hand and small servos with high gear ratios have hundreds of times the links' inertia.
+alone would cause the measured torque, or a usual share of that value (`Effect.usual`). A rotor's inertia on the joint's
+side is usually at most ten times the inertia of the links; a torque sensor behind the gear measures little of it, and
+possibly a small negative value. The fingers of a hand and small servos with high gear ratios have hundreds of times the
+links' inertia.
 
 `frischid.estimators.map_estimate` finds from the data how good this URDF is, link by link, and how large each rotor is.
 
@@ -31,7 +32,7 @@ from frischid.estimators.map_estimate import MapEstimate
 from frischid.estimators.parameter_prior import ParameterPrior, ScaleRule
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Gram
-from frischid.regression.regressor import Regressor, nominal_parameters
+from frischid.regression.regressor import Regressor, nominal_parameters, usual_shares
 from frischid.robot.robot import Robot
 from frischid.robot.scale import RobotScale
 from frischid.robot.stated_inertials import length_order, link_lengths, unstated
@@ -195,7 +196,7 @@ def urdf_prior(
     rigid = np.array([c.effect == "rigid" for c in columns])
     rotor = np.array([c.effect == "rotor_inertia" for c in columns])
     links = link_spread(regressor, criteria)
-    effects = _effect_spread(reduction, whole)
+    effects = _effect_spread(reduction, whole) * usual_shares(robot, regressor.effects)
     share = effects[rigid] / links[rigid]
     if unstated(robot) and (share > 0).any():  # the torques say how heavy the robot is
         links = links * share[share > 0].min()

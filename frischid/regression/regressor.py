@@ -307,6 +307,11 @@ class Regressor:
         out[:, C + 3], out[:, C + 4], out[:, C + 5] = q, v, a
 
 
+def usual_shares(robot: Robot, effects: Sequence[Effect]) -> Array:
+    """Usual size of every coefficient, as a share of that which alone would cause the measured torque; links have 1."""
+    return np.array([1.0] * len(robot.columns) + [x for effect in effects for x in effect.usual(robot)])
+
+
 def nominal_parameters(robot: Robot, effects: Sequence[Effect]) -> Array:
     """The URDF's own value of every column of the regressor: inertials, damping and friction; zero elsewhere."""
     values = dict(zip(robot.all_names, robot.nominal, strict=True))

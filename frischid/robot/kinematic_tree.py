@@ -54,7 +54,8 @@ def bodies_of(robot: Robot) -> list[Body]:
     found = []
     for index, name in enumerate(robot.bodies, start=1):
         joint = model.joints[index]
-        twist = pin.computeJointJacobian(model, data, q, index)[:, joint.idx_v]
+        jacobian = pin.computeJointJacobian(model, data, q, index).reshape(6, -1)  # flat for a single joint
+        twist = jacobian[:, joint.idx_v]
         slides = not np.any(twist[3:])
         leader, factor, shift = robot.mimics.get(name, (name, 1.0, 0.0))
         placement = model.jointPlacements[index]

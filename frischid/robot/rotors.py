@@ -43,7 +43,7 @@ def rotor_coupling(robot: Robot, q: Array, v: Array, a: Array, joint: str, ratio
     model, index = robot.model, robot.numbers[joint]
     axes = np.empty((len(q), 3, model.nv))
     for row, x in zip(axes, robot.configuration(q), strict=True):
-        row[...] = pin.computeJointJacobians(model, robot.data, x)[3:]
+        row[...] = pin.computeJointJacobians(model, robot.data, x).reshape(6, -1)[3:]  # flat for a single joint
     full_v, full_a = robot.full_rates(v)[:, :, None], robot.full_rates(a)[:, :, None]
     chain = [model.joints[k].idx_v for k in model.supports[index] if 0 < k < index]
     omega, alpha = np.zeros((2, len(q), 3))

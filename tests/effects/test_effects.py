@@ -731,7 +731,7 @@ def test_random_values_reach_every_column():
 
 WORDS = (
     "sin cos tanh exp sgn sign coupled and its reaction on the rows before joint i j q_i q_j or no torque at cubic "
-    "periodic spring while else full also six inertias"
+    "periodic curve spring while else full also six inertias"
 )
 """Words and functions in equations; i and j count joints."""
 LIKEWISE = {"dmy": "dmx", "dmz": "dmx", "ṡ": "s", "s̈": "s", "dz": "z", "dq": "q", "dh": "h", "dt": "t"}

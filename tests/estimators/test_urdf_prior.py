@@ -62,6 +62,19 @@ def test_an_effect_alone_makes_no_more_torque_than_any_joint_measured():
         assert prior.spread[k] == pytest.approx(np.sqrt((torque[felt] / power[felt]).min()), rel=0.05), name
 
 
+def test_a_spring_varies_smoothly_with_the_angle():
+    regressor, reduction, blocks, _ = problem(robot("ur10"), "joint_spring(form=curve)@elbow_joint")
+    prior, whole = urdf_prior(regressor, reduction, total(blocks)), total(blocks)
+    power = np.einsum("pc,pq,qc->c", reduction.mapping, whole.moments[2, :-1, :-1], reduction.mapping, optimize=True)
+    alone = {
+        n: s * np.sqrt(p / whole.moments[2, -1, -1]) for n, s, p in zip(prior.names, prior.spread, power, strict=True)
+    }
+    for order, (sine, cosine) in enumerate(
+        (("bs3", "bc3"), ("bss3", "bcc3"), ("bsss3", "bccc3"), ("bssss3", "bcccc3")), 1
+    ):
+        assert [alone[sine], alone[cosine]] == pytest.approx([order**-2] * 2)
+
+
 def test_a_rotor_of_a_link_without_mass_is_as_doubtful_as_the_link():
     """A URDF that forgets the last link must not tie this joint's rotor to nothing."""
     text = urdf(

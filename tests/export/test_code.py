@@ -102,7 +102,7 @@ OF_TIME = ("thermal_drift", "torque_drift")
 def coded():
     """Every effect whose class states code without memory, in every form, shape parameters of both signs."""
     texts = [name for name, kind in EFFECTS.items() if kind.code and not kind.memory and name not in OF_TIME]
-    texts += ["joint_spring(form=cubic)", "joint_spring(form=periodic)@turn"]
+    texts += ["joint_spring(form=cubic)", "joint_spring(form=periodic)@turn", "joint_spring(form=curve)@elbow"]
     return {str(e): e for text in texts for (effect,) in [parse_effects(text)] for e in [effect, *signed(effect)]}
 
 
