@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
-from frischid.diagnosis.scored_candidate import scored, with_model_width
+from frischid.diagnosis.scored_candidate import scored, usable_candidates, with_model_width
 from frischid.diagnosis.shape_refinement import refined
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
 from frischid.effects import Effect
@@ -55,10 +55,8 @@ def searched(
         validator, _ = cross_validator(model, logs, taken, criteria=criteria)
         places = [(n,) for n in effect.joints or model.joints] if effect.candidate == "joint" else [effect.joints]
         for place in places:
-            variants = [with_model_width(x, model.effects) for x in effect.variants(place)]
-            variants = [x for x in variants if x.shows_within(validator.data.cache.reach)]
-            candidates = [c for c in validator.candidates(variants) if c.columns]
-            found = scored(validator, candidates) if candidates else None
+            (usable,) = usable_candidates(validator, [effect.variants(place)])
+            found = scored(validator, usable) if usable else None
             if found is not None:
                 chosen.append(refined(validator, found).effect)
     if not chosen:

@@ -639,3 +639,25 @@ def test_another_joint_that_explains_as_much_is_named():
     assert f"On {other} instead, the same effect" in first.sentence
     spring = log_of(3, "joint_spring@wrist_2_joint", ks5=1.0)
     assert diagnose(healthy(), [spring]).findings[0].elsewhere == ()
+
+
+@pytest.mark.parametrize("name", ["thermal_drift", "torque_drift"])
+def test_an_effect_of_temperature_is_one_of_time_where_no_log_has_a_temperature(name):
+    logs = [log_of(1)]
+    (found,) = searched(healthy(), parse_effects(f"{name}@elbow_joint"), f"{name}@elbow_joint", logs, "always")
+    assert found.channels(UR5) == ()
+
+
+@pytest.mark.parametrize(("order", "found"), [(3.0, False), (9.0, True)])
+def test_a_wave_that_does_not_repeat_within_the_motion_is_no_ripple(order, found):
+    """Its half is a curve of the angle: a spring."""
+    motion, ripple = (
+        random_fourier(UR5, 25.0, seed=2, scale=0.25),
+        parse_effects(f"cogging(order={order})@wrist_2_joint"),
+    )
+    log = simulate(
+        UR5, motion, rate=100.0, effects=(*BASELINE, *ripple), parameters=DRY | {"A5": 1.0}, noise=NOISE, channels=()
+    )
+    assert (order * np.ptp(log.q[:, 4]) > 2 * 2 * np.pi) == found
+    first = diagnose(identify(UR5, [log], recursion="none").model, [log]).findings[0]
+    assert (first.effect, first.joints) == ("cogging" if found else "joint_spring", ("wrist_2_joint",))
