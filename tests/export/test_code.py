@@ -20,8 +20,8 @@ from frischid.export.names import identifier
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise
 
-NAMES = ("planar2", "planar2 far_end known", "ur10 far_end tilted", "panda with fingers", "kinova continuous", "one joint",
-         "tiago torso and arm", "mixed mimic")  # fmt: skip
+NAMES = ("planar2", "planar2 far_end known", "ur10 far_end tilted", "panda with fingers", "kinova continuous",
+         "one joint", "tiago torso and arm", "mixed mimic")  # fmt: skip
 
 
 @cache

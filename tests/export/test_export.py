@@ -27,8 +27,8 @@ from frischid.robot.inertia import dynamic_parameters
 from frischid.robot.robot import LINK_PARAMETERS, Robot
 from frischid.robot.urdf_edit import UrdfText
 
-NAMES = ("planar2", "planar2 far_end known", "ur10 far_end tilted", "panda with fingers", "kinova continuous", "one joint",
-         "tiago torso and arm", "mixed mimic")  # fmt: skip
+NAMES = ("planar2", "planar2 far_end known", "ur10 far_end tilted", "panda with fingers", "kinova continuous",
+         "one joint", "tiago torso and arm", "mixed mimic")  # fmt: skip
 
 
 def identified(machine, effects=BASELINE):
