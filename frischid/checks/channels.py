@@ -198,7 +198,9 @@ def _held(x: Array, criteria: CheckCriteria) -> int:
 def check_jumps(log: Log, notes: Notebook) -> bool:
     """Report positions that jump as no joint can move: values that stand for a lost reading."""
     criteria = notes.criteria
-    speed = np.abs(np.diff(log.q, axis=0)) / np.diff(log.t)[:, None]
+    step = np.diff(log.t)
+    # Two stamps that nearly coincide are an error of the clock: between the samples themselves passed a usual step.
+    speed = np.abs(np.diff(log.q, axis=0)) / np.maximum(step, np.median(step))[:, None]
     usual = np.percentile(speed, criteria.jump_percentile, axis=0)
     jumps = (speed > criteria.jump_speed) & (speed > criteria.jump_ratio * usual)
     if not jumps.any():

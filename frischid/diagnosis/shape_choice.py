@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from frischid.core.text import listed
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.scored_candidate import scored, usable_candidates, with_model_width
 from frischid.diagnosis.shape_refinement import refined
@@ -41,7 +42,7 @@ def searched(
     Raises
     ------
     InputError
-        The model's own columns already span every effect.
+        The model's own columns already span every effect, or it was fitted to no torque on which an effect can act.
     """
     chosen: list[Effect] = []
     for effect in effects:
@@ -59,6 +60,12 @@ def searched(
             found = scored(validator, usable) if usable else None
             if found is not None:
                 chosen.append(refined(validator, found).effect)
+    unfitted = [n for effect in effects for n in effect.joints or () if n not in model.joints]
+    if not chosen and unfitted:
+        raise InputError(
+            f"{text}: the model was not fitted to a torque of {listed(unfitted)}, so this effect cannot be "
+            f"fitted there; it was fitted to those of {listed(model.joints)}"
+        )
     if not chosen:
         raise InputError(f"{text}: on these logs the model's own columns span this effect; adding it changes nothing")
     return tuple(chosen)

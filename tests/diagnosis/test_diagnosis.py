@@ -661,3 +661,11 @@ def test_a_wave_that_does_not_repeat_within_the_motion_is_no_ripple(order, found
     assert (order * np.ptp(log.q[:, 4]) > 2 * 2 * np.pi) == found
     first = diagnose(identify(UR5, [log], recursion="none").model, [log]).findings[0]
     assert (first.effect, first.joints) == ("cogging" if found else "joint_spring", ("wrist_2_joint",))
+
+
+def test_an_effect_on_a_joint_without_torque_says_so():
+    log = log_of(1)
+    blind = replace(log, tau=np.where(np.arange(6) == 2, np.nan, log.tau))
+    model = identify(UR5, [blind], recursion="none").model
+    with pytest.raises(InputError, match=r"was not fitted to a torque of elbow_joint.*shoulder_pan_joint"):
+        searched(model, parse_effects("cogging@elbow_joint"), "cogging@elbow_joint", [blind], "always")

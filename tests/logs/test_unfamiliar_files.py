@@ -205,6 +205,13 @@ def test_stamps_in_two_columns_are_named(tmp_path, robot, log):
     assert any("the time is in two columns, sec and nsec" in guess for guess in found.guesses)
 
 
+def test_two_stamps_that_nearly_coincide_are_no_jump_of_the_positions(robot, log):
+    t = np.array(log.t)
+    t[500] = t[501] - 1e-6
+    (report,) = check(robot, [replace(log, t=t)])
+    assert "position jumps" not in [issue.kind for issue in report.issues]
+
+
 def test_a_value_for_a_lost_reading_is_named_and_nothing_else(tmp_path, robot, log):
     q = np.array(log.q)
     q[500:505, 2] = -9999.0
