@@ -106,8 +106,8 @@ def _exchanged(
 
 
 def _better(before: CrossValidator, after: CrossValidator) -> bool:
-    """Whether the held-out error, summed over the joints, is smaller."""
-    return before.explained(before.base_sse(), after.base_sse()) > 0
+    """Whether the held-out error, summed over the joints and without what uncertain parameters cause, is smaller."""
+    return before.explained(before.base_predictive(), after.base_predictive()) > 0
 
 
 def with_all(validator: CrossValidator, chosen: Iterable[ScoredCandidate]) -> CrossValidator:
