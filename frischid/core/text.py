@@ -17,8 +17,8 @@ _STEERING = ("Cc", "Cf", "Cs")
 def listed(names: Sequence[str], last: str = "and") -> str:
     """Join names to ``a, b and c``, or with another word before the last one.
 
-    >>> listed(["a", "b", "c"])
-    'a, b and c'
+    >>> listed(["a", "b", "c"]), listed(["a", "b"], "or")
+    ('a, b and c', 'a or b')
     """
     return f" {last} ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 

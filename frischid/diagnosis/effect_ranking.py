@@ -9,6 +9,7 @@
     cannot distinguish the two. The simpler of two rivals comes first, or the one with more gain after its price.
 5.  An effect is named as confused with the first, too, where the first leaves no less error on its own joints than that
     effect does: a paired test over blocks of time (`block_test.less_error`).
+6.  Where the first effect has one place, the other joints are named at which the same effect is a rival of the first.
 
 So a hidden effect is found beside several small ones, and an effect that only resembles it ranks lower.
 """
@@ -215,8 +216,8 @@ def _with_other_places(
         return found
     top = found[0]
     others = [c for c in pool if type(c.effect) is top.kind and c.effect.joints != top.places[0].effect.joints]
-    joints = [name for c in _instead(validator, top, others) for name in c.effect.joints or ()]
-    return [replace(top, elsewhere=tuple(dict.fromkeys(joints))), *found[1:]]
+    places = [c.effect.joints or () for c in _instead(validator, top, others)]
+    return [replace(top, elsewhere=tuple(joints[0] for joints in places if len(joints) == 1)), *found[1:]]
 
 
 def _over(validator: CrossValidator, one: ScoredEffect, other: ScoredEffect) -> float:
