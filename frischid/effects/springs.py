@@ -31,8 +31,11 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.robot.robot import Robot
 
 SPRING_FORMS = ("linear", "cubic", "periodic", "curve")
-HARMONICS = {"periodic": 2, "curve": 4}
+SPRING_HARMONICS = {"periodic": 2, "curve": 4}
 """Harmonics of the angle in the forms of a turning joint."""
+DIAGNOSED_FORMS = ("linear", "cubic", "periodic")
+"""Forms that a diagnosis tries. The eight coefficients of a curve also follow a ripple that the motion passes twice:
+with this form, a spring was as probable as the ripple that acts (`tests/diagnosis/test_situation.py`)."""
 
 
 @dataclass(frozen=True)
@@ -90,16 +93,20 @@ class JointSpring(Effect):
 
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:
-        """Every joint, in every form that the joint can have."""
+        """Every joint, in the forms that a diagnosis tries and the joint can have."""
         slides = dict(zip(robot.joints, robot.prismatic, strict=True))
         return [
-            [cls(joints=(name,), form=form) for form in SPRING_FORMS if not (slides[name] and form in HARMONICS)]
+            [
+                cls(joints=(name,), form=form)
+                for form in DIAGNOSED_FORMS
+                if not (slides[name] and form in SPRING_HARMONICS)
+            ]
             for name in robot.joints
         ]
 
     def usual(self, robot: Robot) -> list[float]:
         """Shares 1/h² of the h-th harmonics: each adds the same curvature, so the torque varies smoothly."""
-        if self.form not in HARMONICS:
+        if self.form not in SPRING_HARMONICS:
             return super().usual(robot)
         return [1.0 / h**2 for _ in self.acts_on(robot) for h in _orders(self.form) for _ in range(2)]
 
@@ -115,7 +122,7 @@ class JointSpring(Effect):
             return self.per_joint(state, "ks", "position", lambda i: state.q[:, i])
         found = []
         for i, name, number in self.acts_on(state.robot):
-            if state.robot.prismatic[i] and self.form in HARMONICS:
+            if state.robot.prismatic[i] and self.form in SPRING_HARMONICS:
                 raise InputError(
                     f"joint_spring: {name} slides, so its spring cannot be of form {self.form}; choose form=cubic"
                 )
@@ -133,7 +140,7 @@ def _curves(q: Array, form: str) -> list[tuple[str, str, Array]]:
 
 
 def _orders(form: str) -> range:
-    return range(1, HARMONICS[form] + 1)
+    return range(1, SPRING_HARMONICS[form] + 1)
 
 
 @dataclass(frozen=True)
@@ -171,7 +178,7 @@ class Counterbalance(Effect):
         "cs": "sin({q} - {rest})",
     }
 
-    candidate: ClassVar[Literal["joint", "robot", "never"]] = "never"  # joint_spring's forms with harmonics find it
+    candidate: ClassVar[Literal["joint", "robot", "never"]] = "never"  # joint_spring's periodic form finds it
 
     units: ClassVar[Mapping[str, tuple[str, str]]] = {"rest": ANGLE_UNITS}
 

@@ -403,12 +403,12 @@ def test_a_spring_is_found_in_the_form_it_has(form):
     assert found.findings[0].error_after < 0.1 * found.error
 
 
-def test_a_counterbalance_whose_ends_come_near_to_each_other_is_a_spring_of_a_curve():
+def test_a_counterbalance_whose_ends_come_near_to_each_other_is_predicted_best_by_a_curve():
     hidden = "counterbalance(ratio=0.7, rest=0.3)@wrist_2_joint"
     *fitted, test = (log_of(s, hidden, cp5=1.0) for s in (1, 2, 3))
-    one, model = (identify(UR5, logs, recursion="none").model for logs in (fitted[:1], fitted))
-    first = diagnose(one, fitted[:1]).findings[0]
-    assert [str(e) for e in first.members] == ["joint_spring(form=curve)@wrist_2_joint"]
+    model = identify(UR5, fitted, recursion="none").model
+    first = diagnose(model, fitted).findings[0]
+    assert (first.effect, first.joints) == ("joint_spring", ("wrist_2_joint",))
     curve, periodic = (
         add(model, parse_effects(f"joint_spring(form={form})@wrist_2_joint"), fitted, valid=[test])
         for form in ("curve", "periodic")
