@@ -83,7 +83,6 @@ TABLES = dict(
         table_of(diagnosis.calibration),
         table_of(diagnosis.found_by_background, "calibration"),
         table_of(diagnosis.healthy, "calibration"),
-        table_of(diagnosis.any_robot),
         table_of(cost.exported_code),
         table_of(cost.studio_page),
         table_of(cost.against_figaroh),

@@ -175,15 +175,6 @@ def healthy() -> str:
     return table(head, lines)
 
 
-def any_robot() -> str:
-    """Causes hidden in robots that nobody had tuned to: how often named, and how the commands ended."""
-    rows = [row for row in rows_of("any_robot") if row["trials"]]
-    keys = ("cause", "trials", "named", "commands", "refused", "failed")
-    lines = [tuple(str(row[key]) for key in keys) for row in rows]
-    whole = ("all", *(str(sum(row[key] for row in rows)) for key in keys[1:]))
-    return table(("hidden cause", "trials", "named", "commands run", "refused in a sentence", "failed"), [*lines, whole])
-
-
 def planted_log_faults() -> str:
     """Faults in simulated logs: named first, named together, silent without one, certain and right."""
     return _planted_faults("planted_log_faults", "six simulated arms, links off by 10 %")
