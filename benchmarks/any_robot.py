@@ -142,8 +142,7 @@ def chain(robot: fr.Robot, rng: np.random.Generator) -> fr.Robot:
         found.append(name)
         name = parents[name]
     try:
-        kept = robot.keep(found[::-1])
-        return kept if kept.model else robot
+        return robot.keep(found[::-1])
     except fr.InputError:  # Pinocchio cannot lock a joint that has the name of a link
         return robot
 
