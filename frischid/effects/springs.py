@@ -30,12 +30,12 @@ from frischid.effects.units import ANGLE_UNITS, is_number, torque_unit
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.robot import Robot
 
-SPRING_FORMS = ("linear", "cubic", "periodic", "curve")
-SPRING_HARMONICS = {"periodic": 2, "curve": 4}
-"""Harmonics of the angle in the forms of a turning joint."""
 DIAGNOSED_FORMS = ("linear", "cubic", "periodic")
 """Forms that a diagnosis tries. The eight coefficients of a curve also follow a ripple that the motion passes twice:
 with this form, a spring was as probable as the ripple that acts (`tests/diagnosis/test_situation.py`)."""
+SPRING_FORMS = (*DIAGNOSED_FORMS, "curve")
+SPRING_HARMONICS = {"periodic": 2, "curve": 4}
+"""Harmonics of the angle in the forms of a turning joint."""
 
 
 @dataclass(frozen=True)
