@@ -1,15 +1,17 @@
 """A test whether a candidate lowers the held-out error over all of the time, not in a single moment only.
 
-With ê and ê' the held-out residuals without and with the candidate, the gain of block of time b is
+With q and q' the squared errors of a row without and with the candidate, the gain of block of time b is
 
-    g_b = Σ_{i in b} w_j (ê_i² − ê'_i²),     w_j = (n_j / ℓ_j) / SSE_j,
+    g_b = Σ_{i in b} w_j (q_i − q'_i),     w_j = (n_j / ℓ_j) / Q_j,     q_i = r_i² + s_f (ê_i² − r_i²),
 
-which is the log likelihood ratio to first order. Blocks last about a second, longer than the residual's correlation, so
-the g_b are nearly independent, and a paired one-sided test of their mean or ranks is valid.
+which is the log likelihood ratio to first order. ê is the held-out residual, r the residual of the fit to all folds,
+and q the held-out squared error without the part that uncertain parameters alone cause (`weighted_fit`). Blocks last
+about a second, longer than the residual's correlation. So the g_b are nearly independent, and a paired one-sided test
+of their mean or ranks is valid.
 
-An effect may act in few blocks only: a delay shows where the torque changes. With Δ = ê − ê' the change of the
-prediction and e_b = Σ w_j Δ² its energy, g_b = Σ w_j (2 ê Δ − Δ²). For a candidate without effect the variance of g_b
-is proportional to e_b, and for a true one so is its mean. So each block counts with the candidate's energy in it,
+An effect may act in few blocks only: a delay shows where the torque changes. With Δ the change of the prediction and
+e_b = Σ w_j Δ² its energy, g_b is about Σ w_j (2 ê Δ − Δ²). For a candidate without effect the variance of g_b is
+proportional to e_b, and for a true one so is its mean. So each block counts with the candidate's energy in it,
 
     t = Σ g_b / √(s² Σ e_b),     s² = Σ (g_b − μ e_b)² / e_b / (B − 1),     μ = Σ g_b / Σ e_b,
 
@@ -89,10 +91,10 @@ def less_error(validator: CrossValidator, one: Candidate, other: Candidate) -> f
     validator : CrossValidator
     one, other : Candidate
     """
-    fits = _fold_fits(validator, one), _fold_fits(validator, other)
+    fits = _Fits.of(validator, one), _Fits.of(validator, other)
     if fits[0] is None or fits[1] is None:
         return 1.0 if fits[0] is None else 0.0
-    return p_value_of(*_compared(validator, (other, fits[1]), (one, fits[0]), tuple(one.columns)))
+    return p_value_of(*_compared(validator, fits[1], fits[0], tuple(one.columns)))
 
 
 def block_gains(
@@ -107,44 +109,77 @@ def block_gains(
     rows : sequence of int, optional
         Joints whose error counts, all by default.
     """
-    fits = _fold_fits(validator, candidate)
+    fits = _Fits.of(validator, candidate)
     everywhere = range(len(validator.joints))
-    return None if fits is None else _compared(validator, None, (candidate, fits), everywhere if rows is None else rows)
+    return None if fits is None else _compared(validator, None, fits, everywhere if rows is None else rows)
 
 
-_FoldFits = tuple[Array, Array]  # parameters (folds, p) and coefficients of the candidate (folds, k)
+class _Fits(NamedTuple):
+    """Fits of a candidate without each fold in turn, and to all folds.
+
+    Attributes
+    ----------
+    candidate : Candidate or None
+        None: the model alone.
+    theta, beta : ndarray, shape (folds + 1, p) and (folds + 1, k)
+        The last fit leaves no fold out.
+    shares : ndarray, shape (folds,)
+        Share of the difference between a fold's two errors that counts.
+    """
+
+    candidate: Candidate | None
+    theta: Array
+    beta: Array | None
+    shares: Array
+
+    @classmethod
+    def of(cls, validator: CrossValidator, candidate: Candidate) -> _Fits | None:
+        """The fits of a candidate beside the model's columns; None when a fold cannot fit the candidate."""
+        fits = validator.fits([candidate])[0]
+        found = [fit for fit in fits if fit is not None]
+        if len(found) < len(fits):
+            return None
+        theta = np.stack([s.theta + fit.change for s, fit in zip(validator.fit.systems, found, strict=True)])
+        return cls(candidate, theta, np.stack([fit.beta for fit in found]), validator.shares(candidate))
+
+    @classmethod
+    def of_model(cls, validator: CrossValidator) -> _Fits:
+        """The fits of the model alone."""
+        return cls(None, np.stack([s.theta for s in validator.fit.systems]), None, validator.fit.shares)
+
+    def predicted(self, validator: CrossValidator, joint: JointData) -> tuple[Array, Array]:
+        """Torque of a joint's rows under the fits to the other folds, and under the fit to all, (n,) each."""
+        apart, whole = (None, None) if self.beta is None else (self.beta[:-1], self.beta[-1])
+        columns = validator.columns
+        return (
+            columns.predicted(joint, self.theta[:-1], self.candidate, apart),
+            columns.predicted(joint, self.theta[-1], self.candidate, whole),
+        )
 
 
-def _fold_fits(validator: CrossValidator, candidate: Candidate) -> _FoldFits | None:
-    """The fit of a candidate without each fold in turn."""
-    folds = validator.data.folds
-    found = [fit for fold in range(folds) if (fit := validator.fitted(candidate, fold)) is not None]
-    if len(found) < folds:
-        return None
-    return validator.fit.fold_theta + np.stack([fit.change for fit in found]), np.stack([fit.beta for fit in found])
-
-
-def _compared(
-    validator: CrossValidator,
-    before: tuple[Candidate, _FoldFits] | None,
-    after: tuple[Candidate, _FoldFits],
-    rows: Sequence[int],
-) -> BlockGains:
+def _compared(validator: CrossValidator, before: _Fits | None, after: _Fits, rows: Sequence[int]) -> BlockGains:
     """Gain of a candidate over the model (None) or over another candidate."""
     data = validator.data
     gain, energy, there = (np.zeros(data.cache.blocks) for _ in range(3))
-    weights = validator.effective / np.maximum(validator.base_sse().sum(axis=0), 1e-300)
-
-    def left(joint: JointData, what: tuple[Candidate, _FoldFits] | None) -> Array:
-        if what is None:
-            return joint.tau - validator.columns.predicted(joint, validator.fit.fold_theta)
-        candidate, (theta, beta) = what
-        return joint.tau - validator.columns.predicted(joint, theta, candidate, beta)
-
+    weights = validator.effective / np.maximum(validator.base_predictive().sum(axis=0), 1e-300)
+    fits = (_Fits.of_model(validator) if before is None else before), after
     for row in rows:
         for joint in data.motions_of(row):
-            first, second = left(joint, before), left(joint, after)
-            np.add.at(gain, joint.block, weights[row] * (first**2 - second**2))
-            np.add.at(energy, joint.block, weights[row] * (first - second) ** 2)
+            (apart, whole), (apart_after, whole_after) = (x.predicted(validator, joint) for x in fits)
+            shares = [np.zeros(len(joint)) for _ in fits]
+            for share, x in zip(shares, fits, strict=True):
+                for fold, own in joint.folds:
+                    share[own] = x.shares[fold]
+            first = _squared(joint.tau - apart, joint.tau - whole, shares[0])
+            second = _squared(joint.tau - apart_after, joint.tau - whole_after, shares[1])
+            moved = _squared(apart - apart_after, whole - whole_after, sum(shares, np.zeros(1)) / 2)
+            np.add.at(gain, joint.block, weights[row] * (first - second))
+            np.add.at(energy, joint.block, weights[row] * moved)
             there[joint.block] = 1.0
     return BlockGains(gain[there > 0], energy[there > 0])
+
+
+def _squared(apart: Array, whole: Array, share: Array) -> Array:
+    """Squares of the fit to all, and a share of their difference from those of the fits to the other folds."""
+    inside = whole**2
+    return np.asarray(inside + share * (apart**2 - inside))

@@ -11,9 +11,10 @@ variance of a prediction: a fit that has not seen the fast part of a motion pred
 the robot there (a studentised residual).
 
 A *burst* is a stretch of time with z_j > 6 in which z_j exceeds 30 at least once. A contact also biases the parameters.
-So the parameters are fitted again without the bursts, and the bursts are searched again, until they stay the same (a
-trimmed estimate). A trimmed fit that leaves more error outside the bursts than the fit to all rows is refuted: then the
-latter counts.
+So the first bursts are those beside a robust fit (`robust_fit`). Then the parameters are fitted again without the
+bursts, and the bursts are searched again, until they stay the same (a trimmed estimate). A trimmed fit that leaves more
+error outside the bursts than the fit to all rows is refuted: then the latter counts. Bursts that return with the state
+of their joint are no contacts (`contacts_that_return`).
 
 Sources: Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, Wiley; Cook 1977, "Detection of influential
 observation in linear regression", Technometrics 19(1).
@@ -28,13 +29,13 @@ import numpy as np
 from scipy import ndimage
 
 from frischid.core.types import Array
-from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.contacts_that_return import returning_share
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.residual_variables import MOST_ROWS, speeds, thinned
+from frischid.diagnosis.robust_fit import robust_parameters
 from frischid.diagnosis.unmodelled_terms import best_unmodelled
 
 _ROUNDS = 5  # of the trimmed fit; the bursts usually stay the same after two
@@ -83,17 +84,22 @@ def find_contacts(validator: CrossValidator, floor: Array) -> list[Contact]:
     list of Contact
     """
     found: list[Contact] = []
-    rest = validator
+    rest, unit = validator, np.maximum(floor, validator.criteria.smallest_error * validator.spread)
+    theta = robust_parameters(validator, unit)
     for _ in range(_ROUNDS):
-        new = _bursts(validator, rest, floor)
+        new = _bursts(validator, rest, theta, unit)
         if not _short(validator, new):
             return []
         if stretches(new) == stretches(found):
             break
         found = new
         rest = validator.without(stretches(found))
+        theta = _parameters(validator, rest)
+    criteria = validator.criteria
     strongest = max((c.strength for c in found if 2 * len(c.joints) > len(validator.joints)), default=0.0)
-    return found if strongest > validator.criteria.strong_push or _stands_out(validator, rest, floor) else []
+    if strongest <= criteria.strong_push and not _stands_out(validator, rest, floor):
+        return []
+    return found if returning_share(validator, rest, stretches(found)) <= criteria.returning_share else []
 
 
 def _short(validator: CrossValidator, found: Sequence[Contact]) -> bool:
@@ -120,10 +126,9 @@ def _stands_out(validator: CrossValidator, rest: CrossValidator, floor: Array) -
     return inside > max(criteria.half_explained * (whole - noise), (criteria.floor_tolerance - 1) * noise)
 
 
-def _bursts(validator: CrossValidator, rest: CrossValidator, floor: Array) -> list[Contact]:
-    """Bursts in all rows, with parameters fitted to `rest`."""
-    criteria, data, theta = validator.criteria, validator.data, _parameters(validator, rest)
-    scale = np.maximum(np.maximum(_robust_spread(rest, theta), floor), criteria.smallest_error * validator.spread)
+def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit: Array) -> list[Contact]:
+    """Bursts in all rows under some parameters; `unit`, (J,): least robust standard deviation, N·m (N)."""
+    data, scale = validator.data, np.maximum(_robust_spread(rest, theta), unit)
     covariance = rest.fit.covariance
     found: list[Contact] = []
     motions = zip(data.sources, data.times, speeds(validator), strict=True)
@@ -185,25 +190,18 @@ def _at_reversals(energy: Array, speed: Array, criteria: DiagnosisCriteria) -> b
 # ---------------------------------------------------------------------- bursts without a contact
 
 
-def made_by_something_steady(
-    validator: CrossValidator, rest: CrossValidator, findings: Sequence[Finding], bursts: Sequence[Stretch]
-) -> bool:
+def made_by_something_steady(validator: CrossValidator, rest: CrossValidator, findings: Sequence[Finding]) -> bool:
     """Whether a term that acts all the time causes the bursts: an effect that was found, or one outside the catalogue.
 
-    The latter shows in bursts that return with the state of their joint (`contacts_that_return`), or in a term of
-    another joint's state that explains them.
+    The latter is a term of another joint's state.
 
     Parameters
     ----------
     validator, rest : CrossValidator
         Fits to all rows, and to the rows without the bursts.
     findings : sequence of Finding
-    bursts : sequence of (str, float, float)
-        Source, start and stop of each, s.
     """
     if any(_explains(validator, rest, validator.candidates(f.members)) for f in findings if f.significant):
-        return True
-    if returning_share(validator, rest, bursts) > validator.criteria.returning_share:
         return True
     worst = int(np.argmax(_error_of_bursts(validator, rest)))
     term = best_unmodelled(validator, worst, jumping=False, significant=False)

@@ -34,7 +34,7 @@ from frischid.diagnosis.dataset import RegressionData
 from frischid.diagnosis.model_columns import ModelColumns
 from frischid.diagnosis.motion_cache import MotionCache
 from frischid.diagnosis.shape_screening import screened
-from frischid.diagnosis.weighted_fit import WeightedFit, predictive_squares
+from frischid.diagnosis.weighted_fit import WeightedFit, counted_share, predictive_squares
 from frischid.effects import Effect
 from frischid.errors import InputError
 from frischid.estimators.autocorrelation import Autocorrelation
@@ -272,6 +272,18 @@ class CrossValidator:
         chosen = _best(fits, -1)
         return None if chosen is None else (Score(sse, predictive, chosen[1].beta), candidates[chosen[0]])
 
+    def shares(self, candidate: Candidate) -> Array:
+        """Share s of each fold in the difference of its two errors that counts (`weighted_fit`), (folds,).
+
+        Zero in a fold that cannot fit the candidate.
+        """
+        *fits, whole = self.fits([candidate])[0]
+        products = [
+            None if fit is None or whole is None else self._products(candidate, (fit, whole), fold)
+            for fold, fit in enumerate(fits)
+        ]
+        return np.array([0.0 if x is None else counted_share(x, self.fit.omega) for x in products])
+
     def _products(self, candidate: Candidate, fits: tuple[CandidateFit, CandidateFit], fold: int) -> Array:
         """Sums of products of two residuals of a fold, (J, 2, 2): fitted to the other folds, and to all."""
         X, D = self.columns.moments(candidate)
@@ -297,6 +309,10 @@ class CrossValidator:
     def base_nrmse(self) -> Array:
         """Held-out NRMSE of each joint without any candidate, (J,)."""
         return self.nrmse(self.base_sse())
+
+    def predictive_nrmse(self) -> Array:
+        """The same without the error that uncertain parameters alone cause, (J,)."""
+        return self.nrmse(self.base_predictive())
 
     def nrmse(self, sse: Array) -> Array:
         """Held-out NRMSE of each joint from its sums of squares over the folds, (J,)."""

@@ -312,10 +312,10 @@ def _diagnosis(results: StageResults, verdicts: tuple[Verdict, Verdict], error_o
     """
     verdict, by_twin = verdicts
     validator, unmodelled = results.validator, results.unmodelled
-    errors, floors = validator.base_nrmse(), results.floor / validator.spread
+    errors, floors = validator.predictive_nrmse(), results.floor / validator.spread
     evidence = evidence_of(
         results.findings,
-        (errors, results.ranking.full.base_nrmse()),
+        (errors, results.ranking.full.predictive_nrmse()),
         (floors, results.least / validator.spread),
         by_twin,
         unmodelled=unmodelled is not None,

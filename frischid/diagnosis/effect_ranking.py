@@ -134,7 +134,7 @@ def _told(
 ) -> ScoredCandidate:
     """The same candidate, after a watcher has heard of it."""
     if isinstance(progress, Watcher):
-        before, after = validator.base_nrmse().mean(), validator.nrmse(found.score.sse).mean()
+        before, after = validator.predictive_nrmse().mean(), validator.nrmse(found.score.predictive).mean()
         progress.scored(found, float(after / before - 1.0) if before > 0 else 0.0)
     return found
 

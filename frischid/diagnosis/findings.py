@@ -261,7 +261,7 @@ def _finding(
     twin: HealthyTwin,
 ) -> Finding:
     """A finding; `floors`: sensor noise of each joint, and the error of a perfect model's fit, N·m (N)."""
-    before, after = validator.base_nrmse(), validator.nrmse(effect.score.sse)
+    before, after = validator.predictive_nrmse(), validator.nrmse(effect.score.predictive)
     noise, least = (floor / validator.spread for floor in floors)
     rows = list(effect.together.columns)
     seen = [row for row in rows if moving[row]]
@@ -322,7 +322,7 @@ def refit_finding(validator: CrossValidator, floor: Array) -> Finding:
     """
     model, criteria = validator.model, validator.criteria
     refit = validator.with_prior(weak_urdf_prior(model, criteria))
-    before, after = validator.base_sse(), refit.base_sse()
+    before, after = validator.base_predictive(), refit.base_predictive()
     ratio = validator.log_likelihood(before, after, np.maximum(validator.effective, refit.effective))
     parameters = len(model.base)
     gain = ratio - 0.5 * parameters * float(np.log(max(float(validator.counts.sum()), 2.0)))

@@ -60,7 +60,7 @@ class HealthyTwin:
     @cached_property
     def error(self) -> Array:
         """Held-out error of the twin's model, N·m (N), shape (J,): the rms of all draws."""
-        return np.asarray(np.sqrt(np.mean([(v.base_nrmse() * v.spread) ** 2 for v in self.draws], axis=0)))
+        return np.asarray(np.sqrt(np.mean([(v.predictive_nrmse() * v.spread) ** 2 for v in self.draws], axis=0)))
 
     def gain(self, places: Sequence[Effect]) -> float:
         """Gain that an effect seems to have on the twin, which lacks nothing, for the first draw of the noise.

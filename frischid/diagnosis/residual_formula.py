@@ -95,7 +95,7 @@ def _formula(validator: CrossValidator, row: int) -> tuple[list[str], float]:
     terms = [Formula((joint,), e) for e in library(validator, joint)]
     terms += evenly_spaced_jumps(validator, row, criteria.formula_sectors - 1)
     candidates = [c for c in validator.candidates(terms) if c.columns]
-    start = validator.base_nrmse()[row] ** 2
+    start = validator.predictive_nrmse()[row] ** 2
     now, chosen, error = validator, list[str](), start
     while len(chosen) < criteria.formula_terms:
         found = [x for c in candidates if (x := scored(now, [c])) is not None]
@@ -103,7 +103,7 @@ def _formula(validator: CrossValidator, row: int) -> tuple[list[str], float]:
         if best is None:
             break
         chosen.append(expression_of(best))
-        error, now = float(now.nrmse(best.score.sse)[row] ** 2), now.extended(best.candidate)
+        error, now = float(now.nrmse(best.score.predictive)[row] ** 2), now.extended(best.candidate)
         candidates = [c for c in candidates if c is not best.candidate]
     return chosen, float(1 - error / start)
 

@@ -53,7 +53,7 @@ class ScoredCandidate:
     price : float
         ½ k log n.
     explained : float
-        Fall of the sum of the joints' squared held-out NRMSE.
+        Fall of the sum of the joints' squared held-out NRMSE, without the part that uncertain parameters alone cause.
     """
 
     candidate: Candidate
@@ -127,7 +127,7 @@ def _scored(validator: CrossValidator, shapes: Sequence[Candidate]) -> ScoredCan
     ratio = validator.log_likelihood(before, after, validator.effective)
     if ratio > 0:
         ratio = validator.log_likelihood(before, after, validator.effective_with(candidate))
-    explained = validator.explained(validator.base_sse(), score.sse)
+    explained = validator.explained(before, after)
     return ScoredCandidate(candidate, score, ratio, price(validator, candidate), explained)
 
 

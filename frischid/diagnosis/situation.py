@@ -106,7 +106,9 @@ def priors_of(validator: CrossValidator, situation: Situation) -> list[CrossVali
     if situation == "changed" or not validator.known_residual.any():
         return [validator]
     trained = validator.with_prior(identification_prior(validator.model))
-    return [validator, trained] if trained.base_nrmse().mean() < validator.base_nrmse().mean() else [validator]
+    return (
+        [validator, trained] if trained.predictive_nrmse().mean() < validator.predictive_nrmse().mean() else [validator]
+    )
 
 
 def _error_as_it_is(validator: CrossValidator) -> float:

@@ -21,11 +21,11 @@ def stages(
     progress: Callable[[str], None],
 ) -> StageResults:
     """Contacts, findings, and the term outside the catalogue that explains more than the first finding."""
-    contacts = find_contacts(validator, floor.known)
+    contacts = find_contacts(validator, floor.noise)
     findings, ranking = find_effects(validator, floor, situation, effects, progress)
     if contacts:
         rest = validator.without(stretches(contacts))
-        if made_by_something_steady(validator, rest, findings, stretches(contacts)):
+        if made_by_something_steady(validator, rest, findings):
             contacts = []
         else:
             progress("again without the contacts")
@@ -51,8 +51,8 @@ def best_stages(found_by: Sequence[StageResults]) -> StageResults:
     noise = tolerance * max(float((r.floor / r.validator.spread).mean()) for r in found_by)
 
     def left(results: StageResults) -> tuple[float, float]:
-        error = float(results.validator.base_nrmse().mean())
+        error = float(results.validator.predictive_nrmse().mean())
         first = next((f.error_after for f in results.findings if f.significant), error)
-        return max(float(results.ranking.full.base_nrmse().mean()), noise), first
+        return max(float(results.ranking.full.predictive_nrmse().mean()), noise), first
 
     return min(found_by, key=left)

@@ -57,14 +57,14 @@ def unmodelled_term(ranking: Ranking, floor: Array) -> UnmodelledTerm | None:
     if not any(effect.entered for effect in ranking.effects):
         return None
     full, without = ranking.full, ranking.without_first
-    after, before = full.base_nrmse() ** 2, without.base_nrmse() ** 2
+    after, before = full.predictive_nrmse() ** 2, without.predictive_nrmse() ** 2
     row = int(np.argmax(before - after))
     noise = float(floor[row] / full.spread[row]) ** 2
     most = full.criteria.half_explained * (after[row] - noise)
     if most < noise:
         return None
     term = best_unmodelled(without, row)
-    if term is None or without.nrmse(term.score.sse)[row] ** 2 - noise > most:
+    if term is None or without.nrmse(term.score.predictive)[row] ** 2 - noise > most:
         return None
     words = f"'{expression_of(term)}'"
     if len(term.candidate.signs) > 1:
@@ -92,7 +92,7 @@ def best_unmodelled(
     terms = [Formula((joint,), e) for e in coupling_expressions(validator, joint)]
     found = [x for c in validator.candidates(terms) if c.columns and (x := scored(validator, [c])) is not None]
     found += [x for x in [gear_steps(validator, row) if jumping else None] if x is not None]
-    best = min(found, key=lambda x: float(validator.nrmse(x.score.sse)[row]), default=None)
+    best = min(found, key=lambda x: float(validator.nrmse(x.score.predictive)[row]), default=None)
     if best is None or (significant and best.p_value(len(found)) > criteria.significance):
         return None
     return None if block_test(validator, best.candidate) > criteria.block_p_value else best

@@ -87,7 +87,7 @@ class StageResults:
     @property
     def together(self) -> float:
         """Error that all effects that entered explain, in summed squared NRMSE."""
-        before, after = self.validator.base_nrmse(), self.ranking.full.base_nrmse()
+        before, after = self.validator.predictive_nrmse(), self.ranking.full.predictive_nrmse()
         return float((before**2 - after**2).sum())
 
 
@@ -103,8 +103,8 @@ def decided(results: StageResults, *, by_twin: bool = False) -> Verdict:
     criteria = validator.criteria
     sure = [f for f in results.findings if (f.beyond_twin if by_twin else f.significant)]
     noise = results.floor / validator.spread
-    residual = full.base_nrmse()
-    residual = np.minimum(residual, validator.base_nrmse())  # an effect may raise another joint's error
+    residual = full.predictive_nrmse()
+    residual = np.minimum(residual, validator.predictive_nrmse())  # an effect may raise another joint's error
     floor = results.least if by_twin else results.floor
     asks = _asks_for_explanation(residual, floor / validator.spread, validator)
     asks &= ~only_at_reversals(full, results.floor)
@@ -137,7 +137,7 @@ def notes_on(
             f"{listed(lost)}: a model fitted to a part of these logs predicts the torque of the others worse than a "
             "constant would. The logs are too short or move too little to judge the model; record longer ones"
         )
-    asks = _asks_for_explanation(full.base_nrmse(), results.floor / full.spread, full)
+    asks = _asks_for_explanation(full.predictive_nrmse(), results.floor / full.spread, full)
     if verdict == "none" and asks.any():  # then all of the error is at reversals
         where = listed([name for name, here in zip(full.joints, asks, strict=True) if here])
         notes.append(

@@ -28,7 +28,7 @@ the truth, a fit that believes the prior leaves a large and slow residual. Then 
 is believed again. From weights so large that the data alone decide, the iteration ends elsewhere. Both starts are
 tried, and the fit that predicts the folds left out better is kept,
 
-    minimum of  Σ_j N_j log SSE_j  (held out).
+    minimum of  Σ_j N_j log Q_j,     Q_j = Σ_f Q_fj.
 
 Source: Rasmussen and Williams 2006, Gaussian Processes for Machine Learning, section 5.4.2 (predictive likelihood).
 """
@@ -162,17 +162,27 @@ class WeightedFit:
     @cached_property
     def predictive_sse(self) -> Array:
         """`held_out_sse` without the error that uncertain parameters alone cause: Q, (folds, J)."""
+        return np.array([predictive_squares(products, self.omega) for products in self._products])
+
+    @cached_property
+    def shares(self) -> Array:
+        """Share s of each fold in the difference of its two errors that counts, (folds,)."""
+        return np.array([counted_share(products, self.omega) for products in self._products])
+
+    @cached_property
+    def _products(self) -> Array:
+        """Sums of products of two residuals of each fold, (folds, J, 2, 2): fitted to the other folds, and to all."""
         found = []
         for gram, theta in zip(self.columns.gram, self.fold_theta, strict=True):
             d = np.array([np.append(theta, -1.0), np.append(self.theta, -1.0)]).T
-            found.append(predictive_squares(d.T @ (gram @ d), self.omega))
+            found.append(d.T @ (gram @ d))
         return np.array(found)
 
     @property
     def held_out_cost(self) -> float:
-        """Negative log likelihood of the folds left out, up to a constant: ``½ Σ_j N_j log SSE_j``."""
+        """Negative log likelihood of the folds left out, up to a constant: ``½ Σ_j N_j log Q_j``."""
         rows = self.columns.data.counts.sum(axis=0)
-        return float(0.5 * rows @ np.log(np.maximum(self.held_out_sse.sum(axis=0), 1e-300)))
+        return float(0.5 * rows @ np.log(np.maximum(self.predictive_sse.sum(axis=0), 1e-300)))
 
     @property
     def theta(self) -> Array:
@@ -231,9 +241,14 @@ def predictive_squares(products: Array, omega: Array) -> Array:
         Weights.
     """
     held_out, inside = np.maximum(products[:, [0, 1], [0, 1]], 0.0).T
+    return np.asarray(inside + counted_share(products, omega) * (held_out - inside))
+
+
+def counted_share(products: Array, omega: Array) -> float:
+    """Share s of the difference of a fold's two errors that counts; parameters as in `predictive_squares`."""
+    held_out, inside = np.maximum(products[:, [0, 1], [0, 1]], 0.0).T
     pull, fall = float(omega @ (products[:, 0, 1] - inside)), float(omega @ (held_out - inside))
-    share = float(np.clip(pull / fall, 0.0, 0.5)) if fall > 0 else 0.0
-    return np.asarray(inside + share * (held_out - inside))
+    return float(np.clip(pull / fall, 0.0, 0.5)) if fall > 0 else 0.0
 
 
 def solve(system: System, right: Array) -> Array:

@@ -45,7 +45,7 @@ def bursts(effects, push=0.0, **values):
         tau += push * ((log.t > 20) & (log.t < 21) & (seed == 1))[:, None]
         logs.append(fr.Log(log.t, log.joints, log.q, tau=tau, source=f"log {seed}"))
     validator, _ = cross_validator(fr.identify(UR5, logs, recursion="none").model, logs)
-    return find_contacts(validator, Floor.of(validator).known)
+    return find_contacts(validator, Floor.of(validator).noise)
 
 
 def test_a_spring_that_the_model_lacks_is_no_contact():

@@ -331,7 +331,7 @@ def test_on_other_logs_what_is_new_comes_before_what_was_always_missing():
     assert diagnose(model, [log_of(s, always, fs3=6.0) for s in (1, 2)]).findings[0].effect == "stribeck"
     found = diagnose(model, [log_of(s, f"{always}, {new}", **values) for s in (3, 4)])
     assert [f.effect for f in found.findings[:2]] == ["asymmetric_viscous", "stribeck"]
-    assert found.findings[0].removed < found.findings[1].removed
+    assert found.findings[0].own < found.findings[1].own
     assert any("effects are ranked by the error they explain beyond 1.25 times" in note for note in found.notes)
 
 

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import diagnose
-from frischid.diagnosis.floor import Floor
+from frischid.diagnosis.floor import Floor, error_of
 from frischid.diagnosis.repeats import measured_noise
 from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.slow_noise import slow_noise
@@ -62,8 +62,8 @@ def validator(logs: tuple[Log, ...]) -> CrossValidator:
 @pytest.mark.parametrize("memory", [0.03, 0.1, 0.2])
 def test_the_floor_contains_noise_of_drives_that_is_as_slow_as_the_motion(memory):
     v = validator(logs_of(memory))
-    floor, error = Floor.of(v), v.base_nrmse() * v.spread
-    assert (floor.known < 0.8 * error).all(), "without the slow noise the error looks like a missing effect"
+    floor, error = Floor.of(v), error_of(v)
+    assert (floor.noise < 0.8 * error).all(), "without the slow noise the error looks like a missing effect"
     np.testing.assert_allclose(floor.under(v), error, rtol=0.25)
 
 
@@ -80,7 +80,7 @@ def test_slow_noise_makes_predictions_of_short_logs_more_uncertain():
         v, _ = cross_validator(identify(arm, logs[:1], recursion="none").model, logs)
         floor, error = Floor.of(v), v.base_nrmse() * v.spread
         slow.append(np.sqrt(np.mean((slow_noise(floor.octaves, v) / error) ** 2)))
-        whole.append(np.sqrt(np.mean((floor.under(v) / error) ** 2)))
+        whole.append(np.sqrt(np.mean((floor.under(v) / error_of(v)) ** 2)))
     assert np.mean(slow) < 0.88, "the noise alone is no reason for this error"
     assert np.mean(whole) > 0.9
 
@@ -88,13 +88,13 @@ def test_slow_noise_makes_predictions_of_short_logs_more_uncertain():
 def test_white_noise_has_no_slow_part():
     v = validator(logs_of(0.0))
     floor = Floor.of(v)
-    assert (slow_noise(floor.octaves, v) < 1.15 * floor.known).all()
+    assert (slow_noise(floor.octaves, v) < 1.15 * floor.noise).all()
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.05])
 def test_a_missing_effect_is_no_noise(memory):
     v = validator(logs_of(memory, "joint_spring@joint2"))
-    error = (v.base_nrmse() * v.spread)[1]
+    error = error_of(v)[1]
     assert Floor.of(v).under(v)[1] < 0.4 * error
 
 

@@ -60,7 +60,7 @@ def test_the_error_of_a_healthy_robot_with_coarse_encoders_is_the_twins():
 def test_with_fine_encoders_the_twin_has_no_more_error_than_the_noise_floor():
     v = fit(logs_of(step=0.0))
     found = Floor.of(v)
-    np.testing.assert_allclose(found.twin.error, found.known, rtol=0.2)
+    np.testing.assert_allclose(found.twin.error, found.noise, rtol=0.2)
 
 
 def test_the_error_with_an_effect_that_is_missing_is_more_than_the_twins():
