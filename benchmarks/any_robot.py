@@ -76,6 +76,8 @@ CAUSES: dict[str, tuple[Torque | None, str]] = {
     "bursts": (lambda m, j, k: (np.mod(m.t, 7.0) < 1.2).astype(float), "contact"),
 }
 """Cause -> its torque on joint j, where k is another joint, and the verdict or the effect that names it."""
+OF_ANOTHER = ("direction of a joint", "product of positions")
+"""Causes that need two joints."""
 
 
 @dataclass
@@ -95,8 +97,8 @@ def drawn(rng: np.random.Generator, folder: Path) -> Trial:
     """Draw a trial and write its three logs."""
     name, robot = loaded(rng)
     J = len(robot.joints)
-    cause, sensors = str(rng.choice(list(CAUSES))), str(rng.choice(SENSORS))
-    j, other = (int(x) for x in rng.integers(J, size=2))
+    cause, sensors = str(rng.choice([c for c in CAUSES if J > 1 or c not in OF_ANOTHER])), str(rng.choice(SENSORS))
+    j, other = (int(x) for x in rng.permutation(J)[[0, -1]])
     links = robot.pinocchio((robot.nominal.reshape(-1, 10) * rng.uniform(0.8, 1.25, (len(robot.bodies), 1))).ravel())
     motions = [Motion.drawn(J, rng) for _ in range(3)]
     torques = [rigid(robot, links, m) for m in motions]

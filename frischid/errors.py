@@ -84,7 +84,8 @@ class EmptyBoxError(FrischidError):
         when = "" if window is None else f" at window {window}"
         super().__init__(
             f"the box is empty{when}: parameter {parameter} has lower bound {lower:.6g} above upper bound "
-            f"{upper:.6g}; use a longer window, the calibrated BBRF, or the one-shot Frisch box"
+            f"{upper:.6g}; use a longer window, the calibrated recursion (--bbrf calibrated), or the one-shot Frisch "
+            "box (--bbrf none)"
         )
 
 
