@@ -66,8 +66,22 @@ class Motion:
 
 
 Torque = Callable[[Motion, int, int], Array]
+
+
+def presliding(v: Array, t: Array, distance: float) -> Array:
+    """Dahl's friction of unit size less its sign: after a reversal it changes over a distance, rad (m)."""
+    force, out = 0.0, np.zeros(len(v))
+    for i in range(1, len(v)):
+        moved = v[i] * (t[i] - t[i - 1])
+        force += (1.0 - force * np.sign(moved)) * moved / distance
+        out[i] = force - np.sign(v[i])
+    return out
+
+
 CAUSES: dict[str, tuple[Torque | None, str]] = {
     "nothing": (None, "none"),
+    "presliding": (lambda m, j, k: presliding(m.v[:, j], m.t, 0.05 * float(np.ptp(m.q[:, j]))), "hysteresis"),
+    "warming": (lambda m, j, k: np.sign(m.v[:, j]) * np.exp(-m.t / 5.0), "thermal_drift"),
     "square of speed": (lambda m, j, k: m.v[:, j] * np.abs(m.v[:, j]), "quadratic_viscous"),
     "spring": (lambda m, j, k: m.q[:, j], "joint_spring"),
     "ripple": (lambda m, j, k: np.sin(31.0 * m.q[:, j]), "cogging"),

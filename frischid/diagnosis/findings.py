@@ -49,10 +49,10 @@ class Finding:
     joints : tuple of str
         Joints the effect acts on; empty for the whole robot.
     error_before, error_after : float
-        Cross-validated NRMSE, mean over the joints.
+        Cross-validated NRMSE, mean over the joints, without the part that uncertain parameters alone cause. All errors
+        of a finding are counted so.
     gain : float
         Rise of the log likelihood on data the effect was not fitted to, less the price ½ k log n of its k parameters.
-        The rise of the fit to all data counts instead where it is smaller and may be chance.
     removed : float
         Explained error: fall of the summed squared cross-validated NRMSE of the joints.
     share : float
