@@ -9,6 +9,7 @@ from scipy import special
 import frischid as fr
 from frischid.diagnosis.contacts import find_contacts
 from frischid.diagnosis.floor import Floor
+from frischid.diagnosis.robust_fit import robust_parameters
 from frischid.diagnosis.situation import cross_validator
 from frischid.motions.trajectory import Fourier
 
@@ -63,3 +64,38 @@ def test_a_push_in_an_ordinary_stretch_is_one():
     found = bursts("", push=3.0)
     assert [(round(c.start), round(c.stop)) for c in found] == [(20, 21)]
     assert len(found[0].joints) == 6
+
+
+@pytest.mark.parametrize("share", [0.1, 0.2])
+def test_pushes_that_bias_the_whole_fit_are_found(share):
+    """A push of one direction, again and again: least squares spreads its error over the whole log."""
+    machine, logs = fr.Robot.load("planar2"), []
+    for seed in (1, 2):
+        motion = fr.random_fourier(machine, 25, seed=seed)
+        log = fr.simulate(machine, motion, rate=100, noise=fr.Noise(q=1e-6, tau=0.02), seed=seed)
+        tau = np.array(log.tau)
+        tau[:, 1] += 0.4 * tau[:, 1].std() * (np.mod(log.t, 7.0) < 7.0 * share)
+        logs.append(fr.Log(log.t, log.joints, log.q, tau=tau, source=f"log {seed}"))
+    found = fr.diagnose(fr.identify(machine, logs, recursion="none").model, logs)
+    assert found.verdict == "contact"
+    assert {joint for contact in found.contacts for joint in contact.joints} == {"joint2"}
+    whole = [c for c in found.contacts if c.start > 1]
+    assert {round(c.start) % 7 for c in whole} == {0}
+    assert all(abs(c.stop - c.start - 7 * share) < 0.6 for c in whole)
+
+
+def test_a_robust_fit_hardly_sees_a_push():
+    machine = fr.Robot.load("planar2")
+    log = fr.simulate(machine, fr.random_fourier(machine, 25, seed=3), rate=100, noise=fr.Noise(tau=0.02), seed=3)
+    pushed = log.tau + np.array([0.0, 3.0]) * ((log.t > 8) & (log.t < 11))[:, None]
+    model = fr.identify(machine, [log], recursion="none").model
+    calm, touched = (
+        cross_validator(model, [fr.Log(log.t, log.joints, log.q, tau=tau, source="log")], "always")[0]
+        for tau in (log.tau, pushed)
+    )
+    unit = Floor.of(calm).noise
+    sse = [
+        sum(calm.squares(row, theta) for row in (0, 1)) for theta in (touched.theta, robust_parameters(touched, unit))
+    ]
+    least = sum(calm.squares(row, calm.theta) for row in (0, 1))
+    assert sse[1] < 1.2 * least < 0.5 * sse[0]

@@ -46,3 +46,12 @@ def test_without_bursts_nothing_returns():
     logs = [log_with(1, lambda k, t, q: 0 * t)]
     validator, _ = cross_validator(fr.identify(MACHINE, logs, recursion="none").model, logs)
     assert returning_share(validator, validator, []) == 0.0
+
+
+def test_pushes_of_one_direction_do_not_predict_one_another():
+    """Where a fifth of the time is pushed, a fifth of any neighbours is, and the mean of all times predicts as much."""
+    times = [(3.0, 4.5), (9.0, 10.5), (15.0, 16.5)]
+    logs = [log_with(k, lambda k, t, q: 3.0 * sum((t > a) & (t < b) for a, b in times)) for k in (1, 2)]
+    validator, _ = cross_validator(fr.identify(MACHINE, logs, recursion="none").model, logs)
+    bursts = [(f"log {k}", a, b) for k in (1, 2) for a, b in times]
+    assert returning_share(validator, validator.without(bursts), bursts) < DIAGNOSIS_CRITERIA.returning_share
