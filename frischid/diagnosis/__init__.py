@@ -6,7 +6,7 @@ Comes in: a model and logs. Goes out: findings with evidence, a verdict, and bet
 1. `motion_cache` (`cached_motion`, `candidate_columns`): logs are read once and kept as filtered torque and columns.
 2. `situation`: did the robot change after its model was identified? `change_prior`: the prior of either case.
 3. `cross_validation` (`dataset`, `model_columns`, `weighted_fit`): the model's cross-validated error, fold by fold.
-4. `contacts`: stretches of time in which something touched the robot are left out.
+4. `contacts` (`robust_fit`): stretches of time in which something touched the robot are left out.
 5. `findings` (`shape_screening`, `scored_candidate`, `symmetric_shifts`, `block_test`, `shape_refinement`,
    `stepwise_selection`, `effect_ranking`): every effect in every place is scored, alone and together.
 6. `unmodelled_terms` (`gear_steps`, `reversal_residuals`): is the first finding the cause, or does a term outside the
@@ -14,8 +14,9 @@ Comes in: a model and logs. Goes out: findings with evidence, a verdict, and bet
 7. `verdict`: none, effect, several, contact or unknown; `residual_formula` describes an unknown residual.
 8. `hypotheses` and `probability`: how probable is each answer? `rivals`: which other answers share the probability?
 
-`floor` is the noise floor of held-out errors: the variance of the prediction belongs to it, noise of drives that is as
-slow as the motion too (`slow_noise`), and the data may refute it. Repeated motions measure it (`repeats`).
+`floor` is the noise floor. Held-out errors count without the part that uncertain parameters alone cause, so the floor
+has no such part. Noise of drives that is as slow as the motion belongs to it (`slow_noise`), and the data may refute
+it. Repeated motions measure it (`repeats`).
 `healthy_twin` is the floor of the error without an effect.
 
 `improvement` adds findings to a model step by step (`step_acceptance`: may a step stay?), `effect_curves` draws them.
