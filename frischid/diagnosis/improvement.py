@@ -19,14 +19,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from frischid.core.text import listed
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.refit import check_formulas, fitted_error, known_error, refitted
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
 from frischid.diagnosis.step import Refusal, Step
-from frischid.diagnosis.step_acceptance import impossible_coefficients, reason_against, worse_with_standstill
+from frischid.diagnosis.step_acceptance import RISES_AT_STANDSTILL, reason_against, reason_against_refit
 from frischid.effects import EFFECTS, Effect, check_effects, columns_of
 from frischid.errors import InputError
 from frischid.logs.given import Logs, as_logs
@@ -37,9 +36,6 @@ from frischid.model.comparison import compare
 from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
 from frischid.model.own_logs import fitted_entry, log_entry
-
-RISES_AT_STANDSTILL = "the error would rise when samples at standstill count too"
-"""Reason to refuse a step."""
 
 
 def add(
@@ -134,7 +130,8 @@ def improve(
     - the mean log ratio of the joints' errors falls, so that one noisy joint cannot make up for harm to the others;
     - this ratio does not rise significantly when samples at standstill count too;
     - the mean NRMSE falls;
-    - no coefficient has an impossible sign.
+    - no coefficient has an impossible sign;
+    - the friction of each joint brakes on the logs' motion at twice its speed.
 
     Effects are ranked beside each other, so a refused one may hide others: where all findings are refused, the
     diagnosis is made once more without the refused effects. The last diagnosis notes each refused step and the reason.
@@ -249,7 +246,8 @@ def _step_with(
     if reason:
         return None, reason
     step = _step(model, members, logs, diagnosis.situation, finding, diagnosis.criteria)
-    reason = _reason_against_step(model, step, members, logs, diagnosis.criteria)
+    reason = "the error of the model does not fall after the refit" if step.error_after >= step.error_before else ""
+    reason = reason or reason_against_refit(model, step.model, members, logs, diagnosis.criteria)
     return (None, reason) if reason else (step, "")
 
 
@@ -263,23 +261,6 @@ def _harmless_shape(
     grids = [[x for x in effect.variants(effect.joints) if x.searched] for effect in finding.members if effect.searched]
     tried = (_step_with(model, diagnosis, finding, members, logs)[0] for members in zip(*grids, strict=False))
     return min((step for step in tried if step is not None), key=lambda step: step.error_after or 0.0, default=None)
-
-
-def _reason_against_step(
-    model: Model,
-    step: Step,
-    effects: Sequence[Effect],
-    logs: Sequence[Log | Recording],
-    criteria: DiagnosisCriteria,
-) -> str:
-    """Why a refitted model may not stay; empty where it may."""
-    if step.error_after >= step.error_before:
-        return "the error of the model does not fall after the refit"
-    impossible = impossible_coefficients(step.model, effects)
-    if impossible:
-        return f"the sign of {listed(impossible)} is physically impossible"
-    worse = worse_with_standstill(model, step.model, logs, criteria)
-    return RISES_AT_STANDSTILL if worse else ""
 
 
 def _step(

@@ -1,4 +1,4 @@
-"""May a step of `improve` stay? It must help where it acts, harm no joint, and have possible signs.
+"""May a step of `improve` stay? It must help where it acts, harm no joint, and be physically possible.
 
 With ê_i and ê_i' the cross-validated residuals of a joint without and with the effect, block of time b has the rise
 
@@ -22,6 +22,12 @@ With ê_i and ê_i' the cross-validated residuals of a joint without and with th
   so that every joint counts by its relative change. In the mean NRMSE the joint with the largest error counts most, and
   its gain could hide harm to all others.
 - *Standstill*: this ratio must not rise significantly when samples at standstill count too.
+- *Signs*: a coefficient of known sign has this sign.
+- *Friction brakes*: on the logs' motion at a multiple of its speed, the friction of each joint takes energy,
+
+      Σ_t τ_friction,j q̇_j  ≥  0.
+
+  A slow log may speak for a term that grows with a power of the speed and would drive the joint in faster motion.
 
 Blocks last about a second. Where a residual is correlated for longer, a step is refused too often rather than too
 rarely. All tests use the logs that select; test logs have no part.
@@ -41,12 +47,18 @@ from frischid.core.types import Array
 from frischid.diagnosis.block_test import LEAST_BLOCKS, p_value_of
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.effects import Effect
+from frischid.effects import Effect, columns_of
 from frischid.estimators.p_values import mean_above_zero
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
+from frischid.model.alarms import AlarmCriteria
+from frischid.model.identification_alarms import STATES
 from frischid.model.model import Model
 from frischid.regression.block import Block
+from frischid.regression.regressor import Regressor
+
+RISES_AT_STANDSTILL = "the error would rise when samples at standstill count too"
+"""Reason to refuse a step."""
 
 
 def reason_against(validator: CrossValidator, effects: Sequence[Effect]) -> str:
@@ -144,6 +156,33 @@ def _named(joints: Sequence[str], rows: Sequence[int], before: Array, after: Arr
 # ---------------------------------------------------------------- the refitted model
 
 
+def reason_against_refit(
+    before: Model,
+    after: Model,
+    effects: Sequence[Effect],
+    logs: Sequence[Log | Recording],
+    criteria: DiagnosisCriteria,
+) -> str:
+    """Why a model that was fitted again with some effects may not stay; empty where it may.
+
+    Parameters
+    ----------
+    before, after : Model
+        Without and with the effects, with the same filter.
+    effects : sequence of Effect
+    logs : sequence of Log or Recording
+        The logs that select.
+    criteria : DiagnosisCriteria
+    """
+    impossible = impossible_coefficients(after, effects)
+    if impossible:
+        return f"the sign of {listed(impossible)} is physically impossible"
+    driven = driven_by_friction(before, after, logs)
+    if driven:
+        return f"at {AlarmCriteria().faster:g} times the speed, friction would drive {listed(driven)} and not brake"
+    return RISES_AT_STANDSTILL if worse_with_standstill(before, after, logs, criteria) else ""
+
+
 def impossible_coefficients(model: Model, effects: Sequence[Effect]) -> list[str]:
     """Coefficients of some effects whose estimate has the impossible sign.
 
@@ -162,6 +201,36 @@ def impossible_coefficients(model: Model, effects: Sequence[Effect]) -> list[str
         for column, x, s in zip(e.columns, e.theta, e.stderr, strict=True)
         if column.name in names and column.sign * x < 0
     ]
+
+
+def driven_by_friction(before: Model, after: Model, logs: Sequence[Log | Recording]) -> list[str]:
+    """Joints that friction would drive with some effects, on the logs' motion run faster.
+
+    A joint that friction drives without the effects too counts only if the effects make that worse.
+
+    Parameters
+    ----------
+    before, after : Model
+        Without and with the effects.
+    logs : sequence of Log or Recording
+        The logs that select.
+    """
+    taken = [_energy_of_friction(model, logs, AlarmCriteria().faster) for model in (before, after)]
+    return [name for name, *work in zip(after.robot.joints, *taken, strict=True) if work[1] < min(0.0, work[0])]
+
+
+def _energy_of_friction(model: Model, logs: Sequence[Log | Recording], faster: float) -> Array:
+    """Power that friction takes from each joint, W, (J,): a sum over states of the logs' motion, run faster."""
+    regressor = Regressor(model.robot, model.effects, model.reference)
+    friction = {effect.id for effect in model.effects if effect.friction}
+    felt = np.array([column.effect in friction for column in columns_of(model.robot, model.effects)])
+    taken = np.zeros(len(model.robot.joints))
+    for motion in model.motions(logs):
+        some = motion.part(slice(None, None, max(1, len(motion.t) // STATES)))
+        v = faster * some.v
+        Y = regressor(some.t / faster, some.q, v, faster**2 * some.a, extra=dict(some.extra))
+        taken += ((model.full_theta[felt] @ Y[:, felt]) * v).sum(axis=0)
+    return taken
 
 
 def worse_with_standstill(

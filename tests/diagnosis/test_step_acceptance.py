@@ -11,7 +11,7 @@ from frischid.diagnosis import improvement, step_acceptance
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.step_acceptance import reason_against, rejection, worse_joints, worse_with_standstill
-from frischid.effects import parse_effects
+from frischid.effects import BASELINE, parse_effects
 from frischid.model.comparison import compare
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
@@ -170,6 +170,35 @@ def test_at_standstill_a_rise_in_a_single_block_is_chance():
     after = before.copy()
     after[100:200] *= 10.0
     assert not worse_with_standstill(*models(before, after), [None], CRITERIA)
+
+
+def slow_arm(curvature):
+    """Logs of an arm up to about 1 rad/s whose viscous friction at joint 1 bends over the speed, and its model."""
+    machine = Robot.load("planar2")
+    values = {"fv1": 10.0, "fv2": 0.5, "fc1": 0.2, "fc2": 0.2, "Ia1": 0.02, "Ia2": 0.01}
+    hidden, logs = (*BASELINE, *parse_effects("quadratic_viscous@joint1")), []
+    for seed in (1, 2):
+        motion = random_fourier(machine, 25, seed=seed)
+        top = np.abs(motion(np.linspace(0, 25, 2000))[1][:, 0]).max()
+        noise = Noise(q=1e-6, tau=0.01)
+        bent = values | {"fvv1": 10.0 * curvature / top}
+        log = simulate(machine, motion, rate=100, effects=hidden, parameters=bent, noise=noise, seed=seed)
+        logs.append(replace(log, source=f"log {seed}"))
+    return identify(machine, logs, recursion="none").model, logs
+
+
+def test_friction_that_would_drive_a_joint_in_faster_motion_is_refused():
+    """The logs speak for a friction that falls to a tenth at their top speed; at twice this speed it would drive."""
+    model, logs = slow_arm(-0.9)
+    steps, last = improvement.improve(model, logs, effects=["quadratic_viscous"], max_steps=1)
+    assert steps == []
+    assert any("at 2 times the speed, friction would drive joint1 and not brake" in note for note in last.notes)
+
+
+def test_friction_that_bends_a_little_is_added():
+    model, logs = slow_arm(-0.3)
+    steps, _ = improvement.improve(model, logs, effects=["quadratic_viscous"], max_steps=1)
+    assert [step.finding.effect for step in steps] == ["quadratic_viscous"]
 
 
 def test_a_shape_that_harms_at_standstill_gives_way_to_the_best_that_does_not(monkeypatch):
