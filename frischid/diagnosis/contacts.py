@@ -11,10 +11,9 @@ variance of a prediction: a fit that has not seen the fast part of a motion pred
 the robot there (a studentised residual).
 
 A *burst* is a stretch of time with z_j > 6 in which z_j exceeds 30 at least once. A contact also biases the parameters.
-So the first bursts are those beside a robust fit (`robust_fit`). Then the parameters are fitted again without the
-bursts, and the bursts are searched again, until they stay the same (a trimmed estimate). A trimmed fit that leaves more
-error outside the bursts than the fit to all rows is refuted: then the latter counts. Bursts that return with the state
-of their joint are no contacts (`contacts_that_return`).
+So bursts are those beside a robust fit (`robust_fit`). Then the parameters are fitted again without the bursts, and the
+bursts are searched again, until they stay the same (a trimmed estimate). Bursts that return with the state of their
+joint are no contacts (`contacts_that_return`).
 
 Sources: Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, Wiley; Cook 1977, "Detection of influential
 observation in linear regression", Technometrics 19(1).
@@ -85,8 +84,8 @@ def find_contacts(validator: CrossValidator, floor: Array) -> list[Contact]:
     """
     found: list[Contact] = []
     rest, unit = validator, np.maximum(floor, validator.criteria.smallest_error * validator.spread)
-    theta = robust_parameters(validator, unit)
     for _ in range(_ROUNDS):
+        theta = robust_parameters(rest, unit)
         new = _bursts(validator, rest, theta, unit)
         if not _short(validator, new):
             return []
@@ -94,10 +93,9 @@ def find_contacts(validator: CrossValidator, floor: Array) -> list[Contact]:
             break
         found = new
         rest = validator.without(stretches(found))
-        theta = _parameters(validator, rest)
     criteria = validator.criteria
     strongest = max((c.strength for c in found if 2 * len(c.joints) > len(validator.joints)), default=0.0)
-    if strongest <= criteria.strong_push and not _stands_out(validator, rest, floor):
+    if strongest <= criteria.strong_push and not _stands_out(validator, rest, floor, theta):
         return []
     return found if returning_share(validator, rest, stretches(found)) <= criteria.returning_share else []
 
@@ -113,11 +111,10 @@ def _short(validator: CrossValidator, found: Sequence[Contact]) -> bool:
     return bool(found)
 
 
-def _stands_out(validator: CrossValidator, rest: CrossValidator, floor: Array) -> bool:
+def _stands_out(validator: CrossValidator, rest: CrossValidator, floor: Array, theta: Array) -> bool:
     """Whether the bursts hold half of the error above the noise, and more than an uncertain floor may hide."""
     criteria = validator.criteria
     whole = outside = 0.0
-    theta = _parameters(validator, rest)
     for row, spread in enumerate(validator.spread):
         whole += validator.squares(row, theta) / spread**2
         outside += rest.squares(row, theta) / spread**2
@@ -141,15 +138,6 @@ def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit:
             z[joint.picked, row] = error / np.sqrt(unit**2 + variance)
         found += _of_motion(source, t, z**2, speed, validator)
     return found
-
-
-def _parameters(validator: CrossValidator, rest: CrossValidator) -> Array:
-    """Parameters fitted to `rest`, or those fitted to all rows where these leave less error in `rest`."""
-    trimmed, whole = (
-        sum(rest.squares(row, theta) / spread**2 for row, spread in enumerate(rest.spread))
-        for theta in (rest.theta, validator.theta)
-    )
-    return validator.theta if whole < trimmed else rest.theta
 
 
 def _robust_spread(rest: CrossValidator, theta: Array) -> list[float]:

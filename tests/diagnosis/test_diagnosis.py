@@ -596,7 +596,7 @@ def test_a_burst_within_what_the_noise_is_unsure_by_is_no_event(burst, found):
         )
 
     noise, left = 1000 * 0.1**2, 0.9 * 990 * 0.1**2  # the floor is a little high
-    assert _stands_out(rows(left + burst * noise, 1000), rows(left, 990), np.array([0.1])) == found
+    assert _stands_out(rows(left + burst * noise, 1000), rows(left, 990), np.array([0.1]), None) == found
 
 
 @pytest.mark.parametrize("run", [diagnose, improve, lambda m, logs: add(m, parse_effects("stribeck"), logs)])
