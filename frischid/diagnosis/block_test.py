@@ -172,7 +172,7 @@ def _compared(validator: CrossValidator, before: _Fits | None, after: _Fits, row
                     share[own] = x.shares[fold]
             first = _squared(joint.tau - apart, joint.tau - whole, shares[0])
             second = _squared(joint.tau - apart_after, joint.tau - whole_after, shares[1])
-            moved = _squared(apart - apart_after, whole - whole_after, sum(shares, np.zeros(1)) / 2)
+            moved = _squared(apart - apart_after, whole - whole_after, (shares[0] + shares[1]) / 2)
             np.add.at(gain, joint.block, weights[row] * (first - second))
             np.add.at(energy, joint.block, weights[row] * moved)
             there[joint.block] = 1.0
