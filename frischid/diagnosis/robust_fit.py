@@ -23,9 +23,9 @@ from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
 
 _MOST_ROWS = 2000  # of a joint, spread evenly: more change a robust fit by less than its own error
-_TURNS = 60  # at most
+_REWEIGHTINGS = 60  # at most
 _SETTLED = 1e-4  # share of the sum by which it must still fall
-_RIDGE = 1e-10  # share of each diagonal element that is added, against rounding
+_ROUNDING_SHARE = 1e-10  # share of each diagonal element that is added, against rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def robust_parameters(validator: CrossValidator, unit: Array) -> Array:
     parts = _rows(validator, unit)
     prior, theta = validator.fit.prior, validator.theta
     before = np.inf
-    for _ in range(_TURNS):
+    for _ in range(_REWEIGHTINGS):
         H, b, cost = prior.precision.copy(), prior.precision @ prior.mean, 0.0
         for part in parts:
             root = np.sqrt(1 + part.energy(theta))
@@ -75,7 +75,7 @@ def robust_parameters(validator: CrossValidator, unit: Array) -> Array:
         if before - cost < _SETTLED * cost:
             break
         before = cost
-        H.flat[:: len(H) + 1] *= 1 + _RIDGE
+        H.flat[:: len(H) + 1] *= 1 + _ROUNDING_SHARE
         theta = linalg.solve(H, b, assume_a="pos")
     return np.asarray(theta)
 
