@@ -75,8 +75,8 @@ def robust_parameters(validator: CrossValidator, unit: Array) -> Array:
         if before - cost < _SETTLED * cost:
             break
         before = cost
-        H.flat[:: len(H) + 1] *= 1 + _ROUNDING_SHARE
-        theta = linalg.solve(H, b, assume_a="pos")
+        H += _ROUNDING_SHARE * np.diag(np.diag(H) + 1e-300)
+        theta = linalg.cho_solve(linalg.cho_factor(H), b)
     return np.asarray(theta)
 
 
