@@ -140,7 +140,7 @@ class _Fits(NamedTuple):
         if len(found) < len(fits):
             return None
         theta = np.stack([s.theta + fit.change for s, fit in zip(validator.fit.systems, found, strict=True)])
-        return cls(candidate, theta, np.stack([fit.beta for fit in found]), validator.shares(candidate))
+        return cls(candidate, theta, np.stack([fit.beta for fit in found]), validator.shares(candidate, found))
 
     @classmethod
     def of_model(cls, validator: CrossValidator) -> _Fits:

@@ -272,17 +272,10 @@ class CrossValidator:
         chosen = _best(fits, -1)
         return None if chosen is None else (Score(sse, predictive, chosen[1].beta), candidates[chosen[0]])
 
-    def shares(self, candidate: Candidate) -> Array:
-        """Share s of each fold in the difference of its two errors that counts (`weighted_fit`), (folds,).
-
-        Zero in a fold that cannot fit the candidate.
-        """
-        *fits, whole = self.fits([candidate])[0]
-        products = [
-            None if fit is None or whole is None else self._products(candidate, (fit, whole), fold)
-            for fold, fit in enumerate(fits)
-        ]
-        return np.array([0.0 if x is None else counted_share(x, self.fit.omega) for x in products])
+    def shares(self, candidate: Candidate, fits: Sequence[CandidateFit]) -> Array:
+        """Share s of each fold in the difference of its two errors that counts (`weighted_fit`), (folds,)."""
+        products = (self._products(candidate, (fit, fits[-1]), fold) for fold, fit in enumerate(fits[:-1]))
+        return np.array([counted_share(x, self.fit.omega) for x in products])
 
     def _products(self, candidate: Candidate, fits: tuple[CandidateFit, CandidateFit], fold: int) -> Array:
         """Sums of products of two residuals of a fold, (J, 2, 2): fitted to the other folds, and to all."""

@@ -81,6 +81,7 @@ def robust_parameters(validator: CrossValidator, unit: Array) -> Array:
 
 
 def _rows(validator: CrossValidator, unit: Array) -> list[_Rows]:
+    """Evenly spread rows of every joint, motion by motion."""
     seconds, found = validator.criteria.burst_seconds, []
     for row, count in enumerate(validator.counts.sum(axis=0).tolist()):
         every, passed = max(1, -(-count // _MOST_ROWS)), 0

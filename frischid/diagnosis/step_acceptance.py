@@ -52,7 +52,7 @@ from frischid.estimators.p_values import mean_above_zero
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.alarms import AlarmCriteria
-from frischid.model.identification_alarms import STATES
+from frischid.model.identification_alarms import run_faster
 from frischid.model.model import Model
 from frischid.regression.block import Block
 from frischid.regression.regressor import Regressor
@@ -225,10 +225,7 @@ def _energy_of_friction(model: Model, logs: Sequence[Log | Recording], faster: f
     friction = {effect.id for effect in model.effects if effect.friction}
     felt = np.array([column.effect in friction for column in columns_of(model.robot, model.effects)])
     taken = np.zeros(len(model.robot.joints))
-    for motion in model.motions(logs):
-        some = motion.part(slice(None, None, max(1, len(motion.t) // STATES)))
-        v = faster * some.v
-        Y = regressor(some.t / faster, some.q, v, faster**2 * some.a, extra=dict(some.extra))
+    for Y, v in run_faster(regressor, model.motions(logs), faster):
         taken += ((model.full_theta[felt] @ Y[:, felt]) * v).sum(axis=0)
     return taken
 

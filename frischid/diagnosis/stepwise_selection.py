@@ -122,7 +122,7 @@ def own_part(
 ) -> OwnPart:
     """Rise of the summed squared NRMSE when one of the chosen is taken away, and the part of it that is new."""
     without = with_all(validator, [c for c in chosen if c is not one])
-    before, after = (validator.nrmse(e.base_predictive()) ** 2 for e in (without, full))
+    before, after = (e.predictive_nrmse() ** 2 for e in (without, full))
     unique = float((before - after).sum())
     known = validator.known_residual**2
     new = float((np.maximum(before, known) - np.maximum(after, known)).sum()) if known.any() else 0.0

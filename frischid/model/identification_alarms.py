@@ -8,7 +8,7 @@ direction counts by the torque that it has on the faster motion, and one that ha
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 from scipy import linalg
@@ -18,6 +18,7 @@ from frischid.effects import Coulomb, Offset, Viscous
 from frischid.estimators.map_estimate import MapEstimate, friction_alone, map_estimate
 from frischid.estimators.normal_equations import WORST_CONDITION
 from frischid.estimators.urdf_prior import gaussian
+from frischid.logs.preprocessing import Motion
 from frischid.model.alarms import (
     Alarm,
     AlarmCriteria,
@@ -32,6 +33,7 @@ from frischid.model.alarms import (
 from frischid.model.comparison import Comparison
 from frischid.model.fit_record import LEVELS, FitRecord
 from frischid.model.identification_stages import Fit, Problem
+from frischid.regression.regressor import Regressor
 
 STATES = 400
 """States per motion along which two fits are compared: enough for a mean square, cheap to evaluate."""
@@ -121,7 +123,7 @@ def _disagreement(problem: Problem, posterior: MapEstimate, factor: float) -> di
     index = [problem.data.robot.joints.index(n) for n in problem.data.joints]
     steps = _steps_to_least_squares(problem, posterior)
     squares, count = np.zeros(len(index)), 0
-    for Y in _faster(problem, factor):
+    for Y, _ in run_faster(problem.regressor, problem.data.motions, factor):
         found = np.einsum("npj,pk->njk", Y[:, list(problem.reduction.base)][:, :, index], steps, optimize=True)
         squares, count = squares + (found**2).sum(axis=(0, 2)), count + len(found)
     whole, mean = problem.whole, squares / max(count, 1)
@@ -150,11 +152,12 @@ def _steps_to_least_squares(problem: Problem, posterior: MapEstimate) -> Array:
     return np.asarray(np.column_stack([certain, free]) / unit[:, None])
 
 
-def _faster(problem: Problem, factor: float) -> Iterator[Array]:
-    """Columns along states of the fitted motions at a multiple of their speed, (N, C, J)."""
-    for motion in problem.data.motions:
+def run_faster(regressor: Regressor, motions: Iterable[Motion], factor: float) -> Iterator[tuple[Array, Array]]:
+    """Columns (N, C, J) and speeds (N, J) along states of some motions at a multiple of their speed."""
+    for motion in motions:
         some = motion.part(slice(None, None, max(1, len(motion.t) // STATES)))
-        yield problem.regressor(some.t / factor, some.q, factor * some.v, factor**2 * some.a, extra=dict(some.extra))
+        v = factor * some.v
+        yield regressor(some.t / factor, some.q, v, factor**2 * some.a, extra=dict(some.extra)), v
 
 
 def _negative_rotors(problem: Problem, posterior: MapEstimate) -> list[tuple[str, float]]:
