@@ -150,6 +150,8 @@ class _Fits(NamedTuple):
     def predicted(self, validator: CrossValidator, joint: JointData) -> tuple[Array, Array]:
         """Torque of a joint's rows under the fits to the other folds, and under the fit to all, (n,) each."""
         apart, whole = (None, None) if self.beta is None else (self.beta[:-1], self.beta[-1])
+        if self.candidate is None:
+            return validator.predicted(joint)
         columns = validator.columns
         return (
             columns.predicted(joint, self.theta[:-1], self.candidate, apart),

@@ -82,6 +82,11 @@ class CachedMotion:
     state: State | Mapping[str, Stored]
 
     @property
+    def in_memory(self) -> bool:
+        """Whether its rows are in memory, so that an object that refers to them needs hardly any more."""
+        return all(rows.held is not None for rows in self.Z)
+
+    @property
     def blocks(self) -> int:
         """Number of its blocks of time."""
         t = self.t.read()
@@ -132,12 +137,12 @@ class JointData:
         """Torque, (n,)."""
         return self.Z[:, -1]
 
-    @property
+    @cached_property
     def picked(self) -> Picked:
         """Filtered samples of these rows, (n,)."""
         return np.asarray(self.motion.picked[self.row].read()[self.at])
 
-    @property
+    @cached_property
     def block(self) -> Indices:
         """Block of time of each row, (n,)."""
         t = self.motion.t.read()

@@ -21,6 +21,9 @@ from frischid.core.types import Array
 from frischid.diagnosis.cached_motion import CachedMotion, JointData
 from frischid.effects import Effect, State, Term
 
+FILTERED_AT_ONCE = 300_000
+"""Numbers of unfiltered columns that are filtered together, 2.4 MB."""
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
@@ -97,14 +100,29 @@ class GatheredColumns:
 
 def filtered_columns(effects: Sequence[Effect], task: ColumnTask) -> list[MotionColumns]:
     """Columns of some effects of one kind over one motion, at the rows of each joint."""
-    found = []
+    found: list[MotionColumns] = []
+    waiting: list[tuple[Sequence[Term], dict[int, Array]]] = []
+    samples = len(task.state.t)
     for terms in type(effects[0]).each(effects, task.state):
-        columns = {
-            row: np.asarray(task.filter @ C)[task.picked[row]]
-            for row, C in columns_by_joint(terms, task.rows, len(task.state.t)).items()
-        }
-        finite = all(np.isfinite(x).all() for x in columns.values())
-        found.append(MotionColumns(columns, tuple(term.column.sign for term in terms), finite))
+        waiting.append((terms, columns_by_joint(terms, task.rows, samples)))
+        if sum(len(terms) * len(columns) for terms, columns in waiting) * samples >= FILTERED_AT_ONCE:
+            found += _filtered(waiting, task)
+            waiting = []
+    return found + _filtered(waiting, task)
+
+
+def _filtered(waiting: Sequence[tuple[Sequence[Term], dict[int, Array]]], task: ColumnTask) -> list[MotionColumns]:
+    """The same for effects whose columns are known: the sparse filter takes many columns faster than each alone."""
+    raw = [C for _, columns in waiting for C in columns.values()]
+    if not raw:
+        return [MotionColumns({}, tuple(term.column.sign for term in terms), True) for terms, _ in waiting]
+    ends = np.cumsum([C.shape[1] for C in raw])[:-1]
+    outputs = iter(np.split(np.asarray(task.filter @ np.concatenate(raw, axis=1)), ends, axis=1))
+    found = []
+    for terms, columns in waiting:
+        rows = {row: next(outputs)[task.picked[row]] for row in columns}
+        finite = all(np.isfinite(x).all() for x in rows.values())
+        found.append(MotionColumns(rows, tuple(term.column.sign for term in terms), finite))
     return found
 
 

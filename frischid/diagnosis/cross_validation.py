@@ -26,7 +26,7 @@ import numpy as np
 from frischid.core.parallel import Workers
 from frischid.core.text import each_of
 from frischid.core.types import Array
-from frischid.diagnosis.cached_motion import Stretch
+from frischid.diagnosis.cached_motion import JointData, Stretch
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.candidate_fits import CandidateFit, Fits, candidate_fits
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
@@ -82,6 +82,7 @@ class CrossValidator:
     known_residual: Array
     _wider: dict[Candidate, CrossValidator] = field(init=False, repr=False, default_factory=dict)
     _fits: dict[Candidate, Fits] = field(init=False, repr=False, default_factory=dict)
+    _predicted: dict[JointData, tuple[Array, Array]] = field(init=False, repr=False, default_factory=dict)
 
     @classmethod
     def of(
@@ -221,6 +222,16 @@ class CrossValidator:
     def squares(self, row: int, theta: Array) -> float:
         """Sum of squared residuals of a joint's rows under some parameters."""
         return float(sum(x @ x for x in self.residuals(row, theta)))
+
+    def predicted(self, joint: JointData) -> tuple[Array, Array]:
+        """Torque of a joint's rows under the fits to the other folds, and under the fit to all, (n,) each."""
+        if joint in self._predicted:
+            return self._predicted[joint]
+        theta = np.stack([system.theta for system in self.fit.systems])
+        found = self.columns.predicted(joint, theta[:-1]), self.columns.predicted(joint, theta[-1])
+        if joint.motion.in_memory:
+            self._predicted[joint] = found
+        return found
 
     # ------------------------------------------------------------------ candidates
 

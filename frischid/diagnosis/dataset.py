@@ -46,6 +46,7 @@ class RegressionData:
     def __init__(self, cache: MotionCache, left_out: Sequence[Stretch] = ()) -> None:
         self.cache, self.left_out = cache, tuple(left_out)
         self.folds = cache.folds
+        self._joints: dict[tuple[int, int], JointData] = {}
         self._known: dict[Candidate, tuple[Moments, Moments]] = {}
         self._between: dict[tuple[Candidate, Candidate], Moments] = {}
         p, J = len(cache.model.base), len(cache.active)
@@ -80,8 +81,13 @@ class RegressionData:
     # ------------------------------------------------------------------ rows
 
     def of_motion(self, row: int, number: int) -> JointData:
-        """Rows of a joint over one motion."""
-        return self.cache.joint(row, number, self.left_out)
+        """Rows of a joint over one motion; the object is kept where the rows are in memory."""
+        if (row, number) in self._joints:
+            return self._joints[row, number]
+        joint = self.cache.joint(row, number, self.left_out)
+        if joint.motion.in_memory:
+            self._joints[row, number] = joint
+        return joint
 
     def motions_of(self, row: int) -> Iterator[JointData]:
         """Rows of a joint, motion by motion."""

@@ -16,7 +16,6 @@ Where every link has its own mass, θ alone is such a model.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -97,38 +96,27 @@ class RigidDynamics:
             out[row, robot.joints.index(leader)] = factor
         return out
 
-    def _difference(self, size: tuple[int, ...], states: tuple[Array, ...], compute: Callable[..., Any]) -> Array:
-        """Σ ± compute(model, data, *state) over the models, for every sample."""
-        out = np.zeros((len(states[0]), *size))
-        for sign, model in self._models:
-            data, here = model.createData(), np.empty(out.shape)
-            for n, state in enumerate(zip(*states, strict=True)):
-                here[n] = compute(model, data, *state)
-            out += sign * here
-        return out
-
     def torque(self, q: Array, v: Array, a: Array) -> Array:
         """Torque (N, J) of a motion, N·m (N)."""
         G = self._followers
         states = (self.robot.configuration(q), v @ G.T, a @ G.T)
-        if not hasattr(pin, "rneaInParallel"):  # a Pinocchio without OpenMP
-            return self._difference((len(G),), states, pin.rnea) @ G
-        # One call for all samples, on one thread, costs half of a call for each.
         columns, out = [np.asfortranarray(x.T) for x in states], np.zeros((len(G), len(q)))
         for sign, model in self._models if len(q) else ():
-            found = pin.rneaInParallel(1, pin.ModelPool(model, 1), *columns)
+            if hasattr(pin, "rneaInParallel"):  # one call for all samples, on one thread, costs half of a call for each
+                found = pin.rneaInParallel(1, pin.ModelPool(model, 1), *columns)
+            else:  # a Pinocchio without OpenMP
+                data = model.createData()
+                found = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)]).T
             out += sign * found.reshape(out.shape)  # one row or column comes as a vector
         return np.asarray(out.T @ G)
 
     def gravity_torque(self, q: Array, gravity: Array) -> Array:
         """Torque (N, J) that holds the arm still under a gravity vector in the base frame, m/s²."""
-
-        def weight(model: Any, data: Any, x: Array) -> Any:
-            model.gravity.linear = gravity
-            return pin.computeGeneralizedGravity(model, data, x)
-
+        still = np.zeros(q.shape)
         try:
-            return self._difference((len(self._followers),), (self.robot.configuration(q),), weight) @ self._followers
+            for _, model in self._models:
+                model.gravity.linear = gravity
+            return self.torque(q, still, still)
         finally:
             for _, model in self._models:
                 model.gravity.linear = np.array(self.robot.gravity)
@@ -137,9 +125,14 @@ class RigidDynamics:
         """Derivatives of the torque along a motion."""
         G = self._followers
         states = (self.robot.configuration(q), v @ G.T, a @ G.T)
-        full = self._difference((3, len(G), len(G)), states, pin.computeRNEADerivatives)
-        position, velocity, acceleration = np.moveaxis(G.T @ full @ G, 1, 0)
-        return Slopes(position, velocity, acceleration)
+        found = np.zeros((3, len(q), len(G), len(G)))
+        for sign, model in self._models:
+            data, here = model.createData(), np.empty(found.shape)
+            position, velocity, acceleration = here
+            for n, state in enumerate(zip(*states, strict=True)):
+                position[n], velocity[n], acceleration[n] = pin.computeRNEADerivatives(model, data, *state)
+            found += sign * here
+        return Slopes(*(G.T @ found @ G))
 
     @cached_property
     def spread(self) -> Array:

@@ -51,6 +51,9 @@ START_WINDOW = 0.1
 TOGETHER_FROM = 30
 """From this number of links on, moving all links at once as arrays is faster than moving each link as plain numbers."""
 
+STEPS_AT_ONCE = 256
+"""Steps for which links that move together get their drives at once; the drives then stay in the processor's cache."""
+
 NUMBERS_AT_ONCE = 1_000_000
 """Numbers in memory at once for links that move together, 8 MB per channel."""
 
@@ -136,29 +139,42 @@ class _Steps(NamedTuple):
         return cls(h, speed, push, inert, spring, held, dry * sign[:, kind])
 
 
-def _travel_together(along: _Steps, links: Array) -> Array:
-    """Deflection at the end of each step, and f − f_c sign(q̇_j) within the step, (G - 1, 2, links)."""
+def _travel_together(road: _Road, joints: NDArray[np.intp], links: Array) -> Array:
+    """Deflection at the end of each step, and f − f_c sign(q̇_j) within the step, (links, 2, G - 1)."""
     deflection, rate, _, _, gap, dry = links
-    stops, against = bool(np.isfinite(gap).any()), -dry
-    found = np.empty((len(along.h), 2, links.shape[1]))
-    for n, (h, speed, push, inert, spring, held, back) in enumerate(zip(*along, strict=True)):
-        pushed = push - inert * rate + spring * deflection
-        friction = np.maximum(np.minimum(pushed, dry), against)
-        moved = speed - (pushed - friction) / held
-        if not stops:
-            deflection, rate = deflection + h * moved, 2 * moved - rate
-            found[n] = deflection, friction - back
-            continue
-        after = deflection + h * moved
-        deflection = np.maximum(np.minimum(after, gap), -gap)
-        loose = deflection == after
-        rate = (2 * moved - rate) * loose
-        found[n] = deflection, (friction - back) * loose
+    stops, against, back = bool(np.isfinite(gap).any()), -dry, -gap
+    found = np.empty((links.shape[1], 2, len(road.over)))
+    for first in range(0, len(road.over), STEPS_AT_ONCE):
+        steps = slice(first, first + STEPS_AT_ONCE)
+        along = _Steps.of(_Road(road.t[first : first + STEPS_AT_ONCE + 1], road.over[steps]), joints, links)
+        places, rubbed = np.empty((2, len(along.h), links.shape[1]))
+        for place, friction, h, speed, push, inert, spring, held in zip(places, rubbed, *along[:-1], strict=True):
+            # In place where possible: a new array takes as long as a sum of this size.
+            pushed = spring * deflection
+            pushed += push
+            pushed -= inert * rate
+            np.maximum(np.minimum(pushed, dry, out=friction), against, out=friction)
+            pushed -= friction
+            pushed /= held
+            moved = speed - pushed
+            np.multiply(h, moved, out=place)
+            place += deflection
+            moved *= 2
+            moved -= rate
+            if stops:
+                after = place.copy()
+                np.maximum(np.minimum(after, gap, out=place), back, out=place)
+                moved *= place == after
+            deflection, rate = place, moved
+        rubbed -= along.back
+        if stops:
+            rubbed *= np.abs(places) < gap
+        found[:, 0, steps], found[:, 1, steps] = places.T, rubbed.T
     return found
 
 
 def _travel_alone(along: _Steps, number: int, link: Array) -> Array:
-    """The same for one of the links, (G - 1, 2), as plain numbers: ten times as fast for one link.
+    """The same for one of the links, (2, G - 1), as plain numbers: ten times as fast for one link.
 
     A link that rests at an end of its gap has no memory: the step alone decides whether the link leaves. So steps are
     taken one by one only while the link crosses its gap.
@@ -194,7 +210,7 @@ def _travel_alone(along: _Steps, number: int, link: Array) -> Array:
         if n < count:  # the step in which the link met the end of its gap
             places[n] = deflection
             n += 1
-    return np.stack([places, within], axis=1)
+    return np.stack([places, within])
 
 
 def _leaves(steps: _Steps, end: float, dry: float) -> NDArray[np.intp]:
@@ -269,7 +285,7 @@ def _lags(state: State, road: _Road, gears: Sequence[Gear]) -> Iterator[Lag]:
     signs = np.tanh(state.v / SIGN_WIDTH)
     load_rates, sign_rates = (np.array(state.rates(x)) if rigid.any() else np.empty(0) for x in (state.load, signs))
     links = np.stack([start, rate, stiffness, 2 * SWING_DAMPING * omega * inertia, gap, dry])[:, moved]
-    travelled = iter(_moved(road, joints[moved], links).transpose(2, 1, 0))
+    travelled = iter(_moved(road, joints[moved], links))
     for n, joint in enumerate(joints):
         if rigid[n]:
             carries = state.load[:, joint] + dry[n] * signs[:, joint]
@@ -296,12 +312,12 @@ def _at_samples(between: Array) -> Array:
 
 
 def _moved(road: _Road, joints: NDArray[np.intp], links: Array) -> Array:
-    """Travels of links, (G - 1, 2, links); many links move at once, because a step of arrays takes as long as thirty.
+    """Travels of links, (links, 2, G - 1); many links move at once, because a step of arrays takes as long as thirty.
 
     The rows of `links` are deflection and its rate at the start, stiffness, damping, half the gap, and dry friction.
     """
-    along = _Steps.of(road, joints, links)
     if len(joints) >= TOGETHER_FROM:
-        return _travel_together(along, links)
+        return _travel_together(road, joints, links)
+    along = _Steps.of(road, joints, links)
     each = [_travel_alone(along, n, link) for n, link in enumerate(links.T)]
-    return np.array(each).reshape(len(joints), len(along.h), 2).transpose(1, 2, 0)
+    return np.array(each).reshape(len(joints), 2, len(along.h))
