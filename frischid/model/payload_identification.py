@@ -173,7 +173,7 @@ def payload(
     InputError
         A log cannot be used, or the model has a payload already.
     IdentifiabilityError
-        The body changes no torque of the model.
+        The body changes no torque of the model, or these logs show no body.
 
     Examples
     --------
@@ -292,12 +292,14 @@ def _in_frame(
     phi: Array, covariance: Array, H: Array, names: tuple[str, str], errors: tuple[float, float], notes: tuple[str, ...]
 ) -> IdentifiedPayload:
     """The ten parameters as mass, centre and inertia about it, with bounds by the derivative of this change."""
+    by_chance = float(phi @ np.linalg.solve(covariance, phi)) <= special.chdtri(len(phi), 0.05)
     T = np.linalg.inv(parameter_transform(H))
     phi, covariance = T @ phi, T @ covariance @ T.T
-    if phi[0] <= 0:
+    if by_chance or phi[0] <= 0:
         bound = float(special.ndtri(0.975) * np.sqrt(covariance[0, 0]))
         raise IdentifiabilityError(
             f"these logs show no body on the link of {names[1]}: the mass would be {phi[0]:.3g} ± {bound:.2g} kg"
+            + (", and chance explains the centre and the inertia too" if by_chance else "")
         )
     slope = np.empty((10, 10))
     for k in range(10):
