@@ -35,8 +35,10 @@ import second_cases
 from common import parser, publish, record
 from hidden_cases import Case, Truth
 from hidden_unknown import UNKNOWN
+from numpy.typing import NDArray
 
 from frischid.core.files import write_text
+from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.probability import DATA, Weights, chances, fitted
 from frischid.diagnosis.rivals import MOST_RIVALS
@@ -222,17 +224,27 @@ def reliability(name: str, answers: Sequence[tuple[str, float, bool]]) -> list[d
     """One row for each range of probability, then the expected calibration error."""
     said = np.array([p for _, p, _ in answers])
     right = np.array([r for *_, r in answers], dtype=float)
-    rows, error = [], 0.0
-    for low, high in itertools.pairwise(EDGES):
-        here = (said >= low) & ((said < high) | (high == 1.0))
-        if here.any():
-            error += here.mean() * abs(said[here].mean() - right[here].mean())
-            rows.append({"generator": name, "said": f"{low:.2f} to {high:.2f}", "cases": int(here.sum())}
-                        | {"mean said": said[here].mean(), "right": right[here].mean()})  # fmt: skip
+    rows = [
+        {"generator": name, "said": label, "cases": int(here.sum())}
+        | {"mean said": said[here].mean(), "right": right[here].mean()}
+        for label, here in ranges(said)
+    ]
     if len(said):
+        error = calibration_error(said, right)
         whole = {"generator": name, "said": f"all; calibration error {error:.3f}", "cases": len(said)}
         rows.append(whole | {"mean said": said.mean(), "right": right.mean()})
     return rows
+
+
+def calibration_error(said: Array, right: Array) -> float:
+    """Expected calibration error: mean over the answers of |mean probability - share right| of their range."""
+    return float(sum(here.mean() * abs(said[here].mean() - right[here].mean()) for _, here in ranges(said)))
+
+
+def ranges(said: Array) -> list[tuple[str, NDArray[np.bool_]]]:
+    """Ranges of probability that have answers, and these answers."""
+    found = [(f"{a:.2f} to {b:.2f}", (said >= a) & ((said < b) | (b == 1.0))) for a, b in itertools.pairwise(EDGES)]
+    return [(label, here) for label, here in found if here.any()]
 
 
 def by_kind(

@@ -12,6 +12,9 @@ when it is the planted effect or the robot's own first finding, because both are
 need a motion of their own. In the situation *always*, a payload, a tilt, a gain and a delay are left out too, because
 the model absorbs them.
 
+The calibration error of few answers is large even where every probability is right. So it stands beside the one that
+chance alone gives to as many answers with these probabilities.
+
 `--rows FILE` writes each case as soon as it is done, with the evidence of its hypotheses, and reads the cases that are
 done already. `--minutes` ends the run when the time is over: the cases are in a random order, so a run cut short is a
 fair sample of them.
@@ -33,7 +36,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from calibration import reliability
+from calibration import calibration_error, reliability
 from common import data_folder, parser, publish
 from hidden_cases import EFFECTS
 from hidden_parts import CHANNELS, GEARS, LEAST_VISIBLE, TRIES, Baseline, acting
@@ -56,6 +59,8 @@ KINDS = (
     *STRANGE,
 )
 SITUATIONS = {"always": [k for k in KINDS if k not in EFFECTS or k in SMALL], "changed": list(KINDS)}
+DRAWS = 2000
+"""Sets of answers that are drawn for the calibration error by chance."""
 DELAY = 0.1
 """s of delay per unit of size."""
 
@@ -201,6 +206,16 @@ def in_words(answers: Sequence[tuple[str, float, bool]]) -> str:
     )
 
 
+def by_chance(answers: Sequence[tuple[str, float, bool]]) -> str:
+    """Calibration error of as many answers whose probabilities are exactly right: mean, and what 95 % stay below."""
+    rng, said = np.random.default_rng(0), np.array([p for _, p, _ in answers])
+    errors = [calibration_error(said, (rng.random(len(said)) < said).astype(float)) for _ in range(DRAWS)]
+    return (
+        f"{len(said)} answers whose probabilities are exactly right have a calibration error of {np.mean(errors):.3f} "
+        f"by chance (95 % of such sets stay below {np.quantile(errors, 0.95):.3f})"
+    )
+
+
 def judged(rows: Sequence[dict[str, Any]], rivals: bool = False) -> list[tuple[str, float, bool]]:
     """Robot, stated probability of the answer, and whether the answer is right, of every case with a planted effect.
 
@@ -208,14 +223,19 @@ def judged(rows: Sequence[dict[str, Any]], rivals: bool = False) -> list[tuple[s
     one of them, and a small difference decides which of them comes first.
     """
     most = None if rivals else 1
-    own = {(r["robot"], r["situation"]): names[:most] for r in rows if r["kind"] == "none" for names in r["said"][:1]}
+    own = {case_of(r): names[:most] for r in rows if r["kind"] == "none" for names in r["said"][:1]}
     found = []
     for row in rows:
         truth = "outside" if row["truth"] == "unknown" else row["truth"]
-        right = {truth, *own.get((row["robot"], row["situation"]), ())}
+        right = {truth, *own.get(case_of(row), ())}
         if row["kind"] != "none":
             found.append((row["robot"], row["probability"], row["answer"] in right))
     return found
+
+
+def case_of(row: dict[str, Any]) -> tuple[str, str]:
+    """Robot and situation, which decide the robot's own findings."""
+    return row["robot"], row["situation"]
 
 
 def collected(jobs: Sequence[Job], path: Path | None, workers: int, minutes: float) -> list[dict[str, Any]]:
@@ -240,7 +260,7 @@ def collected(jobs: Sequence[Job], path: Path | None, workers: int, minutes: flo
 def main() -> None:
     options = parser(__doc__)
     options.add_argument("--size", type=float, default=0.12, help="share of the joint's torque")
-    options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--seed", type=int, nargs="+", default=[0])
     options.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     options.add_argument("--rows", type=Path, metavar="FILE", help="cases that are done, one a line")
     options.add_argument("--minutes", type=float, default=float("inf"), help="start no case after this time")
@@ -249,13 +269,14 @@ def main() -> None:
     if data_folder() is None:
         sys.exit("set FRISCHID_DATA to the folder of the measured logs")
     jobs = [
-        Job(robot, kind, situation, chosen.size, chosen.seed)
+        Job(robot, kind, situation, chosen.size, seed)
+        for seed in chosen.seed
         for robot, case in enumerate(CASES)
         if case.name in (chosen.robots or [case.name])
         for situation, kinds in SITUATIONS.items()
         for kind in kinds
     ]
-    order = np.random.default_rng(chosen.seed).permutation(len(jobs))
+    order = np.random.default_rng(chosen.seed[0]).permutation(len(jobs))
     jobs = sorted((jobs[int(k)] for k in order), key=lambda job: job.kind != "none")  # the robots' own findings first
     rows = collected(jobs, chosen.rows, chosen.workers, chosen.minutes)
     table, total = [], []
@@ -287,8 +308,9 @@ def main() -> None:
             ]
     answers, reliable = judged(rows), list[dict[str, Any]]()
     notes = [
-        f"seed {chosen.seed}; {sum(r['kind'] != 'none' for r in rows)} planted effects, terms and contacts",
+        f"seeds {', '.join(map(str, chosen.seed))}; {len(answers)} planted effects, terms and contacts",
         in_words(answers),
+        by_chance(answers),
         "With the rivals of the robot's own first finding as right answers too: " + in_words(judged(rows, rivals=True)),
     ]
     publish(f"effects of {chosen.size:.0%} planted in measured logs", table, chosen.json, notes)
