@@ -135,7 +135,7 @@ def trust() -> str:
 def band_in_words(good: float = 0.88) -> str:
     """How often the band of a prediction holds the share that it promises."""
     shares = sorted(row["90 % holds"] for row in data("trust")["rows"])
-    few = [f"{100 * x:.0f} %" for x in shares if x < good]
+    few = [f"{100 * x:.1f} %" for x in shares if x < good]
     most = f"{len(shares) - len(few)} of {len(shares)} pairs"
     others = f"{', '.join(few[:-1])} and {few[-1]} on the others"
     return f"The 90 % band holds at least {100 * good:.0f} % of the measurements on {most}, and {others}.\n"

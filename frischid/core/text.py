@@ -32,6 +32,19 @@ def each_of(names: Sequence[str]) -> str:
     return f"each of {listed(names)}" if len(names) > 1 else listed(names) or "the robot"
 
 
+def about(joints: Sequence[str], sentence: str) -> str:
+    """A sentence about ``{joint}`` or ``{joints}``; several joints that each do the same are named in front.
+
+    >>> about(["wrist_2", "wrist_3"], "the gear of {joint} plays")
+    'wrist_2 and wrist_3: the gear of each joint plays'
+    >>> about(["wrist_2", "wrist_3"], "one motor turns {joints}")
+    'one motor turns wrist_2 and wrist_3'
+    """
+    if len(joints) < 2 or "{joint}" not in sentence:
+        return sentence.format(joint=each_of(joints), joints=listed(joints))
+    return f"{listed(joints)}: {sentence.format(joint='each joint', joints=listed(joints))}"
+
+
 def percent(share: float, digits: int = 0) -> str:
     """A share as every surface writes it.
 

@@ -152,7 +152,7 @@ class Diagnosis(Shown):
         if self.error > tolerance * self.noise_floor:
             said = f"called missing; the model's NRMSE is {error:.2g}, that of the sensor noise alone {noise:.2g}"
         elif error > tolerance * noise:
-            said = "missing: noise of sensors and drives, and parameters that it leaves uncertain, explain the error"
+            said = "missing: noise explains the error, with the parameters that noise leaves uncertain"
         else:
             said = "missing: the residual error is that of the sensor noise"
         return f"no effect is {said}{suspected(self.findings, self.probabilities)}"

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from frischid.core.text import each_of, listed, percent
+from frischid.core.text import about, listed, percent
 from frischid.core.types import Array
 from frischid.diagnosis.change_prior import weak_urdf_prior
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
@@ -269,7 +269,7 @@ def _finding(
     joints = tuple(dict.fromkeys(j for e in members for j in (e.joints or ())))
     names = [c.name for e in members for c in e.columns(validator.model.robot)]
     shapes = {f"{k}_{n}" if len(members) > 1 else k: v for n, e in enumerate(members, 1) for k, v in _shape(e).items()}
-    said = effect.kind.sentence.format(joint=each_of(joints), joints=listed(joints))
+    said = about(joints, effect.kind.sentence)
     if effect.elsewhere:
         said += f". On {listed(effect.elsewhere, 'or')} instead, the same effect explains these logs nearly as well"
     return Finding(

@@ -28,9 +28,9 @@ IN_WORDS = {
 }
 """Hypotheses other than an effect, in words."""
 HOW_RANKED = (
-    "Of the effects that are called missing, the most probable stands first. Each other one stands by its probability, "
-    "or by the share of the explained error that it alone explains, whichever is larger. All other figures of a row "
-    "are for this effect alone. Many of the lower effects are not needed once the first is in the model."
+    "Of the effects that are called missing, the most probable stands first. The others are sorted by the larger of "
+    "two numbers: the probability, and the share of the explained error that no other effect explains. The figures "
+    "of a row are for this effect alone. Many of the lower effects are not needed once the first is in the model."
 )
 
 

@@ -107,6 +107,6 @@ def _other_drives(identified: Model, written: dict[str, dict[str, float]]) -> li
     if not far:
         return []
     return [
-        "the drives in this file go with physical links, and the table of drives (export to .json or .csv) has them as "
-        f"identified; the values that differ most, in shares of their 95 % range: {max(far)[1]}"
+        "this file holds drive values that fit its physical links; an export to .json or .csv writes the identified "
+        f"values. The largest difference, as a share of the 95 % range: {max(far)[1]}"
     ]

@@ -15,6 +15,8 @@ from frischid.logs.dataset_list import Dataset
 from frischid.logs.log import Log
 from frischid.logs.proposal import Proposal
 
+CORRECT_FIRST = ", correct this before you identify"
+"""Beside how sure an issue is, where the issue makes a wrong model."""
 COLUMNS = {
     "standstill": "standstill",
     "noise_q": "noise q",
@@ -113,7 +115,7 @@ def lines(issue: LogIssue) -> list[str]:
     place = f"{', '.join(issue.where)}: " if issue.where else ""
     colour = "red" if issue.blocks else "yellow"
     return [
-        f"[{colour}]{issue.kind}[/{colour}] ({issue.sure}{', stops here' * issue.blocks}) {escape(place + issue.what)}",
+        f"[{colour}]{issue.kind}[/{colour}] ({issue.sure}{CORRECT_FIRST * issue.blocks}) {escape(place + issue.what)}",
         f"    → {escape(issue.advice)}",
     ]
 

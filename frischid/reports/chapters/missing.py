@@ -91,8 +91,8 @@ def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
     if kind is None:
         return card
     found = ", ".join(f"{k} = {number(x)} {unit}".rstrip() for k, x, unit in finding.found(study.model.robot))
-    confused = listed(finding.confused_with) or "no effect of the same shape on these logs"
-    general = f" (in general: {listed(kind.confused_with)})" if kind.confused_with else ""
+    confused = listed(finding.confused_with) or "no other effect on these logs"
+    general = f". On other logs: {listed(kind.confused_with)}" if kind.confused_with else ""
     plan = f" To plan a motion that distinguishes it from {other}:" if other else ""
     evidence = (
         f"probability that this is the cause {percent(finding.probability)}; error {finding.change}, "
