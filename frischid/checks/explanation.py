@@ -71,7 +71,7 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Explanation:
-    """The best hypothesis, its probability against the runner-up, the runner-up, and what the torques need.
+    """The best hypothesis, its probability against the runner-up, the best one without all that the torques need.
 
     The needed faults are those of the likeliest part of the best hypothesis with which the URDF explains every torque
     as well as a log must be explained. The others improve a torque that is explained already.
@@ -135,7 +135,9 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
     gap = np.inf if runner is None else reached - runner.score
     parts = [h for h in enough if h.key <= best.key and (h is best or _is_good(h))]
     needed, best = max(parts, key=_fewest_faults), replace(best, faults=_by_evidence(best))
-    return Explanation(best, float(1 / (1 + np.exp(np.clip(-gap, -50, 50)))), runner, needed)
+    # One that has all that is named, and only lacks a fault that is not, is no rival to tell the user of.
+    told = max((h for h in others if not h.key >= needed.key), key=_score, default=None)
+    return Explanation(best, float(1 / (1 + np.exp(np.clip(-gap, -50, 50)))), told, needed)
 
 
 def _hypothesis(faults: tuple[Fault, ...], sketch: Sketch) -> Hypothesis:

@@ -254,13 +254,15 @@ def _common_scales(fits: RowFits) -> list[tuple[float, Fault]]:
         common = float(np.median(gains))
         if not _is_far_from_one(common, fits.criteria.odd_factor):
             continue
-        unit = next((u for f, u in KNOWN_UNITS.items() if abs(common / f - 1) < fits.criteria.unit_tolerance), "")
+        exact, unit = next(
+            ((f, u) for f, u in KNOWN_UNITS.items() if abs(common / f - 1) < fits.criteria.unit_tolerance), (1.0, "")
+        )
         what = f"all torques are about {common:.3g} times those that the URDF predicts"
         what += f": their unit looks like {unit}" if unit else ""
-        advice = "check their unit and the current gains, or whether the URDF is of a smaller or larger robot"
+        advice = "check their unit, whether they are currents, and whether the URDF is of a smaller or larger robot"
         price = cost(fits.criteria, "common scale", 1, 1, float(fits.weight.mean()))
-        # a factor that is no unit may be an error of the URDF: it is said, and not undone
-        fix = tuple((n, "torque_factor", float(f"{1 / common:.4g}")) for n in fits.names if unit)
+        # what is left beside the unit, and a factor that is no unit, may be an error of the URDF: it is not undone
+        fix = tuple((n, "torque_factor", float(f"{1 / exact:.4g}")) for n in fits.names if unit)
         found.append((sign * common, Fault("torque scale", what, fits.names, advice, price, False, False, fix)))
     return found
 

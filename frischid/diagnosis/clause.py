@@ -22,7 +22,7 @@ def _first(diagnosis: Diagnosis) -> str:
     sure = "" if best is None or cause else f" (probability {percent(best.probability)})"
     if diagnosis.verdict == "contact":
         count = len(diagnosis.contacts)
-        touched = f"Something touched the robot {'once' if count == 1 else f'{count} times'} (left out)"
+        touched = f"Something touched the robot {'once' if count == 1 else f'{count} times'} (left out of the search)"
         return f"{touched}; also missing: {named}" if named else touched
     if diagnosis.verdict == "unknown":
         part = f"; {named} explains a part of it" if named else ""

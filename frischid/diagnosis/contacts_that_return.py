@@ -10,7 +10,12 @@ each joint over its own spread. ē is the mean of e over all times outside the b
 of the time are predicted by a fifth wherever the neighbours lie. The prediction knows no equation, so it also sees
 effects outside the catalogue.
 
-Source: Stone 1977, "Consistent nonparametric regression", Annals of Statistics 5(4).
+A few pushes may meet in similar states by chance, so the share of B bursts has a standard error (that of a ratio),
+
+    s² = B/(B − 1) Σ_b (g_b − share · E_b)² / (Σ_b E_b)²,      E_b = Σ (e − ē)²,   g_b = E_b − Σ (e − ê)²  in burst b.
+
+Sources: Stone 1977, "Consistent nonparametric regression", Annals of Statistics 5(4); Cochran 1977, Sampling
+Techniques, section 6.4 (the standard error of a ratio).
 """
 
 from __future__ import annotations
@@ -30,7 +35,7 @@ NEIGHBOURS = 10
 
 
 def returning_share(validator: CrossValidator, rest: CrossValidator, bursts: Sequence[Stretch]) -> float:
-    """Share of the bursts' squared residual that other times with a similar state of the joint predict.
+    """Share of the bursts' squared residual that other times predict surely: less its standard error over the bursts.
 
     Parameters
     ----------
@@ -44,10 +49,10 @@ def returning_share(validator: CrossValidator, rest: CrossValidator, bursts: Seq
     Returns
     -------
     float
-        Below zero where the prediction is worse than none.
+        Below zero where the prediction is worse than none. One burst alone has no standard error.
     """
-    squares, left = np.zeros(len(validator.joints)), np.zeros(len(validator.joints))
-    for row in range(len(validator.joints)):
+    squares, left = np.zeros(len(bursts)), np.zeros(len(bursts))
+    for row, spread in enumerate(validator.spread):
         states, residual, burst, around = _rows(validator, rest.theta, row, bursts)
         for number in np.unique(burst[burst >= 0]):
             inside, outside = burst == number, np.flatnonzero((burst != number) & (around != number))
@@ -56,10 +61,14 @@ def returning_share(validator: CrossValidator, rest: CrossValidator, bursts: Seq
             outside = outside[:: max(1, len(outside) // MOST_ROWS)]
             _, near = cKDTree(states[outside]).query(states[inside], NEIGHBOURS)
             error = residual[inside] - residual[outside][near].mean(axis=1)
-            squares[row] += float(np.sum((residual[inside] - residual[outside].mean()) ** 2))
-            left[row] += float(error @ error)
-    whole = float((squares / validator.spread**2).sum())
-    return 1.0 - float((left / validator.spread**2).sum()) / whole if whole > 0 else 0.0
+            squares[number] += float(np.sum((residual[inside] - residual[outside].mean()) ** 2)) / spread**2
+            left[number] += float(error @ error) / spread**2
+    whole, count = float(squares.sum()), int((squares > 0).sum())
+    if not whole > 0:
+        return 0.0
+    share = 1.0 - float(left.sum()) / whole
+    off = squares - left - share * squares
+    return share - float(np.sqrt(off @ off * count / max(count - 1, 1))) / whole
 
 
 def _rows(

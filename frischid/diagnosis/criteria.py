@@ -117,9 +117,10 @@ class DiagnosisCriteria:
     """Share of the bursts' energy. If a term that acts all the time leaves less than this share unexplained, that term
     causes the bursts, and nothing touched the robot. Seed 0: a coupling of two joints that acts in short bursts."""
     returning_share: float = 0.1
-    """Share of the bursts' squared residual. If other times with a similar state of the joint predict more than this,
-    the bursts return with the motion and are no contacts. Twelve planted contacts of development seeds have at most
-    0.01; six of seven false contacts have 0.17 to 0.56 (the seventh is a drift over time, 0.02)."""
+    """Share of the bursts' squared residual, less its standard error. If other times with a similar state of the joint
+    predict more than this, the bursts return with the motion and are no contacts. Twelve planted contacts of
+    development seeds have at most 0.01; six of seven false contacts have 0.17 to 0.56 (the seventh is a drift over
+    time, 0.02)."""
 
     # ---------------------------------------------------------------- reversals and standstill
 

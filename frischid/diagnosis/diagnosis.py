@@ -32,6 +32,7 @@ from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.findings import Finding, refit_finding
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
+from frischid.diagnosis.model_notes import delay_in, touch_in
 from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import Description, describe
 from frischid.diagnosis.rivals import suspected
@@ -268,14 +269,9 @@ def diagnose(
     found = _diagnosis(results, (verdict, by_twin), headline(model, [as_recording(log) for log in valid or moving]))
     judged = set(validator.joints) & found.headline.joints.keys()
     still = standstill_note([name for name in model.joints if name not in judged])
-    said = (still, *said_of(model, logs), *(part.said for part in parts), delay_in(model))
+    said = [still, *said_of(model, logs), *(part.said for part in parts)]
+    said += [delay_in(model), touch_in(model, logs, found.contacts)]
     return replace(found, notes=(*found.notes, *filter(None, said)))
-
-
-def delay_in(model: Model) -> str:
-    """A note on the delay of the torque that the model has from its identification; empty where it has none."""
-    late = model.lowpass.lag_in_words
-    return late and f"a delay between torque and position is in the model already: {late}, as its own logs show"
 
 
 def _at_standstill(

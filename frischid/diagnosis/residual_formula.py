@@ -15,6 +15,7 @@ Proctor and Kutz 2016, PNAS 113(15).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -46,12 +47,15 @@ class Description:
         Expressions, in the language of the effect ``formula``, that describe the residual.
     removed : float
         Share of the joint's squared held-out error that the formula explains.
+    joints : dict of str to str
+        Number in the names of variables -> joint.
     """
 
     joint: str
     depends_on: Mapping[str, float]
     formula: tuple[str, ...]
     removed: float
+    joints: dict[str, str]
 
     def __str__(self) -> str:
         if not (self.depends_on or self.formula):
@@ -64,14 +68,18 @@ class Description:
         formula = listed([f"'{f}'" for f in self.formula])
         verb = "describes" if len(self.formula) == 1 else "describe"
         described = f"; {formula} {verb} {percent(self.removed)} of it (a description, not a cause)" if formula else ""
-        return f"The residual error of {self.joint} depends on {depends}{described}"
+        used = dict.fromkeys(re.findall(r"[a-z](\d+)", f"{depends} {formula}"))
+        numbered = [f"joint {k} is {self.joints[k]}" for k in used if k in self.joints]
+        names = f"; {listed(numbered)}" if numbered else ""
+        return f"The residual error of {self.joint} depends on {depends}{described}{names}"
 
 
 def describe(validator: CrossValidator, row: int) -> Description:
     """Describe the residual of one joint, given by its position among the fitted ones."""
     depends = _dependence(validator, row)
     chosen, removed = _formula(validator, row)
-    return Description(validator.joints[row], depends, tuple(chosen), removed)
+    joints = {str(number): name for name, number in validator.model.robot.numbers.items()}
+    return Description(validator.joints[row], depends, tuple(chosen), removed, joints)
 
 
 def _dependence(validator: CrossValidator, row: int) -> dict[str, float]:

@@ -18,6 +18,7 @@ from typing import NamedTuple
 from frischid.core.text import listed, percent, sentence
 from frischid.diagnosis.findings import Finding
 from frischid.effects import EFFECTS
+from frischid.robot.robot import Robot
 
 MOST_RIVALS = 3  # hypotheses that are named beside the first
 IN_WORDS = {
@@ -83,15 +84,23 @@ def shared(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> l
     return sorted([Rival(first.effect, first.probability), *others], key=lambda r: -r.probability)
 
 
-def command_for(pair: Sequence[Finding], robot: str = "ROBOT") -> str:
+def in_command(robot: Robot | str) -> str:
+    """A robot as a command line names it: its file or name, and the joints that move where others are locked."""
+    if isinstance(robot, str):
+        return shlex.quote(robot)
+    moving = f" --joints {shlex.quote(','.join(robot.joints))}" if robot.locked else ""
+    return f"{shlex.quote(robot.source)}{moving}"
+
+
+def command_for(pair: Sequence[Finding], robot: Robot | str = "ROBOT") -> str:
     """Command that plans a motion on which two findings act differently, at their joints; empty without two.
 
-    `robot` is the file or the name that the robot was loaded by.
+    `robot` may also be the file or the name that the robot was loaded by.
     """
     placed = ",".join(_placed(finding) for finding in pair)
     if len(pair) != 2:
         return ""
-    return f"frischid excite {shlex.quote(robot)} --separate {shlex.quote(placed)} -o motion.csv"
+    return f"frischid excite {in_command(robot)} --separate {shlex.quote(placed)} -o motion.csv"
 
 
 def pair_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> list[Finding]:
@@ -123,7 +132,7 @@ def cause_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) ->
     return f"{', '.join(told[:-1])} or {told[-1]}" if told else ""
 
 
-def sentence_of(findings: Sequence[Finding], probabilities: Mapping[str, float], robot: str = "ROBOT") -> str:
+def sentence_of(findings: Sequence[Finding], probabilities: Mapping[str, float], robot: Robot | str = "ROBOT") -> str:
     """Sentences on what stands instead of the first finding and beside it; empty where nothing does."""
     cause, more = cause_of(findings, probabilities), beside_of(findings)
     told = [f"these logs alone cannot tell the cause: {cause}"] if cause else []

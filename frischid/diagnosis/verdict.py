@@ -152,7 +152,7 @@ def notes_on(
             f"as much: that is no delay, but noise of the positions; identify with a lower cut-off than {cutoff:g} Hz "
             "(--cutoff)"
         )
-    shared = sentence_of(results.findings, probabilities, validator.model.robot.source)
+    shared = sentence_of(results.findings, probabilities, validator.model.robot)
     if shared and verdict != "contact":
         notes.append(shared)
     notes += not_called_missing(results.findings, probabilities, verdict)

@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -195,8 +196,10 @@ def _no_joint(table: Table, form: LogMap, there: Sequence[str], joints: Sequence
             f"no position column '{template}'; the columns are {', '.join(table.names)}; "
             "say which is which in a mapping file"
         )
-    close = [f"{name} for {joint}" for name in there for joint in close_names(name, joints, 1)]
-    hint = f" (perhaps {', '.join(close)})" if close else ""
+    close = [(name, joint) for name in there for joint in close_names(name, joints, 1)]
+    often = Counter(joint for _, joint in close)  # a joint that is near to many names is near to none
+    near = [f"{name} for {joint}" for name, joint in close if often[joint] == 1]
+    hint = f" (perhaps {', '.join(near)})" if near else ""
     return (
         f"none of the joints in this log is a joint of the robot{hint}; the log has {', '.join(there)}; "
         f"the robot has {', '.join(joints)}; rename the columns or say which is which in a mapping file"

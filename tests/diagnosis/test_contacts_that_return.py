@@ -1,9 +1,12 @@
 """Bursts that return with the state of their joint are no contacts, and bursts that come once are."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import frischid as fr
+from frischid.diagnosis import contacts_that_return
 from frischid.diagnosis.contacts_that_return import returning_share
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA
 from frischid.diagnosis.situation import cross_validator
@@ -55,3 +58,17 @@ def test_pushes_of_one_direction_do_not_predict_one_another():
     validator, _ = cross_validator(fr.identify(MACHINE, logs, recursion="none").model, logs)
     bursts = [(f"log {k}", a, b) for k in (1, 2) for a, b in times]
     assert returning_share(validator, validator.without(bursts), bursts) < DIAGNOSIS_CRITERIA.returning_share
+
+
+@pytest.mark.parametrize(("beside", "returns"), [([0.1] * 6, True), ([0.9, 0.9, 0.9, -0.3, -0.3, -0.3], False)])
+def test_bursts_of_which_some_meet_by_chance_do_not_return(monkeypatch, beside, returns):
+    """Both shares are above the limit. In the second, half of the bursts are predicted, and the other half wrongly."""
+    count = 2 * contacts_that_return.NEIGHBOURS
+    burst = np.repeat([*range(6), *[-1] * 6], count)
+    states = np.repeat([*range(6), *range(6)], count)[:, None] + np.zeros((1, 4))
+    sign = np.array([1.0, -1.0] * 3)  # then the mean of all times is about zero
+    residual = np.repeat([*sign, *sign * beside], count)
+    monkeypatch.setattr(contacts_that_return, "_rows", lambda *_: (states, residual, burst, np.full(len(burst), -1)))
+    fit = SimpleNamespace(spread=np.ones(1), theta=None)
+    share = returning_share(fit, fit, [("log", 0.0, 1.0)] * 6)
+    assert (share > DIAGNOSIS_CRITERIA.returning_share) == returns

@@ -175,13 +175,15 @@ class SearchOutput(Output):
 class DescriptionOutput(Output):
     """What the residual of a joint depends on (p value of each variable), where no effect explains the residual.
 
-    `removed`: share of the joint's squared held-out error that the formula explains.
+    `removed`: share of the joint's squared held-out error that the formula explains. `joints`: number in the names of
+    variables -> joint.
     """
 
     joint: str
     depends_on: dict[str, float]
     formula: list[str]
     removed: float
+    joints: dict[str, str]
 
 
 class SimulatedRatioOutput(Output):

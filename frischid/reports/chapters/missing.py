@@ -33,8 +33,8 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     diagnosis = study.diagnosis
     if diagnosis is None:
         return {"diagnosis": None}
-    significant, source = [f for f in diagnosis.findings if f.significant], study.model.robot.source
-    said, shared = missing(diagnosis), sentence_of(diagnosis.findings, diagnosis.probabilities, source)
+    significant, robot = [f for f in diagnosis.findings if f.significant], study.model.robot
+    said, shared = missing(diagnosis), sentence_of(diagnosis.findings, diagnosis.probabilities, robot)
     pair = pair_of(diagnosis.findings, diagnosis.probabilities) if shared in diagnosis.notes else []
     contacts = [
         f"Contact in {Path(c.source).name} from {c.start:.2f} to {c.stop:.2f} s on {listed(c.joints)}: left out"
@@ -47,7 +47,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "chances": [f"{IN_WORDS.get(k, k)} {percent(p)}" for k, p in _likely(diagnosis)],
         "notes": [sentence(note) for note in diagnosis.notes[1:] if note != shared and f"; {note}" not in said],
         "refused": study.refusals,
-        "separate": command_for(pair, source),
+        "separate": command_for(pair, robot),
         "separated": listed([f.effect for f in pair]),
         "how_ranked": HOW_RANKED if len(significant) > 1 else "",
         "cards": _cards(study, significant[:FINDING_CARDS], {frozenset(f.effect for f in pair)}),
@@ -108,7 +108,7 @@ def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
     ]
     if study.diagnosis is not None:
         rival = [f for f in study.diagnosis.findings if f.effect == other and f.members]
-        card["separate"] = command_for([finding, *rival], study.model.robot.source)
+        card["separate"] = command_for([finding, *rival], study.model.robot)
     shape = shape_of(study.diagnosis, finding, study.prediction) if study.diagnosis is not None else None
     if shape is not None:
         card["shape"] = figures.shape(shape, kind.title, study.sliding(shape.joint))

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from frischid import figures
 from frischid.core.text import listed
 from frischid.diagnosis.clause import missing
-from frischid.diagnosis.rivals import command_for, pair_of
+from frischid.diagnosis.rivals import command_for, in_command, pair_of
 from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
 from frischid.model.events import selection_errors
 from frischid.model.headline import Headline, between, headline_of
@@ -129,7 +129,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
     better = "better.json" if given != "better.json" else "still-better.json"
     found: list[dict[str, Any]] = []
     diagnosis, best = study.diagnosis, study.proposed
-    robot, logs = study.model.robot.source, _logs(study)
+    robot, logs = study.model.robot, _logs(study)
     pair = [] if diagnosis is None else pair_of(diagnosis.findings, diagnosis.probabilities)
     if diagnosis is not None and diagnosis.verdict == "unknown":
         found.append({"kind": "formula", "command": f"frischid studio {given}{logs}"})
@@ -143,7 +143,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "add", "effect": best.effect, "change": best.change, "command": add, "refused": refused})
     if study.weak:
         more = " …" * (len(study.weak) > LISTED)
-        plan = f"frischid excite {shlex.quote(robot)} -o motion.csv"
+        plan = f"frischid excite {in_command(robot)} -o motion.csv"
         names = ", ".join(study.weak[:LISTED]) + more
         found.append({"kind": "excite", "count": len(study.weak), "names": names, "command": plan})
     if not study.held_out:

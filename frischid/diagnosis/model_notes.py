@@ -1,0 +1,27 @@
+"""Notes of a diagnosis on the model that it was given: what the model has already, and what it was fitted with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from frischid.diagnosis.contacts import Contact
+from frischid.logs.log import Log
+from frischid.logs.recording import Recording
+from frischid.model.model import Model
+
+
+def delay_in(model: Model) -> str:
+    """A note on the delay of the torque that the model has from its identification; empty where it has none."""
+    late = model.lowpass.lag_in_words
+    return late and f"a delay between torque and position is in the model already: {late}, as its own logs show"
+
+
+def touch_in(model: Model, logs: Sequence[Log | Recording], contacts: Sequence[Contact]) -> str:
+    """A note that the model was fitted to logs with contacts; empty where it was not."""
+    touched = {contact.source for contact in contacts}
+    if not any(log.source in touched and model.made_from(log) for log in logs):
+        return ""
+    return (
+        "the model was fitted with these contacts, which change its parameters: cut them out of the logs (frischid cut "
+        "LOG --from START --until STOP keeps a part) and identify again"
+    )
