@@ -219,7 +219,8 @@ def names(trial: Trial, found: dict[str, Any]) -> bool:
     if wanted in ("none", "unknown", "contact"):
         return bool(found["verdict"] == wanted)
     first = next(iter(found["findings"]), {"effect": "", "joints": []})
-    return bool(first["effect"] == wanted and trial.joint in first["joints"])
+    called = found["verdict"] == "effect" and first["effect"] == wanted
+    return bool(called and first["significant"] and trial.joint in first["joints"])
 
 
 def main() -> None:

@@ -154,8 +154,9 @@ def usable_candidates(
 ) -> list[list[Candidate]]:
     """Candidates, shape by shape, that are not yet in the model and whose columns are finite and act on some row.
 
-    A shape that these motions cannot show is left out. Errors of a recorded torque are no candidates where the torque
-    was computed from commands.
+    A shape that these motions cannot show is left out. So is a coupling of joints where the torque of one is not known:
+    half of a coupling is a torque that follows another joint's motion, whatever its cause. Errors of a recorded torque
+    are no candidates where the torque was computed from commands.
 
     All places are handled at once, because each call goes through all motions.
 
@@ -168,10 +169,12 @@ def usable_candidates(
     """
     robot, measured = validator.model.robot, validator.data.cache.channels
     commanded = validator.model.controller is not None
-    present = {c.name for c in validator.data.cache.regressor.columns}
+    present, fitted = {c.name for c in validator.data.cache.regressor.columns}, set(validator.joints)
 
     def fresh(effect: Effect) -> bool:
         if (effect.of_recording and commanded) or not effect.shows_within(validator.data.cache.reach):
+            return False
+        if len(effect.joints or ()) > 1 and not fitted.issuperset(effect.joints or ()):
             return False
         return measured.issuperset(effect.channels(robot)) and not any(
             column.name in present for column in effect.columns(robot)

@@ -261,7 +261,8 @@ class ModelErrors:
             )
         model = rows_of(self._model, changing)
         residuals, both = Residuals(model, self._kept.blocks), (sums.of(changing), self._everything.of(changing))
-        floor = self.noise.under(np.sqrt(sums.error2 / np.maximum(sums.count, 1)))[changing]
+        rmse = np.sqrt(sums.error2 / np.maximum(sums.count, 1))
+        floor = np.minimum(self.noise.under(rmse), rmse)[changing]  # an error below a floor refutes the floor
         found = _summary(model, both, sources, floor, self.expected_rms[changing], residuals)
         left_out = tuple(np.compress(~changing, self._model.joints))
         return replace(found, not_compared=left_out, poses=self.noise.poses)

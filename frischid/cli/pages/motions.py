@@ -10,6 +10,7 @@ from rich.table import Table
 
 from frischid.cli.pages.page import Page, table_of
 from frischid.logs.log import Log
+from frischid.model.alarms import Alarm
 from frischid.motions.discrimination import Apart
 from frischid.motions.plan import Plan
 from frischid.motions.programme import NEAREST_MEASURED, Nearest, Programme
@@ -47,7 +48,6 @@ def excitation(
     lines: list[Any] = [
         *told,
         f"{planned.criterion} {planned.cost:.4g} after {planned.evaluations:,} evaluations in {planned.seconds:.1f} s",
-        *(f"limit not met: {v}" for v in planned.violations),
         *planned.notes,
         _peaks(motion),
         *_distance(motion),
@@ -80,7 +80,16 @@ def excitation(
         }
     if narrower is not None:
         data["standard_errors_smaller_by"] = narrower
-    return Page(data, lines)
+    return Page(data, lines, unsafe(planned))
+
+
+def unsafe(planned: Plan) -> list[Alarm]:
+    """The alarm that a motion does not keep all limits; nothing where it does."""
+    if not planned.violations:
+        return []
+    told = "; ".join(map(str, planned.violations))
+    remedy = "Do not run the motion. Plan it again with a larger --budget, another --seed, or another --duration."
+    return [Alarm("limit-not-kept", "severe", f"The motion does not keep all limits: {told}.", remedy)]
 
 
 def _peaks(motion: Programme) -> Table:
