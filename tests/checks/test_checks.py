@@ -187,6 +187,12 @@ def test_each_fault_is_named(name, fault):
         assert found[kind].where == tuple(robot.joints[j] for j in where)
 
 
+def test_a_unit_is_undone_exactly_where_the_links_weigh_less_than_in_the_urdf():
+    lighter = clean("ur10")
+    (report,) = check(machine("ur10"), [replace(lighter, tau=0.9e3 * lighter.tau)])
+    assert {(key, value) for _, key, value in report.fix} == {("torque_factor", 0.001)}
+
+
 def test_lags_are_measured():
     log = clean("ur10")
     (report,) = check(machine("ur10"), [replace(log, v=delayed(log, log.v, 0.05), tau=delayed(log, log.tau, 0.02))])

@@ -82,6 +82,7 @@ def test_pushes_that_bias_the_whole_fit_are_found(share):
     whole = [c for c in found.contacts if c.start > 1]
     assert {round(c.start) % 7 for c in whole} == {0}
     assert all(abs(c.stop - c.start - 7 * share) < 0.6 for c in whole)
+    assert any("the model was fitted with these contacts" in note for note in found.notes)
 
 
 def test_a_robust_fit_hardly_sees_a_push():

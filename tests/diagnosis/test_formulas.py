@@ -6,7 +6,7 @@ import pytest
 from cases import MIXED, made
 
 from frischid.diagnosis.improvement import add
-from frischid.diagnosis.residual_formula import library
+from frischid.diagnosis.residual_formula import Description, library
 from frischid.diagnosis.situation import cross_validator
 from frischid.effects import Formula, parse_effects
 from frischid.errors import InputError
@@ -62,3 +62,8 @@ def test_formulas_know_the_joints_of_a_robot_with_mimic_joints(joint):
     validator, _ = cross_validator(model, [log], "always")
     for expression in library(validator, joint):
         assert Formula(expression=expression, joints=(joint,)).columns(robot)
+
+
+def test_a_description_says_which_joint_a_number_means():
+    found = Description("elbow", {"v3": 1e-9}, ("sign(v3)", "q2*q3"), 0.9, {"2": "lift", "3": "elbow", "4": "wrist"})
+    assert str(found).endswith("; joint 3 is elbow and joint 2 is lift")

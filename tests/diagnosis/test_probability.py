@@ -218,6 +218,10 @@ def test_below_four_fifths_the_rivals_are_told_with_the_motion_that_separates_th
     named = command_for(pair_of(shared, chance), "my arm.urdf")
     assert named.startswith("frischid excite 'my arm.urdf' --separate ")  # the command works as printed
     assert f"`{named}`" in sentence_of(shared, chance, "my arm.urdf")
+    arm = Robot.load("ur10").keep(["elbow_joint", "wrist_1_joint"])
+    assert command_for(pair_of(shared, chance), arm).startswith(
+        "frischid excite ur10 --joints elbow_joint,wrist_1_joint --separate "
+    )
     sure = [replace(first, probability=0.85), *shared[1:]]
     assert rivals(sure, {**chance, first.effect: 0.85}) == []
     assert sentence_of(sure, {**chance, first.effect: 0.85}) == ""

@@ -22,9 +22,10 @@ from frischid.diagnosis.scored_candidate import (
     scored,
     usable_candidates,
 )
+from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.stepwise_selection import excluded
 from frischid.diagnosis.weighted_fit import predictive_squares
-from frischid.effects import BASELINE, EFFECTS, Formula, parse_effects
+from frischid.effects import BASELINE, EFFECTS, Formula, JointCoupling, parse_effects
 from frischid.estimators.least_squares import Prior
 from frischid.logs.log import Log
 from frischid.model.identification import identify
@@ -320,3 +321,14 @@ def test_two_couplings_of_the_same_joints_exclude_each_other():
     assert not excluded(total, of("joint_coupling(ratio=1)@joint2+joint3"))
     assert excluded(of("cogging(order=6)@joint1"), of("cogging(order=12)@joint1"))  # A1 and B1 of both
     assert not excluded(of("joint_spring@joint1"), of("hysteresis@joint1"))
+
+
+def test_a_coupling_needs_the_torques_of_both_joints():
+    """Without one of them, the other's torque only follows a motion that is not its own."""
+    robot = Robot.load("planar2")
+    log = simulate(robot, random_fourier(robot, 8.0, seed=0), rate=50.0, noise=Noise(tau=0.01))
+    for joints, count in ((None, 1), (("joint1",), 0)):
+        model = identify(robot, [log], torque_joints=joints, recursion="none").model
+        validator, _ = cross_validator(model, [log], "always")
+        places = JointCoupling.candidates(robot)
+        assert [len(found) for found in usable_candidates(validator, places)] == [count] * len(places)

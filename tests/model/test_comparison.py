@@ -175,3 +175,11 @@ def test_ten_independent_samples_say_what_a_slow_residual_depends_on():
     slow = left.structure()["joint2"]
     assert 10 <= len(left.t) * left.step / slow.correlation_time < 20
     assert slow.depends_on["q"] < 0.01
+
+
+def test_no_error_is_below_the_floor():
+    """It would refute the floor: here the noise of the log that is compared is far below that of a coarse encoder."""
+    log = log_of(2)
+    coarse = replace(log, q=np.round(log.q / 2e-3) * 2e-3, v=None, a=None)
+    for found in (compare(model(), [log]), compare(model(), [coarse])):
+        assert all(j.noise_floor <= j.nrmse for j in found.joints)

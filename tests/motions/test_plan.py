@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cases import MIXED, joint, link, made, urdf
+from click.testing import CliRunner
 
 from frischid import figures
+from frischid.cli import main
 from frischid.effects import BASELINE, Coulomb, RotorInertia, Viscous
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.readers import read_log
@@ -355,3 +357,12 @@ def test_the_picture_shows_the_robot_along_the_motion(tmp_path):
     assert text.count("Plotly.newPlot") >= 2
     assert "Plotly.addFrames" in text
     assert text.count("plotly.js v") < 3  # the library is there once
+
+
+def test_a_motion_that_breaks_a_limit_is_an_alarm(tmp_path):
+    """A script must not run it: the exit code is 1, and the first words say so."""
+    (tmp_path / "weak.urdf").write_text(DEAD_WEIGHT)
+    words = ["excite", str(tmp_path / "weak.urdf"), "-o", str(tmp_path / "m.csv"), "--duration", "3", "--budget", "50"]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 1, result.output
+    assert result.output.startswith("ALARM limit-not-kept: The motion does not keep all limits: torque of lift")
