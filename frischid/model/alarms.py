@@ -213,6 +213,25 @@ def too_short(seconds: float, criteria: AlarmCriteria) -> list[Alarm]:
     ]
 
 
+def faulty_logs(faults: Sequence[str]) -> list[Alarm]:
+    """The logs have faults that make a wrong model: a wrong sign, a wrong unit, exchanged joints."""
+    if not faults:
+        return []
+    more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+    return [
+        Alarm(
+            "faulty-log",
+            "severe",
+            f"A log has a fault that makes a wrong model: {faults[0]}{more}.",
+            "`frischid check ROBOT LOG -o map.toml` writes a mapping that undoes the fault; identify again with --map "
+            "map.toml.",
+            (),
+            float(len(faults)),
+            0.0,
+        )
+    ]
+
+
 def noisy_cutoff(spectra: LogSpectra, cutoff: float | None, criteria: AlarmCriteria) -> list[Alarm]:
     """The filter lets position noise through that is as large as the acceleration.
 

@@ -24,6 +24,7 @@ from frischid.model.alarms import (
     AlarmCriteria,
     by_severity,
     doubtful_gains,
+    faulty_logs,
     gains_from_masses,
     noisy_cutoff,
     too_short,
@@ -87,6 +88,7 @@ def fit_alarms(fit: Fit) -> tuple[Alarm, ...]:
         *undetermined(_disagreement(problem, posterior, criteria.faster), criteria),
         *noisy_cutoff(problem.data.summary.spectra, problem.data.lowpass.cutoff, criteria),
         *too_short(problem.data.summary.seconds, criteria),
+        *faulty_logs(problem.data.journal.faults),
         *wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria),
     ]
     return by_severity(found)

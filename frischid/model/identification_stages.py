@@ -164,6 +164,10 @@ def _check_issues(data: LogData) -> None:
     reports = report_issues(data.robot, data.logs, prepared)
     issues = [(r.source, x) for r in reports for x in r.issues if x.kind != "standstill"]  # a note says it of all logs
     data.journal.warnings += [f"{source}: {issue.short}" for source, issue in issues]
+    for report in reports:
+        undone = {joint for joint, *_ in report.fix}
+        wrong = [x for x in report.issues if x.blocks or (undone and undone <= set(x.where))]
+        data.journal.faults += [f"{report.source}: {x.short}" for x in wrong]
     if not data.options.force:
         refuse_worthless(reports)
 

@@ -41,11 +41,14 @@ class Journal:
         Changes of the data.
     warnings : list of str
         Reasons to doubt the result.
+    faults : list of str
+        Faults of logs that make a wrong model, and can be undone.
     """
 
     progress: Callable[[str], None]
     notes: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
     words: str = IDENTIFY_STAGES[0]
 
     def stage(self, words: str) -> None:

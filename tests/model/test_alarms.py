@@ -168,3 +168,12 @@ def test_logs_of_one_second_leave_the_model_open():
 def _log_of(robot, seed):
     motion = fr.random_fourier(robot, 20.0, seed=seed)
     return fr.simulate(robot, motion, rate=100.0, noise=fr.Noise(q=1e-5, tau=0.003), channels=(), seed=seed)
+
+
+@pytest.mark.parametrize(("sign", "raised"), [(1.0, []), (-1.0, ["faulty-log"]), (1e3, ["faulty-log"])])
+def test_a_log_whose_fault_can_be_undone_raises_an_alarm(sign, raised):
+    robot = fr.Robot.load("ur10")
+    log = fr.simulate(robot, fr.random_fourier(robot, 20.0, seed=1), rate=100.0, noise=fr.Noise(q=1e-5, tau=0.01))
+    tau = log.tau * np.where(np.arange(6) == 1, sign, 1.0 if sign < 0 else sign)
+    found = fr.identify(robot, [fr.Log(log.t, log.joints, log.q, tau=tau)], recursion="none")
+    assert [alarm.id for alarm in found.alarms if alarm.id == "faulty-log"] == raised
