@@ -131,7 +131,6 @@ def library(validator: CrossValidator, joint: str) -> list[str]:
     found += [f"t*sign(v{own})", f"t*v{own}", "t", f"abs(q{own})*sign(v{own})", f"load{own}"]
     spread = validator.spread[validator.joints.index(joint)]
     found += [f"tanh(load{own}/{share * spread:.2g})" for share in _KNEES]
-    found += [form for k in _others(validator, joint) for form in (f"v{k}", f"sign(v{k})", f"a{k}")]
     return found + coupling_expressions(validator, joint)
 
 
@@ -139,8 +138,15 @@ def coupling_expressions(validator: CrossValidator, joint: str) -> list[str]:
     """Expressions for torques on one joint caused by the motion of other joints, which the catalogue lacks."""
     own, found = str(validator.model.robot.numbers[joint]), []
     for k in _others(validator, joint):
-        found += [f"q{own}*q{k}", f"q{k}", f"sin(q{k})", f"cos(q{k})", f"tau_model{k}", f"v{own}*abs(v{k})"]
-        found += [f"abs(v{own})*v{k}", f"v{own}*v{k}", f"q{k}*v{own}", f"q{k}*sign(v{own})"]
+        found += [f"v{k}", f"sign(v{k})", f"a{k}", f"q{k}", f"sin(q{k})", f"cos(q{k})", f"tau_model{k}"]
+        found += [
+            f"q{own}*q{k}",
+            f"v{own}*abs(v{k})",
+            f"abs(v{own})*v{k}",
+            f"v{own}*v{k}",
+            f"q{k}*v{own}",
+            f"q{k}*sign(v{own})",
+        ]
     return found
 
 
