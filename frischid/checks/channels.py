@@ -260,12 +260,15 @@ def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
         )
         return
     evidence = "far outside the URDF's limits" if (far | fast).any() else "several full turns"
+    advice = 'set angle_unit = "deg" under [file] in a mapping file'
+    if found.sum() < (~robot.prismatic).sum():  # the others may move too little to be implausible
+        advice += f", or under [joint.{notes.which(found)[0]}] and the like if the other joints are in radians"
     notes.add(
         "degrees",
         f"the motion is implausible in radians ({evidence}: {span(np.abs(log.q[:, found]).max(axis=0))} rad) and looks "
         "like degrees",
         notes.which(found),
         "likely" if turns[found].all() else "certain",
-        'if so, set angle_unit = "deg" under [file] in a mapping file',
+        f"if so, {advice}",
         blocks=not turns[found].all(),
     )
