@@ -78,6 +78,7 @@ TABLES = dict(
         table_of(accuracy.paper_claims, "paper_again"),
         table_of(diagnosis.hidden_commanded),
         table_of(diagnosis.planted_effects),
+        table_of(diagnosis.any_robot),
         table_of(diagnosis.planted_log_faults),
         table_of(diagnosis.planted_measured_faults, script="planted_log_faults"),
         table_of(diagnosis.calibration),

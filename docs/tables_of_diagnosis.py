@@ -40,6 +40,16 @@ def planted_effects() -> str:
     return f"{table(head, lines)}\n{'. '.join(data('planted_effects')['notes'])}.\n"
 
 
+def any_robot() -> str:
+    """Random robots with a hidden cause: named or not, and how the commands ended."""
+    head = ("hidden cause", "robots", "named", "commands run", "of these refused in a sentence", "failed")
+    keys = ("trials", "named", "commands", "refused", "failed")
+    rows = rows_of("any_robot")
+    lines = [(row["cause"], *(str(row[key]) for key in keys)) for row in rows]
+    lines.append(("all", *(str(sum(row[key] for row in rows)) for key in keys)))
+    return f"{table(head, lines)}\n{'. '.join(data('any_robot')['notes'])}.\n"
+
+
 EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 """Limits of the ranges of probability."""
 

@@ -108,7 +108,7 @@ def test_a_healthy_robot_raises_no_alarm():
     )
     above = replace(found.headline, nrmse=3 * found.headline.noise_floor)
     explained = replace(found, error=found.noise_floor, headline=above).remainder
-    assert explained.startswith("no effect is missing: noise of sensors and drives"), "the headline shows more noise"
+    assert explained.startswith("no effect is missing: noise explains the error"), "the headline shows more noise"
     far, there = 9 * found.noise_floor, found.headline
     noisy = replace(found, error=far, headline=replace(there, nrmse=0.017, noise_floor=0.0123), probabilities={})
     assert noisy.remainder.endswith("the model's NRMSE is 0.017, that of the sensor noise alone 0.012")
@@ -190,7 +190,8 @@ def test_two_changes_stand_before_a_refit_that_explains_both():
     (refit,) = (f for f in others if f.effect == "old_parameters")
     assert refit.probability > second.probability, "so the probability alone does not put it there"
     assert any(f"robably also missing, beside {first.title}: {second.title}; it explains" in x for x in found.notes)
-    assert missing(found).endswith(f"; probably also missing: {second.title}")
+    assumed = " (assumed: the robot changed since it was identified)"
+    assert missing(found).endswith(f"; probably also missing: {second.title}{assumed}")
 
 
 def test_a_change_is_found_beside_one_that_was_added():
