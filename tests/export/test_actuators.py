@@ -95,7 +95,11 @@ def test_the_step_of_the_simulator_is_the_users(model, tmp_path, monkeypatch):
 
 def test_an_export_says_that_its_drives_go_with_physical_links(model, tmp_path):
     """The prior pulls physical values by less than their range, and the table keeps the values as identified."""
-    said = [note for note in fr.export(model, tmp_path / "robot.xml").notes if "drive values that fit its physical links" in note]
+    said = [
+        note
+        for note in fr.export(model, tmp_path / "robot.xml").notes
+        if "drive values that fit its physical links" in note
+    ]
     assert len(said) == 1
     joint, table, here = re.search(r"of (joint\d), (\S+) in the table and (\S+) ", said[0]).groups()
     found = {(x.joint, f"{x.value:.3g}") for x in fr.drive_parameters(model)}
