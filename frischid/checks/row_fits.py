@@ -261,7 +261,7 @@ def _common_scales(fits: RowFits) -> list[tuple[float, Fault]]:
         what += f": their unit looks like {unit}" if unit else ""
         advice = "check their unit, whether they are currents, and whether the URDF is of a smaller or larger robot"
         price = cost(fits.criteria, "common scale", 1, 1, float(fits.weight.mean()))
-        # what is left beside the unit, and a factor that is no unit, may be an error of the URDF: it is not undone
+        # a factor beside the unit, and one that is no unit, may be an error of the URDF: it is not undone
         fix = tuple((n, "torque_factor", float(f"{1 / exact:.4g}")) for n in fits.names if unit)
         found.append((sign * common, Fault("torque scale", what, fits.names, advice, price, False, False, fix)))
     return found

@@ -39,6 +39,24 @@ Fits = tuple[CandidateFit | None, ...]
 """Without each fold in turn, then of everything; None where the other columns span the candidate."""
 
 
+class Score(NamedTuple):
+    """Sums of squared residuals with a candidate, and its coefficients.
+
+    Attributes
+    ----------
+    sse : ndarray, shape (folds, J)
+        Of each fold under the fit to the others.
+    predictive : ndarray, shape (folds, J)
+        The same without the error that uncertain parameters alone cause: Q of `weighted_fit`.
+    beta : ndarray, shape (k,)
+        Fitted to all folds.
+    """
+
+    sse: Array
+    predictive: Array
+    beta: Array
+
+
 class _Sums(NamedTuple):
     """Weighted sums of S candidates with k columns: ``A`` (S, p, k), ``e`` (S, k), ``D`` (S, k, k)."""
 

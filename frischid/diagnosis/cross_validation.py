@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from frischid.core.text import each_of
 from frischid.core.types import Array
 from frischid.diagnosis.cached_motion import JointData, Stretch
 from frischid.diagnosis.candidate_columns import Candidate
-from frischid.diagnosis.candidate_fits import CandidateFit, Fits, candidate_fits
+from frischid.diagnosis.candidate_fits import CandidateFit, Fits, Score, candidate_fits
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.dataset import RegressionData
 from frischid.diagnosis.model_columns import ModelColumns
@@ -44,24 +43,6 @@ from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
 from frischid.model.standstill_joints import STANDSTILL_LOG, rows_of
-
-
-class Score(NamedTuple):
-    """Sums of squared residuals with a candidate, and its coefficients.
-
-    Attributes
-    ----------
-    sse : ndarray, shape (folds, J)
-        Of each fold under the fit to the others.
-    predictive : ndarray, shape (folds, J)
-        The same without the error that uncertain parameters alone cause: Q of `weighted_fit`.
-    beta : ndarray, shape (k,)
-        Fitted to all folds.
-    """
-
-    sse: Array
-    predictive: Array
-    beta: Array
 
 
 @dataclass(frozen=True, eq=False)

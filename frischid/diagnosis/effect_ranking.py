@@ -24,7 +24,8 @@ import numpy as np
 
 from frischid.diagnosis.block_test import block_test, less_error
 from frischid.diagnosis.candidate_columns import Candidate
-from frischid.diagnosis.cross_validation import CrossValidator, Score
+from frischid.diagnosis.candidate_fits import Score
+from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.scored_candidate import ScoredCandidate, Watcher, price, scored, usable_candidates
 from frischid.diagnosis.shape_refinement import refined, with_refined_contenders
 from frischid.diagnosis.stepwise_selection import OwnPart, excluded, own_part, selected, with_all

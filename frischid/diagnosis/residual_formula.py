@@ -139,14 +139,8 @@ def coupling_expressions(validator: CrossValidator, joint: str) -> list[str]:
     own, found = str(validator.model.robot.numbers[joint]), []
     for k in _others(validator, joint):
         found += [f"v{k}", f"sign(v{k})", f"a{k}", f"q{k}", f"sin(q{k})", f"cos(q{k})", f"tau_model{k}"]
-        found += [
-            f"q{own}*q{k}",
-            f"v{own}*abs(v{k})",
-            f"abs(v{own})*v{k}",
-            f"v{own}*v{k}",
-            f"q{k}*v{own}",
-            f"q{k}*sign(v{own})",
-        ]
+        found += [f"q{own}*q{k}", f"v{own}*abs(v{k})", f"abs(v{own})*v{k}"]
+        found += [f"v{own}*v{k}", f"q{k}*v{own}", f"q{k}*sign(v{own})"]
     return found
 
 

@@ -25,7 +25,8 @@ from scipy import special
 
 from frischid.diagnosis.block_test import block_test
 from frischid.diagnosis.candidate_columns import Candidate
-from frischid.diagnosis.cross_validation import CrossValidator, Score
+from frischid.diagnosis.candidate_fits import Score
+from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.effects import Coulomb, Effect
 
 

@@ -166,7 +166,7 @@ def _check_issues(data: LogData) -> None:
     data.journal.warnings += [f"{source}: {issue.short}" for source, issue in issues]
     for report in reports:
         undone = {joint for joint, *_ in report.fix}
-        wrong = [x for x in report.issues if x.blocks or (undone and undone <= set(x.where))]
+        wrong = [x for x in report.issues if x.blocks or (x.where and undone.issuperset(x.where))]
         data.journal.faults += [f"{report.source}: {x.short}" for x in wrong]
     if not data.options.force:
         refuse_worthless(reports)

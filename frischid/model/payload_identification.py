@@ -292,7 +292,9 @@ def _in_frame(
     phi: Array, covariance: Array, H: Array, names: tuple[str, str], errors: tuple[float, float], notes: tuple[str, ...]
 ) -> IdentifiedPayload:
     """The ten parameters as mass, centre and inertia about it, with bounds by the derivative of this change."""
-    by_chance = float(phi @ np.linalg.solve(covariance, phi)) <= special.chdtri(len(phi), 0.05)
+    spread = np.sqrt(np.diag(covariance))  # kilograms and kg·m² differ by many powers of ten
+    far = phi / spread @ np.linalg.solve(covariance / np.outer(spread, spread), phi / spread)
+    by_chance = far <= special.chdtri(len(phi), 0.05)
     T = np.linalg.inv(parameter_transform(H))
     phi, covariance = T @ phi, T @ covariance @ T.T
     if by_chance or phi[0] <= 0:

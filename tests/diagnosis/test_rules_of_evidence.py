@@ -9,9 +9,10 @@ import pytest
 
 from frischid.diagnosis.block_test import p_value_of
 from frischid.diagnosis.candidate_columns import Candidate
+from frischid.diagnosis.candidate_fits import Score
 from frischid.diagnosis.change_prior import evidence_prior, prior_before_change, weak_urdf_prior
 from frischid.diagnosis.criteria import DiagnosisCriteria
-from frischid.diagnosis.cross_validation import CrossValidator, Score
+from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.improvement import improve
 from frischid.diagnosis.scored_candidate import (
