@@ -11,7 +11,7 @@ def missing(diagnosis: Diagnosis) -> str:
     """The clause, as the subject line of a page: a capital, and no full stop."""
     more = beside(diagnosis.findings) if diagnosis.verdict == "effect" else []
     also = f"; probably also missing: {listed([f.title for f in more])}" if more else ""
-    changed = " (assumed: the robot changed since it was identified)" if diagnosis.situation == "changed" else ""
+    changed = "; assumed: the robot changed since it was identified" if diagnosis.situation == "changed" else ""
     return f"{_first(diagnosis)}{also}{changed}"
 
 

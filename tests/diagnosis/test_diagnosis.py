@@ -190,7 +190,7 @@ def test_two_changes_stand_before_a_refit_that_explains_both():
     (refit,) = (f for f in others if f.effect == "old_parameters")
     assert refit.probability > second.probability, "so the probability alone does not put it there"
     assert any(f"robably also missing, beside {first.title}: {second.title}; it explains" in x for x in found.notes)
-    assumed = " (assumed: the robot changed since it was identified)"
+    assumed = "; assumed: the robot changed since it was identified"
     assert missing(found).endswith(f"; probably also missing: {second.title}{assumed}")
 
 
