@@ -7,9 +7,8 @@ NRMSE of these joints without and with the effect, and N the same sum for the no
     share = (E − E') / (E − N).
 
 Where the error is well above the noise, any share is enough. Near the noise, the share must reach one half. Where all
-of the error lies at reversals and standstill, dry friction is undetermined, and the share must reach four fifths.
-
-A refit of all parameters is a finding too: it says that the identified parameters no longer hold.
+of the error lies at reversals and standstill, dry friction is undetermined, and the share must reach four fifths. A
+refit of all parameters is a finding too: it says that the identified parameters no longer hold.
 """
 
 from __future__ import annotations

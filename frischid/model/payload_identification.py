@@ -2,10 +2,10 @@
 
     τ = Y θ + Γ_last φ + noise,      θ ~ N(θ̂, C) of the model,      φ = (m, mc, I) of the body
 
-The model's parameters are not fixed: they may move within their covariance, and friction, which changes from day to
-day, by more. So what the bare robot's model does not know widens the bounds of the body. The body has a wide prior (up
-to the robot's own mass, within reach of a hand), which fills in what no motion of the log determines; the result says
-how much of each number came from the log.
+The model's parameters are not fixed: they may move within their covariance, and friction by more. So what the bare
+robot's model does not know widens the bounds of the body. The body has a wide prior (up to the robot's own mass, within
+reach of a hand), which fills in what no motion of the log determines; the result says how much of each number came from
+the log. The logs show a body only if φ̂ᵀ C_φ⁻¹ φ̂ exceeds what chance reaches in 5 % of the cases (χ² of ten numbers).
 
 Source of the method with a known bare robot: Khalil, Gautier and Lemoine 2007, Identification of the payload inertial
 parameters of industrial manipulators, IEEE ICRA.
@@ -189,8 +189,7 @@ def payload(
     True
     """
     logs = as_logs(logs, model.robot.joints, mapping)
-    robot = model.robot
-    name = _carrier(robot, carrier)
+    robot, name = model.robot, _carrier(model.robot, carrier)
     if any(effect.id == "payload" for effect in model.effects):
         raise InputError("the model has a payload already; give the model of the robot without it")
     if not logs:
@@ -317,7 +316,7 @@ def _in_frame(
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     half = special.ndtri(0.975) * spread
     if values[0] <= half[0]:
-        notes = (*notes, "the mass is within its bound of zero: these logs show no body that can be told from none")
+        notes = (*notes, "the mass is within its bound of zero: these logs show the body by its centre and inertia")
     if changed:
         notes = (*notes, "the inertia is the nearest that a body can have: the log determines it weakly")
     return IdentifiedPayload(
