@@ -223,8 +223,8 @@ def faulty_logs(faults: Sequence[str]) -> list[Alarm]:
             "faulty-log",
             "severe",
             f"A log has a fault that makes a wrong model: {faults[0]}{more}.",
-            "`frischid check ROBOT LOG -o map.toml` writes a mapping that undoes the fault; identify again with --map "
-            "map.toml.",
+            "`frischid check ROBOT LOG -o map.toml` says what to do, and writes the mapping that undoes the fault, if "
+            "one does; identify again with --map map.toml.",
             (),
             float(len(faults)),
             0.0,

@@ -107,6 +107,11 @@ class Comparison(Shown):
         return float(np.mean([j.nominal for j in self.joints]))
 
     @property
+    def behind_urdf(self) -> list[str]:
+        """Joints whose torque the URDF's links with fitted friction predict better than the model does."""
+        return [j.name for j in self.joints if j.nominal < j.nrmse]
+
+    @property
     def constant(self) -> float:
         """Mean NRMSE of a constant torque."""
         return float(np.mean([j.constant for j in self.joints]))

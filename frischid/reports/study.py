@@ -154,7 +154,7 @@ class Study:
                 f"The model hardly predicts the torque of {listed(hopeless)}: check for swapped columns, a wrong sign, "
                 "a dead channel, or a missing effect."
             )
-        worse = [n for n, j in self.verdict.joints.items() if j.nominal < j.nrmse <= limit]
+        worse = [name for name in self.verdict.behind_urdf if self.verdict.joints[name].nrmse <= limit]
         if worse:
             found.append(f"The URDF with fitted friction predicts {listed(worse)} better than this model does.")
         if self.impossible and all(alarm.id != "impossible-sign" for alarm in self.headline.alarms):

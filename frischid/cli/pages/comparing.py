@@ -10,7 +10,6 @@ import numpy as np
 from frischid.cli.pages.page import Page, depends, figure, headline_line, table_of, warning_lines
 from frischid.core.text import listed, percent
 from frischid.forward.motion_error import MotionComparison
-from frischid.model.alarms import AlarmCriteria
 from frischid.model.comparison import Comparison
 from frischid.model.headline import AS_THE_SENSORS, Headline
 from frischid.model.residual_conditions import CONDITION_ORDER
@@ -68,8 +67,7 @@ def error_tables(result: Comparison) -> list[Any]:
         table,
         *filter(None, [standstill_note(result.not_compared), pose_note(result.poses, result.samples)]),
     ]
-    worse = [name for name, j in result.joints.items() if j.nrmse > AlarmCriteria().worse_than_urdf * j.nominal]
-    if worse:
+    if worse := result.behind_urdf:
         parts += warning_lines([f"the URDF with fitted friction predicts {listed(worse)} better than this model does"])
     if result.standstill > 0:
         parts.append(
