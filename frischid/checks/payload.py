@@ -4,7 +4,7 @@
 
 One least-squares problem over all joints gives the body. The body is accepted when it explains nearly all of the
 nominal URDF's error and is possible. Its mass is positive, or negative and in size at most the mass of the last link;
-its centre of mass is within reach.
+its centre of mass is within reach. No mass is stated where the motion does not determine the mass, as that of a wheel.
 
 A URDF whose links are too heavy or too light looks like a body too: an error of the last link *is* a body on it. So the
 links' own errors are the rival,
@@ -91,8 +91,15 @@ def payload_errors(sketch: Sketch) -> Body:
     masses = robot.nominal[0::10]
     criteria, own = sketch.criteria, masses[robot.numbers[joint] - 1]
     sensible = -criteria.missing_mass * own < mass < masses.sum() and np.linalg.norm(centre) < criteria.payload_reach
+    sensible = sensible and determines_mass(Y[:, :, few.rows])
     torque = body if len(few) == len(sketch) else None
     return Body(joint, mass, centre, 1 - after / max(before, 1e-12) if sensible else 0.0, torque)
+
+
+def determines_mass(columns: Array) -> bool:
+    """Whether the mass of a body changes the torque in a way of its own; the columns are (M, 10, R), the mass first."""
+    table = columns.transpose(0, 2, 1).reshape(-1, 10)
+    return bool(np.linalg.matrix_rank(table) > np.linalg.matrix_rank(table[:, 1:]))
 
 
 def check_payload(sketch: Sketch, notes: Notebook) -> bool:

@@ -15,6 +15,7 @@ from frischid.checks import defects, inspect
 from frischid.checks.channels import quantum
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.log_issue import Notebook
+from frischid.checks.payload import determines_mass
 from frischid.checks.sketch import Sketch, shared_fit
 from frischid.cli.pages.checking import check as check_page
 from frischid.effects import BASELINE
@@ -438,6 +439,17 @@ def test_panda(data):
     hand = measured(data, "panda/panda_with_hand.urdf", "panda/logs/ident_0_14s.parquet")
     assert set(hand) == {"gap", "missing hand"}
     assert "about 0.72 kg" in hand["missing hand"].what  # the hand weighs 0.73
+
+
+@pytest.mark.parametrize(("joints", "seen"), [(None, True), (["joint2"], False)])
+def test_one_joint_does_not_weigh_its_link(joints, seen):
+    # the torque of a single joint depends on the first moment of its link and not on the mass
+    robot = Robot.load("planar2", joints=joints)
+    size = (60, len(robot.joints))
+    Y = np.empty((size[0], len(robot.columns), size[1]))
+    robot.regressor(*np.random.default_rng(1).normal(size=(3, *size)), Y)
+    last = [i for i, column in enumerate(robot.columns) if column.joint == "joint2"]
+    assert determines_mass(Y[:, last]) is seen
 
 
 def test_ur10e(data):
