@@ -112,6 +112,11 @@ class Finding:
     elsewhere: tuple[str, ...] = ()
 
     @property
+    def explains(self) -> str:
+        """`share` in words; a dash where the error above the sensor noise is negligible, so that it has no share."""
+        return percent(self.share) if self.share > 0 or self.removed <= 0 else "–"
+
+    @property
     def sure(self) -> bool:
         """Whether the effect is more than chance, and the error it explains is not negligible."""
         criteria = self.criteria

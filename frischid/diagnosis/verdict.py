@@ -4,7 +4,8 @@ With r_j the residual NRMSE of joint j with all effects that entered in the mode
 
     unexplained = max_j (r_j² − n_j²)     over joints whose error asks for an explanation.
 
-A joint's error *asks for an explanation* when it is large beside the joint's torque and clearly above the sensor noise.
+A joint's error *asks for an explanation* when it is clearly above the sensor noise, and the part above the noise is
+large beside the joint's torque.
 The verdicts:
 
 - *contact*: something touched the robot for a while.
@@ -106,7 +107,7 @@ def decided(results: StageResults, *, by_twin: bool = False) -> Verdict:
     residual = full.predictive_nrmse()
     residual = np.minimum(residual, validator.predictive_nrmse())  # an effect may raise another joint's error
     floor = results.least if by_twin else results.floor
-    asks = _asks_for_explanation(residual, floor / validator.spread, validator)
+    asks = asks_for_explanation(residual, floor / validator.spread, validator)
     asks &= ~only_at_reversals(full, results.floor)
     unexplained = float(np.where(asks, residual**2 - noise**2, 0.0).max())
     if not sure:
@@ -116,10 +117,10 @@ def decided(results: StageResults, *, by_twin: bool = False) -> Verdict:
     return "unknown" if unexplained > most or results.unmodelled is not None else "effect"
 
 
-def _asks_for_explanation(residual: Array, noise: Array, validator: CrossValidator) -> NDArray[np.bool_]:
-    """Joints whose error is large beside their torque and clearly above the sensor noise."""
+def asks_for_explanation(residual: Array, noise: Array, validator: CrossValidator) -> NDArray[np.bool_]:
+    """Joints whose error is clearly above the sensor noise, and by more than is negligible beside their torque."""
     criteria = validator.criteria
-    return np.asarray((residual > criteria.smallest_error) & (residual > criteria.clear_error * noise))
+    return np.asarray((residual**2 - noise**2 > criteria.smallest_error**2) & (residual > criteria.clear_error * noise))
 
 
 def notes_on(
@@ -137,7 +138,7 @@ def notes_on(
             f"{listed(lost)}: a model fitted to a part of these logs predicts the torque of the others worse than a "
             "constant would. The logs are too short or move too little to judge the model; record longer ones"
         )
-    asks = _asks_for_explanation(full.predictive_nrmse(), results.floor / full.spread, full)
+    asks = asks_for_explanation(full.predictive_nrmse(), results.floor / full.spread, full)
     if verdict == "none" and asks.any():  # then all of the error is at reversals
         where = listed([name for name, here in zip(full.joints, asks, strict=True) if here])
         notes.append(

@@ -14,6 +14,7 @@ from frischid.diagnosis.change_prior import evidence_prior, prior_before_change,
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import diagnose
+from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.improvement import improve
 from frischid.diagnosis.scored_candidate import (
     ScoredCandidate,
@@ -25,6 +26,7 @@ from frischid.diagnosis.scored_candidate import (
 )
 from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.stepwise_selection import excluded
+from frischid.diagnosis.verdict import asks_for_explanation
 from frischid.diagnosis.weighted_fit import predictive_squares
 from frischid.effects import BASELINE, EFFECTS, Formula, JointCoupling, parse_effects
 from frischid.estimators.least_squares import Prior
@@ -333,3 +335,18 @@ def test_a_coupling_needs_the_torques_of_both_joints():
         validator, _ = cross_validator(model, [log], "always")
         places = JointCoupling.candidates(robot)
         assert [len(found) for found in usable_candidates(validator, places)] == [count] * len(places)
+
+
+@pytest.mark.parametrize(("residual", "asks"), [(0.00407, False), (0.0046, True), (0.0022, False)])
+def test_an_error_asks_for_an_explanation_where_an_effect_could_explain_more_than_a_negligible_one(residual, asks):
+    # without its noise, an error of 0.0041 is below the 0.004 that an effect must explain
+    criteria = DiagnosisCriteria()
+    found = asks_for_explanation(np.array([residual]), np.array([0.0019]), SimpleNamespace(criteria=criteria))
+    assert found.tolist() == [asks]
+    assert asks == (residual**2 - 0.0019**2 > criteria.smallest_error**2)
+
+
+@pytest.mark.parametrize(("removed", "share", "words"), [(1e-5, 0.0, "–"), (0.0, 0.0, "0 %"), (1e-3, 0.5, "50 %")])
+def test_an_effect_has_no_share_of_a_negligible_error(removed, share, words):
+    finding = Finding("stribeck", (), 0.004, 0.002, 50.0, removed, share, 1.0, 1.0, 0.0, 1e-6, {}, (), "", ())
+    assert finding.explains == words

@@ -37,7 +37,7 @@ def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
     listed = shown(result)
     for f in listed:
         where = ", ".join(f.joints) or "robot"
-        evidence = (f.change, percent(f.share), f"{f.gain:.1f}", percent(f.probability))
+        evidence = (f.change, f.explains, f"{f.gain:.1f}", percent(f.probability))
         table.add_row(f.effect, where, *evidence, ", ".join(f.confused_with))
     if result.fit is None:
         parts += [part for note in result.notes[1:] for part in noted(note)]
@@ -55,9 +55,10 @@ def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
         parts.append(f"{HOW_RANKED} `frischid improve` adds them one at a time.")
     parts.append(
         "error: change of the mean error with this effect alone, cross-validated on the logs that select; explains: "
-        "share of the error above the sensor noise on its joints; gain: rise of the log likelihood, less a price per "
-        "parameter; probability: that the model lacks this effect and no more probable answer is right, as learnt from "
-        "simulated robots; it is small for an effect beside a first one that is right"
+        "share of the error above the sensor noise on its joints, – where that error is negligible; gain: rise of the "
+        "log likelihood, less a price per parameter; probability: that the model lacks this effect and no more "
+        "probable answer is right, as learnt from simulated robots; it is small for an effect beside a first one that "
+        "is right"
     )
     if moved is None:
         return Page(result.to_dict(), parts, result.headline.alarms)

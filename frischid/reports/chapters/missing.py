@@ -21,8 +21,9 @@ from frischid.reports.study import Study, opened
 FINDING_CARDS = 6  # findings with a card; the others stand in the ranking
 RANK_CAPTION = (
     "error: its change with this effect alone, cross-validated; explains: share of the error above the sensor noise on "
-    "its joints; gain: of log likelihood; probability: that the model lacks this effect and no more probable answer is "
-    "right, as learnt from simulated robots; it is small for an effect beside a first one that is right"
+    "its joints, – where that error is negligible; gain: of log likelihood; probability: that the model lacks this "
+    "effect and no more probable answer is right, as learnt from simulated robots; it is small for an effect beside a "
+    "first one that is right"
 )
 LEAST_TOLD = 0.005  # probability
 RANK_HEADINGS = ("effect", "where", "error", "explains", "gain", "probability", "confused with")
@@ -64,7 +65,7 @@ def _likely(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 
 def _row(f: Finding) -> list[str]:
-    evidence = [f.change, percent(f.share), number(f.gain, 3), percent(f.probability)]
+    evidence = [f.change, f.explains, number(f.gain, 3), percent(f.probability)]
     return [f.effect, ", ".join(f.joints) or "robot", *evidence, ", ".join(f.confused_with) or "–"]
 
 
@@ -94,10 +95,11 @@ def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
     confused = listed(finding.confused_with) or "no other effect on these logs"
     general = f". On other logs: {listed(kind.confused_with)}" if kind.confused_with else ""
     plan = f" To plan a motion that distinguishes it from {other}:" if other else ""
+    above = "the error above the sensor noise on its joints"
+    share = f"{above} is negligible" if finding.explains == "–" else f"explains {finding.explains} of {above}"
     evidence = (
         f"probability that this is the cause {percent(finding.probability)}; error {finding.change}, "
-        f"cross-validated; explains {percent(finding.share)} of the error above the sensor noise on its joints; log "
-        f"likelihood gained {finding.gain:.0f}"
+        f"cross-validated; {share}; log likelihood gained {finding.gain:.0f}"
     )
     card["facts"] = [
         ("Evidence", evidence),
