@@ -37,6 +37,12 @@ from frischid.robot.robot import Robot
 LEAST_ERROR = 1e-6
 """NRMSE: noise-free logs are not infinitely sure."""
 
+CARRIED = (
+    "use a URDF with the payload if it belongs to the robot; take it off if it does not; if the robot carries nothing, "
+    "the URDF is that of another robot, or its links are too light"
+)
+"""What to do about a body that the URDF lacks."""
+
 
 @dataclass(frozen=True)
 class Body:
@@ -122,7 +128,7 @@ def check_payload(sketch: Sketch, notes: Notebook) -> bool:
             f"a body of about {body.mass:.2g} kg at ({at}) m in the joint's frame, which is not in the URDF, {what}",
             (body.joint,),
             "likely",
-            "use a URDF with the payload if it belongs to the robot; take it off if it does not",
+            CARRIED,
         )
     else:
         notes.add(
@@ -131,7 +137,8 @@ def check_payload(sketch: Sketch, notes: Notebook) -> bool:
             f"absence {what}",
             (body.joint,),
             "likely",
-            "use a URDF without this hand or tool: the robot did not carry it",
+            "use a URDF without this hand or tool: the robot did not carry it; if the URDF has none, it is that of "
+            "another robot, or its links are too heavy",
         )
     return True
 

@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from frischid.checks.faults import Fault, cost
-from frischid.checks.payload import last_link, payload_errors
+from frischid.checks.payload import CARRIED, last_link, payload_errors
 from frischid.checks.position_faults import Moved
 from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch, shared_fit
@@ -43,9 +43,8 @@ def shared_faults(fits: RowFits) -> Iterator[Moved]:
     body = payload_errors(sketch)
     if body.removed > 0 and body.torque is not None:
         what = f"a body of about {body.mass:.2g} kg on the last link that the URDF lacks"
-        advice = "use a URDF with the payload if it belongs to the robot; take it off if it does not"
         price = cost(sketch.criteria, "payload", 1, 10, n)
-        fault = Fault("payload", what, (body.joint,), advice, price, False, False, torque=body.torque)
+        fault = Fault("payload", what, (body.joint,), CARRIED, price, False, False, torque=body.torque)
         yield Moved(replace(sketch, given_nominal=sketch.nominal + body.torque), fault)
 
 
