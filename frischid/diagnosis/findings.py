@@ -87,6 +87,8 @@ class Finding:
         Why the effect is not called missing although it passes the rules; empty where it may be.
     elsewhere : tuple of str
         Joints on each of which the same effect instead explains these data nearly as well.
+    negligible : bool
+        Whether the error above the sensor noise on the effect's joints is negligible, so that no share of it counts.
     """
 
     effect: str
@@ -110,11 +112,12 @@ class Finding:
     probability: float = 0.0
     set_aside: str = ""
     elsewhere: tuple[str, ...] = ()
+    negligible: bool = False
 
     @property
     def explains(self) -> str:
-        """`share` in words; a dash where the error above the sensor noise is negligible, so that it has no share."""
-        return percent(self.share) if self.share > 0 or self.removed <= 0 else "–"
+        """`share` in words; a dash where the error above the sensor noise is negligible."""
+        return "–" if self.negligible else percent(self.share)
 
     @property
     def sure(self) -> bool:
@@ -154,6 +157,8 @@ class Finding:
             return "" if self.share >= least else f"{explains}, {why}"
         if floors <= criteria.floor_tolerance:
             return "the error there is hardly more than the sensor noise"
+        if self.negligible:
+            return "the error above the sensor noise there is negligible"
         if self.share == 0:
             return "it explains none of the error above the sensor noise there"
         least = criteria.half_explained
@@ -296,14 +301,24 @@ def _finding(
         entered=effect.entered,
         own=effect.own.unique,
         elsewhere=effect.elsewhere,
+        negligible=_negligible(before[rows], noise[rows], validator.criteria),
     )
 
 
 def _share(before: Array, after: Array, noise: Array, criteria: DiagnosisCriteria) -> float:
     """Explained share of the squared error above the noise; zero where that error is negligible."""
-    above = float((before**2 - np.minimum(noise, before) ** 2).sum())
-    explained = float((before**2 - after**2).sum())
-    return float(np.clip(explained / above, 0.0, 1.0)) if above > criteria.smallest_error**2 else 0.0
+    if _negligible(before, noise, criteria):
+        return 0.0
+    return float(np.clip((before**2 - after**2).sum() / _above(before, noise), 0.0, 1.0))
+
+
+def _above(error: Array, noise: Array) -> float:
+    """Summed squared error above the noise."""
+    return float((error**2 - np.minimum(noise, error) ** 2).sum())
+
+
+def _negligible(error: Array, noise: Array, criteria: DiagnosisCriteria) -> bool:
+    return _above(error, noise) <= criteria.smallest_error**2
 
 
 def _in_floors(error: Array, noise: Array) -> float:
@@ -352,4 +367,5 @@ def refit_finding(validator: CrossValidator, floor: Array) -> Finding:
         ),
         members=(),
         criteria=criteria,
+        negligible=_negligible(errors[0], noise, criteria),
     )

@@ -346,7 +346,11 @@ def test_an_error_asks_for_an_explanation_where_an_effect_could_explain_more_tha
     assert asks == (residual**2 - 0.0019**2 > criteria.smallest_error**2)
 
 
-@pytest.mark.parametrize(("removed", "share", "words"), [(1e-5, 0.0, "–"), (0.0, 0.0, "0 %"), (1e-3, 0.5, "50 %")])
-def test_an_effect_has_no_share_of_a_negligible_error(removed, share, words):
-    finding = Finding("stribeck", (), 0.004, 0.002, 50.0, removed, share, 1.0, 1.0, 0.0, 1e-6, {}, (), "", ())
+@pytest.mark.parametrize(
+    ("share", "negligible", "words"), [(0.0, True, "–"), (0.0, False, "0 %"), (0.5, False, "50 %")]
+)
+def test_an_effect_has_no_share_of_a_negligible_error(share, negligible, words):
+    one = Finding("stribeck", (), 0.004, 0.002, 50.0, 2e-5, share, 2.5, 2.5, 0.0, 1e-6, {}, (), "", ())
+    finding = replace(one, negligible=negligible)
     assert finding.explains == words
+    assert ("is negligible" in finding.withheld) == negligible
