@@ -23,7 +23,8 @@ from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.refit import check_formulas, fitted_error, known_error, refitted
-from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
+from frischid.diagnosis.roles import situation_of
+from frischid.diagnosis.situation import Situation, SituationOption
 from frischid.diagnosis.step import Refusal, Step
 from frischid.diagnosis.step_acceptance import RISES_AT_STANDSTILL, reason_against, reason_against_refit
 from frischid.effects import EFFECTS, Effect, check_effects, columns_of
@@ -102,7 +103,7 @@ def add(
     check_formulas(model, effects)
     if situation == "auto":
         progress("what changed since the model was identified (1 of 3)")
-        situation = cross_validator(model, logs, criteria=criteria)[1]
+        situation = situation_of(model, logs, criteria)
     progress("fitting with the effect (2 of 3)")
     step = _step(model, effects, logs, situation, finding, criteria)
     progress("the error before and after (3 of 3)")
@@ -186,7 +187,7 @@ def improve(
     model.check([*logs, *valid])
     if situation == "auto":
         progress("reading logs")
-        situation = cross_validator(model, logs, criteria=criteria)[1]
+        situation = situation_of(model, logs, criteria)
     while True:
         progress(f"diagnosis {len(steps) + 1}")
         before = len(refused)

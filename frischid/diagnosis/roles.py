@@ -5,8 +5,9 @@ it is shown with:
 
 1.  Own logs among those given select, together with the own logs that are found again by path and hash, in the order
     in which the model was fitted to them.
-2.  Where no own log is given, the given ones say whether the robot changed since it was identified. If it changed, they
-    select: the change is in them. If not, the own logs that are found again select, and the given ones test.
+2.  Where no own log is given, the given ones say whether the robot changed since it was identified, together with the
+    effects that the own logs show (`decided_situation`). If it changed, the given logs select: the change is in them.
+    If not, the own logs that are found again select, and the given ones test.
 3.  Where no own log is found, the given ones select, and a note says what they cannot show.
 
 `frischid.diagnosis.diagnosis.diagnose` itself takes the roles as they are given to it.
@@ -21,11 +22,13 @@ from typing import NamedTuple
 from frischid.core.parallel import Workers
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
-from frischid.diagnosis.situation import SituationOption, cross_validator
+from frischid.diagnosis.situation import Situation, SituationOption, cross_validator, of_the_training_logs
 from frischid.logs.excerpt import excerpt
 from frischid.logs.log import Log
 from frischid.logs.poses import in_motion
 from frischid.logs.recording import Recording
+from frischid.model.comparison_alarms import UNLIKE
+from frischid.model.headline import headline
 from frischid.model.model import Model
 from frischid.model.own_logs import own_logs
 
@@ -39,12 +42,68 @@ class Roles(NamedTuple):
     situation : {"auto", "always", "changed"}
     note : str
         Where the logs that select come from, if somebody might expect others; otherwise empty.
+    found : Diagnosis or None
+        The diagnosis in these roles, where the roles could not be told without it.
     """
 
     select: tuple[Log | Recording, ...]
     test: tuple[Log | Recording, ...]
     situation: SituationOption
     note: str
+    found: Diagnosis | None = None
+
+
+class Decided(NamedTuple):
+    """The situation of some logs to none of which a model was fitted.
+
+    Attributes
+    ----------
+    situation : {"always", "changed"}
+    found : Diagnosis or None
+        On the model's own logs, with the given ones as test, where this diagnosis says that the robot has not changed.
+    """
+
+    situation: Situation
+    found: Diagnosis | None
+
+
+def decided_situation(
+    model: Model, logs: Sequence[Log | Recording], criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA
+) -> Decided:
+    """Decide whether a robot changed between the logs of its model and some others.
+
+    Where the model is wrong on these logs, the model's own logs are diagnosed. If the effects that act there explain
+    most of the error here, then the robot has not changed. If the own logs show no such effect, then it has, even where
+    no refit describes the logs better: somebody may have touched the robot.
+
+    Parameters
+    ----------
+    model : Model
+    logs : sequence of Log or Recording
+        None of them is the model's own.
+    criteria : DiagnosisCriteria, optional
+    """
+    validator, situation = cross_validator(model, [excerpt(log).log for log in logs], criteria=criteria)
+    unlike = any(alarm.id == UNLIKE for alarm in headline(model, logs).alarms)
+    if situation == "always" and not unlike:
+        return Decided(situation, None)
+    own = own_logs(model).logs
+    if not own or not in_motion(own, model.robot.joints):
+        return Decided(situation, None)
+    found = diagnose(model, own, valid=logs, situation="always", criteria=criteria)
+    effects = [effect for f in found.findings if f.entered and f.sure for effect in f.members]
+    if found.fit is not None and of_the_training_logs(found.fit, validator, effects):
+        return Decided("always", found)
+    return Decided("changed", None)
+
+
+def situation_of(
+    model: Model, logs: Sequence[Log | Recording], criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA
+) -> Situation:
+    """The situation of some logs, all of which select: a robot whose own logs are among them has not changed."""
+    if any(model.made_from(log) for log in logs):
+        return "always"
+    return decided_situation(model, logs, criteria).situation
 
 
 def roles(
@@ -77,8 +136,9 @@ def roles(
     own = tuple(log for log in logs if model.made_from(log))
     if situation == "changed":
         return Roles(tuple(logs), tuple(valid), situation, "")
+    diagnosis = None
     if not own and situation == "auto":
-        situation = cross_validator(model, [excerpt(log).log for log in logs], criteria=criteria)[1]
+        situation, diagnosis = decided_situation(model, logs, criteria)
         if situation == "changed":
             return Roles(tuple(logs), tuple(valid), situation, "")
     others = tuple(log for log in logs if not model.made_from(log))
@@ -89,7 +149,11 @@ def roles(
         return Roles(others, tuple(valid), situation, _alone(found.reasons))
     order = {log.get("sha256"): number for number, log in enumerate(model.fitted_logs)}
     select = sorted((*own, *more), key=lambda log: order.get(log.identity, len(order)))
-    return Roles(tuple(select), (*others, *valid), situation, _with_own(len(own), len(more), found.reasons))
+    note = _with_own(len(own), len(more), found.reasons)
+    if diagnosis is None:
+        return Roles(tuple(select), (*others, *valid), situation, note)
+    note = f"effects that the model's own logs show explain most of the error on the given logs; {note}"
+    return Roles(tuple(select), (*others, *valid), situation, note, None if valid else diagnosis)
 
 
 def _alone(missing: str) -> str:
@@ -155,13 +219,15 @@ def diagnose_with(
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """The same, where the roles of the logs are known."""
-    found = diagnose(
-        model,
-        given.select,
-        valid=given.test,
-        situation=given.situation,
-        effects=effects,
-        workers=workers,
-        progress=progress,
-    )
+    found = given.found
+    if found is None or effects is not None:
+        found = diagnose(
+            model,
+            given.select,
+            valid=given.test,
+            situation=given.situation,
+            effects=effects,
+            workers=workers,
+            progress=progress,
+        )
     return replace(found, notes=(*found.notes, given.note)) if given.note else found

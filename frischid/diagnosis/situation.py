@@ -3,10 +3,20 @@
 - *always*: the robot has not changed. A missing effect was always missing: it acted in the model's training logs too.
 - *changed*: the robot changed after the identification. A payload, a collision or wear acts in the new logs only.
 
-The robot counts as changed when none of the logs is a training log of the model, and a refit with a weak URDF prior
+The robot may have changed when none of the logs is a training log of the model, and a refit with a weak URDF prior
 predicts the logs better than the unchanged model does:
 
-    NRMSE(unchanged model)  >  1.02 · NRMSE(refit, cross-validated).
+    NRMSE(unchanged model)  >  1.02 · NRMSE(refit, cross-validated),
+
+on some joint by more than an error that is negligible beside the torque.
+
+This rule alone would take an effect that was always missing for a change: on another motion a refit adapts to the
+effect, and the unchanged model does not. So where the training logs are at hand, their effects decide
+(`of_the_training_logs`). With E the error of a joint on the new logs under the unchanged model, E_a that under the
+model with the effects of the training logs and their strength there, and E_t the cross-validated error of the latter on
+the training logs, the robot has not changed where on every joint whose error is clearly larger than E_t
+
+    E_a² − E_t²  <  ½ (E² − E_t²).
 
 The situation decides the prior (`change_prior`), and whether effects that can only come later, such as a payload, are
 tried.
@@ -25,6 +35,7 @@ from typing import Literal
 import numpy as np
 
 from frischid.core.parallel import Workers
+from frischid.core.types import Array
 from frischid.diagnosis.change_prior import (
     evidence_prior,
     identification_prior,
@@ -33,6 +44,7 @@ from frischid.diagnosis.change_prior import (
 )
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.effects import Effect
 from frischid.logs.log import Log
 from frischid.logs.poses import need_motion
 from frischid.logs.recording import Recording
@@ -76,9 +88,7 @@ def cross_validator(
     validator = CrossValidator.of(model, logs, weak_urdf_prior(model, criteria), criteria=criteria, workers=workers)
     own = any(model.made_from(log) for log in logs)
     if situation == "auto":
-        refit = float(validator.base_nrmse().mean())
-        changed = not own and _error_as_it_is(validator) > criteria.changed_error_ratio * refit
-        situation = "changed" if changed else "always"
+        situation = "changed" if not own and _worse_than_refit(validator) else "always"
     if situation == "changed":
         validator = _from_before(validator)
     if not own:
@@ -92,6 +102,33 @@ def _from_before(validator: CrossValidator) -> CrossValidator:
     known = prior_before_change(validator.model)
     fit = validator.with_prior(known).fit
     return validator.with_prior(evidence_prior(known, fit.information - known.precision))
+
+
+def of_the_training_logs(own: CrossValidator, new: CrossValidator, effects: Sequence[Effect]) -> bool:
+    """Whether effects that act in a model's training logs explain most of what is wrong on new logs.
+
+    Parameters
+    ----------
+    own : CrossValidator
+        Of the training logs, for a robot that has not changed.
+    new : CrossValidator
+        Of the new logs.
+    effects : sequence of Effect
+        Those that the training logs show.
+    """
+    if not effects:
+        return False
+    criteria, model = new.criteria, new.model
+    new = new.with_prior(weak_urdf_prior(model, criteria))
+    wide, narrow = new, own
+    for there, here in zip(own.candidates(effects), new.candidates(effects), strict=True):
+        if here.columns and here.finite and there.columns:
+            wide, narrow = wide.extended(here), narrow.extended(there)
+    before, after = _errors_as_it_is(new), _errors_under(wide, narrow.theta)
+    usual = np.minimum(narrow.base_nrmse() * narrow.spread / new.spread, before)
+    wrong, left = before**2 - usual**2, after**2 - usual**2
+    clear = wrong > criteria.smallest_error**2
+    return bool(clear.any() and (left < criteria.half_explained * wrong)[clear].all())
 
 
 def priors_of(validator: CrossValidator, situation: Situation) -> list[CrossValidator]:
@@ -111,8 +148,19 @@ def priors_of(validator: CrossValidator, situation: Situation) -> list[CrossVali
     )
 
 
-def _error_as_it_is(validator: CrossValidator) -> float:
-    """Mean NRMSE of the unchanged model: no parameter is refitted."""
-    theta = validator.model.estimate.theta
+def _worse_than_refit(validator: CrossValidator) -> bool:
+    """Whether the unchanged model is worse than a refit, and on some joint by more than a negligible error."""
+    criteria, before, refit = validator.criteria, _errors_as_it_is(validator), validator.base_nrmse()
+    clear = before.mean() > criteria.changed_error_ratio * refit.mean()
+    return bool(clear and (before**2 - refit**2).max() > criteria.smallest_error**2)
+
+
+def _errors_as_it_is(validator: CrossValidator) -> Array:
+    """NRMSE of the unchanged model, (J,): no parameter is refitted."""
+    return _errors_under(validator, validator.model.estimate.theta)
+
+
+def _errors_under(validator: CrossValidator, theta: Array) -> Array:
+    """NRMSE of each joint under some parameters, (J,)."""
     sse = np.array([[validator.squares(row, theta) for row in range(len(validator.joints))]])
-    return float(validator.nrmse(sse).mean())
+    return validator.nrmse(sse)

@@ -22,6 +22,10 @@ SMALLEST_ERROR = 1e-12
 """Share of the torque's standard deviation that rounding leaves of a perfect model; a smaller error is none."""
 
 
+UNLIKE = "unlike-the-fitted-logs"
+"""Alarm: the error on some logs is more than the uncertainty of the model explains."""
+
+
 @dataclass(frozen=True, eq=False)
 class Elsewhere:
     """A model on logs that it was not fitted to.
@@ -165,7 +169,7 @@ def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
         return []
     return [
         Alarm(
-            "unlike-the-fitted-logs",
+            UNLIKE,
             "severe",
             f"The error on {', '.join(where)} is {float(ratio.max()):.1f} times the error that the "
             "uncertainty of the model explains. Either the robot, its base, its load or its sensors have "

@@ -1,0 +1,87 @@
+"""A model shown with a log it was not fitted to: the robot changed since, or an effect was always missing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frischid.diagnosis.roles import decided_situation, diagnose_in_roles, roles
+from frischid.diagnosis.situation import cross_validator
+from frischid.effects import BASELINE, parse_effects
+from frischid.logs.log import Log
+from frischid.logs.readers import read_log, write_log
+from frischid.model.identification import identify
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
+from frischid.robot.robot import Robot
+
+PLANAR2 = Robot.load("planar2")
+DRY = {"fv1": 0.5, "fv2": 0.3, "fc1": 0.5, "fc2": 0.3, "Ia1": 0.02, "Ia2": 0.01}
+SQUARE, SPRING = "quadratic_viscous@joint1", "joint_spring@joint2"
+
+
+def log_of(seed: int, effects: str, scale: float = 0.8, **values: float) -> Log:
+    """A noisy log of the planar arm."""
+    return simulate(
+        PLANAR2,
+        random_fourier(PLANAR2, 25.0, seed=seed, scale=scale),
+        rate=100.0,
+        effects=(*BASELINE, *parse_effects(effects)) if effects else BASELINE,
+        parameters=DRY | values,
+        noise=Noise(q=1e-6, tau=0.01),
+        channels=(),
+        seed=seed,
+        name=f"log {seed}",
+    )
+
+
+def pushed(log: Log) -> Log:
+    """The log of an arm that somebody pushes for a second, twice."""
+    tau = np.array(log.tau)
+    tau[((log.t > 5) & (log.t < 6)) | ((log.t > 15) & (log.t < 16.2)), 1] += 2.0
+    return replace(log, tau=tau, source=f"{log.source} pushed")
+
+
+@pytest.fixture(params=["square", "clean"])
+def machine(request, tmp_path):
+    """The name of the robot, and its model from two files."""
+    effects, values = (SQUARE, {"fvv1": 4.0}) if request.param == "square" else ("", {})
+    for seed in (1, 2):
+        write_log(log_of(seed, effects, 0.5, **values), tmp_path / f"log{seed}.parquet")
+    logs = [read_log(tmp_path / f"log{seed}.parquet", PLANAR2.joints) for seed in (1, 2)]
+    return request.param, identify(PLANAR2, logs, recursion="none").model
+
+
+def test_an_effect_that_the_own_logs_show_is_no_change(machine):
+    name, model = machine
+    if name == "clean":
+        assert decided_situation(model, [log_of(3, "")]).situation == "always"
+        return
+    new = [log_of(3, SQUARE, fvv1=4.0)]
+    assert cross_validator(model, new)[1] == "changed", "a refit is better on a faster motion: that alone shows nothing"
+    found = diagnose_in_roles(model, new)
+    assert (found.situation, found.verdict, found.findings[0].effect) == ("always", "effect", "quadratic_viscous")
+    assert found.probabilities["quadratic_viscous"] > 0.8
+    assert any("explain most of the error on the given logs" in note for note in found.notes)
+    assert found.headline.measured == "test"
+    given = roles(model, new)
+    assert given.found is not None
+    assert given.found.to_dict()["probabilities"] == found.to_dict()["probabilities"]
+
+
+def test_a_change_beside_an_effect_that_was_always_missing_is_a_change(machine):
+    name, model = machine
+    effects, values = (f"{SQUARE},{SPRING}", {"fvv1": 4.0}) if name == "square" else (SPRING, {})
+    found = diagnose_in_roles(model, [log_of(4, effects, 0.5, ks2=3.0, **values)])
+    assert found.situation == "changed"
+    assert found.findings[0].effect == "joint_spring"
+
+
+@pytest.mark.parametrize("machine", ["clean"], indirect=True)
+def test_a_push_in_a_log_of_its_own_is_found_there(machine):
+    _, model = machine
+    new = [pushed(log_of(5, "", 0.5))]
+    assert cross_validator(model, new)[1] == "always", "a refit to a pushed log is no better"
+    found = diagnose_in_roles(model, new)
+    assert (found.situation, found.verdict) == ("changed", "contact")
+    assert [round(c.start) for c in found.contacts] == [5, 15]
