@@ -93,37 +93,63 @@ def in_command(robot: Robot | str) -> str:
 
 
 def command_for(pair: Sequence[Finding], robot: Robot | str = "ROBOT") -> str:
-    """Command that plans a motion on which two findings act differently, at their joints; empty without two.
+    """Command that plans a motion on which two findings act differently at one joint; empty where no joint has both.
 
-    `robot` may also be the file or the name that the robot was loaded by.
+    Effects of different joints differ on every motion: no plan is needed. `robot` may also be the file or the name that
+    the robot was loaded by.
     """
-    placed = ",".join(_placed(finding) for finding in pair)
-    if len(pair) != 2:
+    placed = ",".join(_placed(pair))
+    if not placed:
         return ""
     return f"frischid excite {in_command(robot)} --separate {shlex.quote(placed)} -o motion.csv"
 
 
 def pair_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> list[Finding]:
-    """The two most probable effects of `shared`, else two that stand beside each other and look alike, or fewer."""
+    """The two most probable effects of `shared` that a motion can tell apart, else two beside each other, or fewer."""
     members = {f.effect: f for f in findings if f.members}
-    pair = [members[r.name] for r in shared(findings, probabilities) if r.name in EFFECTS and r.name in members][:2]
+    effects = [members[r.name] for r in shared(findings, probabilities) if r.name in EFFECTS and r.name in members]
+    told = next((list(two) for two in itertools.combinations(effects, 2) if _placed(two)), [])
     first = best_of(findings)
-    if len(pair) == 2 or first is None or first.probability >= first.criteria.sure_probability:
-        return pair
+    if told or first is None or first.probability >= first.criteria.sure_probability:
+        return told
     return next((list(two) for two in itertools.combinations([first, *beside(findings)], 2) if _alike(*two)), [])
 
 
 def _alike(one: Finding, other: Finding) -> bool:
     """Whether the columns of two findings look alike on many motions, and the two have a joint in common."""
     kinds = [(EFFECTS[a.effect].confused_with, b.effect) for a, b in ((one, other), (other, one))]
-    together = not one.joints or not other.joints or not set(one.joints).isdisjoint(other.joints)
-    return together and any(name in confused for confused, name in kinds)
+    return bool(_placed((one, other))) and any(name in confused for confused, name in kinds)
 
 
-def _placed(finding: Finding) -> str:
-    """An effect at the joints of its best place, as the command line reads it."""
-    effect = finding.members[0]
-    return finding.effect if effect.joints is None else f"{finding.effect}@{'+'.join(effect.joints)}"
+def _placed(pair: Sequence[Finding]) -> list[str]:
+    """Two effects at the best place that both have, as the command line reads them; none where no joint has both.
+
+    An effect of the whole robot is placed at the joint of the other, where its kind can act on a single joint.
+    """
+    if len(pair) != 2:
+        return []
+    acting = [[effect.joints for effect in finding.members] for finding in pair]
+    local = [[joints for joints in places if joints is not None] for places in acting]
+    if not any(local):
+        return [finding.effect for finding in pair]
+    best = local[0] or local[1]
+    here = next((joints for joints in best if all(not x or _common(joints, x) for x in local)), None)
+    if here is None:
+        return []
+    return [_at(finding, places, here) for finding, places in zip(pair, local, strict=True)]
+
+
+def _common(joints: Sequence[str], places: Sequence[Sequence[str]]) -> bool:
+    return any(not set(joints).isdisjoint(other) for other in places)
+
+
+def _at(finding: Finding, places: Sequence[Sequence[str]], here: Sequence[str]) -> str:
+    """An effect at its place that shares a joint with `here`; one of all joints at `here`, if it can act there."""
+    if not places:
+        alone = EFFECTS[finding.effect].candidate == "joint" and len(here) == 1
+        return f"{finding.effect}@{here[0]}" if alone else finding.effect
+    joints = next(other for other in places if not set(here).isdisjoint(other))
+    return f"{finding.effect}@{'+'.join(joints)}"
 
 
 def cause_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:

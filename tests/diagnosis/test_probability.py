@@ -206,7 +206,9 @@ def test_the_shipped_weights_say_where_they_come_from():
 def test_below_four_fifths_the_rivals_are_told_with_the_motion_that_separates_them():
     result = found("two")
     first, second = (f for f in result.findings if f.effect in {"joint_spring", "quadratic_viscous"})
-    shared = [replace(first, probability=0.6), replace(second, probability=0.25)]
+    members = tuple(replace(effect, joints=first.members[0].joints) for effect in second.members)
+    elsewhere, second = second, replace(second, probability=0.25, members=members)
+    shared = [replace(first, probability=0.6), second]
     chance = {first.effect: 0.6, second.effect: 0.25, "none": 0.0, "several": 0.12, "outside": 0.03, "contact": 0.0}
     assert [r.name for r in rivals(shared, chance)] == [second.effect, "several"]
     command = command_for(pair_of(shared, chance))
@@ -222,6 +224,11 @@ def test_below_four_fifths_the_rivals_are_told_with_the_motion_that_separates_th
     assert command_for(pair_of(shared, chance), arm).startswith(
         "frischid excite ur10 --joints elbow_joint,wrist_1_joint --separate "
     )
+    assert command_for([first, elsewhere]) == "", "effects of different joints differ on every motion"
+    whole = replace(second, effect="time_delay", members=parse_effects("time_delay"))
+    assert f"--separate time_delay@joint2,{first.effect}@joint2 " in command_for([whole, first])
+    tilt = replace(second, effect="gravity_tilt", members=parse_effects("gravity_tilt"))
+    assert f"--separate gravity_tilt,{first.effect}@joint2 " in command_for([tilt, first])
     sure = [replace(first, probability=0.85), *shared[1:]]
     assert rivals(sure, {**chance, first.effect: 0.85}) == []
     assert sentence_of(sure, {**chance, first.effect: 0.85}) == ""

@@ -94,7 +94,10 @@ def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
     found = ", ".join(f"{k} = {number(x)} {unit}".rstrip() for k, x, unit in finding.found(study.model.robot))
     confused = listed(finding.confused_with) or "no other effect on these logs"
     general = f". On other logs: {listed(kind.confused_with)}" if kind.confused_with else ""
-    plan = f" To plan a motion that distinguishes it from {other}:" if other else ""
+    if study.diagnosis is not None:
+        rival = [f for f in study.diagnosis.findings if f.effect == other and f.members]
+        card["separate"] = command_for([finding, *rival], study.model.robot)
+    plan = f" To plan a motion that distinguishes it from {other}:" if card["separate"] else ""
     above = "the error above the sensor noise on its joints"
     share = f"{above} is negligible" if finding.explains == "–" else f"explains {finding.explains} of {above}"
     evidence = (
@@ -108,9 +111,6 @@ def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
         ("Could also be", f"{confused}{general}"),
         ("To be sure", f"{kind.confirmed_by}.{plan}"),
     ]
-    if study.diagnosis is not None:
-        rival = [f for f in study.diagnosis.findings if f.effect == other and f.members]
-        card["separate"] = command_for([finding, *rival], study.model.robot)
     shape = shape_of(study.diagnosis, finding, study.prediction) if study.diagnosis is not None else None
     if shape is not None:
         card["shape"] = figures.shape(shape, kind.title, study.sliding(shape.joint))
