@@ -9,6 +9,12 @@ from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
 
+TOUCHED = (
+    "the model was fitted with these contacts, which change its parameters: cut them out of the logs (frischid cut "
+    "LOG --from START --until STOP keeps a part) and identify again"
+)
+"""Note on a model that was fitted to logs with contacts."""
+
 
 def delay_in(model: Model) -> str:
     """A note on the delay of the torque that the model has from its identification; empty where it has none."""
@@ -19,9 +25,12 @@ def delay_in(model: Model) -> str:
 def touch_in(model: Model, logs: Sequence[Log | Recording], contacts: Sequence[Contact]) -> str:
     """A note that the model was fitted to logs with contacts; empty where it was not."""
     touched = {contact.source for contact in contacts}
-    if not any(log.source in touched and model.made_from(log) for log in logs):
-        return ""
-    return (
-        "the model was fitted with these contacts, which change its parameters: cut them out of the logs (frischid cut "
-        "LOG --from START --until STOP keeps a part) and identify again"
-    )
+    return TOUCHED if any(log.source in touched and model.made_from(log) for log in logs) else ""
+
+
+def longest_untouched(log: Log, contacts: Sequence[Contact]) -> tuple[float, float]:
+    """Start and end of the longest stretch of a log between contacts, s."""
+    here = sorted((c.start, c.stop) for c in contacts if c.source == log.source)
+    ends = [*(start for start, _ in here), float(log.t[-1])]
+    starts = [float(log.t[0]), *(stop for _, stop in here)]
+    return max(zip(starts, ends, strict=True), key=lambda stretch: stretch[1] - stretch[0])

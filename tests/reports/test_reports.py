@@ -16,9 +16,11 @@ from jinja2 import UndefinedError
 from frischid import figures
 from frischid.diagnosis import improvement
 from frischid.diagnosis.clause import missing
+from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.effect_curves import correlation_ratio, shape_of
 from frischid.diagnosis.improvement import add, improve
+from frischid.diagnosis.model_notes import TOUCHED
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.figures.failure import worst
@@ -561,6 +563,20 @@ def test_a_model_that_is_no_better_than_the_urdf_is_not_proposed_for_use(spring)
         assert "Do not use the model yet" in bad
         assert "Use the model:" not in bad
         assert ("frischid</span> <span>check" in bad) == (diagnosis is None)
+
+
+def test_a_model_fitted_with_contacts_is_not_proposed_for_use(spring):
+    shown = graded(spring[1], "C")
+    log = shown.logs[0]
+    pushes = tuple(Contact(log.source, start, start + 1.0, ["joint1"], 30.0) for start in (3.0, 15.0))
+    found = replace(shown.diagnosis, verdict="contact", contacts=pushes, notes=(*shown.diagnosis.notes, TOUCHED))
+    text = chapter("verdict", replace(shown, diagnosis=found, proposed=None))
+    assert "Use the model" not in text
+    command = "<span>--from</span> <span>16.0</span> <span>--until</span> <span>40.0</span>"
+    assert command in text, "the longest part that nobody touched"
+    elsewhere = tuple(replace(push, source="another.csv") for push in pushes)
+    pattern = chapter("verdict", replace(shown, diagnosis=replace(found, contacts=elsewhere), proposed=None))
+    assert "<span>--from</span> <span>START</span>" in pattern
 
 
 def test_a_forecast_is_called_one(spring):

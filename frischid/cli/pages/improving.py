@@ -13,7 +13,7 @@ from frischid.core.text import percent, sentence
 from frischid.diagnosis.clause import missing
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import Finding
-from frischid.diagnosis.model_notes import delay_in
+from frischid.diagnosis.model_notes import TOUCHED, delay_in
 from frischid.diagnosis.motion_space import MotionDiagnosis
 from frischid.diagnosis.rivals import HOW_RANKED, IN_WORDS
 from frischid.diagnosis.step import Step
@@ -189,7 +189,7 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
     parts: list[Any] = [headline_line(last.headline), *([table] if steps else ["no effect was added"])]
     parts.append(f"{missing(last)}.")
     known = delay_in(last.validator.model)
-    parts += [f"{sentence(note)}." for note in last.notes if "was not added: " in note or note == known]
+    parts += [f"{sentence(note)}." for note in last.notes if "was not added: " in note or note in {known, TOUCHED}]
     reach = reach_of(last.validator.model)
     if steps:
         parts.append(in_words(reach))

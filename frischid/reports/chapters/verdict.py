@@ -13,6 +13,8 @@ from markupsafe import Markup
 from frischid import figures
 from frischid.core.text import listed
 from frischid.diagnosis.clause import missing
+from frischid.diagnosis.diagnosis import Diagnosis
+from frischid.diagnosis.model_notes import TOUCHED, longest_untouched
 from frischid.diagnosis.rivals import command_for, in_command, pair_of
 from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
 from frischid.model.events import selection_errors
@@ -123,6 +125,18 @@ def _logs(study: Study) -> str:
     return " LOG..." if changed or not paths_of(study.model) else ""
 
 
+def _cut(study: Study, diagnosis: Diagnosis) -> str:
+    """Command that keeps the longest part of a log that nobody touched; where the log is not at hand, a pattern."""
+    touched = {contact.source for contact in diagnosis.contacts}
+    log = next((log for log in study.logs if log.source in touched), None)
+    if log is None:
+        return "frischid cut LOG --from START --until STOP -o untouched.csv"
+    start, end = (x - float(log.t[0]) for x in longest_untouched(log, diagnosis.contacts))
+    name = Path(log.source)
+    out = shlex.quote(f"{name.stem}_untouched.csv")
+    return f"frischid cut {shlex.quote(name.name)} --from {start:.1f} --until {end:.1f} -o {out}"
+
+
 def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
     """At most three steps: the kind of each, and what its sentence needs."""
     given = shlex.quote(Path(model_path).name)
@@ -131,7 +145,10 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
     diagnosis, best = study.diagnosis, study.proposed
     robot, logs = study.model.robot, _logs(study)
     pair = [] if diagnosis is None else pair_of(diagnosis.findings, diagnosis.probabilities)
-    if diagnosis is not None and diagnosis.verdict == "unknown":
+    touched = diagnosis is not None and TOUCHED in diagnosis.notes
+    if diagnosis is not None and touched:
+        found.append({"kind": "cut", "command": _cut(study, diagnosis)})
+    elif diagnosis is not None and diagnosis.verdict == "unknown":
         found.append({"kind": "formula", "command": f"frischid studio {given}{logs}"})
     elif len(pair) == 2:
         effects = listed([f.effect for f in pair])
@@ -148,6 +165,8 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "excite", "count": len(study.weak), "names": names, "command": plan})
     if not study.held_out:
         found.append({"kind": "test", "command": f"frischid compare {given} NEW_LOG"})
+    if touched:
+        return found[:STEPS_PROPOSED]  # neither a grade nor a use of this model is worth a step
     if study.headline.grade in NOT_FOR_USE:
         # The warning is one of the steps that are shown, whatever else there is to do.
         again = f"frischid report {better}{logs}" if best is not None else "frischid check ROBOT LOG..."
