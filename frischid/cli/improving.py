@@ -32,7 +32,7 @@ from frischid.errors import InputError
 @map_option
 @situation_option
 @torque_joints_option
-@click.option("--try", "only", help="Effects to try, comma separated; all by default.")
+@click.option("--try", "only", help="Effects to try at every joint, comma separated; all by default.")
 @click.option("--simulate", "simulated", is_flag=True, help="Show what each finding does to the simulated motion.")
 @scheduler_option
 @workers_option

@@ -153,7 +153,8 @@ class Diagnosis(Shown):
         if self.error > tolerance * self.noise_floor:
             said = f"called missing; the model's NRMSE is {error:.2g}, that of the sensor noise alone {noise:.2g}"
         elif error > tolerance * noise:
-            said = "missing: noise explains the error, with the parameters that noise leaves uncertain"
+            figures = f"error {self.error:.2g} in this search, noise of sensors and drives {self.noise_floor:.2g}"
+            said = f"missing: noise explains the error, with the parameters that noise leaves uncertain ({figures})"
         else:
             said = "missing: the residual error is that of the sensor noise"
         return f"no effect is {said}{suspected(self.findings, self.probabilities)}"
@@ -245,6 +246,9 @@ def diagnose(
     if not logs:
         raise InputError("there is no log to diagnose; give at least one")
     for name in effects or ():
+        kind, at, _ = name.partition("@")
+        if at and kind in EFFECTS:
+            raise InputError(f"write {kind} instead of {name}: effects are tried at every joint")
         if name not in EFFECTS:
             raise UnknownNameError("effect", name, EFFECTS)
     check_logs(logs, valid)

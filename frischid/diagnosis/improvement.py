@@ -278,7 +278,7 @@ def _step(
     new = refitted(model, together, logs, situation, criteria)
     if situation == "changed":
         before, after = (compare(m, logs).nrmse for m in (model, new))
-        measured_on = "the fitted logs, with the models before and after the step"
+        measured_on = "on the fitted logs, with the models before and after the step"
     else:
         known, after = known_error(model, logs), fitted_error(new)
         before = fitted_error(refitted(model, model.effects, logs, situation, criteria)) if known is None else known

@@ -131,7 +131,7 @@ def notes_on(
     changed = results.situation == "changed"
     notes = [f"assumed: the robot {'changed' if changed else 'has not changed'} since it was identified"]
     notes += [results.said] if results.said else []
-    errors = zip(validator.joints, validator.base_nrmse(), strict=True)
+    errors = zip(full.joints, full.base_nrmse(), strict=True)  # with the effects: a large one is no short log
     lost = [name for name, error in errors if error > 1.0]  # a constant torque has an NRMSE of 1
     if lost:
         notes.append(

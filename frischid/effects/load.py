@@ -136,10 +136,10 @@ class GravityTilt(Effect):
     title: ClassVar[str] = "tilted base"
     equation: ClassVar[str] = "tilt_x·∂τ/∂g·(g × x) + tilt_y·∂τ/∂g·(g × y)"
     symbols: ClassVar[Mapping[str, str]] = {
-        "tilt_x": "identified coefficient: angle about the first axis",
-        "tilt_y": "identified coefficient: angle about the second axis",
-        "x": "first axis across gravity",
-        "y": "second axis across gravity",
+        "tilt_x": "identified coefficient: angle by which the base is turned about its x axis, as with --base-rpy",
+        "tilt_y": "identified coefficient: angle by which the base is turned about its y axis",
+        "x": "x axis of the base; of a base on a wall, the first axis across gravity",
+        "y": "y axis of the base; of a base on a wall, the second axis across gravity",
     }
     sentence: ClassVar[str] = (
         "gravity acts on {joint} in another direction than in the model: the base is slightly tilted"

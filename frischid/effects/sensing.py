@@ -67,10 +67,11 @@ class TimeDelay(Effect):
     title: ClassVar[str] = "delay between torque and position"
     equation: ClassVar[str] = "delay·(τ_model(t − size) − τ_model(t))/size"
     symbols: ClassVar[Mapping[str, str]] = {
-        "delay": "identified coefficient: time by which the torque is late",
+        "delay": "identified coefficient: time by which the torque is late; negative where it is early",
     }
     sentence: ClassVar[str] = (
-        "the torque of {joint} is recorded later (or earlier) than the position: the channels are shifted"
+        "the torque of {joint} is recorded later than the position (earlier, if the delay is negative): the channels "
+        "are shifted"
     )
     looks_like: ClassVar[str] = (
         "an error like the time derivative of the torque, largest where the torque changes fastest"

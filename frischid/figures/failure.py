@@ -77,7 +77,7 @@ def worst(comparison: Comparison, most: int = 1, above: float = 0.0) -> str:
     """The conditions with the largest errors, more than chance: one sentence each, for NRMSE `above` a bound."""
     certain = [c for c in comparison.residuals.conditions() if c.p_value < CERTAIN]
     if not certain:
-        return "Under no condition is the error larger than chance would make it."
+        return "Under no condition is the error of these logs together larger than chance would make it."
     error = {c: c.ratio * comparison.joints[c.joint].nrmse for c in certain}
     return " ".join(
         f"The error of {c.joint} is {c.ratio:.1f} × its average {PHRASES.get(c.condition, c.condition)}."

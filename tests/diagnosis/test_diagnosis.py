@@ -251,6 +251,8 @@ def test_the_error_before_is_the_last_steps_where_it_was_measured_on_the_same_lo
 def test_names_that_do_not_exist():
     with pytest.raises(UnknownNameError, match="stribeck"):
         diagnose(healthy(), [log_of(1)], effects=["stribek"])
+    with pytest.raises(InputError, match="write stribeck instead of stribeck@elbow_joint"):
+        diagnose(healthy(), [log_of(1)], effects=["stribeck@elbow_joint"])
     with pytest.raises(InputError, match="no log"):
         diagnose(healthy(), [])
 

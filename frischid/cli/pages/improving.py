@@ -175,7 +175,7 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
     """The steps of an improvement with the error before and after each."""
     tested = any(step.test_after is not None for step in steps)
     how = "on the test logs" if tested else ", ".join(dict.fromkeys(step.measured_on for step in steps))
-    table = table_of("step", "effect", "where", "NRMSE before", "after", "change", title=f"error of each step, {how}")
+    table = table_of("step", "effect", "where", "NRMSE before", "after", "change", title=f"error of each step: {how}")
     rows = []
     for i, step in enumerate(steps, start=1):
         finding = step.finding
