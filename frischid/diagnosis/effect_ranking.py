@@ -2,13 +2,15 @@
 
 1.  Every effect in every place and shape is scored alone (`scored_candidate`).
 2.  Candidates enter the model together (`stepwise_selection`).
-3.  Places of one effect are joined. Effects that entered come first, in order of the error that only they explain. On
-    new logs, only the part beyond the known residual counts: the residual on the training logs was there before.
-    Effects that did not enter follow, in order of their own evidence.
+3.  Places of one effect are joined. Effects that entered come first, in order of their part of the error that all of
+    them explain. On new logs, only the part beyond the known residual counts: the residual on the training logs was
+    there before. Effects that did not enter follow, in order of their own evidence.
 4.  An effect that explains nearly as much as the first, and adds nothing beside the first, is a *rival*: these data
     cannot distinguish the two. The simpler of two rivals comes first, or the one with more gain after its price.
 5.  An effect is named as confused with the first, too, where the first leaves no less error on its own joints than that
     effect does: a paired test over blocks of time (`block_test.less_error`).
+    One that entered beside the first, at joints where the first explains less, is named at all places that it would
+    have instead of the first.
 6.  Where the first effect has one place, the other joints are named at which the same effect is a rival of the first.
 
 So a hidden effect is found beside several small ones, and an effect that only resembles it ranks lower.
@@ -28,7 +30,7 @@ from frischid.diagnosis.candidate_fits import Score
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.scored_candidate import ScoredCandidate, Watcher, price, scored, usable_candidates
 from frischid.diagnosis.shape_refinement import refined, with_refined_contenders
-from frischid.diagnosis.stepwise_selection import OwnPart, excluded, own_part, selected, with_all
+from frischid.diagnosis.stepwise_selection import OwnPart, excluded, own_parts, selected, with_all
 from frischid.diagnosis.symmetric_shifts import without_smoothing
 from frischid.effects import Effect
 
@@ -113,20 +115,20 @@ def ranking(
     progress("comparing candidates")
     pool = with_refined_contenders(validator, pool)
     chosen, full = selected(validator, pool, tried)
-    own = {id(c): own_part(validator, chosen, c, full) for c in chosen}
-    first = max(chosen, key=lambda c: own[id(c)][::-1], default=None)
+    own = dict(zip(map(id, chosen), own_parts(validator, chosen), strict=True))
+    first = max(chosen, key=lambda c: (own[id(c)].new, own[id(c)].part), default=None)
     others = [c for c in chosen if first is not None and type(c.effect) is not type(first.effect)]
     effects = []
     for kind in dict.fromkeys(type(c.effect) for c in pool):
-        entered = sorted((c for c in chosen if type(c.effect) is kind), key=lambda c: -own[id(c)].unique)
+        entered = sorted((c for c in chosen if type(c.effect) is kind), key=lambda c: -own[id(c)].part)
         parts = [own[id(c)] for c in entered]
-        part = OwnPart(max((x.unique for x in parts), default=0.0), max((x.new for x in parts), default=0.0))
+        part = OwnPart(*map(max, zip(*parts, strict=True))) if parts else OwnPart()
         found = [refined(validator, c) for c in entered]
         best = found or _best_places([c for c in pool if type(c.effect) is kind], validator.criteria.smallest_error)
         effects.append(_joined(validator, best, part, tried, bool(entered)))
     level = validator.criteria.significance
-    effects.sort(key=lambda e: (not e.entered, -e.own.new, -e.own.unique, e.p_value > level, -e.explained, -e.gain))
-    effects = _with_other_places(validator, _with_rivals(validator, effects), pool)
+    effects.sort(key=lambda e: (not e.entered, -e.own.new, -e.own.part, e.p_value > level, -e.explained, -e.gain))
+    effects = _with_other_places(validator, _with_rivals(validator, _instead_of_first(validator, effects, pool)), pool)
     return Ranking(effects, full, with_all(validator, others), tuple(smoothing))
 
 
@@ -176,6 +178,37 @@ def _joined(
     )
 
 
+def _instead_of_first(
+    validator: CrossValidator, found: list[ScoredEffect], pool: Sequence[ScoredCandidate]
+) -> list[ScoredEffect]:
+    """The effects; a rival that entered beside the first stands at the places that it would have instead of the first.
+
+    What entered beside the first is the rest that the first left to it.
+    """
+    if not found or not found[0].entered:
+        return found
+    return [found[0], *(_instead_at(validator, found[0], e, pool) for e in found[1:])]
+
+
+def _instead_at(
+    validator: CrossValidator, top: ScoredEffect, other: ScoredEffect, pool: Sequence[ScoredCandidate]
+) -> ScoredEffect:
+    if not other.entered or other.kind.single:
+        return other
+    places = _best_places([c for c in pool if type(c.effect) is other.kind], validator.criteria.smallest_error)
+    alone = replace(_joined(validator, places, other.own, 1, True), p_value=other.p_value)
+    better = alone.gain > 0 and alone.explained > other.explained
+    rival = better and (_instead(validator, top, [alone]) or _as_good(validator, top, alone))
+    return alone if rival else other
+
+
+def _as_good(validator: CrossValidator, top: ScoredEffect, other: ScoredEffect) -> bool:
+    """Whether blocks of time cannot tell that the first effect explains the error of its joints better than another."""
+    criteria = validator.criteria
+    sure = other.gain > 0 and other.p_value <= criteria.significance
+    return sure and less_error(validator, top.together, other.together) > criteria.block_p_value
+
+
 def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[ScoredEffect]:
     """Name the rivals of the first effect: those that explain nearly as much alone, and nothing beside the first."""
     if not found or not found[0].entered:
@@ -191,7 +224,7 @@ def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[S
     result = [replace(first, rivals=tuple(sorted(names)), entered=True, own=top.own)]
     for e in found:
         if e is top and simpler:  # the simpler effect takes its place; beside that one nothing is its own
-            result.append(replace(e, rivals=(first.kind.id,), entered=False, own=OwnPart(0.0, 0.0)))
+            result.append(replace(e, rivals=(first.kind.id,), entered=False, own=OwnPart()))
         elif e is not first:
             result.append(replace(e, rivals=(first.kind.id,)) if any(e is r for r in rivals) else e)
     return _with_as_good(validator, result)
@@ -238,14 +271,8 @@ def _with_as_good(validator: CrossValidator, found: list[ScoredEffect]) -> list[
     Such an effect may add something beside the first, and the model may need both. But the first has no better claim to
     its part of the error: on other logs of the same robot the order may be the reverse.
     """
-    criteria, top = validator.criteria, found[0]
-    as_good = [
-        e
-        for e in found[1:]
-        if e.gain > 0
-        and e.p_value <= criteria.significance
-        and less_error(validator, top.together, e.together) > criteria.block_p_value
-    ]
+    top = found[0]
+    as_good = [e for e in found[1:] if _as_good(validator, top, e)]
     named = [e for e in found[1:] if e.kind.id in top.rivals or any(e is x for x in as_good)]
     names = tuple(e.kind.id for e in sorted(named, key=lambda e: -e.explained))
     others = [

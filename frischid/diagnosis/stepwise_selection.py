@@ -2,36 +2,54 @@
 
 A real robot has several small effects beside the large one. So candidates enter the model one after another. The
 candidate that explains most, given those already in the model, enters next if it passes every test. Afterwards each
-chosen candidate is replaced by another one where the other explains more. An effect's own part of the error is
+chosen candidate is replaced by another one where the other explains more.
 
-    own_e = Σ_j NRMSE_j²(all but e) − Σ_j NRMSE_j²(all),
+With E(S) = Σ_j NRMSE_j² of the model with the set S of candidates, the error that only candidate e explains is
 
-so an error that two effects explain equally well counts for neither of them.
+    unique_e = E(all but e) − E(all),
 
-Source: Chen, Billings and Luo 1989, "Orthogonal least squares methods and their application to non-linear system
-identification", Int. J. Control 50(5).
+so an error that two candidates explain equally well counts for neither. Its *part* is the Shapley value, the mean over
+all orders in which the candidates may enter,
+
+    part_e = mean over orders of E(those before e) − E(those before e, and e),
+
+so such an error counts half for each. The parts add up to all that is explained.
+
+Sources: Chen, Billings and Luo 1989, "Orthogonal least squares methods and their application to non-linear system
+identification", Int. J. Control 50(5); Grömping 2007, "Estimators of relative importance in linear regression based on
+variance decomposition", The American Statistician 61(2).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import combinations
+from math import factorial
 from typing import NamedTuple
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.scored_candidate import ScoredCandidate, passes, scored
 
 
 class OwnPart(NamedTuple):
-    """Error that only one candidate explains, in summed squared NRMSE.
+    """Error that a candidate explains beside the others, in summed squared NRMSE.
 
-    ``unique`` is all of this error; ``new`` is its part beyond the residual that was known before. ``new`` is zero
-    where no residual was known before.
+    Attributes
+    ----------
+    unique : float
+        Error that only this candidate explains.
+    part : float
+        Its Shapley value.
+    new : float
+        The same of the error beyond the residual that was known before; zero where no residual was known.
     """
 
-    unique: float
-    new: float
+    unique: float = 0.0
+    part: float = 0.0
+    new: float = 0.0
 
 
 class Selection(NamedTuple):
@@ -60,7 +78,7 @@ def selected(validator: CrossValidator, pool: Sequence[ScoredCandidate], tried: 
         fresh = [(c, x) for c in rest if (x := scored(now, [c.candidate])) is not None and passes(now, x, tried)]
         if not fresh:
             break
-        best = max(fresh, key=lambda pair: pair[1].explained)[0]
+        best = _likeliest(now, fresh)
         rest = [c for c, _ in fresh if c is not best]
         extended = now.extended(best.candidate)
         if not _better(now, extended):
@@ -69,6 +87,30 @@ def selected(validator: CrossValidator, pool: Sequence[ScoredCandidate], tried: 
         rest = [c for c in rest if not excluded(c, best)]
         now = extended
     return _exchanged(validator, pool, chosen, now)
+
+
+def _likeliest(validator: CrossValidator, fresh: Sequence[tuple[ScoredCandidate, ScoredCandidate]]) -> ScoredCandidate:
+    """The candidate that explains most, where the places of an effect count together against one of all their joints.
+
+    A delay acts on all joints with one coefficient; hysteresis has a place of its own at each joint. What the one
+    explains at all joints is compared with what the other explains there.
+
+    Parameters
+    ----------
+    validator : CrossValidator
+    fresh : sequence of (ScoredCandidate, ScoredCandidate)
+        Each candidate, and the same candidate scored beside those in the model.
+    """
+    best, alone = max(fresh, key=lambda pair: pair[1].explained)
+    joints, most = best.candidate.columns.keys(), alone.explained
+    for kind in dict.fromkeys(type(c.effect) for c, _ in fresh if type(c.effect) is not type(best.effect)):
+        places = [(c, x) for c, x in fresh if type(c.effect) is kind and c.candidate.columns.keys() < joints]
+        if len(places) < 2:
+            continue
+        together = scored(validator, [validator.joined([c.candidate for c, _ in places])])
+        if together is not None and together.explained > most:
+            best, most = max(places, key=lambda pair: pair[1].explained)[0], together.explained
+    return best
 
 
 def _most_promising(validator: CrossValidator, pool: Sequence[ScoredCandidate]) -> list[ScoredCandidate]:
@@ -99,7 +141,7 @@ def _exchanged(
         found = [(c, x) for c in others if (x := scored(without, [c.candidate])) is not None]
         if not found:
             continue
-        best = max(found, key=lambda pair: pair[1].explained)[0]
+        best = _likeliest(without, found)
         if best is not chosen[k] and _better(full, extended := without.extended(best.candidate)):
             chosen[k], full = best, extended
     return Selection(chosen, full)
@@ -117,13 +159,22 @@ def with_all(validator: CrossValidator, chosen: Iterable[ScoredCandidate]) -> Cr
     return validator
 
 
-def own_part(
-    validator: CrossValidator, chosen: Sequence[ScoredCandidate], one: ScoredCandidate, full: CrossValidator
-) -> OwnPart:
-    """Rise of the summed squared NRMSE when one of the chosen is taken away, and the part of it that is new."""
-    without = with_all(validator, [c for c in chosen if c is not one])
-    before, after = (e.predictive_nrmse() ** 2 for e in (without, full))
-    unique = float((before - after).sum())
-    known = validator.known_residual**2
-    new = float((np.maximum(before, known) - np.maximum(after, known)).sum()) if known.any() else 0.0
-    return OwnPart(unique, max(new, 0.0))
+def own_parts(validator: CrossValidator, chosen: Sequence[ScoredCandidate]) -> list[OwnPart]:
+    """What each of the chosen explains beside the others."""
+    known, everyone = validator.known_residual**2, range(len(chosen))
+
+    def errors(members: Iterable[int]) -> Array:
+        squares = with_all(validator, [chosen[k] for k in members]).predictive_nrmse() ** 2
+        return np.array([squares.sum(), np.maximum(squares, known).sum() if known.any() else 0.0])
+
+    error = {frozenset(m): errors(m) for size in range(len(chosen) + 1) for m in combinations(everyone, size)}
+    return [_own_part(error, frozenset(everyone), k) for k in everyone]
+
+
+def _own_part(error: Mapping[frozenset[int], Array], everyone: frozenset[int], one: int) -> OwnPart:
+    """Of one candidate; `error`: E of every set of candidates, in all and beyond the known residual."""
+    others = everyone - {one}
+    falls = {before: error[before] - error[before | {one}] for before in error if one not in before}
+    orders = {before: factorial(len(before)) * factorial(len(others) - len(before)) for before in falls}
+    part, new = np.sum([orders[m] * falls[m] for m in falls], axis=0) / factorial(len(everyone))
+    return OwnPart(float(falls[others][0]), float(part), max(float(new), 0.0))
