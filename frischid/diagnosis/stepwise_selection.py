@@ -78,7 +78,7 @@ def selected(validator: CrossValidator, pool: Sequence[ScoredCandidate], tried: 
         fresh = [(c, x) for c in rest if (x := scored(now, [c.candidate])) is not None and passes(now, x, tried)]
         if not fresh:
             break
-        best = _likeliest(now, fresh)
+        best = likeliest(now, fresh)
         rest = [c for c, _ in fresh if c is not best]
         extended = now.extended(best.candidate)
         if not _better(now, extended):
@@ -89,7 +89,7 @@ def selected(validator: CrossValidator, pool: Sequence[ScoredCandidate], tried: 
     return _exchanged(validator, pool, chosen, now)
 
 
-def _likeliest(validator: CrossValidator, fresh: Sequence[tuple[ScoredCandidate, ScoredCandidate]]) -> ScoredCandidate:
+def likeliest(validator: CrossValidator, fresh: Sequence[tuple[ScoredCandidate, ScoredCandidate]]) -> ScoredCandidate:
     """The candidate that explains most, where the places of an effect count together against one of all their joints.
 
     A delay acts on all joints with one coefficient; hysteresis has a place of its own at each joint. What the one
@@ -141,7 +141,7 @@ def _exchanged(
         found = [(c, x) for c in others if (x := scored(without, [c.candidate])) is not None]
         if not found:
             continue
-        best = _likeliest(without, found)
+        best = likeliest(without, found)
         if best is not chosen[k] and _better(full, extended := without.extended(best.candidate)):
             chosen[k], full = best, extended
     return Selection(chosen, full)

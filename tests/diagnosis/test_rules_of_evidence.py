@@ -25,7 +25,7 @@ from frischid.diagnosis.scored_candidate import (
     usable_candidates,
 )
 from frischid.diagnosis.situation import cross_validator
-from frischid.diagnosis.stepwise_selection import excluded
+from frischid.diagnosis.stepwise_selection import excluded, likeliest, own_parts, with_all
 from frischid.diagnosis.verdict import asks_for_explanation
 from frischid.diagnosis.weighted_fit import predictive_squares
 from frischid.effects import BASELINE, EFFECTS, Formula, JointCoupling, parse_effects
@@ -354,3 +354,51 @@ def test_an_effect_has_no_share_of_a_negligible_error(share, negligible, words):
     finding = replace(one, negligible=negligible)
     assert finding.explains == words
     assert ("is negligible" in finding.withheld) == negligible
+
+
+def imitators():
+    """Two joints of one log with a spring each, scored alone; and the validator of the model without them."""
+    hidden = "joint_spring@joint1,joint_spring@joint2"
+    log = log_of(7, hidden, ks1=2.0, ks2=2.0)
+    base = CrossValidator.of(model := identify(ARM, [log], recursion="none").model, [log], weak_urdf_prior(model))
+    kinds = parse_effects("joint_spring@joint1,joint_spring@joint2,asymmetric_viscous@joint1")
+    return base, [scored(base, [c]) for c in base.candidates(list(kinds))]
+
+
+def test_the_parts_of_effects_add_up_to_all_that_they_explain_together():
+    base, (one, two, third) = imitators()
+    parts = own_parts(base, [one, two, third])
+    before, after = (x.predictive_nrmse() ** 2 for x in (base, with_all(base, [one, two, third])))
+    assert sum(x.part for x in parts) == pytest.approx(float((before - after).sum()), rel=1e-9)
+    assert all(x.new == 0.0 for x in parts), "no residual was known before"
+    alone = own_parts(base, [one])[0]
+    assert alone.part == pytest.approx(alone.unique)
+    assert own_parts(base, []) == []
+    swapped = own_parts(base, [third, two, one])
+    np.testing.assert_allclose(np.array(swapped[::-1]), np.array(parts), rtol=1e-6, atol=1e-12)
+
+
+def test_an_error_that_two_candidates_explain_counts_half_for_each():
+    base, (one, two, _) = imitators()
+    (first, second) = own_parts(base, [one, two])
+    worth = {k: own_parts(base, [k])[0].unique for k in (one, two)}
+    both = first.part + second.part
+    assert first.part == pytest.approx((worth[one] + both - worth[two]) / 2)
+    assert first.unique == pytest.approx(both - worth[two])
+
+
+def test_places_of_one_effect_count_together_against_an_effect_of_all_their_joints():
+    base, (one, two, third) = imitators()
+    wide = replace(one, candidate=base.joined([one.candidate, two.candidate]))
+    wide = replace(wide, candidate=replace(wide.candidate, effect=parse_effects("time_delay")[0]))
+
+    def fresh(explained):
+        found = [(one, 0.6), (two, 0.5), (third, 0.1), (wide, explained)]
+        return [(c, replace(c, explained=x * one.explained)) for c, x in found]
+
+    together = scored(base, [base.joined([one.candidate, two.candidate])]).explained / one.explained
+    assert likeliest(base, fresh(0.9 * together)) is one, (
+        "the springs explain more than the delay, though neither alone"
+    )
+    assert likeliest(base, fresh(1.1 * together)) is wide
+    assert likeliest(base, fresh(0.4)) is one
