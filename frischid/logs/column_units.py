@@ -10,11 +10,10 @@ from frischid.core.types import Array
 from frischid.logs.column_names import unit_of
 from frischid.logs.proposal import Proposal
 from frischid.logs.table import Table
+from frischid.logs.wraps import TURN
 from frischid.robot.robot import Robot
 
 DEGREES_PER_RADIAN = 180 / np.pi
-TURN = 2 * np.pi
-"""rad. Another zero or another sign moves an angle beyond the URDF's limits by at most so much."""
 
 
 def check_velocities(table: Table, t: Array, found: Proposal) -> None:
@@ -75,7 +74,7 @@ def radians_per_unit(table: Table, robot: Robot, found: Proposal) -> float:
 def _outside_limits(table: Table, robot: Robot, found: Proposal) -> tuple[bool, bool]:
     """Whether the positions are more than a turn outside the URDF's limits, and whether as degrees they are within.
 
-    A joint with another zero than the URDF's is outside its limits too, but by less than a turn.
+    A joint with another zero than the URDF's is outside its limits too, but by at most a turn.
     """
     limits = dict(
         zip(robot.joints, zip(robot.limits.lower, robot.limits.upper, robot.prismatic, strict=True), strict=True)
