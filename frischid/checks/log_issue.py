@@ -94,6 +94,10 @@ class LogReport:
         """The issues as sentences."""
         return tuple(map(str, self.issues))
 
+    def with_issue(self, issue: LogIssue) -> LogReport:
+        """The report with one more issue."""
+        return replace(self, issues=_ordered([*self.issues, issue]))
+
 
 @dataclass
 class Notebook:
@@ -130,9 +134,13 @@ class Notebook:
 
     def report(self, source: str) -> LogReport:
         """The report of everything noted, the most severe issue first."""
-        order = {"certain": 0, "likely": 1, "possible": 2}
-        issues = sorted(self.issues, key=lambda f: (not f.blocks, order[f.sure]))
-        return LogReport(source, self.facts, self.joints, tuple(issues), self.criteria, self.fix)
+        return LogReport(source, self.facts, self.joints, _ordered(self.issues), self.criteria, self.fix)
+
+
+def _ordered(issues: Iterable[LogIssue]) -> tuple[LogIssue, ...]:
+    """Issues that block an identification first, then the most certain."""
+    order = {"certain": 0, "likely": 1, "possible": 2}
+    return tuple(sorted(issues, key=lambda f: (not f.blocks, order[f.sure])))
 
 
 def span(values: Array, unit: str = "") -> str:
