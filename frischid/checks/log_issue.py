@@ -14,6 +14,8 @@ from frischid.checks.faults import Fix
 from frischid.core.types import Array
 
 Sureness = Literal["certain", "likely", "possible"]
+EXPLANATIONS = ("payload", "missing hand", "wrong robot")
+"""Issues that explain a torque and are found outside `frischid.checks.explanation`."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,12 @@ class LogReport:
     def warnings(self) -> tuple[str, ...]:
         """The issues as sentences."""
         return tuple(map(str, self.issues))
+
+    def explained(self, joints: Sequence[str]) -> set[str]:
+        """Those of the robot's joints whose torques an issue explains; an issue without joints concerns all of them."""
+        named = {fault["kind"] for fault in self.facts.get("explanation", {"faults": ()})["faults"]}
+        told = [x for x in self.issues if x.blocks or x.kind in named or x.kind in EXPLANATIONS]
+        return {name for issue in told for name in issue.where or joints}
 
     def with_issue(self, issue: LogIssue) -> LogReport:
         """The report with one more issue."""
