@@ -1,4 +1,4 @@
-"""Limits of each channel: noise, resolution, dead bands, saturation, degrees, standstill."""
+"""Limits of each channel: noise, resolution, dead bands, saturation, jumps, standstill."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
 from frischid.logs.filters import noise_level
 from frischid.logs.log import DEAD_TORQUE, STANDSTILL_SPAN, Log
-from frischid.robot.robot import Robot
 
 
-def check_channels(robot: Robot, log: Log, notes: Notebook, *, figures: bool = True, still: bool = False) -> None:
+def check_channels(log: Log, notes: Notebook, *, figures: bool = True, still: bool = False) -> None:
     """Report dead, coarse, saturated and held channels and joints that do not move; note each channel's noise.
 
     Where the whole arm stands `still`, its torque takes few values, and `check_standing` says that it does not move.
@@ -217,58 +216,3 @@ def check_jumps(log: Log, notes: Notebook) -> bool:
         blocks=True,
     )
     return True
-
-
-def check_degrees(robot: Robot, log: Log, notes: Notebook) -> None:
-    """Report positions that cannot be in radians.
-
-    Degrees read as radians are 57 times too large. Such positions are far outside the robot's limits, or they move much
-    faster than the limits allow and over more than a turn. Simulated robots are often faster than their URDF allows,
-    but they stay within a turn.
-    """
-    limits, criteria = robot.limits, notes.criteria
-    lower, upper = limits.lower, limits.upper
-    limited = np.isfinite(lower) & np.isfinite(upper)
-    # a zero that is off, or the column of another joint, goes beyond the limits by no more than a turn
-    room = np.where(limited, np.maximum(upper - lower, 2 * np.pi), np.inf)
-    # over several samples, because stamps of arrival may be next to one another
-    apart = min(criteria.degree_samples, len(log) - 1)
-    typical = np.percentile(
-        np.abs(log.q[apart:] - log.q[:-apart]) / (log.t[apart:] - log.t[:-apart])[:, None],
-        criteria.degree_percentile,
-        axis=0,
-    )
-    far = limited & ((log.q > upper + room) | (log.q < lower - room)).any(axis=0)
-    # Without any limit to compare with, two full turns is where a joint of an arm becomes suspicious.
-    turns = ~limited & ~np.isfinite(limits.velocity) & (np.ptp(log.q, axis=0) > criteria.unlimited_range)
-    fast = (typical > criteria.degree_speed * limits.velocity) & (np.ptp(log.q, axis=0) > criteria.degree_range)
-    found = (fast | far | turns) & ~robot.prismatic
-    if not found.any():
-        return
-    as_degrees = np.deg2rad(log.q)
-    over = limited & ((as_degrees > upper + room) | (as_degrees < lower - room)).any(axis=0)
-    if over[found].any():
-        notes.add(
-            "unit of positions",
-            "the positions are far outside the URDF's limits, as radians and as degrees: "
-            f"{span(np.abs(log.q[:, found]).max(axis=0))}",
-            notes.which(found),
-            "certain",
-            "encoder counts? set gear_ratio = counts per radian for each joint in a mapping file (and torque_factor = "
-            "1/gear_ratio where the torques are those of the joints); angles of the motors? set gear_ratio",
-            blocks=True,
-        )
-        return
-    evidence = "far outside the URDF's limits" if (far | fast).any() else "several full turns"
-    advice = 'set angle_unit = "deg" under [file] in a mapping file'
-    if found.sum() < (~robot.prismatic).sum():  # the others may move too little to be implausible
-        advice += f", or under [joint.{notes.which(found)[0]}] and the like if the other joints are in radians"
-    notes.add(
-        "degrees",
-        f"the motion is implausible in radians ({evidence}: {span(np.abs(log.q[:, found]).max(axis=0))} rad) and looks "
-        "like degrees",
-        notes.which(found),
-        "likely" if turns[found].all() else "certain",
-        f"if so, {advice}",
-        blocks=not turns[found].all(),
-    )

@@ -14,6 +14,8 @@ from frischid.checks.faults import Fix
 from frischid.core.types import Array
 
 Sureness = Literal["certain", "likely", "possible"]
+EXPLANATIONS = ("payload", "missing hand", "wrong robot")
+"""Issues that explain a torque and are found outside `frischid.checks.explanation`."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,16 @@ class LogReport:
         """The issues as sentences."""
         return tuple(map(str, self.issues))
 
+    def explained(self, joints: Sequence[str]) -> set[str]:
+        """Those of the robot's joints whose torques an issue explains; an issue without joints concerns all of them."""
+        named = {fault["kind"] for fault in self.facts.get("explanation", {"faults": ()})["faults"]}
+        told = [x for x in self.issues if x.blocks or x.kind in named or x.kind in EXPLANATIONS]
+        return {name for issue in told for name in issue.where or joints}
+
+    def with_issue(self, issue: LogIssue) -> LogReport:
+        """The report with one more issue."""
+        return replace(self, issues=_ordered([*self.issues, issue]))
+
 
 @dataclass
 class Notebook:
@@ -130,9 +142,13 @@ class Notebook:
 
     def report(self, source: str) -> LogReport:
         """The report of everything noted, the most severe issue first."""
-        order = {"certain": 0, "likely": 1, "possible": 2}
-        issues = sorted(self.issues, key=lambda f: (not f.blocks, order[f.sure]))
-        return LogReport(source, self.facts, self.joints, tuple(issues), self.criteria, self.fix)
+        return LogReport(source, self.facts, self.joints, _ordered(self.issues), self.criteria, self.fix)
+
+
+def _ordered(issues: Iterable[LogIssue]) -> tuple[LogIssue, ...]:
+    """Issues that block an identification first, then the most certain."""
+    order = {"certain": 0, "likely": 1, "possible": 2}
+    return tuple(sorted(issues, key=lambda f: (not f.blocks, order[f.sure])))
 
 
 def span(values: Array, unit: str = "") -> str:

@@ -41,13 +41,29 @@ def position_faults(sketch: Sketch) -> Iterator[Moved]:
     yield from _signs_and_exchanges(sketch)
     for turning in np.flatnonzero(~robot.prismatic):
         yield from _zeros(sketch, int(turning))
-    if not (np.abs(sketch.q[:, ~robot.prismatic]) > 2 * np.pi).any():
-        return  # within one turn each way: as degrees, the robot would hardly have moved
-    degrees = moved(sketch, np.where(robot.prismatic, 1.0, np.deg2rad(1.0)), None)
-    what = "the positions are in degrees: in radians the model explains the torques"
+    # within one turn each way: as degrees, the joint would hardly have moved
+    far = (np.abs(sketch.q) > 2 * np.pi).any(axis=0) & ~robot.prismatic
+    if far.any():
+        yield from degree_faults(sketch, far)
+
+
+def degree_faults(sketch: Sketch, joints: NDArray[np.bool_]) -> Iterator[Moved]:
+    """The sketch with some joints, (J,), read in degrees, and with all joints read so: the unit of a file is of all."""
+    robot, usual = sketch.robot, "the positions are in degrees: in radians the model explains the torques"
+    turning, names = ~robot.prismatic, np.array(robot.joints, dtype=object)
+    if not (joints == turning).all():
+        where = tuple(names[joints])
+        what = usual if len(where) > 1 else usual.replace("the positions", "its positions", 1)
+        advice = f'set angle_unit = "deg" for {"these joints" if len(where) > 1 else "it"} in a mapping file'
+        fix: tuple[Fix, ...] = tuple((name, "angle_unit", "deg") for name in where)
+        fault = Fault("degrees", what, where, advice, cost(sketch.criteria, "degrees", len(names)), fix=fix)
+        yield Moved(moved(sketch, np.where(joints, np.deg2rad(1.0), 1.0), None), fault)
+    sliding = tuple(names[~turning])
     advice = 'set angle_unit = "deg" under [file] in a mapping file'
-    fix = (("", "angle_unit", "deg"),)
-    yield Moved(degrees, Fault("degrees", what, robot.joints, advice, cost(sketch.criteria, "degrees"), fix=fix))
+    advice += f', and angle_unit = "m" for {", ".join(sliding)}' if sliding else ""
+    fix = (("", "angle_unit", "deg"), *((name, "angle_unit", "m") for name in sliding))
+    fault = Fault("degrees", usual, tuple(names[turning]), advice, cost(sketch.criteria, "degrees"), fix=fix)
+    yield Moved(moved(sketch, np.where(turning, np.deg2rad(1.0), 1.0), None), fault)
 
 
 def _signs_and_exchanges(sketch: Sketch) -> Iterator[Moved]:

@@ -9,9 +9,10 @@ from functools import cache
 
 import numpy as np
 
-from frischid.checks.channels import check_channels, check_degrees, check_jumps
+from frischid.checks.channels import check_channels, check_jumps
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.clock import check_clock
+from frischid.checks.degrees import check_degrees, implausible_motion
 from frischid.checks.excitation import FreeFit, check_excitation, free_fit
 from frischid.checks.lag import check_lag
 from frischid.checks.log_issue import LogReport, Notebook, span
@@ -107,7 +108,7 @@ def inspect(
         return notes.report(log.source)
     still = is_static(log)
     check_clock(log, notes, still=still)
-    check_channels(robot, log, notes, figures=not brief, still=still)
+    check_channels(log, notes, figures=not brief, still=still)
     check_pushes(log, notes)
     if still:
         check_standing(log, notes)
@@ -120,14 +121,26 @@ def inspect(
     lowpass = choose_lowpass([log], robot.joints) if prepared is None else prepared[0]
     coarse = LowPass(min(lowpass.cutoff or criteria.sketch_cutoff, criteria.sketch_cutoff))
     check_velocity(log, coarse, notes, most=criteria.brief_seconds if brief else None)
-    if not any(f.kind == "degrees" for f in notes.issues):
-        check_degrees(robot, log, notes)
-    if not any(f.blocks for f in notes.issues):
+
+    @cache
+    def sketch() -> Sketch | None:
         with suppress(InputError):  # `identify` refuses a log that is too short for the filters
             motions = prepare(log, coarse).motions if prepared is None else prepared[1]
-            sketch = Sketch.of(robot, motions, coarse, _rows(log, notes), criteria)
-            _dynamics(log, sketch, reduction, notes, alone, brief)
+            return Sketch.of(robot, motions, coarse, _rows(log, notes), criteria)
+        return None
+
+    degrees = None if _has(notes, "degrees") else implausible_motion(robot, log, notes)
+    surely = degrees is not None and degrees.certain
+    if not surely and not any(f.blocks for f in notes.issues) and (seen := sketch()) is not None:
+        _dynamics(log, seen, reduction, notes, alone, brief)
+    if degrees is not None and not _has(notes, "degrees"):  # the torques may have told it
+        check_degrees(degrees, sketch, notes)
     return notes.report(log.source)
+
+
+def _has(notes: Notebook, kind: str) -> bool:
+    """Whether an issue of this kind is noted."""
+    return any(issue.kind == kind for issue in notes.issues)
 
 
 def _rows(log: Log, notes: Notebook) -> list[str]:

@@ -101,8 +101,8 @@ def check(
     content = robot_text if as_robot else text
     if output and content:
         write_text(Path(output), content)
-    written = output if content else None
-    show_page(show.check(reports, show.Correction(text, moved, written, as_robot=as_robot)), as_json)
+    written, missed = (output, None) if content else (None, output)
+    show_page(show.check(reports, show.Correction(text, moved, written, as_robot=as_robot, missed=missed)), as_json)
     sys.exit(1 if any(report.issues for report in reports) else 0)
 
 

@@ -10,6 +10,7 @@ from frischid.core.types import Array
 from frischid.logs.column_names import unit_of
 from frischid.logs.proposal import Proposal
 from frischid.logs.table import Table
+from frischid.logs.wraps import TURN
 from frischid.robot.robot import Robot
 
 DEGREES_PER_RADIAN = 180 / np.pi
@@ -44,19 +45,22 @@ def check_velocities(table: Table, t: Array, found: Proposal) -> None:
 
 
 def propose_degrees(table: Table, robot: Robot, found: Proposal) -> None:
-    """Propose degrees where positions are far outside the limits, but inside when divided by 57.3."""
+    """Propose degrees where positions are more than a turn outside the limits, but inside when divided by 57.3."""
     outside, degrees = _outside_limits(table, robot, found)
     sliding = [j for j in found.joints if robot.prismatic[robot.joints.index(j)]]
     if degrees:
         found.file["angle_unit"] = "deg"
-        found.reasons.append("angles in degrees: as radians they are far outside the URDF's limits, as degrees within")
+        found.reasons.append(
+            "angles in degrees: as radians they are more than a turn outside the URDF's limits, as degrees within"
+        )
         if sliding:
             found.reasons.append(
                 f'{", ".join(sliding)} slide: give them angle_unit = "m" if their columns are in metres'
             )
     elif outside:
         found.guesses.append(
-            "the positions are far outside the URDF's limits, as radians and as degrees; for encoder counts, write "
+            "as radians the positions are more than a turn outside the URDF's limits, and as degrees they are outside "
+            'too; for degrees with another zero, write angle_unit = "deg" under [file]; for encoder counts, write '
             "under each joint gear_ratio = counts per radian, and torque_factor = 1/gear_ratio where the torques are "
             "those of the joints"
         )
@@ -68,7 +72,10 @@ def radians_per_unit(table: Table, robot: Robot, found: Proposal) -> float:
 
 
 def _outside_limits(table: Table, robot: Robot, found: Proposal) -> tuple[bool, bool]:
-    """Whether the positions are far outside the URDF's limits, and whether as degrees they are within."""
+    """Whether the positions are more than a turn outside the URDF's limits, and whether as degrees they are within.
+
+    A joint with another zero than the URDF's is outside its limits too, but by at most a turn.
+    """
     limits = dict(
         zip(robot.joints, zip(robot.limits.lower, robot.limits.upper, robot.prismatic, strict=True), strict=True)
     )
@@ -79,14 +86,14 @@ def _outside_limits(table: Table, robot: Robot, found: Proposal) -> tuple[bool, 
             continue
         turning += 1
         if not np.isfinite(low) or not np.isfinite(high):
-            low, high = -2 * np.pi, 2 * np.pi
+            low, high = -TURN, TURN
         q = np.asarray(table.numeric[columns["q"]], dtype=float)
         q, room = q[np.isfinite(q)], 0.1 * (high - low)
-        outside += bool((q < low - room).any() or (q > high + room).any())
+        outside += bool((q < low - TURN).any() or (q > high + TURN).any())
         radians = q / DEGREES_PER_RADIAN
         if len(radians) and np.abs(q).max() <= 360:  # 0° to 360° or -180° to 180°: the same angles
             middle = (low + high) / 2
-            radians = radians - 2 * np.pi * np.round((np.median(radians) - middle) / (2 * np.pi))
+            radians = radians - TURN * np.round((np.median(radians) - middle) / TURN)
         inside += bool((radians >= low - room).all() and (radians <= high + room).all())
     far = outside > len(found.joints) / 3
     return far, far and inside == turning

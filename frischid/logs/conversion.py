@@ -8,7 +8,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -16,7 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frischid.core.types import Array
-from frischid.errors import InputError, close_names
+from frischid.errors import InputError
+from frischid.logs.column_names import assign
 from frischid.logs.log import CHANNELS, Log, check_times, check_values, is_usable
 from frischid.logs.mapping import JointMap, LogMap
 from frischid.logs.mapping_rules import RADIANS_PER_UNIT, TICKS_PER_SECOND
@@ -196,9 +196,8 @@ def _no_joint(table: Table, form: LogMap, there: Sequence[str], joints: Sequence
             f"no position column '{template}'; the columns are {', '.join(table.names)}; "
             "say which is which in a mapping file"
         )
-    close = [(name, joint) for name in there for joint in close_names(name, joints, 1)]
-    often = Counter(joint for _, joint in close)  # a joint that is near to many names is near to none
-    near = [f"{name} for {joint}" for name, joint in close if often[joint] == 1]
+    found = assign({name: name for name in there}, joints).columns  # as `frischid map` reads the names
+    near = [f"{found[joint]} for {joint}" for joint in joints if joint in found]
     hint = f" (perhaps {', '.join(near)})" if near else ""
     return (
         f"none of the joints in this log is a joint of the robot{hint}; the log has {', '.join(there)}; "

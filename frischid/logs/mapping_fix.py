@@ -1,7 +1,7 @@
 """A mapping file that undoes the faults of a log: the given mapping, and the entries that a check found.
 
-Entries are (joint, key, value). A sign multiplies the sign that the mapping has already, an offset is added to it, and
-the column of another joint replaces the joint's own. An entry without a joint belongs to ``[file]``.
+Entries are (joint, key, value). A sign multiplies the sign that the mapping has already, an offset is added to it. A
+unit of angle and the column of another joint replace the joint's own. An entry without a joint belongs to ``[file]``.
 """
 
 from __future__ import annotations
@@ -48,6 +48,8 @@ def corrected(form: LogMap, fixes: Sequence[tuple[str, str, Any]], channels: Seq
             entry = replace(entry, **{source: named})
         elif key == "offset":
             entry = replace(entry, offset=entry.offset + value)
+        elif key == "angle_unit":
+            entry = replace(entry, angle_unit=value)
         else:
             entry = replace(entry, **{key: getattr(entry, key) * value})
             if key == "sign":

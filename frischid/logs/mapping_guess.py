@@ -4,8 +4,8 @@
 
 *Motion.* A velocity is the slope of its position, and the factor between the two gives its unit, or the rate of a file
 without time. Where names say nothing, this finds the positions and velocities (`frischid.logs.column_motion`).
-Positions are in degrees if they are far outside the URDF's limits, but inside when read as degrees. Stamps are the
-column that grows steadily; their unit is the one that gives a robot's rate.
+Positions are in degrees if they are more than a turn outside the URDF's limits, but inside when read as degrees. Stamps
+are the column that grows steadily; their unit is the one that gives a robot's rate.
 
 *Torque.* The URDF's torque follows the measured one only if the joints are in the right order. Numbers that count
 joints are confirmed by this, or else they are a guess.

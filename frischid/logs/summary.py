@@ -23,6 +23,29 @@ from frischid.robot.robot import Robot
 Data = Log | Recording
 MOVING_LOCKED = 0.05
 """A locked joint that moves by more than this, rad (m), is not locked."""
+LET_MOVE = "let them move and leave their torque out instead (--torque-joints)"
+"""Remedy for locked joints that move."""
+
+
+class LockedMotion:
+    """Motion of a robot's locked joints in logs, chunk by chunk."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._locked = tuple(robot.locked)
+        self._range: dict[str, tuple[float, float]] = {}
+
+    def see(self, chunk: Log) -> None:
+        """Take the positions of the locked joints that a chunk holds."""
+        for name in self._locked:
+            if name in chunk.joints:
+                q = chunk.q[:, chunk.joints.index(name)]
+                low, high = self._range.get(name, (np.inf, -np.inf))
+                self._range[name] = (min(low, float(q.min())), max(high, float(q.max())))
+
+    @property
+    def moving(self) -> dict[str, float]:
+        """Locked joints that move nevertheless, and their range, rad (m)."""
+        return {name: high - low for name, (low, high) in self._range.items() if high - low > MOVING_LOCKED}
 
 
 @dataclass(frozen=True)
@@ -70,7 +93,7 @@ def summarise(
     """
     spectra = LogSpectra()
     samples, seconds = [], 0.0
-    span: dict[str, tuple[float, float]] = {}
+    locked = LockedMotion(robot)
     for log in logs:
         count, faults = 0, []
         for number, chunk in enumerate(chunks_of(log)):
@@ -81,11 +104,7 @@ def summarise(
                 faults.append(error)
             if len(faults) <= number:
                 spectra += spectra_of(chunk, rows)
-            for name in robot.locked:
-                if name in chunk.joints:
-                    q = chunk.q[:, chunk.joints.index(name)]
-                    low, high = span.get(name, (np.inf, -np.inf))
-                    span[name] = (min(low, float(q.min())), max(high, float(q.max())))
+            locked.see(chunk)
             count += len(chunk)
             seconds += chunk.duration
         if faults and len(faults) == number + 1:
@@ -94,8 +113,7 @@ def summarise(
     lowpass = spectra.lowpass() if cutoff == "auto" else LowPass(cutoff)
     if spectra.at_rest and not spectra.joints:
         _check_poses(robot, logs)
-    moving = {name: high - low for name, (low, high) in span.items() if high - low > MOVING_LOCKED}
-    return LogSummary(lowpass, spectra, tuple(samples), seconds, moving)
+    return LogSummary(lowpass, spectra, tuple(samples), seconds, locked.moving)
 
 
 def _check_poses(robot: Robot, logs: Sequence[Data]) -> None:
@@ -194,10 +212,9 @@ def _constant(log: Log, rows: Sequence[str]) -> list[str]:
 
 def moving_but_locked(moving: Mapping[str, float]) -> list[str]:
     """Warning about joints that the user locked although they move in a log: the model is then of another robot."""
-    if not moving:
-        return []
-    spans = [f"{name} by {span:.2g} rad (m)" for name, span in moving.items()]
-    return [
-        f"locked but moving in a log: {', '.join(spans)}; let them move and leave their torque out instead "
-        "(--torque-joints)"
-    ]
+    return [f"locked but moving in a log: {spans_of(moving)}; {LET_MOVE}"] if moving else []
+
+
+def spans_of(moving: Mapping[str, float]) -> str:
+    """Joints and their ranges of motion, in words."""
+    return ", ".join(f"{name} by {span:.2g} rad (m)" for name, span in moving.items())

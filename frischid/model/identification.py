@@ -30,7 +30,7 @@ from frischid.model.alarms import Alarm
 from frischid.model.amperes import JointCurrents, in_amperes
 from frischid.model.comparison import Comparison, compare
 from frischid.model.headline import Headline, from_fit
-from frischid.model.identification_alarms import fit_alarms, held_at_poses, unexplained
+from frischid.model.identification_alarms import fit_alarms, held_at_poses, unpredicted
 from frischid.model.identification_bounds import Bounds, bound_parameters
 from frischid.model.identification_pass import Measured, measured
 from frischid.model.identification_stages import (
@@ -246,14 +246,15 @@ def assess(found: Measured) -> Identification:
     limit = data.options.criteria.unexplained_nrmse
     at_rest = there is not None and there.poses == there.samples
     journal.notes += [held_at_poses(there)] if there is not None and at_rest else []
-    doubts = [] if at_rest else unexplained(cross_validation, limit)
+    bad = [] if at_rest else [n for n, x in cross_validation.items() if x > limit]
+    doubts = unpredicted(bad, limit, journal.explained)
     journal.notes += described(lag)
     late = [] if lag is None or not lag.warning else [lag.warning]
     warnings = tuple(dict.fromkeys([*doubts, *late, *journal.warnings]))
     notes = tuple(dict.fromkeys(journal.notes))
     if comparison is not None and headline is not None:
         event |= {"test": headline.to_dict(), "test_logs": [log_entry(log) for log in data.valid]}
-    event |= {"notes": list(notes), "warnings": list(warnings)}
+    event |= {"notes": list(notes), "warnings": list(warnings)} | ({"unpredicted": bad} if bad else {})
     event |= {} if lag is None else {"torque_lag": lag.to_dict()}
     if model.prior is not None:
         kept = model.prior.to_dict()

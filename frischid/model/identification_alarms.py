@@ -8,7 +8,7 @@ direction counts by the torque that it has on the faster motion, and one that ha
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 import numpy as np
 from scipy import linalg
@@ -172,15 +172,24 @@ def _negative_rotors(problem: Problem, posterior: MapEstimate) -> list[tuple[str
     ]
 
 
-def unexplained(errors: Mapping[str, float], limit: float) -> list[str]:
-    """Warn of joints whose torque the model does not explain even on the logs it was fitted to."""
-    names = [n for n, x in errors.items() if x > limit]
-    if not names:
-        return []
-    return [
-        f"the torque of {', '.join(names)} is hardly predicted at all (cross-validated NRMSE above {limit}): are "
-        "columns swapped, a sign flipped, an angle in degrees, or a channel dead?"
-    ]
+def unpredicted(names: Sequence[str], limit: float, explained: Collection[str]) -> list[str]:
+    """Warn of joints whose torque the model does not predict even on the logs it was fitted to.
+
+    Parameters
+    ----------
+    names : sequence of str
+        These joints.
+    limit : float
+        NRMSE above which the torque of a joint counts as not predicted.
+    explained : collection of str
+        Joints whose torque a fault explains that another warning names.
+    """
+    said = "is hardly predicted at all (cross-validated NRMSE above"
+    known, open_ = [n for n in names if n in explained], [n for n in names if n not in explained]
+    asked = "are columns swapped, a sign flipped, an angle in degrees, or a channel dead?"
+    why = "a fault that another warning names may be the reason"
+    found = [(known, why), (open_, asked)]
+    return [f"the torque of {', '.join(some)} {said} {limit}): {words}" for some, words in found if some]
 
 
 def held_at_poses(poses: Comparison) -> str:

@@ -43,12 +43,15 @@ class Journal:
         Reasons to doubt the result.
     faults : list of str
         Faults of logs that make a wrong model, and can be undone.
+    explained : set of str
+        Joints whose torques a fault explains that is named in the warnings.
     """
 
     progress: Callable[[str], None]
     notes: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
+    explained: set[str] = field(default_factory=set)
     words: str = IDENTIFY_STAGES[0]
 
     def stage(self, words: str) -> None:

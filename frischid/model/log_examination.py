@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from frischid.checks import LogReport, inspect
+from frischid.checks import LogIssue, LogReport, inspect
 from frischid.checks.long_log import examine_long, is_long
 from frischid.core.remembered import Remembered
 from frischid.effects import BASELINE
@@ -28,7 +28,7 @@ from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
 from frischid.logs.preprocessing import Motion, prepare
 from frischid.logs.recording import brief, chunks_of, preview_of
-from frischid.logs.summary import Data, check_usable, held_by
+from frischid.logs.summary import LET_MOVE, Data, LockedMotion, check_usable, held_by, spans_of
 from frischid.model.identify_options import Cutoff, IdentifyOptions
 from frischid.model.model_parts import robot_text
 from frischid.model.unknown_drive import known_controller
@@ -135,8 +135,10 @@ def _checked(
     """The report on one log, with notes on what is done to it before a fit; an error if no part of it can be used."""
     said: list[str] = []
     faults: list[InputError | None] = []
+    motion = LockedMotion(robot)
 
     def examine(part: Log) -> LogReport:
+        motion.see(part)
         part = _with_torque_of(part, rows)
         faults.append(_fault(robot, part, whole=not is_long(log)))
         if faults[-1] is not None and not is_long(log):
@@ -154,6 +156,9 @@ def _checked(
     report = examine_long(log, robot.joints, examine) if is_long(log) else examine(next(chunks_of(log)))
     if all(faults) and faults[0] is not None:
         raise faults[0]
+    if moving := motion.moving:
+        what = f"locked but moving in the log: {spans_of(moving)}"
+        report = report.with_issue(LogIssue("locked joint moves", what, (), "certain", LET_MOVE))
     doubts = [f"{robot.source}, {doubt}" for doubt in urdf_doubts(robot.urdf)]
     notes = [*doubts, *locked, *(brief(said, log.source) if is_long(log) else said)]
     return replace(report, facts={**report.facts, "joints": list(robot.joints), "notes": notes})

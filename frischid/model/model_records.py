@@ -178,6 +178,7 @@ class EventRecord(Struct, frozen=True):
     sentence: str = ""
     notes: list[str] = []
     warnings: list[str] = []
+    unpredicted: list[str] = []
     alarms: list[AlarmRecord] = []
 
 

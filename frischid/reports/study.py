@@ -146,9 +146,10 @@ class Study:
         if not self.held_out:
             found.append("Every log here was used to fit the model: its error on new motion may be larger.")
         limit = IdentificationCriteria().unexplained_nrmse
-        hopeless = [
-            n for n, j in self.verdict.joints.items() if j.nrmse > limit and ("worse-than-constant", n) not in alarmed
-        ]
+        identified: Mapping[str, Any] = next((e for e in reversed(self.model.history) if "warnings" in e), {})
+        told = {name for alarm, name in alarmed if alarm == "worse-than-constant"}
+        told |= set(identified.get("unpredicted", ()))
+        hopeless = [n for n, j in self.verdict.joints.items() if j.nrmse > limit and n not in told]
         if hopeless:
             found.append(
                 f"The model hardly predicts the torque of {listed(hopeless)}: check for swapped columns, a wrong sign, "
@@ -159,7 +160,6 @@ class Study:
             found.append(f"The URDF with fitted friction predicts {listed(worse)} better than this model does.")
         if self.impossible and all(alarm.id != "impossible-sign" for alarm in self.headline.alarms):
             found.append(f"The sign of {listed(self.impossible)} is physically impossible.")
-        identified: Mapping[str, Any] = next((e for e in reversed(self.model.history) if "warnings" in e), {})
         of_logs = [f"{Path(q.source).name}: {w}" for q in self.qualities for w in q.warnings]
         earlier = [self._brief(w) for w in identified.get("warnings", ())]
         found += [f"At identification: {w}" for w in earlier if w not in of_logs]

@@ -473,3 +473,14 @@ def test_a_late_recording_is_told_from_friction_that_lags(data):
     assert lags.facts["torque_lag"] > 0.015
     assert not lags.issues
     assert [(i.kind, i.where) for i in late.issues] == [("late torque", ())]
+
+
+def test_a_locked_joint_that_moves_is_told():
+    """An arm whose last joint is light: the torques of the others do not tell that it moves."""
+    log = clean("ur10")
+    locked = Robot.load("ur10", joints=list(log.joints[:-1]))
+    issue = kinds(locked, log)["locked joint moves"]
+    assert issue.what == f"locked but moving in the log: {log.joints[-1]} by {np.ptp(log.q[:, -1]):.2g} rad (m)"
+    assert "--torque-joints" in issue.advice
+    still = replace(log, q=column(log.q, 5, lambda c: 0 * c), v=None)
+    assert "locked joint moves" not in kinds(locked, still)

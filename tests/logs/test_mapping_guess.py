@@ -250,3 +250,31 @@ def test_names():
         "elbow_joint": "x",
         "shoulder_joint": "y",
     }
+
+
+@pytest.mark.parametrize("unit", [1.0, 180 / np.pi])
+def test_angles_a_little_outside_the_limits_are_no_degrees(tmp_path, unit):
+    """A zero that is off, as of three fingers that move by ±0.7 rad around zero, with limits from -0.2 rad on."""
+    hand = Robot.load("allegro_left_hand").keep(["joint_1.0", "joint_2.0", "joint_3.0"])
+    log = simulate(hand, random_fourier(hand, 10, seed=1), rate=100)
+    q = log.q - log.q.mean(axis=0)
+    q = q / np.abs(q).max(axis=0) * 0.7
+    assert (q < hand.limits.lower - 0.1 * (hand.limits.upper - hand.limits.lower)).any(axis=0).all()
+    table = {"t": log.t} | {f"q_{name}": unit * x for name, x in zip(hand.joints, q.T, strict=True)}
+    write_table(table, tmp_path / "log.csv")
+    found = propose(tmp_path / "log.csv", hand)
+    assert not found.file
+    assert ['angle_unit = "deg"' in guess for guess in found.guesses] == ([] if unit == 1.0 else [True])
+
+
+def test_the_hint_without_a_mapping_agrees_with_the_proposal(tmp_path):
+    """Numbers from 0 on beside joints that count from 1."""
+    arm = Robot.load("xarm7", joints=[f"joint{k}" for k in range(1, 8)])
+    log = simulate(arm, random_fourier(arm, 10, seed=1), rate=100)
+    table = {f"q_{k}": x for k, x in enumerate(log.q.T)} | {f"tau_{k}": x for k, x in enumerate(log.tau.T)}
+    write_table({"t": log.t, **table}, tmp_path / "log.csv")
+    found = propose(tmp_path / "log.csv", arm)
+    pairs = ", ".join(f"{found.joints[joint]['q'].removeprefix('q_')} for {joint}" for joint in arm.joints)
+    with pytest.raises(InputError, match=f"perhaps {pairs}") as error:
+        read_log(tmp_path / "log.csv", arm.joints)
+    assert "0 for joint1, 1 for joint2" in str(error.value)

@@ -509,6 +509,19 @@ def test_error_figures_are_the_comparisons(spring):
     assert f"NRMSE {held_out.nrmse:.4f}" in spring[0].read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("explained", [True, False])
+def test_a_torque_that_is_not_predicted_is_told_once_and_with_its_explanation(explained):
+    """Exchanged positions are found, and noise instead of torques has no explanation."""
+    log, noise = recorded(seed=1), np.random.default_rng(0)
+    wrong = {"q": log.q[:, ::-1]} if explained else {"tau": log.tau.std(axis=0) * noise.normal(size=log.tau.shape)}
+    found = identify(Robot.load("planar2"), [log := replace(log, **wrong)], recursion="none", force=True)
+    (said,) = [w for w in found.warnings if "hardly predicted" in w]
+    assert said.endswith("a fault that another warning names may be the reason") is explained
+    assert ("are columns swapped" in said) is not explained
+    told = study(found.model, [log], diagnosed=False).warnings()
+    assert [w for w in told if "hardly predict" in w] == [f"At identification: {said}"]
+
+
 def test_fitted_logs_alone_are_a_warning():
     log = recorded()
     model = identify(log_robot := Robot.load("planar2"), [log]).model

@@ -45,13 +45,16 @@ class Correction:
     output : str or None
         File that was written.
     as_robot : bool
-        Whether this file is the URDF.
+        Whether the URDF was wanted.
+    missed : str or None
+        File that was wanted, and not written: nothing would stand in it.
     """
 
     mapping: str = ""
     robot: tuple[str, ...] = ()
     output: str | None = None
     as_robot: bool = False
+    missed: str | None = None
 
     def lines(self) -> list[str]:
         """The correction as text."""
@@ -65,8 +68,10 @@ class Correction:
                 f"or, if the URDF is wrong and not the log, the URDF corrected ({where}; limits stay as they are):"
             ]
             parts += [f"  {escape(sentence)}" for sentence in self.robot]
-        if self.as_robot and not self.output:
+        if self.missed and self.as_robot:
             parts.append("no URDF written: the faults found are not faults of the URDF's joints")
+        elif self.missed:
+            parts.append(f"{escape(self.missed)} not written: no fault was found that a mapping file surely undoes")
         return parts
 
 

@@ -1,0 +1,122 @@
+"""Positions in degrees, seen from the motion alone; and of which joints, told by the torques.
+
+Degrees read as radians are 57 times too large, and so implausible for a joint that moves far. A joint that moves by a
+few degrees stays plausible, so that the motion cannot tell whether the implausible joints alone are in degrees or all
+of them. The torques can: both readings are fitted with friction, and the score of `frischid.checks.explanation`
+decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.checks.faults import Fault, Fix
+from frischid.checks.log_issue import Notebook, span
+from frischid.checks.position_faults import degree_faults
+from frischid.checks.row_fits import RowFits, local_fits
+from frischid.checks.sketch import Sketch
+from frischid.logs.log import Log
+from frischid.robot.robot import Robot
+from frischid.robot.stated_inertials import unstated
+
+
+@dataclass(frozen=True)
+class Implausible:
+    """Joints whose motion is implausible in radians.
+
+    Attributes
+    ----------
+    joints : ndarray of bool, shape (J,)
+    evidence : str
+    certain : bool
+        Whether nothing but degrees moves so.
+    """
+
+    joints: NDArray[np.bool_]
+    evidence: str
+    certain: bool
+
+
+def implausible_motion(robot: Robot, log: Log, notes: Notebook) -> Implausible | None:
+    """Joints whose positions cannot be in radians; None without one. Report those that cannot be in degrees either.
+
+    Such positions are far outside the robot's limits, or they move much faster than the limits allow and over more than
+    a turn. Simulated robots are often faster than their URDF allows, but they stay within a turn.
+    """
+    limits, criteria = robot.limits, notes.criteria
+    lower, upper = limits.lower, limits.upper
+    limited = np.isfinite(lower) & np.isfinite(upper)
+    # a zero that is off, or the column of another joint, goes beyond the limits by no more than a turn
+    room = np.where(limited, np.maximum(upper - lower, 2 * np.pi), np.inf)
+    # over several samples, because stamps of arrival may be next to one another
+    apart = min(criteria.degree_samples, len(log) - 1)
+    typical = np.percentile(
+        np.abs(log.q[apart:] - log.q[:-apart]) / (log.t[apart:] - log.t[:-apart])[:, None],
+        criteria.degree_percentile,
+        axis=0,
+    )
+    far = limited & ((log.q > upper + room) | (log.q < lower - room)).any(axis=0)
+    # Without any limit to compare with, two full turns is where a joint of an arm becomes suspicious.
+    turns = ~limited & ~np.isfinite(limits.velocity) & (np.ptp(log.q, axis=0) > criteria.unlimited_range)
+    fast = (typical > criteria.degree_speed * limits.velocity) & (np.ptp(log.q, axis=0) > criteria.degree_range)
+    found = (fast | far | turns) & ~robot.prismatic
+    if not found.any():
+        return None
+    as_degrees = np.deg2rad(log.q)
+    over = limited & ((as_degrees > upper + room) | (as_degrees < lower - room)).any(axis=0)
+    largest = span(np.abs(log.q[:, found]).max(axis=0))
+    if over[found].any():
+        notes.add(
+            "unit of positions",
+            f"the positions are far outside the URDF's limits, as radians and as degrees: {largest}",
+            notes.which(found),
+            "certain",
+            "encoder counts? set gear_ratio = counts per radian for each joint in a mapping file (and torque_factor = "
+            "1/gear_ratio where the torques are those of the joints); angles of the motors? set gear_ratio",
+            blocks=True,
+        )
+        return None
+    why = "far outside the URDF's limits" if (far | fast).any() else "several full turns"
+    evidence = f"the motion is implausible in radians ({why}: {largest} rad) and looks like degrees"
+    return Implausible(found, evidence, not turns[found].all())
+
+
+def check_degrees(found: Implausible, sketch: Callable[[], Sketch | None], notes: Notebook) -> None:
+    """Report joints in degrees, and how a mapping file undoes that.
+
+    Parameters
+    ----------
+    found : Implausible
+    sketch : callable
+        Returns the log as it is, with the torques that can be judged; None without one.
+    notes : Notebook
+    """
+    seen = sketch()
+    fault = None if seen is None else _which(found.joints, seen)
+    where, fix = notes.which(found.joints), tuple[Fix, ...]()
+    advice = f'set angle_unit = "deg" under [joint.{where[0]}]{" and the like" * (len(where) > 1)} in a mapping file if'
+    advice += " the other joints are in radians, or under [file] if all joints are in degrees"
+    if fault is not None:
+        where, advice, fix = fault.where, fault.advice, fault.fix
+    if found.certain:
+        notes.add("degrees", found.evidence, where, "certain", advice, blocks=True)
+        notes.fix += fix
+    else:
+        notes.add("degrees", found.evidence, where, "likely", f"if so, {advice}")
+
+
+def _which(joints: NDArray[np.bool_], sketch: Sketch) -> Fault | None:
+    """The reading of these joints, or of all, that the torques leave no doubt of; None if they do."""
+    readings = list(degree_faults(sketch, joints))
+    if len(readings) == 1:
+        return readings[0].fault
+    if not len(sketch.rows) or unstated(sketch.robot):
+        return None
+    scores = [local_fits(RowFits(x.sketch), simple=True)[0].score - x.fault.cost for x in readings]
+    best, other = np.argsort(scores)[::-1]
+    doubtless = scores[best] - scores[other] > np.log(sketch.criteria.least_odds)
+    return readings[int(best)].fault if doubtless else None

@@ -1,0 +1,100 @@
+"""Positions in degrees: of one joint or of all, and the mapping file that undoes it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from frischid.cli import main
+from frischid.logs.readers import read_log, write_log
+from frischid.model.log_examination import check
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
+from frischid.robot.robot import Robot
+
+FILE = ("", "angle_unit", "deg")
+
+
+def driven(robot, *, seed=1):
+    """A log of a robot whose joints have friction."""
+    values = dict(zip(robot.all_names, robot.nominal, strict=True))
+    values |= {f"fv{robot.numbers[n]}": 0.1 for n in robot.joints}
+    motion = random_fourier(robot, 20, seed=seed)
+    return simulate(robot, motion, rate=100, noise=Noise(q=1e-5, tau=0.01), parameters=values, channels=())
+
+
+def in_degrees(log, *joints):
+    """The log with the positions of some joints in degrees."""
+    factor = np.where([name in joints for name in log.joints], 180 / np.pi, 1.0)
+    return replace(log, q=log.q * factor)
+
+
+def degrees(robot, log):
+    """The findings called degrees, and the fix."""
+    (report,) = check(robot, [log])
+    return [issue for issue in report.issues if issue.kind == "degrees"], report.fix
+
+
+@pytest.mark.parametrize("which", [(0,), (1,), (0, 1)])
+def test_degrees_of_one_joint_leave_the_others_alone_where_no_limit_tells(which):
+    robot = Robot.load("double_pendulum_continuous")
+    names = tuple(robot.joints[j] for j in which)
+    (issue,), fix = degrees(robot, in_degrees(driven(robot), *names))
+    assert issue.where == names
+    assert fix == ((FILE,) if len(which) == 2 else ((names[0], "angle_unit", "deg"),))
+
+
+@pytest.mark.parametrize("which", [(3,), (1, 4), range(7)])
+def test_degrees_outside_the_limits_are_undone_for_their_joints_only(which):
+    robot = Robot.load("xarm7", joints=[f"joint{k}" for k in range(1, 8)])
+    names = tuple(robot.joints[j] for j in which)
+    (issue,), fix = degrees(robot, in_degrees(driven(robot), *names))
+    assert (issue.where, issue.sure, issue.blocks) == (names, "certain", True)
+    assert fix == ((FILE,) if len(names) == 7 else tuple((name, "angle_unit", "deg") for name in names))
+
+
+def test_joints_that_hardly_move_are_in_degrees_with_the_others():
+    """Joint 1 moves by a few degrees: the motion cannot tell its unit, and the torques can."""
+    robot = Robot.load("xarm7", joints=[f"joint{k}" for k in range(1, 8)])
+    t = np.arange(0, 20, 0.01)
+    q, v, a = random_fourier(robot, 20, seed=1)(t)
+    for x in (q, v, a):
+        x[:, 1] *= 0.03
+    rng = np.random.default_rng(0)
+    tau = robot.inverse_dynamics(q, v, a) + 0.1 * v + 0.01 * rng.normal(size=q.shape)
+    small = replace(driven(robot), t=t, q=q + 1e-5 * rng.normal(size=q.shape), tau=tau)
+    (issue,), fix = degrees(robot, in_degrees(small, *robot.joints))
+    assert issue.where == robot.joints
+    assert fix == (FILE,)
+
+
+def test_without_torques_the_reader_decides_which_joints_are_in_degrees():
+    robot = Robot.load("xarm7", joints=[f"joint{k}" for k in range(1, 8)])
+    log = in_degrees(driven(robot), "joint4")
+    (issue,), fix = degrees(robot, replace(log, tau=None, current=log.tau))
+    assert issue.where == ("joint4",)
+    assert fix == ()
+    assert issue.advice.index("[joint.joint4]") < issue.advice.index("[file]")
+
+
+def test_sliding_joints_stay_in_metres():
+    robot = Robot.load("tiago", joints=["torso_lift_joint", "arm_1_joint"])
+    log = driven(robot)
+    _, fix = degrees(robot, in_degrees(log, "arm_1_joint"))
+    assert set(fix) == {FILE, ("torso_lift_joint", "angle_unit", "m")}
+
+
+def test_check_writes_the_unit_of_one_joint_or_says_that_it_writes_nothing(tmp_path):
+    robot = Robot.load("double_pendulum_continuous")
+    log = driven(robot)
+    name, path, output = robot.joints[0], tmp_path / "log.csv", tmp_path / "map.toml"
+    write_log(log, path)
+    arguments = ["check", "double_pendulum_continuous", str(path), "-o", str(output)]
+    shown = CliRunner().invoke(main, arguments)
+    assert not output.exists()
+    assert "map.toml not written" in shown.output.replace("\n", "")
+    write_log(in_degrees(log, name), path)
+    CliRunner().invoke(main, arguments)
+    assert output.read_text(encoding="utf-8") == f'[joint."{name}"]\nangle_unit = "deg"\n'
+    np.testing.assert_allclose(read_log(path, robot.joints, output).q, log.q, rtol=1e-6)
