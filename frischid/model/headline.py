@@ -161,6 +161,16 @@ class Headline:
         """Name of the joint with the largest error."""
         return max(self.joints, key=lambda name: self.joints[name])
 
+    def with_alarms(self, alarms: Sequence[Alarm]) -> Headline:
+        """The same with further alarms; of an alarm that stands here too, the one here stays.
+
+        Parameters
+        ----------
+        alarms : sequence of Alarm
+        """
+        here = {alarm.id for alarm in self.alarms}
+        return replace(self, alarms=by_severity([*self.alarms, *(alarm for alarm in alarms if alarm.id not in here)]))
+
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
         return asdict(self) | {
@@ -180,8 +190,7 @@ class Headline:
         alarms : sequence of Alarm
             Of the fit.
         """
-        here = {alarm.id for alarm in comparison.alarms}
-        return cls(
+        found = cls(
             comparison.nrmse,
             measured,
             comparison.noise_floor,
@@ -189,8 +198,9 @@ class Headline:
             comparison.constant,
             comparison.sources,
             {name: joint.nrmse for name, joint in comparison.joints.items()},
-            by_severity([*comparison.alarms, *(alarm for alarm in alarms if alarm.id not in here)]),
+            by_severity(comparison.alarms),
         )
+        return found.with_alarms(alarms)
 
 
 def headline(
@@ -235,16 +245,39 @@ def headline(
     """
     logs = as_logs(logs, model.robot.joints, mapping)
     test = [log for log in logs if not model.made_from(log)]
-    known = cross_validated(model.history[-1]) if model.history else None
+    known, alarms = cross_validated(model.history[-1]) if model.history else None, alarms_of_fit(model.history)
     if test:
         whole = comparison is not None and len(test) == len(logs)
         here = comparison if whole and comparison is not None else compare(model, test)
-        return Headline.of(here, "test", () if known is None else known.alarms)
+        return Headline.of(here, "test", alarms)
     if known is not None:
         return known
     if not logs:
         raise InputError("the model's file holds no cross-validated error; give a log to measure the error on")
-    return Headline.of(comparison or compare(model, logs), "fitted")
+    return Headline.of(comparison or compare(model, logs), "fitted", alarms)
+
+
+def alarms_of_fit(history: Sequence[Mapping[str, Any]]) -> tuple[Alarm, ...]:
+    """The alarms of a model whatever the logs: those of its last fit, or of a later step that states its own.
+
+    Parameters
+    ----------
+    history : sequence of mapping
+        `Model.history`.
+
+    Raises
+    ------
+    InputError
+        The history was changed by hand, and is wrong.
+    """
+    for event in reversed(history):
+        if "alarms" in event:
+            alarms: tuple[Alarm, ...] = _converted(event, "alarms", tuple[Alarm, ...])
+            return alarms
+        known = cross_validated(event)
+        if known is not None:
+            return known.alarms
+    return ()
 
 
 def cross_validated(event: Mapping[str, Any]) -> Headline | None:
@@ -261,12 +294,15 @@ def cross_validated(event: Mapping[str, Any]) -> Headline | None:
 def headline_of(event: Mapping[str, Any]) -> Headline | None:
     """The headline of the model after an event of its history: on the event's test logs, where there were any.
 
+    The alarms of the event's fit stand beside those of the test.
+
     Raises
     ------
     InputError
         The event was changed by hand, and is wrong.
     """
-    return _read(event, "test") or cross_validated(event)
+    test, own = _read(event, "test"), cross_validated(event)
+    return own if test is None else test.with_alarms(() if own is None else own.alarms)
 
 
 def error_after(event: Mapping[str, Any]) -> tuple[float, str] | None:
@@ -281,13 +317,17 @@ def error_after(event: Mapping[str, Any]) -> tuple[float, str] | None:
 def _read(event: Mapping[str, Any], key: str) -> Headline | None:
     if key not in event:
         return None
-    try:
-        found = msgspec.convert(event[key], Headline)
-    except msgspec.ValidationError as error:
-        raise InputError(f"the model file is damaged: {error} - in `history[].{key}`") from None
+    found: Headline = _converted(event, key, Headline)
     if not found.joints:
         raise InputError(f"the model file is damaged: expected the error of each joint - at `history[].{key}.joints`")
     return found
+
+
+def _converted(event: Mapping[str, Any], key: str, kind: Any) -> Any:
+    try:
+        return msgspec.convert(event[key], kind)
+    except msgspec.ValidationError as error:
+        raise InputError(f"the model file is damaged: {error} - in `history[].{key}`") from None
 
 
 def from_fit(comparison: Comparison, rms: Mapping[str, float], alarms: Sequence[Alarm] = ()) -> Headline:
