@@ -17,7 +17,9 @@ from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.nominal_links import Links
 from frischid.estimators.physical_links import Active, Consistent, Extras, consistent
+from frischid.model.headline import alarms_of_fit
 from frischid.model.model import Model
+from frischid.model.physical_alarms import of_physical
 from frischid.motions.collision import body_boxes
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor, nominal_parameters
@@ -122,6 +124,12 @@ def make_consistent(model: Model, *, boxes: Mapping[str, Box] | None = None, sha
     said = (*notes, *result.notes, *contradictions)
     names = (*robot.all_names, *extras.names)
     change = (result.base - estimate.theta) / np.maximum(estimate.stderr, 1e-300)
+    physical = replace(
+        model,
+        estimate=replace(estimate, theta=result.base),
+        standard=dict(zip(names, map(float, result.theta), strict=True)),
+        previous=model,
+    )
     event: dict[str, Any] = {
         "action": "consistent",
         "effects": [str(e) for e in model.effects],
@@ -130,15 +138,9 @@ def make_consistent(model: Model, *, boxes: Mapping[str, Box] | None = None, sha
         "largest_change_in_standard_errors": float(np.abs(change).max()),
         "active": [list(a) for a in result.active],
         "notes": list(said),
+        "alarms": [alarm.to_dict() for alarm in of_physical(alarms_of_fit(model.history), physical)],
     }
-    physical = replace(
-        model,
-        estimate=replace(estimate, theta=result.base),
-        standard=dict(zip(names, map(float, result.theta), strict=True)),
-        history=(*model.history, event),
-        previous=model,
-    )
-    return Consistency(physical, result, change, chosen, said)
+    return Consistency(replace(physical, history=(*model.history, event)), result, change, chosen, said)
 
 
 def as_identified(model: Model) -> Model:

@@ -38,3 +38,11 @@ def test_improve_has_the_alarms_of_the_fit_on_a_test_log(short):
     model, fit, test = short
     _, last = fr.improve(model, [fit], valid=[test], max_steps=0)
     assert "log-too-short" in ids(last.headline.alarms)
+
+
+def test_physical_links_keep_the_alarms_of_the_fit(short):
+    model, fit, test = short
+    physical = fr.make_consistent(model).model
+    assert "log-too-short" in ids(alarms_of_fit(physical.history))
+    for logs in ([test], [fit]):
+        assert fr.headline(physical, logs).grade == "–", "on a test log, and on its own"

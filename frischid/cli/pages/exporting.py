@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,10 +12,11 @@ from rich.table import Table
 
 from frischid.cli.pages.joint_drives import drives
 from frischid.cli.pages.page import Page, figure, table_of
+from frischid.core.text import listed
 from frischid.export.consistency import Consistency, free_masses, free_parameters
 from frischid.export.export import Export
-from frischid.model.alarms import Alarm
-from frischid.model.headline import headline_of
+from frischid.model.alarms import Alarm, by_severity
+from frischid.model.headline import alarms_of_fit, headline_of
 from frischid.model.model import Model
 
 
@@ -33,9 +36,14 @@ def consistency(found: Consistency, output: str | None) -> Page:
 
 
 def alarms_of(model: Model) -> tuple[Alarm, ...]:
-    """The alarms at the last error that the model's file holds: whoever uses an export has to know them too."""
-    known = (headline_of(event) for event in reversed(model.history))
-    return next((found.alarms for found in known if found is not None), ())
+    """The model's own alarms, and those of the last test: whoever uses an export has to know both."""
+    own, last = alarms_of_fit(model.history), next((e for e in reversed(model.history) if "test" in e), None)
+    test = None if last is None else headline_of(last)
+    if last is None or test is None:
+        return own
+    known, logs = {a.id for a in (*own, *alarms_of_fit([last]))}, listed([Path(name).name for name in test.logs])
+    there = [replace(a, sentence=f"In the test on {logs}: {a.sentence}") for a in test.alarms if a.id not in known]
+    return by_severity([*own, *there])
 
 
 def consistency_data(found: Consistency) -> dict[str, Any]:
