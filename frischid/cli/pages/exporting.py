@@ -19,12 +19,18 @@ from frischid.model.alarms import Alarm, by_severity
 from frischid.model.headline import alarms_of_fit, headline_of
 from frischid.model.model import Model
 
+MEANING_OF_LINKS = (
+    "least eigenvalue: of the link's pseudo-inertia relative to the URDF's link, without unit: 1 as the URDF's, 0 a "
+    "link that cannot exist. divergence: log-det divergence from the URDF's link, without unit: 0 as the URDF's"
+)
+
 
 def consistency(found: Consistency, output: str | None) -> Page:
     """Links, the limits that they reach, and the change of the base parameters."""
     parts: list[Any] = [
         _verdict(found),
         links(found.model, found),
+        MEANING_OF_LINKS,
         *_free(found.model),
         *_changes(found),
         *_held(found),
@@ -152,9 +158,13 @@ def export(done: Export) -> Page:
         data["consistency"] = consistency_data(done.consistency)
     data["difference"] = done.difference
     tables = [drives(done.model)] if done.format == "actuators" else [links(done.model), *_free(done.model)]
-    parts += [*tables, *(f"  {escape(n)}" for n in done.notes)]
+    told = () if done.consistency is None else done.consistency.notes
+    parts += [*tables, *(f"  {escape(n)}" for n in done.notes if n not in told)]
     if done.difference is not None:
-        parts.append(f"loaded again: torque on 50 random states differs from the model's by {done.difference:.1e}")
+        parts.append(
+            f"loaded again: the rigid torque (links without friction) on 50 random states differs from the model's by "
+            f"{done.difference:.1e} of the largest torque"
+        )
     alarms = alarms_of(done.model)
     data["alarms"] = [alarm.to_dict() for alarm in alarms]
     said = [f"{done.format} written to {done.path}"]
