@@ -109,6 +109,8 @@ class Effect(ABC):
     """Shape parameter -> values that the diagnosis tries, ascending; it refines between neighbours."""
     units: ClassVar[Mapping[str, UnitPair]] = {}
     """Shape parameter -> its units on a turning joint and on a sliding joint. Pure numbers are absent."""
+    stated: ClassVar[tuple[str, ...]] = ()
+    """Shape parameters without a usual value: `parse_effects` asks for them."""
     internal: ClassVar[tuple[str, ...]] = ()
     """Shape parameters of the calculation alone, which say nothing of the robot: findings do not print them."""
     of_recording: ClassVar[bool] = False

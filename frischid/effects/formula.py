@@ -59,6 +59,7 @@ class Formula(Effect):
     loaded: ClassVar[bool] = True
     candidate: ClassVar[Literal["joint", "robot", "never"]] = "never"
     several: ClassVar[bool] = True
+    stated: ClassVar[tuple[str, ...]] = ("expression",)
 
     expression: str = "sin(q)*v"
 

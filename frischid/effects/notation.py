@@ -55,7 +55,8 @@ def parse_effects(text: str) -> tuple[Effect, ...]:
     Raises
     ------
     InputError
-        The text is malformed, or names an effect twice for the same joints.
+        The text is malformed, lacks what an effect has no usual value for, or names an effect twice for the same
+        joints.
     UnknownNameError
         The catalogue has no such effect, or the effect no such shape parameter.
 
@@ -108,6 +109,13 @@ def _parse_one(text: str) -> Effect:
         if not equals:
             key, value = _nth_parameter(kind, position, item), pair
         values[key] = _value(value, item)
+    for parameter in kind.stated:
+        if parameter not in values:
+            where = f"@{joints[0]}" if joints else ""
+            raise InputError(
+                f"effect '{item}': {kind.id} needs its {parameter}; write it in brackets, for example "
+                f"'{kind.id}(\"{kind().parameters[parameter]}\"){where}'"
+            )
     if joints:
         values["joints"] = [j.strip() for j in joints[0].split("+")]
     return effect_from_dict(values)

@@ -14,10 +14,13 @@ from typing import Any
 import numpy as np
 
 from frischid.core.types import Array
+from frischid.effects import columns_of
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.nominal_links import Links
 from frischid.estimators.physical_links import Active, Consistent, Extras, consistent
+from frischid.model.headline import alarms_of_fit
 from frischid.model.model import Model
+from frischid.model.physical_alarms import of_physical
 from frischid.motions.collision import body_boxes
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor, nominal_parameters
@@ -118,10 +121,16 @@ def make_consistent(model: Model, *, boxes: Mapping[str, Box] | None = None, sha
     )
     estimate = model.estimate
     extras, contradictions = _extras(model, regressor, mapping)
-    result = consistent(estimate.theta, estimate.information, mapping, links, extras)
-    said = (*notes, *result.notes, *contradictions)
+    result = _as_the_urdf(consistent(estimate.theta, estimate.information, mapping, links, extras), mapping, extras)
+    said = (*notes, *result.notes, *contradictions, *unmeasured_friction(model))
     names = (*robot.all_names, *extras.names)
     change = (result.base - estimate.theta) / np.maximum(estimate.stderr, 1e-300)
+    physical = replace(
+        model,
+        estimate=replace(estimate, theta=result.base),
+        standard=dict(zip(names, map(float, result.theta), strict=True)),
+        previous=model,
+    )
     event: dict[str, Any] = {
         "action": "consistent",
         "effects": [str(e) for e in model.effects],
@@ -130,15 +139,29 @@ def make_consistent(model: Model, *, boxes: Mapping[str, Box] | None = None, sha
         "largest_change_in_standard_errors": float(np.abs(change).max()),
         "active": [list(a) for a in result.active],
         "notes": list(said),
+        "alarms": [alarm.to_dict() for alarm in of_physical(alarms_of_fit(model.history), physical)],
     }
-    physical = replace(
-        model,
-        estimate=replace(estimate, theta=result.base),
-        standard=dict(zip(names, map(float, result.theta), strict=True)),
-        history=(*model.history, event),
-        previous=model,
-    )
-    return Consistency(physical, result, change, chosen, said)
+    return Consistency(replace(physical, history=(*model.history, event)), result, change, chosen, said)
+
+
+def _as_the_urdf(result: Consistent, mapping: Array, extras: Extras) -> Consistent:
+    """The result with the URDF's values of effects that act on no measured torque: no limit moves those."""
+    links = len(result.theta) - len(extras.names)
+    unseen = ~mapping[:, links:].any(axis=0)
+    names = set(np.compress(unseen, extras.names))
+    theta = np.concatenate([result.theta[:links], np.where(unseen, extras.nominal, result.theta[links:])])
+    return replace(result, theta=theta, active=tuple(a for a in result.active if a.where not in names))
+
+
+def unmeasured_friction(model: Model) -> list[str]:
+    """Joints whose friction no log shows, because their torque was not measured: a file keeps the URDF's value."""
+    robot, kinds = model.robot, {e.id for e in model.effects if e.friction}
+    rubbing = {c.joint for c in columns_of(robot, model.effects) if c.effect in kinds}
+    return [
+        f"{joint}: friction was not measured, the URDF's value is kept"
+        for joint in robot.joints
+        if joint in rubbing and joint not in model.joints
+    ]
 
 
 def as_identified(model: Model) -> Model:

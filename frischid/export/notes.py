@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from frischid.export.code_columns import CodeModel
+from frischid.export.consistency import unmeasured_friction
 from frischid.export.mjcf_gears import LEAST_ROTOR
 from frischid.export.mjcf_share import delays, forces, share_of
 from frischid.export.reach import URDF_EFFECTS, beside, left_out
@@ -26,11 +27,12 @@ DIGITS = 3
 
 
 def notes_of(model: Model, kind: str, identified: Model) -> list[str]:
-    """Notes on effects and values that the format cannot hold, and on a torque that was recorded late.
+    """Notes on values that were not measured or that the format cannot hold, and on a torque that was recorded late.
 
     `identified` is the model before its links were made physical; its drives stand in the table of drives.
     """
-    notes = [late] if (late := model.lowpass.lag_of_a_record) else []
+    notes = unmeasured_friction(identified)
+    notes += [late] if (late := model.lowpass.lag_of_a_record) else []
     if kind in ("C", "NumPy"):
         return notes + ([STEP_FUNCTION] if CodeModel.of(model).remembers else [])
     if left := left_out(model, kind):

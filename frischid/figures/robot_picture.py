@@ -19,7 +19,7 @@ from scipy import optimize
 
 from frischid.core.types import Array
 from frischid.figures.style import COLOURS
-from frischid.model.headline import fifth
+from frischid.model.grade import fifth
 from frischid.robot.robot import Robot
 from frischid.robot.skeleton import skeleton
 

@@ -33,7 +33,9 @@ from frischid.forward.simulated_motion import Follower, SimulatedMotion, Starts,
 from frischid.forward.stiction import solve, step_with_friction
 from frischid.forward.torque_sources import TorqueSource
 from frischid.logs.controller import REST
+from frischid.model.joint_inertia import LeastInertia
 from frischid.model.model import Model
+from frischid.model.physical_alarms import eigenvalue_in_words, remedy
 from frischid.robot.mass_matrix import MassMatrices
 
 LARGEST_STEP = 0.002
@@ -150,11 +152,11 @@ class ForwardDynamics:
             worst = int(values[:, 0].argmin())
             if not values[worst, 0] > 0.0:
                 joint = int(np.abs(vectors[worst, :, 0]).argmax())
-                name = self.robot.joints[joint]
+                name, share = self.robot.joints[joint], float((values[:, 0] <= 0.0).mean())
+                found = LeastInertia(float(values[worst, 0]), name, float(q[worst, joint]), share)
                 raise InputError(
-                    f"the model's mass matrix is not positive definite: at {name} = {q[worst, joint]:.3g} it has the "
-                    f"eigenvalue {values[worst, 0]:.3g}, mostly of {name}, so no motion follows from a torque; "
-                    "identify with the URDF as a prior (--prior urdf), or find links with `frischid consistent`"
+                    f"the model's mass matrix is not positive definite: {eigenvalue_in_words(self.robot, found)}, so "
+                    f"no motion follows from a torque. {remedy(self.model).removesuffix('.')}"
                 )
 
     def remembered(self, t: Array, v: Array, samples: NDArray[np.intp]) -> list[Array]:

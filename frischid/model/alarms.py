@@ -165,37 +165,6 @@ def undetermined(disagreement: Mapping[str, float], criteria: AlarmCriteria) -> 
     ]
 
 
-def wrong_signs(contradicted: Sequence[tuple[str, float]], criteria: AlarmCriteria) -> list[Alarm]:
-    """Parameters of known sign that the data would give the other sign.
-
-    Parameters
-    ----------
-    contradicted : sequence of (str, float)
-        Parameter, and by how many standard errors.
-    criteria : AlarmCriteria
-    """
-    most: dict[str, float] = {}
-    for name, x in contradicted:  # a rotor may be named by its bound and by its value
-        most[name] = max(x, most.get(name, 0.0))
-    bad = sorted(((n, x) for n, x in most.items() if x > criteria.sign_errors), key=lambda pair: -pair[1])
-    if not bad:
-        return []
-    listed = ", ".join(f"{n} ({x:.1f} s.e.)" for n, x in bad)
-    return [
-        Alarm(
-            "impossible-sign",
-            "doubt",
-            f"The logs would give a negative value to parameters that cannot be negative: {listed}. The model holds "
-            "them at or near zero.",
-            "Check the signs of torque and motion of these joints (frischid check), then look for a missing effect "
-            "(frischid diagnose).",
-            (),
-            max(x for _, x in bad),
-            criteria.sign_errors,
-        )
-    ]
-
-
 def too_short(seconds: float, criteria: AlarmCriteria) -> list[Alarm]:
     """The logs are too short for any error measured on them to mean much."""
     if seconds >= criteria.least_seconds:

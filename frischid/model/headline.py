@@ -9,8 +9,8 @@ with fitted friction, and a constant torque.
 
 The alarms of the model and of these logs go with the error: whoever prints the one prints the others.
 
-The *grade* says in a letter how far the error has come from the URDF to the sensors' noise, by logarithms in fifths. A
-model with a severe alarm has no grade, because the error may be another one on the next motion.
+A *grade* (`frischid.model.grade`) places the error between the first two references. A model with a severe alarm has no
+grade, because the error may be another one on the next motion.
 
 All other errors (with standstill, of single joints, of a search for missing effects) explain this one.
 """
@@ -30,6 +30,7 @@ from frischid.logs.mapping import MappingLike
 from frischid.model.alarms import Alarm, by_severity
 from frischid.model.comparison import Comparison, compare
 from frischid.model.events import measured_on, selection_errors
+from frischid.model.grade import graded
 from frischid.model.model import Model
 
 Measured = Literal["test", "cross-validated", "fitted"]
@@ -39,46 +40,6 @@ _WHERE = {
     "cross-validated": "cross-validated on its own logs",
     "fitted": "on the logs it was fitted to",
 }
-
-
-AS_THE_SENSORS = 1.15
-"""Error over the noise floor up to which the sensors may cause all of it: the floor is not known better."""
-
-_GRADES = {
-    "A": "as good as the sensors allow, or nearly",
-    "B": "near the limit of the sensors",
-    "C": "halfway from the URDF with fitted friction to the limit of the sensors",
-    "D": "better than the URDF with fitted friction, far from the limit of the sensors",
-    "E": "hardly better than the URDF with fitted friction",
-    "F": "no better than the URDF with fitted friction",
-    "–": "no grade: an alarm says that the error on another motion may differ",
-}
-
-
-def between(nrmse: float, floor: float, reference: float) -> float:
-    """Place of an error between two others, by logarithms: 0 at the smaller one, 1 at the larger one and beyond.
-
-    Examples
-    --------
-    >>> from frischid.model.headline import between
-    >>> between(0.1, 0.01, 1.0)
-    0.5
-    """
-    if floor <= 0 or nrmse <= floor:
-        return 0.0
-    return 1.0 if nrmse >= reference else float(np.log(nrmse / floor) / np.log(reference / floor))
-
-
-def fifth(nrmse: float, floor: float, reference: float) -> int:
-    """The fifth of the scale of `between` in which an error lies: 0 to 4.
-
-    Examples
-    --------
-    >>> from frischid.model.headline import fifth
-    >>> [fifth(nrmse, 0.01, 1.0) for nrmse in (0.01, 0.1, 2.0)]
-    [0, 2, 4]
-    """
-    return min(4, int(5 * between(nrmse, floor, reference)))
 
 
 @dataclass(frozen=True)
@@ -135,31 +96,38 @@ class Headline:
 
     @property
     def grade(self) -> str:
-        """A to F, or ``–`` where a severe alarm stands.
-
-        The range from the sensors' noise to the better of URDF and constant torque has five parts, A to E. F: the error
-        is at least that of the better reference.
-        """
-        if any(alarm.severity == "severe" for alarm in self.alarms):
-            return "–"
-        if self.nrmse <= AS_THE_SENSORS * self.noise_floor:  # also where the URDF is as good
-            return "A"
-        # A URDF that is as good as the sensors leaves nothing to compare with.
-        known = AS_THE_SENSORS * self.noise_floor < self.urdf_nrmse < self.constant_nrmse
-        reference = self.urdf_nrmse if known else self.constant_nrmse
-        if self.nrmse >= reference:
-            return "F"
-        return "ABCDE"[fifth(self.nrmse, self.noise_floor, reference)]
+        """A to F (`frischid.model.grade`), or ``–`` where a severe alarm stands."""
+        return "–" if self._is_alarmed else self._graded[0]
 
     @property
     def grade_in_words(self) -> str:
-        """The grade's meaning."""
-        return _GRADES[self.grade]
+        """The grade's meaning: the error as a multiple of the reference's, and of the sensors' noise."""
+        if self._is_alarmed:
+            return "no grade: an alarm says that the error on another motion may differ"
+        return self._graded[1]
+
+    @property
+    def _is_alarmed(self) -> bool:
+        return any(alarm.severity == "severe" for alarm in self.alarms)
+
+    @property
+    def _graded(self) -> tuple[str, str]:
+        return graded(self.nrmse, self.noise_floor, self.urdf_nrmse, self.constant_nrmse)
 
     @property
     def worst(self) -> str:
         """Name of the joint with the largest error."""
         return max(self.joints, key=lambda name: self.joints[name])
+
+    def with_alarms(self, alarms: Sequence[Alarm]) -> Headline:
+        """The same with further alarms; of an alarm that stands here too, the one here stays.
+
+        Parameters
+        ----------
+        alarms : sequence of Alarm
+        """
+        here = {alarm.id for alarm in self.alarms}
+        return replace(self, alarms=by_severity([*self.alarms, *(alarm for alarm in alarms if alarm.id not in here)]))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -180,8 +148,7 @@ class Headline:
         alarms : sequence of Alarm
             Of the fit.
         """
-        here = {alarm.id for alarm in comparison.alarms}
-        return cls(
+        found = cls(
             comparison.nrmse,
             measured,
             comparison.noise_floor,
@@ -189,8 +156,9 @@ class Headline:
             comparison.constant,
             comparison.sources,
             {name: joint.nrmse for name, joint in comparison.joints.items()},
-            by_severity([*comparison.alarms, *(alarm for alarm in alarms if alarm.id not in here)]),
+            by_severity(comparison.alarms),
         )
+        return found.with_alarms(alarms)
 
 
 def headline(
@@ -235,16 +203,39 @@ def headline(
     """
     logs = as_logs(logs, model.robot.joints, mapping)
     test = [log for log in logs if not model.made_from(log)]
-    known = cross_validated(model.history[-1]) if model.history else None
+    known, alarms = cross_validated(model.history[-1]) if model.history else None, alarms_of_fit(model.history)
     if test:
         whole = comparison is not None and len(test) == len(logs)
         here = comparison if whole and comparison is not None else compare(model, test)
-        return Headline.of(here, "test", () if known is None else known.alarms)
+        return Headline.of(here, "test", alarms)
     if known is not None:
         return known
     if not logs:
         raise InputError("the model's file holds no cross-validated error; give a log to measure the error on")
-    return Headline.of(comparison or compare(model, logs), "fitted")
+    return Headline.of(comparison or compare(model, logs), "fitted", alarms)
+
+
+def alarms_of_fit(history: Sequence[Mapping[str, Any]]) -> tuple[Alarm, ...]:
+    """The alarms of a model whatever the logs: those of its last fit, or of a later step that states its own.
+
+    Parameters
+    ----------
+    history : sequence of mapping
+        `Model.history`.
+
+    Raises
+    ------
+    InputError
+        The history was changed by hand, and is wrong.
+    """
+    for event in reversed(history):
+        if "alarms" in event:
+            alarms: tuple[Alarm, ...] = _converted(event, "alarms", tuple[Alarm, ...])
+            return alarms
+        known = cross_validated(event)
+        if known is not None:
+            return known.alarms
+    return ()
 
 
 def cross_validated(event: Mapping[str, Any]) -> Headline | None:
@@ -261,12 +252,15 @@ def cross_validated(event: Mapping[str, Any]) -> Headline | None:
 def headline_of(event: Mapping[str, Any]) -> Headline | None:
     """The headline of the model after an event of its history: on the event's test logs, where there were any.
 
+    The alarms of the event's fit stand beside those of the test.
+
     Raises
     ------
     InputError
         The event was changed by hand, and is wrong.
     """
-    return _read(event, "test") or cross_validated(event)
+    test, own = _read(event, "test"), cross_validated(event)
+    return own if test is None else test.with_alarms(() if own is None else own.alarms)
 
 
 def error_after(event: Mapping[str, Any]) -> tuple[float, str] | None:
@@ -281,13 +275,17 @@ def error_after(event: Mapping[str, Any]) -> tuple[float, str] | None:
 def _read(event: Mapping[str, Any], key: str) -> Headline | None:
     if key not in event:
         return None
-    try:
-        found = msgspec.convert(event[key], Headline)
-    except msgspec.ValidationError as error:
-        raise InputError(f"the model file is damaged: {error} - in `history[].{key}`") from None
+    found: Headline = _converted(event, key, Headline)
     if not found.joints:
         raise InputError(f"the model file is damaged: expected the error of each joint - at `history[].{key}.joints`")
     return found
+
+
+def _converted(event: Mapping[str, Any], key: str, kind: Any) -> Any:
+    try:
+        return msgspec.convert(event[key], kind)
+    except msgspec.ValidationError as error:
+        raise InputError(f"the model file is damaged: {error} - in `history[].{key}`") from None
 
 
 def from_fit(comparison: Comparison, rms: Mapping[str, float], alarms: Sequence[Alarm] = ()) -> Headline:

@@ -238,7 +238,7 @@ def assess(found: Measured) -> Identification:
     fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
     journal, whole, variance = data.journal, problem.whole, found.variance
     cross_validation = dict(zip(data.joints, _nrmse(whole, variance), strict=True))
-    before = fit_alarms(fit)
+    before = fit_alarms(fit, model)
     own = None if there is None else from_fit(there, dict(zip(data.joints, np.sqrt(variance), strict=True)), before)
     event = _event(data, problem.effects, cross_validation, own)
     comparison = compare(replace(model, history=(event,)), data.valid) if data.valid else None

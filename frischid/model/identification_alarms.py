@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 import numpy as np
 from scipy import linalg
 
-from frischid.core.types import Array
+from frischid.core.types import Array, Column
 from frischid.effects import Coulomb, Offset, Viscous
 from frischid.estimators.map_estimate import MapEstimate, friction_alone, map_estimate
 from frischid.estimators.normal_equations import WORST_CONDITION
@@ -29,11 +29,13 @@ from frischid.model.alarms import (
     noisy_cutoff,
     too_short,
     undetermined,
-    wrong_signs,
 )
 from frischid.model.comparison import Comparison
 from frischid.model.fit_record import LEVELS, FitRecord
 from frischid.model.identification_stages import Fit, Problem
+from frischid.model.joint_inertia import least_inertia
+from frischid.model.model import Model
+from frischid.model.physical_alarms import indefinite_mass, wrong_signs
 from frischid.regression.regressor import Regressor
 
 STATES = 400
@@ -77,8 +79,8 @@ def model_share(problem: Problem, own: Comparison, rows: float) -> Array:
     return np.asarray(1.0 - noise * (1.0 - min(1.0, rows / max(independent, 1e-300))))
 
 
-def fit_alarms(fit: Fit) -> tuple[Alarm, ...]:
-    """Alarms of an identification, most severe first."""
+def fit_alarms(fit: Fit, model: Model) -> tuple[Alarm, ...]:
+    """Alarms of an identification and of its model, most severe first."""
     problem, criteria = fit.problem, fit.problem.data.options.alarm_criteria
     posterior = _posterior(fit)
     currents = problem.data.options.currents
@@ -89,9 +91,31 @@ def fit_alarms(fit: Fit) -> tuple[Alarm, ...]:
         *noisy_cutoff(problem.data.summary.spectra, problem.data.lowpass.cutoff, criteria),
         *too_short(problem.data.summary.seconds, criteria),
         *faulty_logs(problem.data.journal.faults),
-        *wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria),
+        *wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria, _values(fit)),
+        *indefinite_mass(model, least_inertia(model, map(_poses, problem.data.motions)), "fitted poses", criteria),
     ]
     return by_severity(found)
+
+
+def _values(fit: Fit) -> dict[str, tuple[Column, float]]:
+    """Parameter -> its column and its value in the model: of all with a prior, else of the base parameters."""
+    e = fit.estimate
+    if fit.posterior is None:
+        return {c.name: (c, float(x)) for c, x in zip(e.columns, e.theta, strict=True)}
+    columns = {c.name: c for c in fit.problem.regressor.columns}
+    pairs = zip(fit.posterior.prior.names, fit.posterior.full, strict=True)
+    return {name: (columns[name], float(x)) for name, x in pairs if name in columns}
+
+
+def _some(motion: Motion) -> Motion:
+    """At most `STATES` states of a motion, or a few more."""
+    return motion.part(slice(None, None, max(1, len(motion.t) // STATES)))
+
+
+def _poses(motion: Motion) -> tuple[Array, dict[str, Array]]:
+    """Some positions of a motion, with the further channels there."""
+    some = _some(motion)
+    return some.q, dict(some.extra)
 
 
 def _gains(problem: Problem, criteria: AlarmCriteria) -> list[Alarm]:
@@ -100,7 +124,7 @@ def _gains(problem: Problem, criteria: AlarmCriteria) -> list[Alarm]:
     if controller is None:
         return []
     index = [robot.joints.index(n) for n in joints]
-    some = [motion.part(slice(None, None, max(1, len(motion.t) // STATES))) for motion in problem.data.motions]
+    some = [_some(motion) for motion in problem.data.motions]
     tau = np.concatenate([motion.tau[:, index] for motion in some])
     links = np.concatenate([robot.inverse_dynamics(m.q, m.v, m.a)[:, index] for m in some])
     effort = robot.limits.effort[index]
@@ -157,7 +181,7 @@ def _steps_to_least_squares(problem: Problem, posterior: MapEstimate) -> Array:
 def run_faster(regressor: Regressor, motions: Iterable[Motion], factor: float) -> Iterator[tuple[Array, Array]]:
     """Columns (N, C, J) and speeds (N, J) along states of some motions at a multiple of their speed."""
     for motion in motions:
-        some = motion.part(slice(None, None, max(1, len(motion.t) // STATES)))
+        some = _some(motion)
         v = factor * some.v
         yield regressor(some.t / factor, some.q, v, factor**2 * some.a, extra=dict(some.extra)), v
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from frischid.core.types import Array
+from frischid.effects import Effect, State
 from frischid.errors import InputError
 from frischid.logs.log import Log, check_torque
 from frischid.logs.recording import Recording, check_logs, preview_of
@@ -39,6 +40,25 @@ def check_logs_fit(robot: Robot, joints: Sequence[str], logs: Sequence[Log | Rec
                 f"{log.source}: no torque (tau_<joint>) of {', '.join(missing)}, which the model was fitted to; "
                 "leave the log out, or identify again with --torque-joints that it has"
             )
+
+
+def check_effects_act(robot: Robot, joints: Sequence[str], effects: Sequence[Effect]) -> None:
+    """Refuse effects on a joint that act on none of `joints`, the joints whose torque a model was fitted to.
+
+    Raises
+    ------
+    InputError
+    """
+    fitted = {robot.joints.index(name) for name in joints}
+    for effect in effects:
+        rows = [(term.column.joint, set(term.rows)) for term in effect.terms(State.empty(robot))]
+        for i, name, _ in effect.acts_on(robot) if effect.joints else ():
+            mine = [acts for joint, acts in rows if joint == name or i in acts]
+            if mine and not any(acts & fitted for acts in mine):
+                raise InputError(
+                    f"{effect}: the logs that the model was fitted to have no torque of {name}, so nothing shows this "
+                    f"effect there; name joints whose torque was fitted: {', '.join(joints)}"
+                )
 
 
 def motion_of(joints: Sequence[str], q: Any, v: Any, a: Any) -> tuple[Array, Array, Array]:

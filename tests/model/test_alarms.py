@@ -12,9 +12,9 @@ from frischid.model.alarms import (
     noisy_cutoff,
     too_short,
     undetermined,
-    wrong_signs,
 )
 from frischid.model.comparison_alarms import Elsewhere, elsewhere
+from frischid.model.physical_alarms import wrong_signs
 
 CRITERIA = AlarmCriteria()
 JOINTS = ("a", "b", "c")

@@ -11,7 +11,8 @@ from frischid.cli.pages.page import Page, depends, figure, headline_line, table_
 from frischid.core.text import listed, percent
 from frischid.forward.motion_error import MotionComparison
 from frischid.model.comparison import Comparison
-from frischid.model.headline import AS_THE_SENSORS, Headline
+from frischid.model.grade import AS_THE_SENSORS
+from frischid.model.headline import Headline
 from frischid.model.residual_conditions import CONDITION_ORDER
 from frischid.model.standstill_joints import pose_note, standstill_note
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,11 +12,17 @@ from rich.table import Table
 
 from frischid.cli.pages.joint_drives import drives
 from frischid.cli.pages.page import Page, figure, table_of
+from frischid.core.text import listed
 from frischid.export.consistency import Consistency, free_masses, free_parameters
 from frischid.export.export import Export
-from frischid.model.alarms import Alarm
-from frischid.model.headline import headline_of
+from frischid.model.alarms import Alarm, by_severity
+from frischid.model.headline import alarms_of_fit, headline_of
 from frischid.model.model import Model
+
+MEANING_OF_LINKS = (
+    "least eigenvalue: of the link's pseudo-inertia relative to the URDF's link, without unit: 1 as the URDF's, 0 a "
+    "link that cannot exist. divergence: log-det divergence from the URDF's link, without unit: 0 as the URDF's"
+)
 
 
 def consistency(found: Consistency, output: str | None) -> Page:
@@ -22,6 +30,7 @@ def consistency(found: Consistency, output: str | None) -> Page:
     parts: list[Any] = [
         _verdict(found),
         links(found.model, found),
+        MEANING_OF_LINKS,
         *_free(found.model),
         *_changes(found),
         *_held(found),
@@ -33,9 +42,14 @@ def consistency(found: Consistency, output: str | None) -> Page:
 
 
 def alarms_of(model: Model) -> tuple[Alarm, ...]:
-    """The alarms at the last error that the model's file holds: whoever uses an export has to know them too."""
-    known = (headline_of(event) for event in reversed(model.history))
-    return next((found.alarms for found in known if found is not None), ())
+    """The model's own alarms, and those of the last test: whoever uses an export has to know both."""
+    own, last = alarms_of_fit(model.history), next((e for e in reversed(model.history) if "test" in e), None)
+    test = None if last is None else headline_of(last)
+    if last is None or test is None:
+        return own
+    known, logs = {a.id for a in (*own, *alarms_of_fit([last]))}, listed([Path(name).name for name in test.logs])
+    there = [replace(a, sentence=f"In the test on {logs}: {a.sentence}") for a in test.alarms if a.id not in known]
+    return by_severity([*own, *there])
 
 
 def consistency_data(found: Consistency) -> dict[str, Any]:
@@ -144,9 +158,13 @@ def export(done: Export) -> Page:
         data["consistency"] = consistency_data(done.consistency)
     data["difference"] = done.difference
     tables = [drives(done.model)] if done.format == "actuators" else [links(done.model), *_free(done.model)]
-    parts += [*tables, *(f"  {escape(n)}" for n in done.notes)]
+    told = () if done.consistency is None else done.consistency.notes
+    parts += [*tables, *(f"  {escape(n)}" for n in done.notes if n not in told)]
     if done.difference is not None:
-        parts.append(f"loaded again: torque on 50 random states differs from the model's by {done.difference:.1e}")
+        parts.append(
+            f"loaded again: the rigid torque (links without friction) on 50 random states differs from the model's by "
+            f"{done.difference:.1e} of the largest torque"
+        )
     alarms = alarms_of(done.model)
     data["alarms"] = [alarm.to_dict() for alarm in alarms]
     said = [f"{done.format} written to {done.path}"]

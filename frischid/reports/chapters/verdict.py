@@ -18,14 +18,15 @@ from frischid.diagnosis.model_notes import TOUCHED, longest_untouched
 from frischid.diagnosis.rivals import command_for, in_command, pair_of
 from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
 from frischid.model.events import selection_errors
-from frischid.model.headline import Headline, between, headline_of
+from frischid.model.grade import between
+from frischid.model.headline import Headline, headline_of
 from frischid.model.own_logs import paths_of
 from frischid.reports.study import Study
 
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
 STEPS_PROPOSED = 3
 SAME_NRMSE = 1e-3  # relative difference of two errors of one model on the same logs: another version may round
-NOT_FOR_USE = ("E", "F")  # grades of models that are hardly better than the URDF
+NOT_FOR_USE = ("E", "F")  # grades within one of the five factors of the URDF, or above it
 
 
 def content(study: Study, model_path: str) -> dict[str, Any]:

@@ -1,0 +1,54 @@
+"""`add` refuses an effect that no log can show, and an expression that nobody wrote."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import frischid as fr
+from frischid.cli import main
+from frischid.model.log_requirements import check_effects_act
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A model of planar2, from a log without the torque of joint2."""
+    where = tmp_path_factory.mktemp("add")
+    robot = fr.Robot.load("planar2")
+    log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=50.0, noise=fr.Noise(tau=0.01))
+    tau = log.tau.copy()
+    tau[:, 1] = np.nan
+    fr.write_log(replace(log, tau=tau), where / "log.csv")
+    found = fr.identify(robot, [fr.read_log(where / "log.csv", robot.joints)], recursion="none")
+    found.model.save(where / "model.json")
+    return where
+
+
+def added(folder, effect):
+    result = CliRunner().invoke(
+        main, ["add", f"{folder}/model.json", effect, f"{folder}/log.csv", "-o", f"{folder}/x.json"]
+    )
+    return result.exit_code, " ".join(result.output.split())
+
+
+def test_an_effect_on_a_joint_without_torque_is_an_error(folder):
+    code, said = added(folder, "joint_spring@joint2")
+    assert code == 2
+    assert "have no torque of joint2" in said
+    assert "fitted: joint1" in said
+    assert not (folder / "x.json").exists()
+    assert added(folder, "joint_spring@joint1")[0] == 0
+
+
+def test_a_formula_needs_its_expression(folder):
+    code, said = added(folder, "formula@joint1")
+    assert code == 2
+    assert """'formula("sin(q)*v")@joint1'""" in said
+    assert added(folder, 'formula("sin(3*q)")@joint1')[0] == 0
+
+
+def test_an_effect_between_joints_needs_the_torque_of_one():
+    robot = fr.Robot.load("planar2")
+    check_effects_act(robot, ["joint1"], fr.parse_effects("joint_coupling@joint1+joint2"))
+    check_effects_act(robot, ["joint1"], fr.parse_effects("gravity_tilt"))
