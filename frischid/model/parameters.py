@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from frischid.core.named_sequence import NamedSequence
@@ -39,3 +40,28 @@ def parameters_by_name(estimate: Estimate, expressions: Sequence[str]) -> NamedS
     parts = zip(estimate.columns, expressions, estimate.theta, estimate.stderr, strict=True)
     values = [Parameter(c.name, text, c.unit, c.joint, c.effect, float(x), float(s)) for c, text, x, s in parts]
     return NamedSequence("parameter", {value.name: value for value in values})
+
+
+def numbering(estimate: Estimate, numbers: Mapping[str, int]) -> str:
+    """Which joint the number in a parameter's name means; empty where the names of the joints end with it.
+
+    Parameters
+    ----------
+    estimate : Estimate
+    numbers : mapping of str to int
+        Number of each joint (`Robot.numbers`).
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> from frischid.model.parameters import numbering
+    >>> robot = fr.Robot.load("ur10", joints=["elbow_joint", "wrist_1_joint"])
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 8, seed=1), rate=50, noise=fr.Noise(tau=0.1))
+    >>> numbering(fr.identify(robot, [log], recursion="none").model.estimate, robot.numbers)
+    'numbers in names of parameters: 1 is elbow_joint, 2 is wrist_1_joint'
+    """
+    named = {c.joint for c in estimate.columns}
+    found = {name: k for name, k in numbers.items() if name in named}
+    if all(re.findall(r"\d+", name)[-1:] == [str(k)] for name, k in found.items()):
+        return ""
+    return f"numbers in names of parameters: {', '.join(f'{k} is {name}' for name, k in found.items())}"

@@ -24,6 +24,7 @@ from frischid.model.headline import headline
 from frischid.model.identification import Identification
 from frischid.model.identification_bounds import NO_INFORMATION, without_information
 from frischid.model.model import Model
+from frischid.model.parameters import numbering
 
 
 def identification(found: Identification, output: str | None, *, whole: bool = False) -> Page:
@@ -46,7 +47,10 @@ def identification(found: Identification, output: str | None, *, whole: bool = F
         parts += [drives(model), *warning_lines(left_open(model)), f"  {MEANING}"]
     if found.amperes:
         parts.append(amperes(found.amperes))
-    parts.append(parameters(model) if whole else f"  {len(model.expressions)} parameters: --parameters lists them")
+    if whole:
+        parts += _table_of_parameters(model)
+    else:
+        parts.append(f"  {len(model.expressions)} parameters: --parameters lists them")
     if output:
         parts += [f"model written to {output}", _next(output)]
     return Page(identified(found), parts, found.alarms)
@@ -68,7 +72,7 @@ def moved(result: OutputError, logs: Sequence[Log | Recording], output: str | No
     if result.tested is not None:
         for name, found in zip(("least squares", "output error"), result.tested, strict=True):
             parts += [f"on the test logs, {name}:", motion_table(found)]
-    parts.append(parameters(model))
+    parts += _table_of_parameters(model)
     if output:
         parts.append(f"model written to {output}")
     data = {"headline": error.to_dict(), **result.to_dict(), "parameters": model.to_dict()["parameters"]}
@@ -145,6 +149,12 @@ def identified(found: Identification) -> dict[str, Any]:
         "notes": list(found.notes),
         "warnings": list(found.warnings),
     }
+
+
+def _table_of_parameters(model: Model) -> list[Any]:
+    """The table of parameters, and the joints that the numbers in their names mean."""
+    said = numbering(model.estimate, model.robot.numbers)
+    return [parameters(model), *([f"  {escape(said)}"] if said else [])]
 
 
 def parameters(model: Model, truth: Sequence[float] | None = None) -> Table:

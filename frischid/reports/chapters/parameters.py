@@ -12,6 +12,8 @@ from frischid.core.text import listed
 from frischid.export.consistency import Consistency
 from frischid.figures.style import number
 from frischid.model.identification_bounds import NO_INFORMATION, without_information
+from frischid.model.model import Model
+from frischid.model.parameters import numbering
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study
 
@@ -71,7 +73,12 @@ def _changed(study: Study) -> Table:
         row = [column.name, unit, number(e.theta[i]), number(e.stderr[i], 2), given, number(float(matter[i]), 2), share]
         rows.append([*row, _sum(model.expressions[i])])
     headings = ["parameter", "unit", "value", "± s.e.", "URDF", "off by, s.e.", "from logs", "stands for"]
-    return Table(headings, rows, words=2, caption=CHANGED_CAPTION)
+    return Table(headings, rows, words=2, caption=_with_numbers(CHANGED_CAPTION, model))
+
+
+def _with_numbers(caption: str, model: Model) -> str:
+    said = numbering(model.estimate, model.robot.numbers)
+    return f"{caption}; {said}" if said else caption
 
 
 def _correlated(study: Study) -> str:
@@ -108,7 +115,7 @@ def _values(study: Study) -> Table:
         rows.append([*row, *known, *boxes, ", ".join(flags), _sum(model.expressions[i])])
     boxed = [f"{figures.parameters.title(method)} box" for method in model.bounds]
     headings = ["parameter", "unit", "value", "± s.e.", *given, *boxed, "flags", "stands for"]
-    return Table(headings, rows, words=2, caption=PARAMETERS_CAPTION)
+    return Table(headings, rows, words=2, caption=_with_numbers(PARAMETERS_CAPTION, model))
 
 
 def _sum(expression: str) -> str:
