@@ -66,6 +66,24 @@ class IdentifiabilityError(FrischidError):
     """The data do not determine the wanted parameters (too few samples, no motion, a singular moment matrix)."""
 
 
+class NoBodyError(IdentifiabilityError):
+    """Logs that show no body on a link: a result, not a misuse.
+
+    Parameters
+    ----------
+    frame, carrier : str
+        Frame of the wanted result, and the joint of the link.
+    limit : float
+        kg. Two standard errors above the mass that the logs would give, or above zero.
+    more : str
+        What else the logs show, for the end of the sentence.
+    """
+
+    def __init__(self, frame: str, carrier: str, limit: float, more: str = "") -> None:
+        self.frame, self.carrier, self.limit = frame, carrier, limit
+        super().__init__(f"no body: less than {limit:.2g} kg (two standard errors) on the link of {carrier}{more}")
+
+
 class EmptyBoxError(FrischidError):
     """Bounds contradict one another: some lower bound lies above its upper bound.
 

@@ -12,6 +12,7 @@ from frischid.cli.group import main
 from frischid.cli.inputs import model_of, opened
 from frischid.cli.output import show_page, working
 from frischid.cli.paths import InputPath, OutputPath
+from frischid.errors import NoBodyError
 
 
 @main.command()
@@ -36,7 +37,7 @@ def payload(
     """Identify the body that the robot carries.
 
     The result is the mass, centre of mass and inertia of the body, with bounds. MODEL is the model of the robot without
-    the body; LOGS are recorded with the body.
+    the body; LOGS are recorded with the body. Exit code 1: the logs show no body, and no file is written.
     """
     from frischid.cli.pages import carrying as show
     from frischid.core.files import write_text
@@ -45,7 +46,15 @@ def payload(
     loaded = model_of(model, torque_joints)
     with working(as_json) as progress:
         progress("payload")
-        found = run(loaded, opened(logs, loaded.robot, mapping, progress), frame=frame, carrier=carrier)
+        try:
+            found = run(loaded, opened(logs, loaded.robot, mapping, progress), frame=frame, carrier=carrier)
+        except NoBodyError as none:
+            nothing: NoBodyError | None = none
+        else:
+            nothing = None
+    if nothing is not None:
+        show_page(show.no_body(nothing, output), as_json)
+        return
     if output:
         write_text(Path(output), json.dumps(found.to_dict(), indent=1) + "\n")
     show_page(show.payload(found, output), as_json)

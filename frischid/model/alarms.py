@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from frischid.core.text import percent
+from frischid.core.text import listed, percent
 from frischid.core.types import Array
 from frischid.logs.cutoff_choice import LogSpectra
 
@@ -131,9 +131,13 @@ class Alarm:
         return cls(**{**data, "joints": tuple(data["joints"])})
 
 
+CAUSES = ("faulty-log", "log-too-short")
+"""Alarms of the logs themselves: whatever else is wrong may follow from them, so they come first."""
+
+
 def by_severity(alarms: Sequence[Alarm]) -> tuple[Alarm, ...]:
-    """Alarms, the severe ones first."""
-    return tuple(sorted(alarms, key=lambda alarm: alarm.severity != "severe"))
+    """Alarms, the severe ones first, and of these the causes of the others."""
+    return tuple(sorted(alarms, key=lambda alarm: (alarm.severity != "severe", alarm.id not in CAUSES)))
 
 
 def undetermined(disagreement: Mapping[str, float], criteria: AlarmCriteria) -> list[Alarm]:
@@ -161,6 +165,23 @@ def undetermined(disagreement: Mapping[str, float], criteria: AlarmCriteria) -> 
             where,
             middle,
             criteria.disagreement,
+        )
+    ]
+
+
+def never_moving(joints: Sequence[str]) -> list[Alarm]:
+    """Joints of which the fitted logs show no motion, or a torque that never changes."""
+    if not joints:
+        return []
+    return [
+        Alarm(
+            "joint-without-motion",
+            "doubt",
+            f"{listed(joints)} never move{'s' * (len(joints) == 1)} in the fitted logs, or the torque there never "
+            "changes: no error can be measured there, and the logs do not show the friction.",
+            "Record a motion of all joints (frischid excite plans one).",
+            tuple(joints),
+            None,
         )
     ]
 

@@ -69,7 +69,8 @@ class Identification(Shown):
         The model's error: on the validation logs, or cross-validated without any; None where a joint's torque never
         changes.
     cross_validation : dict of str to float
-        NRMSE of each joint on stretches of the identification logs that were left out of the fit.
+        NRMSE of each joint on stretches of the identification logs that were left out of the fit; without joints that
+        never move there.
     comparison : Comparison or None
         Errors on the validation logs.
     samples : int
@@ -237,8 +238,10 @@ def assess(found: Measured) -> Identification:
     bounds, model, there, lag = found.bounds, found.model, found.there, found.lag
     fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
     journal, whole, variance = data.journal, problem.whole, found.variance
-    cross_validation = dict(zip(data.joints, _nrmse(whole, variance), strict=True))
-    before = fit_alarms(fit, model)
+    still = () if there is None else there.not_compared
+    pairs = zip(data.joints, _nrmse(whole, variance), strict=True)
+    cross_validation = {name: x for name, x in pairs if name not in still}
+    before = fit_alarms(fit, model, still)
     own = None if there is None else from_fit(there, dict(zip(data.joints, np.sqrt(variance), strict=True)), before)
     event = _event(data, problem.effects, cross_validation, own)
     comparison = compare(replace(model, history=(event,)), data.valid) if data.valid else None

@@ -26,6 +26,7 @@ from frischid.model.alarms import (
     doubtful_gains,
     faulty_logs,
     gains_from_masses,
+    never_moving,
     noisy_cutoff,
     too_short,
     undetermined,
@@ -79,8 +80,8 @@ def model_share(problem: Problem, own: Comparison, rows: float) -> Array:
     return np.asarray(1.0 - noise * (1.0 - min(1.0, rows / max(independent, 1e-300))))
 
 
-def fit_alarms(fit: Fit, model: Model) -> tuple[Alarm, ...]:
-    """Alarms of an identification and of its model, most severe first."""
+def fit_alarms(fit: Fit, model: Model, still: Sequence[str]) -> tuple[Alarm, ...]:
+    """Alarms of an identification and of its model, most severe first; `still`: joints that never move."""
     problem, criteria = fit.problem, fit.problem.data.options.alarm_criteria
     posterior = _posterior(fit)
     currents = problem.data.options.currents
@@ -90,6 +91,7 @@ def fit_alarms(fit: Fit, model: Model) -> tuple[Alarm, ...]:
         *undetermined(_disagreement(problem, posterior, criteria.faster), criteria),
         *noisy_cutoff(problem.data.summary.spectra, problem.data.lowpass.cutoff, criteria),
         *too_short(problem.data.summary.seconds, criteria),
+        *never_moving(still),
         *faulty_logs(problem.data.journal.faults),
         *wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria, _values(fit)),
         *indefinite_mass(model, least_inertia(model, map(_poses, problem.data.motions)), "fitted poses", criteria),

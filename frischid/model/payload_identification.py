@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from frischid.core.types import Array
 from frischid.effects.load import Payload
-from frischid.errors import IdentifiabilityError, InputError, UnknownNameError
+from frischid.errors import IdentifiabilityError, InputError, NoBodyError, UnknownNameError
 from frischid.estimators.least_squares import Prior, wls
 from frischid.estimators.precision import precision_of
 from frischid.logs.given import Logs, as_logs
@@ -172,8 +172,10 @@ def payload(
     ------
     InputError
         A log cannot be used, or the model has a payload already.
+    NoBodyError
+        These logs show no body.
     IdentifiabilityError
-        The body changes no torque of the model, or these logs show no body.
+        The body changes no torque of the model.
 
     Examples
     --------
@@ -297,11 +299,9 @@ def _in_frame(
     T = np.linalg.inv(parameter_transform(H))
     phi, covariance = T @ phi, T @ covariance @ T.T
     if by_chance or phi[0] <= 0:
-        bound = float(special.ndtri(0.975) * np.sqrt(covariance[0, 0]))
-        raise IdentifiabilityError(
-            f"these logs show no body on the link of {names[1]}: the mass would be {phi[0]:.3g} ± {bound:.2g} kg"
-            + (", and chance explains the centre and the inertia too" if by_chance else "")
-        )
+        limit = max(float(phi[0]), 0.0) + 2.0 * float(np.sqrt(covariance[0, 0]))
+        more = "" if by_chance else "; these logs differ from the model in another way: frischid diagnose MODEL LOG"
+        raise NoBodyError(*names, limit, more)
     slope = np.empty((10, 10))
     for k in range(10):
         step = np.zeros(10)

@@ -574,5 +574,8 @@ def test_a_payload_is_sought_in_the_torque_of_the_joints_named(tmp_path):
     write_log(log, tmp_path / "log.parquet")
     identify(robot, [log], recursion="none").model.save(tmp_path / "model.json")
     given = ("payload", tmp_path / "model.json", tmp_path / "log.parquet")
-    refused(["no body on the link of joint2", "± 0.01"], *given)
-    refused(["no body on the link of joint2", "± 4"], *given, "--torque-joints", "joint2")
+    for more, kilograms in (((), "0.01"), (("--torque-joints", "joint2"), "4")):
+        said = run(*given, *more, "-o", tmp_path / "tool.json", code=1).stdout
+        assert f"no body: less than {kilograms}" in said
+        assert "kg (two standard errors) on the link of joint2" in " ".join(said.split())
+        assert not (tmp_path / "tool.json").exists()

@@ -21,19 +21,22 @@ class EnterOutput(Output):
 
 
 class PayloadOutput(Output):
-    """A body on the robot: kg, m, kg·m² about its centre of mass; also the file that `payload -o` writes."""
+    """A body on the robot: kg, m, kg·m² about its centre of mass; also the file that `payload -o` writes.
+
+    Without a body the numbers are null, and `bound_95` has the largest mass that the logs leave possible.
+    """
 
     frame: str
     carrier: str
-    mass: float
-    center_of_mass: tuple[float, float, float]
-    inertia: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+    mass: float | None
+    center_of_mass: tuple[float, float, float] | None
+    inertia: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]] | None
     bound_95: dict[str, NotNegative]
     from_log: dict[str, Share]
-    nrmse: NotNegative
-    nrmse_without: NotNegative
+    nrmse: NotNegative | None
+    nrmse_without: NotNegative | None
     notes: list[str]
-    enter: EnterOutput
+    enter: EnterOutput | None
 
 
 class GainOutput(Output):

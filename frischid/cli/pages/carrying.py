@@ -8,9 +8,21 @@ from rich.markup import escape
 
 from frischid.cli.pages.page import Page, table_of
 from frischid.core.text import percent
+from frischid.errors import NoBodyError
 from frischid.model.payload_identification import IdentifiedPayload
 
 BODY_UNITS = {"mass": "kg"} | dict.fromkeys("xyz", "m")
+
+
+def no_body(none: NoBodyError, output: str | None) -> Page:
+    """The largest mass that these logs leave possible. A script gets exit code 1 and no numbers to enter."""
+    empty = dict.fromkeys(("mass", "center_of_mass", "inertia", "nrmse", "nrmse_without", "enter"))
+    data = {
+        "frame": none.frame, "carrier": none.carrier, **empty,
+        "bound_95": {"mass": none.limit}, "from_log": {}, "notes": [str(none)],
+    }  # fmt: skip
+    said = [escape(str(none)), *([f"nothing was written to {output}"] if output else [])]
+    return Page(data, said, found_nothing=True)
 
 
 def payload(found: IdentifiedPayload, output: str | None) -> Page:

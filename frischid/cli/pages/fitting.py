@@ -25,6 +25,7 @@ from frischid.model.identification import Identification
 from frischid.model.identification_bounds import NO_INFORMATION, without_information
 from frischid.model.model import Model
 from frischid.model.parameters import numbering
+from frischid.reports.commands import check_command, excite_command, tested_files, with_tests
 
 
 def identification(found: Identification, output: str | None, *, whole: bool = False) -> Page:
@@ -52,7 +53,7 @@ def identification(found: Identification, output: str | None, *, whole: bool = F
     else:
         parts.append(f"  {len(model.expressions)} parameters: --parameters lists them")
     if output:
-        parts += [f"model written to {output}", _next(output)]
+        parts += [f"model written to {output}", _next(found, output)]
     return Page(identified(found), parts, found.alarms)
 
 
@@ -101,9 +102,17 @@ def _once(text: str, others: int) -> str:
     return f"{log} (and the like of {others} other log{'s' * (others > 1)}): {rest}"
 
 
-def _next(output: str) -> Command:
-    """The command that most users want next; the model's file names the logs and their mapping file."""
-    return Command(f"next: frischid diagnose {shlex.quote(output)}")
+def _next(found: Identification, output: str) -> Command:
+    """The command that helps next: logs that make a wrong model are to be mended first.
+
+    The model's file names the fitted logs and their mapping file, but no test log.
+    """
+    severe = {alarm.id for alarm in found.alarms if alarm.severity == "severe"}
+    if "faulty-log" in severe:
+        return Command(f"next: {check_command(found.model, 'map.toml')}")
+    if "log-too-short" in severe:
+        return Command(f"next: {excite_command(found.model)}")
+    return Command(f"next: frischid diagnose {shlex.quote(output)}{with_tests(tested_files(found.model))}")
 
 
 def identified(found: Identification) -> dict[str, Any]:
@@ -193,5 +202,7 @@ def summary(found: Identification) -> str:
 
 def cross_validation(found: Identification) -> str:
     """Cross-validated error of each joint, in a line."""
-    listing = ", ".join(f"{n} {x:.4f}" for n, x in found.cross_validation.items())
-    return f"joint by joint, cross-validated on stretches left out of the fit: {listing}"
+    errors = found.cross_validation
+    listing = ", ".join(f"{n} {errors[n]:.4f}" if n in errors else f"{n} –" for n in found.model.joints)
+    dash = " (–: never moves)" * (len(errors) < len(found.model.joints))
+    return f"joint by joint, cross-validated on stretches left out of the fit: {listing}{dash}"

@@ -28,16 +28,19 @@ class Page:
         Text and tables.
     alarms : sequence of Alarm
         They stand above everything; a severe one makes the command end with exit code 1.
+    found_nothing : bool
+        Whether the result is that what was sought is not there.
     """
 
     data: Any
     parts: Sequence[Any]
     alarms: Sequence[Alarm] = ()
+    found_nothing: bool = False
 
     @property
     def exit_code(self) -> int:
-        """1 where an alarm is severe, so that a script does not trust the figures; otherwise 0."""
-        return int(any(alarm.severity == "severe" for alarm in self.alarms))
+        """1 where an alarm is severe or there are no figures, so that a script does not trust them; otherwise 0."""
+        return int(self.found_nothing or any(alarm.severity == "severe" for alarm in self.alarms))
 
 
 def change(before: float, after: float) -> str:

@@ -15,12 +15,13 @@ from frischid.core.text import listed
 from frischid.diagnosis.clause import missing
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.model_notes import TOUCHED, longest_untouched
-from frischid.diagnosis.rivals import command_for, in_command, pair_of
+from frischid.diagnosis.rivals import command_for, pair_of
 from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
 from frischid.model.events import selection_errors
 from frischid.model.grade import between
 from frischid.model.headline import Headline, headline_of
 from frischid.model.own_logs import paths_of
+from frischid.reports.commands import alone, check_command, excite_command, tested_files, with_tests
 from frischid.reports.study import Study
 
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
@@ -138,6 +139,12 @@ def _cut(study: Study, diagnosis: Diagnosis) -> str:
     return f"frischid cut {shlex.quote(name.name)} --from {start:.1f} --until {end:.1f} -o {out}"
 
 
+def _tests(study: Study) -> str:
+    """Options that name the report's logs to which the model was not fitted."""
+    named = [log.file for log in study.logs if log.source in study.held_out and log.file is not None]
+    return with_tests(named or tested_files(study.model), alone)
+
+
 def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
     """At most three steps: the kind of each, and what its sentence needs."""
     given = shlex.quote(Path(model_path).name)
@@ -156,12 +163,12 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "separate", "effects": effects, "command": command_for(pair, robot)})
     if best is not None:
         where = f" --joints {shlex.quote(','.join(best.joints))}" if best.joints else ""
-        add = f"frischid add {given} {best.effect}{where}{logs} -o {better}"
+        add = f"frischid add {given} {best.effect}{where}{logs}{_tests(study) if not logs else ''} -o {better}"
         refused = listed(study.passed_over)
         found.append({"kind": "add", "effect": best.effect, "change": best.change, "command": add, "refused": refused})
     if study.weak:
         more = " …" * (len(study.weak) > LISTED)
-        plan = f"frischid excite {in_command(robot)} -o motion.csv"
+        plan = excite_command(study.model)
         names = ", ".join(study.weak[:LISTED]) + more
         found.append({"kind": "excite", "count": len(study.weak), "names": names, "command": plan})
     if not study.held_out:
@@ -170,7 +177,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         return found[:STEPS_PROPOSED]  # neither a grade nor a use of this model is worth a step
     if study.headline.grade in NOT_FOR_USE:
         # The warning is one of the steps that are shown, whatever else there is to do.
-        again = f"frischid report {better}{logs}" if best is not None else "frischid check ROBOT LOG..."
+        again = f"frischid report {better}{logs}" if best is not None else check_command(study.model, name=alone)
         found = [*found[: STEPS_PROPOSED - 1], {"kind": "wait", "added": best is not None, "command": again}]
     else:
         found.append({"kind": "use", "command": f"frischid export {given if best is None else better} -o controller.c"})
