@@ -1,10 +1,7 @@
 """Findings: scored effects with the error they explain, the effects they are confused with, and a sentence.
 
 An effect is *called missing* when three conditions hold: its gain is more than chance, the error it explains is not
-negligible, and it explains enough of the error above the sensor noise on its joints. With E and E' the summed squared
-NRMSE of these joints without and with the effect, and N the same sum for the noise,
-
-    share = (E − E') / (E − N).
+negligible, and it explains enough of the error above the sensor noise on its joints (`explained_error`).
 
 Where the error is well above the noise, any share is enough. Near the noise, the share must reach one half. Where all
 of the error lies at reversals and standstill, dry friction is undetermined, and the share must reach four fifths. A
@@ -27,6 +24,7 @@ from frischid.diagnosis.change_prior import weak_urdf_prior
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking, ScoredEffect, ranking
+from frischid.diagnosis.explained_error import explained_share, in_floors, negligible
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.healthy_twin import HealthyTwin
 from frischid.diagnosis.reversal_residuals import only_at_reversals
@@ -55,8 +53,7 @@ class Finding:
     removed : float
         Explained error: fall of the summed squared cross-validated NRMSE of the joints.
     share : float
-        Explained share of the error above the sensor noise on the effect's joints; zero where the error is hardly above
-        the noise.
+        Explained share of the error above the sensor noise on the effect's joints; zero where that error is negligible.
     floors : float
         Error without the effect over the sensor noise, on the effect's joints; joints whose error is only at reversals
         do not count.
@@ -88,7 +85,7 @@ class Finding:
     elsewhere : tuple of str
         Joints on each of which the same effect instead explains these data nearly as well.
     negligible : bool
-        Whether the error above the sensor noise on the effect's joints is negligible, so that no share of it counts.
+        Whether that error is negligible.
     """
 
     effect: str
@@ -122,8 +119,8 @@ class Finding:
     @property
     def sure(self) -> bool:
         """Whether the effect is more than chance, and the error it explains is not negligible."""
-        criteria = self.criteria
-        return self.gain > 0 and self.p_value < criteria.significance and self.removed > criteria.smallest_error**2
+        least = self.criteria.smallest_error**2
+        return self.gain > 0 and self.p_value < self.criteria.significance and self.removed > least
 
     @property
     def withheld(self) -> str:
@@ -288,9 +285,9 @@ def _finding(
         error_after=float(after.mean()),
         gain=effect.gain,
         removed=effect.explained,
-        share=_share(before[rows], after[rows], noise[rows], validator.criteria),
-        floors=_in_floors(before[seen], noise[seen]),
-        over_twin=_in_floors(before[seen], least[seen]),
+        share=explained_share(before[rows], after[rows], noise[rows], validator.criteria),
+        floors=in_floors(before[seen], noise[seen]),
+        over_twin=in_floors(before[seen], least[seen]),
         twin_gain=twin.gain(members) if effect.gain > 0 and (effect.entered or effect.rivals) else 0.0,
         p_value=effect.p_value,
         parameters=dict(zip(names, map(float, effect.score.beta), strict=True)) | shapes,
@@ -301,28 +298,8 @@ def _finding(
         entered=effect.entered,
         own=effect.own.unique,
         elsewhere=effect.elsewhere,
-        negligible=_negligible(before[rows], noise[rows], validator.criteria),
+        negligible=negligible(before[rows], noise[rows], validator.criteria),
     )
-
-
-def _share(before: Array, after: Array, noise: Array, criteria: DiagnosisCriteria) -> float:
-    """Explained share of the squared error above the noise; zero where that error is negligible."""
-    if _negligible(before, noise, criteria):
-        return 0.0
-    return float(np.clip((before**2 - after**2).sum() / _above(before, noise), 0.0, 1.0))
-
-
-def _above(error: Array, noise: Array) -> float:
-    """Summed squared error above the noise."""
-    return float((error**2 - np.minimum(noise, error) ** 2).sum())
-
-
-def _negligible(error: Array, noise: Array, criteria: DiagnosisCriteria) -> bool:
-    return _above(error, noise) <= criteria.smallest_error**2
-
-
-def _in_floors(error: Array, noise: Array) -> float:
-    return float(np.linalg.norm(error)) / max(float(np.linalg.norm(noise)), 1e-12)
 
 
 def _shape(effect: Effect) -> dict[str, float]:
@@ -354,9 +331,9 @@ def refit_finding(validator: CrossValidator, floor: Array) -> Finding:
         error_after=float(errors[1].mean()),
         gain=gain,
         removed=float((errors[0] ** 2 - errors[1] ** 2).sum()),
-        share=_share(*errors, noise, criteria),
-        floors=_in_floors(errors[0], noise),
-        over_twin=_in_floors(errors[0], noise),
+        share=explained_share(*errors, noise, criteria),
+        floors=in_floors(errors[0], noise),
+        over_twin=in_floors(errors[0], noise),
         twin_gain=0.0,
         p_value=float(special.chdtrc(parameters, 2 * ratio)) if gain > 0 else 1.0,
         parameters={},
@@ -367,5 +344,5 @@ def refit_finding(validator: CrossValidator, floor: Array) -> Finding:
         ),
         members=(),
         criteria=criteria,
-        negligible=_negligible(errors[0], noise, criteria),
+        negligible=negligible(errors[0], noise, criteria),
     )
