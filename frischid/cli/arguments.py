@@ -188,4 +188,4 @@ def effects_of(text: str | None) -> Any:
     """Effects as the user wrote them; the baseline when the option is not given."""
     from frischid.effects import BASELINE, parse_effects
 
-    return BASELINE if text is None else parse_effects(text)
+    return BASELINE if text is None else parse_effects(text, complete=True)

@@ -119,7 +119,7 @@ def add(
         progress("refitting")
         data = opened_or_own(logs, loaded, mapping, progress)
         test = opened(valid, loaded.robot, mapping, progress)
-        chosen = parse_effects(effect if names is None else f"{effect}@{'+'.join(names)}")
+        chosen = parse_effects(effect if names is None else f"{effect}@{'+'.join(names)}", complete=True)
         check_effects_act(loaded.robot, loaded.joints, chosen)
         chosen = searched(loaded, chosen, effect, data, situation)
         step = run(loaded, chosen, data, valid=test, situation=situation, progress=progress)

@@ -191,7 +191,7 @@ def excite(
         raise InputError(f"--drives plans for the drives' parameters and {other} for other ones; give one of the two")
     family = family or (DRIVES_FAMILY if drives else "fourier")
     machine, _ = load(robot, RobotArguments(**options))
-    pair = () if separate is None else parse_effects(separate)
+    pair = () if separate is None else parse_effects(separate, complete=True)
     if separate is not None and len(pair) != 2:
         raise InputError(
             f"--separate '{separate}' must name two effects, for example stribeck@joint2,hysteresis@joint2"

@@ -110,7 +110,7 @@ class Effect(ABC):
     units: ClassVar[Mapping[str, UnitPair]] = {}
     """Shape parameter -> its units on a turning joint and on a sliding joint. Pure numbers are absent."""
     stated: ClassVar[tuple[str, ...]] = ()
-    """Shape parameters without a usual value: `parse_effects` asks for them."""
+    """Shape parameters without a usual value: commands ask for them (`parse_effects`, with `complete`)."""
     internal: ClassVar[tuple[str, ...]] = ()
     """Shape parameters of the calculation alone, which say nothing of the robot: findings do not print them."""
     of_recording: ClassVar[bool] = False

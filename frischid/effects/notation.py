@@ -40,13 +40,15 @@ def effect_from_dict(data: Mapping[str, Any]) -> Effect:
     return kind(joints=None if joints is None else tuple(joints), **values)
 
 
-def parse_effects(text: str) -> tuple[Effect, ...]:
+def parse_effects(text: str, *, complete: bool = False) -> tuple[Effect, ...]:
     """Read effects from text, for example ``"viscous, coulomb(width=0.02), offset@joint1+joint2"``.
 
     Parameters
     ----------
     text : str
         Identifiers with commas between; shape parameters in brackets; after ``@`` the joints, all by default.
+    complete : bool
+        Refuse an effect without a shape parameter that has no usual value: the expression of a formula.
 
     Returns
     -------
@@ -55,8 +57,7 @@ def parse_effects(text: str) -> tuple[Effect, ...]:
     Raises
     ------
     InputError
-        The text is malformed, lacks what an effect has no usual value for, or names an effect twice for the same
-        joints.
+        The text is malformed, or names an effect twice for the same joints, or is not `complete`.
     UnknownNameError
         The catalogue has no such effect, or the effect no such shape parameter.
 
@@ -67,7 +68,7 @@ def parse_effects(text: str) -> tuple[Effect, ...]:
     >>> coulomb.width, coulomb.joints
     (0.02, ('elbow',))
     """
-    effects = [_parse_one(item) for item in _split(text, ",") if item.strip()]
+    effects = [_parse_one(item, complete) for item in _split(text, ",") if item.strip()]
     if len({(e.id, e.joints, str(e) if e.several else "") for e in effects}) < len(effects):
         raise InputError(f"effects '{text}': the same effect is named twice for the same joints")
     return tuple(effects)
@@ -96,7 +97,7 @@ def _split(text: str, separator: str) -> list[str]:
     return items
 
 
-def _parse_one(text: str) -> Effect:
+def _parse_one(text: str, complete: bool) -> Effect:
     item = text.strip()
     head, *joints = (part.strip() for part in _split(item, "@"))
     name, bracket, inside = head.partition("(")
@@ -110,7 +111,7 @@ def _parse_one(text: str) -> Effect:
             key, value = _nth_parameter(kind, position, item), pair
         values[key] = _value(value, item)
     for parameter in kind.stated:
-        if parameter not in values:
+        if complete and parameter not in values:
             where = f"@{joints[0]}" if joints else ""
             raise InputError(
                 f"effect '{item}': {kind.id} needs its {parameter}; write it in brackets, for example "

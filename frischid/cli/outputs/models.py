@@ -204,6 +204,8 @@ class HistoryStepOutput(Output):
     active: list[tuple[str, str]] | UnsetType = UNSET
     notes: list[str] | UnsetType = UNSET
     warnings: list[str] | UnsetType = UNSET
+    alarms: list[AlarmOutput] | UnsetType = UNSET
+    unpredicted: list[str] | UnsetType = UNSET
 
 
 class HistoryOutput(Output):

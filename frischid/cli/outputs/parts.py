@@ -145,6 +145,7 @@ class FindingOutput(Output):
     significant: bool
     withheld: str
     elsewhere: list[str]
+    negligible: bool
 
 
 class ContactOutput(Output):
