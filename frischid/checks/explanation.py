@@ -330,7 +330,8 @@ def _beats_links(hypothesis: Hypothesis, null: Hypothesis) -> bool:
     """
     criteria, noise = null.sketch.criteria, np.maximum(hypothesis.errors, LEAST_ERROR)
     with_faults, without = (
-        max(evidence(h.sketch, noise, spread, criteria.nrmse_cap) for spread in LINK_ERRORS) for h in (hypothesis, null)
+        max(evidence(h.sketch, noise, RowFits(h.sketch).weight, s, criteria.nrmse_cap) for s in LINK_ERRORS)
+        for h in (hypothesis, null)
     )
     return bool(with_faults - without > sum(f.cost for f in hypothesis.faults) + np.log(criteria.least_odds))
 

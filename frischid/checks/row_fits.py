@@ -43,8 +43,7 @@ class RowFits:
         self.names, self.rows = sketch.names, [int(j) for j in sketch.rows]
         step = float(np.median(np.diff(sketch.t))) if len(sketch) > 1 else 1.0
         seconds = step * np.array([sketch.used[:, j].sum() for j in self.rows])
-        low, high = self.criteria.independent_samples
-        self.weight = np.clip(seconds / self.criteria.independent_time, low, high)
+        self.weight = np.minimum(seconds / self.criteria.independent_time, self.criteria.most_independent)
         self.uses = []
         self.bases = []
         for j in self.rows:

@@ -245,6 +245,19 @@ def test_payloads_are_weighed(name, mass):
     assert f"about {mass:.2g} kg at (0.00, 0.00, 0.10) m" in found["payload"].what
 
 
+def test_a_log_of_three_seconds_is_no_evidence_of_a_body():
+    """Ten numbers fit six independent samples: links of other weight looked like a body."""
+    robot = Robot.load("double_pendulum")
+    for seed in range(6, 10):
+        factor = np.random.default_rng(seed).uniform(0.8, 1.25, 2)
+        own = zip(robot.all_names, robot.nominal, strict=True)
+        values = {n: x * factor[int(n.rstrip("R")[-1]) - 1] for n, x in own}
+        values |= {"fv1": 0.1, "fv2": 0.05, "fc1": 0.1, "fc2": 0.05}
+        motion, noise = random_fourier(robot, 20, seed=seed, scale=0.3), Noise(q=1e-5, tau=0.005)
+        log = simulate(robot, motion, rate=100, noise=noise, parameters=values, channels=(), seed=seed)
+        assert not {"payload", "missing hand"} & set(kinds(robot, log.slice(0, 300))), seed
+
+
 def test_wrong_robot_and_wrong_mounting():
     ur5 = Robot.load("ur5")
     assert "wrong robot" in kinds(ur5, replace(clean("ur10"), joints=ur5.joints))
