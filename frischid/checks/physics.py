@@ -87,9 +87,11 @@ def _say(found: Explanation, sketch: Sketch, notes: Notebook) -> Sketch:
         # Behind a fault without fitted numbers, one with fitted numbers may only take up what the URDF misses anyway.
         behind = fault not in needed or (not fault.discrete and any(f.discrete for f in found.best.faults))
         unseen = "seen only with the other faults corrected: correct those, then check again"
-        what = f"{fault.what} ({unseen if behind else found.odds(len(faults))})"
+        own: Sureness = "possible" if behind else sure
+        said = fault.said(possible=own == "possible")
+        what = f"{said} ({unseen if behind else found.odds(len(faults))})"
         blocks = fault.blocks and fault in needed
-        notes.add(fault.kind, what, fault.where, "possible" if behind else sure, fault.advice, blocks=blocks)
+        notes.add(fault.kind, what, fault.where, own, fault.advice, blocks=blocks)
         notes.fix += fault.fix if fault in needed else ()
     return corrected
 
