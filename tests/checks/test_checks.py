@@ -497,3 +497,14 @@ def test_a_locked_joint_that_moves_is_told():
     assert "--torque-joints" in issue.advice
     still = replace(log, q=column(log.q, 5, lambda c: 0 * c), v=None)
     assert "locked joint moves" not in kinds(locked, still)
+
+
+def test_an_unexplained_torque_is_told_with_its_error_alone():
+    """A torque of which the URDF explains much is not hardly explained."""
+    log = clean("ur10")
+    ripple = 0.5 * log.tau[:, 1].std() * np.sign(np.sin(11 * log.q[:, 1]))
+    issue = kinds(machine("ur10"), replace(log, tau=column(log.tau, 1, lambda c: c + ripple)))["unexplained torque"]
+    assert issue.where == (log.joints[1],)
+    error = float(re.match(r"the URDF's inertials with fitted friction leave .* of NRMSE ([\d.]+)", issue.what)[1])
+    assert 0.3 < error < 0.6
+    assert "the error of real arms is below 0.3" in issue.what
