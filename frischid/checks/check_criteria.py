@@ -210,9 +210,9 @@ class CheckCriteria:
     (real; clean)"""
     independent_time: float = 0.5
     """s. Errors of a URDF's torques are correlated over about so long: one independent sample. (planted)"""
-    independent_samples: tuple[float, float] = (10.0, 40.0)
-    """Samples. Independent samples of a joint count as at least and at most so many: errors of a URDF repeat with the
-    motion, so a longer log does not prove more. (planted)"""
+    most_independent: float = 40.0
+    """Samples. Independent samples of a joint count as at most so many: errors of a URDF repeat with the motion, so a
+    longer log does not prove more. (planted)"""
     urdf_error: float = 0.1
     """NRMSE. Below this error, which URDFs of real arms have anyway, a smaller error proves nothing. (real)"""
     heard_share: float = 0.7

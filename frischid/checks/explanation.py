@@ -239,7 +239,7 @@ def _one_sign_each(faults: Sequence[Fault]) -> list[Fault]:
         return list(faults)
     where = tuple(name for name in every.where if name not in again)
     advice = "set torque_sign = -1 for these joints in a mapping file"
-    what = "these torques have the wrong sign: with the signs changed, the model explains them"
+    what = "these torques {have|may have} the wrong sign: with the signs changed, the model explains them"
     fix = tuple((name, "torque_sign", -1) for name in where)
     price = sum(f.cost for f in signs)
     rest = [f for f in faults if f.kind != "torque sign"]
@@ -330,7 +330,8 @@ def _beats_links(hypothesis: Hypothesis, null: Hypothesis) -> bool:
     """
     criteria, noise = null.sketch.criteria, np.maximum(hypothesis.errors, LEAST_ERROR)
     with_faults, without = (
-        max(evidence(h.sketch, noise, spread, criteria.nrmse_cap) for spread in LINK_ERRORS) for h in (hypothesis, null)
+        max(evidence(h.sketch, noise, RowFits(h.sketch).weight, s, criteria.nrmse_cap) for s in LINK_ERRORS)
+        for h in (hypothesis, null)
     )
     return bool(with_faults - without > sum(f.cost for f in hypothesis.faults) + np.log(criteria.least_odds))
 

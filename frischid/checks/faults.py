@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +12,7 @@ from frischid.core.types import Array
 
 Fix = tuple[str, str, Any]
 """Joint, key of its table in a mapping file, value."""
+WORDS = re.compile(r"\{([^{}|]*)\|([^{}|]*)\}")
 
 
 @dataclass(frozen=True)
@@ -19,8 +21,10 @@ class Fault:
 
     Attributes
     ----------
-    kind, what, where, advice
+    kind, where, advice
         As in `LogIssue`.
+    what : str
+        The fault, with figures. ``{has|may have}`` holds the words of a likely fault and of a possible one.
     cost : float
         Nats.
     blocks : bool
@@ -42,6 +46,14 @@ class Fault:
     discrete: bool = True
     fix: tuple[Fix, ...] = ()
     torque: Array | None = field(default=None, compare=False, repr=False)
+
+    def said(self, *, possible: bool) -> str:
+        """The fault in words: a fault that is only possible is not asserted.
+
+        >>> Fault("torque sign", "the torque {has|may have} the wrong sign", (), "", 1.0).said(possible=True)
+        'the torque may have the wrong sign'
+        """
+        return WORDS.sub(r"\2" if possible else r"\1", self.what)
 
 
 def cost(criteria: CheckCriteria, kind: str, choices: int = 1, fitted: int = 0, samples: float = 1.0) -> float:

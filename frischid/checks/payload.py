@@ -12,12 +12,14 @@ links' own errors are the rival,
     τ − τ_nominal ≈ Σ_i ε_i Γ_i μ_i + friction,      ε_i ~ N(0, s²),
 
 with one factor 1 + ε_i per link (s = 0.1). With e_k the error of row k behind each of the
-two and n_k its independent samples, the body is the better explanation if
+two and ν_k its degrees of freedom, the body is the better explanation if
 
-    ½ Σ_k n_k ln(e²_links,k / e²_body,k) + Σ_i ε_i² / (2 s²) + ½ ln det(s² H)  >  cost of a body and of its ten numbers.
+    ½ Σ_k ν_k ln(e²_links,k / e²_body,k) + Σ_i ε_i² / (2 s²) + ½ ln det(s² H)  >  cost of a body and of its p numbers.
 
 H is the information about ε with its prior: the two terms with s are the price of the links' errors in the marginal
-likelihood (MacKay 1992, Neural Computation 4(3)).
+likelihood (MacKay 1992, Neural Computation 4(3)). ν_k is the number of independent samples of row k less the numbers of
+its friction. The p numbers of a body, ten if the motion turns it about all axes, fit every short log. So e²_body is the
+mean square that is left, times Σν / (Σν − p): a log with Σν ≤ p is evidence of nothing.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ import numpy as np
 from frischid.checks.faults import cost
 from frischid.checks.log_issue import Notebook
 from frischid.checks.row_fits import RowFits
-from frischid.checks.sketch import Sketch, shared_fit
+from frischid.checks.sketch import FRICTION_NUMBERS, Sketch, shared_fit
 from frischid.core.text import percent
 from frischid.core.types import Array
 from frischid.robot.robot import Robot
@@ -104,8 +106,13 @@ def payload_errors(sketch: Sketch) -> Body:
 
 def determines_mass(columns: Array) -> bool:
     """Whether the mass of a body changes the torque in a way of its own; the columns are (M, 10, R), the mass first."""
-    table = columns.transpose(0, 2, 1).reshape(-1, 10)
+    table = _table(columns)
     return bool(np.linalg.matrix_rank(table) > np.linalg.matrix_rank(table[:, 1:]))
+
+
+def _table(columns: Array) -> Array:
+    """Columns (M, 10, R) of all rows below one another, (M R, 10)."""
+    return columns.transpose(0, 2, 1).reshape(-1, columns.shape[1])
 
 
 def check_payload(sketch: Sketch, notes: Notebook) -> bool:
@@ -155,12 +162,18 @@ def beats_links(sketch: Sketch, body: Body) -> bool:
     criteria, fits = sketch.criteria, RowFits(sketch)
     if body.torque is None:
         return False
-    with_body = np.maximum(sketch.errors(sketch.nominal + body.torque), LEAST_ERROR)
-    gain = -evidence(sketch, with_body, criteria.link_error) - float(np.sum(fits.weight * np.log(with_body)))
-    return gain > cost(criteria, "payload", 1, 10, float(fits.weight.mean()))
+    numbers = int(np.linalg.matrix_rank(_table(last_link(sketch)[:, :, sketch.rows])))
+    freedom = np.maximum(fits.weight - FRICTION_NUMBERS, 0.0)
+    left = float(freedom.sum()) - numbers
+    if left <= 0:
+        return False
+    inside = np.maximum(sketch.errors(sketch.nominal + body.torque), LEAST_ERROR)
+    with_body = inside * np.sqrt(1 + numbers / left)
+    gain = -evidence(sketch, with_body, freedom, criteria.link_error) - float(np.sum(freedom * np.log(with_body)))
+    return gain > cost(criteria, "payload", 1, numbers, float(fits.weight.mean()))
 
 
-def evidence(sketch: Sketch, noise: Array, spread: float, cap: float = np.inf) -> float:
+def evidence(sketch: Sketch, noise: Array, weight: Array, spread: float, cap: float = np.inf) -> float:
     """Log marginal likelihood of a sketch whose URDF has errors of its links.
 
     Parameters
@@ -169,12 +182,14 @@ def evidence(sketch: Sketch, noise: Array, spread: float, cap: float = np.inf) -
         Of at most `CheckCriteria.few_samples` samples.
     noise : ndarray, shape (R,)
         NRMSE of the rows' own noise.
+    weight : ndarray, shape (R,)
+        Independent samples of the rows, or their degrees of freedom.
     spread : float
         Standard deviation s of the links' errors.
     cap : float
         Larger errors count as this one.
     """
-    weight, links = RowFits(sketch).weight, _link_torques(sketch)
+    links = _link_torques(sketch)
     scales, volume = _scales(sketch, links, weight / noise**2, spread)
     behind = np.clip(sketch.errors(sketch.nominal + links @ scales), LEAST_ERROR, cap)
     return -float(np.sum(weight * np.log(behind))) - float(scales @ scales) / (2 * spread**2) - volume
@@ -198,7 +213,7 @@ def _scales(sketch: Sketch, links: Array, weight: Array, spread: float) -> tuple
     for k, j in enumerate(sketch.rows):
         use = sketch.used[:, j]
         y = np.column_stack([links[use, j], sketch.tau[use, j] - sketch.nominal[use, j]]) / sketch.spread[k]
-        Q, _ = np.linalg.qr(sketch.friction(j)[use][:, :4])
+        Q, _ = np.linalg.qr(sketch.friction(j)[use][:, :FRICTION_NUMBERS])
         y -= Q @ (Q.T @ y)
         H += weight[k] * y[:, :L].T @ y[:, :L] / len(y)
         g += weight[k] * y[:, :L].T @ y[:, L] / len(y)

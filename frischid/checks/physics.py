@@ -87,9 +87,11 @@ def _say(found: Explanation, sketch: Sketch, notes: Notebook) -> Sketch:
         # Behind a fault without fitted numbers, one with fitted numbers may only take up what the URDF misses anyway.
         behind = fault not in needed or (not fault.discrete and any(f.discrete for f in found.best.faults))
         unseen = "seen only with the other faults corrected: correct those, then check again"
-        what = f"{fault.what} ({unseen if behind else found.odds(len(faults))})"
+        own: Sureness = "possible" if behind else sure
+        said = fault.said(possible=own == "possible")
+        what = f"{said} ({unseen if behind else found.odds(len(faults))})"
         blocks = fault.blocks and fault in needed
-        notes.add(fault.kind, what, fault.where, "possible" if behind else sure, fault.advice, blocks=blocks)
+        notes.add(fault.kind, what, fault.where, own, fault.advice, blocks=blocks)
         notes.fix += fault.fix if fault in needed else ()
     return corrected
 
@@ -103,10 +105,10 @@ def _unexplained(sketch: Sketch, free_errors: Callable[[Sketch], Array], notes: 
     free = free_errors(sketch)
     before, nominal, best = squared(sketch.without, cap), squared(sketch.asis, cap), squared(np.fmin(free, cap), cap)
     names = tuple(n for n, yes in zip(sketch.names, bad, strict=True) if yes)
-    figures = (
-        f"NRMSE {span(sketch.asis[bad])} with the URDF's inertials and fitted friction, "
-        f"{span(sketch.without[bad])} with friction alone, "
-        f"{span(free[bad])} with freely fitted parameters (cross-validated)"
+    urdf, others = (
+        f"NRMSE {span(sketch.asis[bad])}",
+        f"{span(sketch.without[bad])} with friction alone, {span(free[bad])} with freely fitted parameters "
+        "(cross-validated)",
     )
     rigid = before - min(best, before)
     share = (before - nominal) / rigid if rigid > criteria.rigid_share * before else 1.0
@@ -115,7 +117,7 @@ def _unexplained(sketch: Sketch, free_errors: Callable[[Sketch], Array], notes: 
         notes.add(
             "wrong robot",
             f"the URDF's inertials explain {percent(max(share, 0))} of the error that freely fitted parameters "
-            f"explain: {figures}",
+            f"explain: {urdf} with the URDF's inertials and fitted friction, {others}",
             names,
             "likely" if share < criteria.likely_wrong_share else "possible",
             "is it the URDF of the robot that was measured (model, hand, mounting: --base-rpy), and are the "
@@ -125,7 +127,8 @@ def _unexplained(sketch: Sketch, free_errors: Callable[[Sketch], Array], notes: 
     else:
         notes.add(
             "unexplained torque",
-            f"the model hardly explains the torque: {figures}",
+            f"the URDF's inertials with fitted friction leave an error of {urdf} ({others}); where the URDF and the "
+            f"log are right, the error of real arms is below {criteria.bad_nrmse:g}",
             names,
             "possible",
             "check the columns of these joints, their signs and units, and whether something touched the robot; if all "

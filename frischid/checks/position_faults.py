@@ -49,7 +49,7 @@ def position_faults(sketch: Sketch) -> Iterator[Moved]:
 
 def degree_faults(sketch: Sketch, joints: NDArray[np.bool_]) -> Iterator[Moved]:
     """The sketch with some joints, (J,), read in degrees, and with all joints read so: the unit of a file is of all."""
-    robot, usual = sketch.robot, "the positions are in degrees: in radians the model explains the torques"
+    robot, usual = sketch.robot, "the positions {are|may be} in degrees: in radians the model explains the torques"
     turning, names = ~robot.prismatic, np.array(robot.joints, dtype=object)
     if not (joints == turning).all():
         where = tuple(names[joints])
@@ -70,7 +70,7 @@ def _signs_and_exchanges(sketch: Sketch) -> Iterator[Moved]:
     robot, J = sketch.robot, len(sketch.robot.joints)
     for j in range(J):
         turn = np.where(np.arange(J) == j, -1.0, 1.0)
-        what = "its positions have the wrong sign: with it changed, the model fits"
+        what = "its positions {have|may have} the wrong sign: with it changed, the model fits"
         advice = "set sign = -1 and torque_sign = -1 for it in a mapping file"
         fix: tuple[Fix, ...] = ((robot.joints[j], "sign", -1), (robot.joints[j], "torque_sign", -1))
         price = cost(sketch.criteria, "position sign", J)
@@ -79,7 +79,7 @@ def _signs_and_exchanges(sketch: Sketch) -> Iterator[Moved]:
         order = np.arange(J)
         order[[i, j]] = j, i
         pair = (robot.joints[i], robot.joints[j])
-        what = "their positions are exchanged: with the columns exchanged back, the model explains the torques"
+        what = "their positions {are|may be} exchanged: with the columns exchanged back, the model explains the torques"
         fix = tuple((a, c, b) for a, b in (pair, pair[::-1]) for c in ("q", "v", "a"))
         price = cost(sketch.criteria, "swapped positions", J * (J - 1) // 2)
         advice = "exchange the columns in the mapping file"
@@ -108,8 +108,8 @@ def with_torques(fault: Fault, rows: int, criteria: CheckCriteria) -> Fault:
         Number of joints whose torque is judged.
     criteria : CheckCriteria
     """
-    what = fault.what.replace("its positions have", "its positions and torques have")
-    what = what.replace("their positions are", "their positions and torques are")
+    what = fault.what.replace("its positions", "its positions and torques", 1)
+    what = what.replace("their positions", "their positions and torques", 1)
     if fault.kind == "position sign":
         fix = tuple(f for f in fault.fix if f[1] == "sign")
         price = cost(criteria, "position sign", rows)
@@ -165,7 +165,7 @@ def _zeros(sketch: Sketch, j: int) -> Iterator[Moved]:
         said = f"{np.rad2deg(delta):.3g}°"
         fault = Fault(
             "joint zero",
-            f"the zero of its angle is off by {said}: with {said} added, the model explains the torques",
+            f"the zero of its angle {{is|may be}} off by {said}: with {said} added, the model explains the torques",
             (name,),
             f"set offset = {delta:.6g} for it in a mapping file, or correct the joint's origin in the URDF",
             cost(sketch.criteria, "joint zero", choices, fitted, n),

@@ -42,7 +42,7 @@ def shared_faults(fits: RowFits) -> Iterator[Moved]:
     yield from _mounting(sketch, n)
     body = payload_errors(sketch)
     if body.removed > 0 and body.torque is not None:
-        what = f"a body of about {body.mass:.2g} kg on the last link that the URDF lacks"
+        what = f"{{|perhaps }}a body of about {body.mass:.2g} kg on the last link that the URDF lacks"
         price = cost(sketch.criteria, "payload", 1, 10, n)
         fault = Fault("payload", what, (body.joint,), CARRIED, price, False, False, torque=body.torque)
         yield Moved(replace(sketch, given_nominal=sketch.nominal + body.torque), fault)
@@ -70,8 +70,8 @@ def _mounting(sketch: Sketch, n: float) -> Iterator[Moved]:
     at = ", ".join(f"{x:.3g}" for x in np.round(turned, 2) + 0.0)
     angle = np.rad2deg(np.arccos(np.clip(turned @ np.asarray(robot.gravity) / length**2, -1, 1)))
     what = (
-        f"gravity points along ({at}) m/s² in the base frame, {angle:.3g}° from the URDF's: with this gravity the "
-        "model explains the torques"
+        f"gravity {{points|may point}} along ({at}) m/s² in the base frame, {angle:.3g}° from the URDF's: with this "
+        "gravity the model explains the torques"
     )
     advice = "state how the base is mounted (--base-rpy or --gravity)"
     more = np.asarray(
@@ -125,7 +125,7 @@ def _couplings(fits: RowFits) -> Iterator[Moved]:
             _, x = fits.with_columns(row, fits.of(row, sketch.tau) - fits.nominal[row], X[use])
             extra[:, fits.rows[row]] = X @ x
         names = (sketch.robot.joints[i], sketch.robot.joints[k])
-        what = "torques that depend on the motion of both joints: a motor turns with both (coupled drives)"
+        what = "torques that depend on the motion of both joints: a motor {turns|may turn} with both (coupled drives)"
         advice = (
             "give positions and torques of the joints, not of the motors, or add the coupled motor as an effect "
             "(rotor_inertia, viscous and coulomb on both joints); it is not a fault of columns, signs or units"

@@ -43,8 +43,7 @@ class RowFits:
         self.names, self.rows = sketch.names, [int(j) for j in sketch.rows]
         step = float(np.median(np.diff(sketch.t))) if len(sketch) > 1 else 1.0
         seconds = step * np.array([sketch.used[:, j].sum() for j in self.rows])
-        low, high = self.criteria.independent_samples
-        self.weight = np.clip(seconds / self.criteria.independent_time, low, high)
+        self.weight = np.minimum(seconds / self.criteria.independent_time, self.criteria.most_independent)
         self.uses = []
         self.bases = []
         for j in self.rows:
@@ -116,7 +115,7 @@ def local_fits(fits: RowFits, *, simple: bool = False) -> list[Local]:
     found = [_rows(fits, sketch.tau, (), simple)]
     if R > 1:
         advice = "set torque_sign = -1 for every joint in a mapping file"
-        what = "all torques have the wrong sign: with the signs changed, the model explains them"
+        what = "all torques {have|may have} the wrong sign: with the signs changed, the model explains them"
         fix = tuple((n, "torque_sign", -1) for n in fits.names)
         every = Fault("torque sign", what, fits.names, advice, cost(fits.criteria, "all torque signs"), fix=fix)
         found.append(_rows(fits, -sketch.tau, (every,), simple))
@@ -165,7 +164,7 @@ def _exchange(fits: RowFits, i: int, k: int, tau: Array, spreads: tuple[float, f
     R = len(fits.rows)
     fault = Fault(
         "swapped torques",
-        "their torques are exchanged: the model of each joint explains the torque of the other",
+        "their torques {are|may be} exchanged: the model of each joint explains the torque of the other",
         pair,
         "exchange the two torque columns in the mapping file",
         cost(fits.criteria, "swapped torques", R * (R - 1) // 2),
@@ -181,7 +180,7 @@ def _options(fits: RowFits, k: int, tau: Array, spread: float, simple: bool) -> 
     y, whole = fits.of(k, tau), tau[:, j]
     sign = Fault(
         "torque sign",
-        "the torque has the wrong sign: with the sign changed, the model explains the torque",
+        "the torque {has|may have} the wrong sign: with the sign changed, the model explains the torque",
         (name,),
         "set torque_sign = -1 for it in a mapping file, or check the sign of its current gain",
         cost(fits.criteria, "torque sign", R),
@@ -205,7 +204,7 @@ def _options(fits: RowFits, k: int, tau: Array, spread: float, simple: bool) -> 
 
 def _scale_fault(fits: RowFits, k: int, gain: float) -> Fault:
     name, n = fits.names[k], float(fits.weight[k])
-    what = f"the load in its torque is {gain:.3g} times that of the URDF, while the friction fits"
+    what = f"the load in its torque {{is|may be}} {gain:.3g} times that of the URDF, while the friction fits"
     advice = "check its unit and its current gain; without a usable unit leave its torque row out (--torque-joints)"
     price = cost(fits.criteria, "torque scale", len(fits.rows), 1, n)
     return Fault("torque scale", what, (name,), advice, price, False, False)
@@ -224,8 +223,8 @@ def _springs(fits: RowFits, k: int, tau: Array, spread: float, faults: tuple[Fau
         torque = X @ x
         fault = Fault(
             "spring",
-            f"a torque of {np.ptp(torque) / 2:.3g} N·m (half its range) follows the joint's angle alone: {word} acts "
-            "on it",
+            f"a torque of {np.ptp(torque) / 2:.3g} N·m (half its range) follows the joint's angle alone: "
+            f"{word} {{acts|may act}} on it",
             (name,),
             "nothing is wrong with the log: identify, then frischid diagnose measures the spring and frischid improve "
             "adds it to the model",
@@ -257,7 +256,7 @@ def _common_scales(fits: RowFits) -> list[tuple[float, Fault]]:
         exact, unit = next(
             ((f, u) for f, u in KNOWN_UNITS.items() if abs(common / f - 1) < fits.criteria.unit_tolerance), (1.0, "")
         )
-        what = f"all torques are about {common:.3g} times those that the URDF predicts"
+        what = f"all torques {{are|may be}} about {common:.3g} times those that the URDF predicts"
         what += f": their unit looks like {unit}" if unit else ""
         advice = "check their unit, whether they are currents, and whether the URDF is of a smaller or larger robot"
         price = cost(fits.criteria, "common scale", 1, 1, float(fits.weight.mean()))

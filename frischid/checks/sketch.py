@@ -32,6 +32,9 @@ from frischid.logs.preprocessing import Motion
 from frischid.regression.regressor import STANDSTILL_WEIGHT
 from frischid.robot.robot import Robot
 
+FRICTION_NUMBERS = 4
+"""Fitted numbers of each joint: fv, fc, Ia and the offset."""
+
 
 @dataclass(frozen=True, eq=False)
 class Sketch:

@@ -245,6 +245,19 @@ def test_payloads_are_weighed(name, mass):
     assert f"about {mass:.2g} kg at (0.00, 0.00, 0.10) m" in found["payload"].what
 
 
+def test_a_log_of_three_seconds_is_no_evidence_of_a_body():
+    """Ten numbers fit six independent samples: links of other weight looked like a body."""
+    robot = Robot.load("double_pendulum")
+    for seed in range(6, 10):
+        factor = np.random.default_rng(seed).uniform(0.8, 1.25, 2)
+        own = zip(robot.all_names, robot.nominal, strict=True)
+        values = {n: x * factor[int(n.rstrip("R")[-1]) - 1] for n, x in own}
+        values |= {"fv1": 0.1, "fv2": 0.05, "fc1": 0.1, "fc2": 0.05}
+        motion, noise = random_fourier(robot, 20, seed=seed, scale=0.3), Noise(q=1e-5, tau=0.005)
+        log = simulate(robot, motion, rate=100, noise=noise, parameters=values, channels=(), seed=seed)
+        assert not {"payload", "missing hand"} & set(kinds(robot, log.slice(0, 300))), seed
+
+
 def test_wrong_robot_and_wrong_mounting():
     ur5 = Robot.load("ur5")
     assert "wrong robot" in kinds(ur5, replace(clean("ur10"), joints=ur5.joints))
@@ -484,3 +497,14 @@ def test_a_locked_joint_that_moves_is_told():
     assert "--torque-joints" in issue.advice
     still = replace(log, q=column(log.q, 5, lambda c: 0 * c), v=None)
     assert "locked joint moves" not in kinds(locked, still)
+
+
+def test_an_unexplained_torque_is_told_with_its_error_alone():
+    """A torque of which the URDF explains much is not hardly explained."""
+    log = clean("ur10")
+    ripple = 0.5 * log.tau[:, 1].std() * np.sign(np.sin(11 * log.q[:, 1]))
+    issue = kinds(machine("ur10"), replace(log, tau=column(log.tau, 1, lambda c: c + ripple)))["unexplained torque"]
+    assert issue.where == (log.joints[1],)
+    error = float(re.match(r"the URDF's inertials with fitted friction leave .* of NRMSE ([\d.]+)", issue.what)[1])
+    assert 0.3 < error < 0.6
+    assert "the error of real arms is below 0.3" in issue.what

@@ -87,6 +87,18 @@ def test_two_faults_at_once(log):
     assert found["torque sign"].where == (UR.joints[2],)
 
 
+def test_a_possible_fault_is_not_asserted(log):
+    """Behind a wrong sign, an angle that was fitted may only take up an error of the URDF."""
+    alone, _ = issues(signed(log, 2))
+    assert alone["torque sign"].sure == "likely"
+    assert alone["torque sign"].what.startswith("the torque has the wrong sign: ")
+    found, _ = issues(signed(shifted(log, 1, np.deg2rad(50)), 2))
+    assert {issue.sure for issue in found.values()} == {"possible"}
+    assert found["torque sign"].what.startswith("the torque may have the wrong sign: ")
+    assert found["joint zero"].what.startswith("the zero of its angle may be off by ")
+    assert not any(mark in issue.what for issue in found.values() for mark in "{|}")
+
+
 def test_springs_and_coupled_motors_are_physics(log):
     tau = np.array(log.tau)
     tau[:, 1] += 300 * (log.q[:, 1] - 1.0)
