@@ -204,6 +204,7 @@ class HistoryStepOutput(Output):
     active: list[tuple[str, str]] | UnsetType = UNSET
     notes: list[str] | UnsetType = UNSET
     warnings: list[str] | UnsetType = UNSET
+    alarms: list[AlarmOutput] | UnsetType = UNSET
 
 
 class HistoryOutput(Output):
