@@ -36,7 +36,7 @@ from frischid.model.fit_record import LEVELS, FitRecord
 from frischid.model.identification_stages import Fit, Problem
 from frischid.model.joint_inertia import least_inertia
 from frischid.model.model import Model
-from frischid.model.physical_alarms import indefinite_mass, wrong_signs
+from frischid.model.physical_alarms import as_one, indefinite_mass, wrong_signs
 from frischid.regression.regressor import Regressor
 
 STATES = 400
@@ -93,8 +93,10 @@ def fit_alarms(fit: Fit, model: Model, still: Sequence[str]) -> tuple[Alarm, ...
         *too_short(problem.data.summary.seconds, criteria),
         *never_moving(still),
         *faulty_logs(problem.data.journal.faults),
-        *wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria, _values(fit)),
-        *indefinite_mass(model, least_inertia(model, map(_poses, problem.data.motions)), "fitted poses", criteria),
+        *as_one(
+            wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria, _values(fit)),
+            indefinite_mass(model, least_inertia(model, map(_poses, problem.data.motions)), "fitted poses", criteria),
+        ),
     ]
     return by_severity(found)
 

@@ -100,6 +100,15 @@ def indefinite_mass(model: Model, found: LeastInertia, where: str, criteria: Ala
     ]
 
 
+def as_one(signs: Sequence[Alarm], inertia: Sequence[Alarm]) -> list[Alarm]:
+    """Both alarms; one of them where a parameter of impossible sign is why the mass matrix is not positive definite."""
+    if not (signs and inertia and set(inertia[0].joints) <= set(signs[0].joints)):
+        return [*signs, *inertia]
+    (sign,), (matrix,) = signs, inertia
+    sentence, remedy_of_both = f"{sign.sentence} {matrix.sentence}", f"{sign.remedy} {matrix.remedy}"
+    return [replace(sign, sentence=sentence, remedy=remedy_of_both)]
+
+
 def eigenvalue_in_words(robot: Robot, found: LeastInertia) -> str:
     """The least eigenvalue of a mass matrix, with units."""
     slides = robot.prismatic[robot.joints.index(found.joint)]
@@ -149,15 +158,18 @@ def of_physical(before: Sequence[Alarm], model: Model) -> tuple[Alarm, ...]:
         With these links.
     """
     criteria = AlarmCriteria()
-    found = [alarm for alarm in before if alarm.id not in (SIGN, INERTIA)]
-    for alarm in before:
-        if alarm.id == SIGN:
-            columns = columns_of(model.robot, model.effects)
-            pairs = ((c.name, c, model.parameter(c.name)) for c in columns if c.sign > 0)
-            negative = {name: (column, x) for name, column, x in pairs if x < 0.0}
-            says = f" ({listed(alarm.joints)})" * bool(alarm.joints)
-            has = _in_the_model(negative) or "In this model none of them is negative."
-            again = _sign_alarm(f"{says}. {has}", alarm.joints, alarm.value, criteria)
-            found.append(replace(again, severity=alarm.severity))
+    others = [alarm for alarm in before if alarm.id not in (SIGN, INERTIA)]
+    signs = [_in_physical_links(alarm, model, criteria) for alarm in before if alarm.id == SIGN]
     least = least_inertia(model, [drawn_poses(model.robot)])
-    return by_severity([*found, *indefinite_mass(model, least, "poses within the joints' limits", criteria)])
+    inertia = indefinite_mass(model, least, "poses within the joints' limits", criteria)
+    return by_severity([*others, *as_one(signs, inertia)])
+
+
+def _in_physical_links(alarm: Alarm, model: Model, criteria: AlarmCriteria) -> Alarm:
+    """The alarm of impossible signs, with the values of a model whose links can exist."""
+    columns = columns_of(model.robot, model.effects)
+    pairs = ((c.name, c, model.parameter(c.name)) for c in columns if c.sign > 0)
+    negative = {name: (column, x) for name, column, x in pairs if x < 0.0}
+    says = f" ({listed(alarm.joints)})" * bool(alarm.joints)
+    has = _in_the_model(negative) or "In this model none of them is negative."
+    return replace(_sign_alarm(f"{says}. {has}", alarm.joints, alarm.value, criteria), severity=alarm.severity)
