@@ -35,6 +35,7 @@ from frischid.logs.mapping import MappingLike
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.comparison import compare
 from frischid.model.headline import Headline, headline
+from frischid.model.log_requirements import check_effects_act
 from frischid.model.model import Model
 from frischid.model.own_logs import fitted_entry, log_entry
 
@@ -100,6 +101,7 @@ def add(
     check_logs(logs, valid)
     model.check([*logs, *valid])
     check_effects(effects)
+    check_effects_act(model.robot, model.joints, effects)
     check_formulas(model, effects)
     if situation == "auto":
         progress("what changed since the model was identified (1 of 3)")

@@ -52,3 +52,10 @@ def test_an_effect_between_joints_needs_the_torque_of_one():
     robot = fr.Robot.load("planar2")
     check_effects_act(robot, ["joint1"], fr.parse_effects("joint_coupling@joint1+joint2"))
     check_effects_act(robot, ["joint1"], fr.parse_effects("gravity_tilt"))
+
+
+def test_python_refuses_such_an_effect_too(folder):
+    model = fr.Model.load(folder / "model.json")
+    log = fr.read_log(folder / "log.csv", model.robot.joints)
+    with pytest.raises(fr.InputError, match="have no torque of joint2"):
+        fr.add(model, fr.parse_effects("joint_spring@joint2"), [log])
