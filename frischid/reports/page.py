@@ -17,6 +17,7 @@ from typing import Literal
 from markupsafe import Markup
 
 from frischid.core.files import check_writable, write_text
+from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.logs.given import Logs, as_logs
@@ -108,11 +109,12 @@ def page(found: Study, model_path: str = "model.json") -> str:
     str
         HTML that refers to nothing outside itself.
     """
-    warnings = len(found.warnings())
+    counts = {"alarm": len(found.headline.alarms), "warning": len(found.warnings())}
+    counted = [f"{n} {word}{'s' * (n != 1)}" for word, n in counts.items() if n]
     alone = replace(found.model, previous=None)  # every earlier step would be as large as the model
     values = {
         "robot": found.model.robot.name,
-        "warnings": f"{warnings} warning{'s' * (warnings != 1)}" if warnings else "no warnings",
+        "warnings": listed(counted) or "no warnings",
         "made": _made(found),
         "chapters": [{"anchor": c.anchor, "heading": c.heading, "html": c.html(found, model_path)} for c in CHAPTERS],
         "plotly": packed_plotly(),

@@ -494,6 +494,15 @@ def test_a_model_with_a_severe_alarm_has_no_grade():
     assert replace(fair, alarms=(alarm,)).grade == "–"
 
 
+def test_the_title_counts_alarms_before_warnings(spring):
+    shown = spring[1]
+    alarm = Alarm("log-too-short", "severe", "The log is short.", "Record a longer one.", (), None, 1.0)
+    alarmed = replace(shown, headline=replace(shown.headline, alarms=(alarm,)))
+    warned = len(shown.warnings())
+    assert warned
+    assert f"<small>1 alarm and {warned} warning{'s' * (warned > 1)}</small>" in page(alarmed, "model.json")
+
+
 def test_names_of_joints_cannot_leave_the_picture():
     hostile = Robot.load("planar2").urdf.replace("joint1", "&lt;/svg&gt;&lt;script&gt;x()&lt;/script&gt;")
     machine = replace(Robot.load("planar2"), urdf=hostile)
