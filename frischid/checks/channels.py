@@ -83,14 +83,19 @@ def _effort(log: Log, channel: str, unit: str, moving: NDArray[np.bool_], notes:
     """Report torques that are missing, dead or have a dead band; then check their resolution."""
     values, present, name = getattr(log, channel), log.has(channel), {"tau": "torque"}.get(channel, channel)
     criteria = notes.criteria
-    if not present.all():
-        notes.add(
-            "no torque",
-            f"no {name} column, while other joints have one",
-            notes.which(~present),
-            "certain",
-            "its torque row is left out of the fit; record it, or lock the joint if it does not move",
-        )
+    empty = ~present & np.array([f"{channel}_{joint}" in log.empty for joint in log.joints])
+    for missing, what in (
+        (~present & ~empty, f"no {name} column, while other joints have one"),
+        (empty, f"its {name} column is empty, while those of other joints are not"),
+    ):
+        if missing.any():
+            notes.add(
+                "no torque",
+                what,
+                notes.which(missing),
+                "certain",
+                "its torque row is left out of the fit; record it, or lock the joint if it does not move",
+            )
     dead = present & (np.ptp(np.nan_to_num(values), axis=0) <= DEAD_TORQUE)
     if dead.any():
         notes.add(

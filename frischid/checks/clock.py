@@ -20,7 +20,7 @@ from scipy import ndimage
 from frischid.checks.channels import testifies
 from frischid.checks.check_criteria import CheckCriteria
 from frischid.checks.log_issue import Notebook
-from frischid.core.text import percent
+from frischid.core.text import percent, rounded
 from frischid.core.types import Array
 from frischid.logs.filters import noise_level, polynomial_taps
 from frischid.logs.log import CHANNELS, Log
@@ -156,7 +156,7 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
         notes.add(
             "host clock",
             f"{words}, a jitter of {percent(jitter, 1)} of a step that the positions do not show (they follow the "
-            f"jitter by a factor of {slope:.2f} ± {error:.2f}; a real jitter has 1): the stamps are times of arrival, "
+            f"jitter by a factor of {rounded(slope, error)}; a real jitter has 1): the stamps are times of arrival, "
             "not of measurement",
             (),
             "certain",

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from frischid.checks.log_issue import LogReport, Notebook
+from frischid.core.text import counted
 from frischid.errors import InputError
 from frischid.logs.csv_layout import Layout, csv_layout
 from frischid.logs.csv_text import is_number
@@ -57,10 +58,11 @@ def defects(path: Path, form: LogMap) -> LogReport | None:
         what = f"line {found.last[0]}, the last, holds {found.last[1]} cells instead of {width}: the recording was cut"
         notes.add("truncated line", what, (), "certain", "delete that line", blocks=True)
     if ragged:
-        what = f"{len(ragged)} lines hold another number of cells than {width}: {_ranges(ragged)}"
+        what = f"{counted(len(ragged), 'line')} with another number of cells than {width}: {_ranges(ragged)}"
         notes.add("ragged lines", what, (), "certain", "correct or delete them", blocks=True)
     if garbage:
-        what = f"{len(garbage)} lines hold no measurement (not a number, nan, or above {GARBAGE:g}): {_ranges(garbage)}"
+        what = f"{counted(len(garbage), 'line')} without a measurement (not a number, nan, or above {GARBAGE:g}): "
+        what += _ranges(garbage)
         advice = "delete these lines: usually they are memory that was written before it was filled"
         notes.add("garbage rows", what, (), "certain", advice, blocks=True)
     if time is not None:
@@ -127,13 +129,13 @@ def _stamps(lines: Sequence[int], t: np.ndarray, notes: Notebook) -> None:
     lost |= np.minimum(before, after) > jump
     if lost.any():
         where = _ranges([line for line, yes in zip(lines, lost, strict=True) if yes])
-        what = f"{int(lost.sum())} lines have a stamp far away from the stamps around it: {where}"
+        what = f"{counted(int(lost.sum()), 'line')} with a stamp far away from the stamps around it: {where}"
         notes.add("garbage rows", what, (), "certain", "delete these lines: they hold no measurement", blocks=True)
     kept, at = t[~lost], [line for line, yes in zip(lines, lost, strict=True) if not yes]
     steps = np.diff(kept)
     back = np.flatnonzero(steps <= 0)
     if len(back):
-        what = f"time does not increase at {len(back)} lines: {_ranges([at[k + 1] for k in back])}"
+        what = f"time does not increase at {counted(len(back), 'line')}: {_ranges([at[k + 1] for k in back])}"
         notes.add(
             "time", what, (), "certain", "remove repeated rows; split the log where the clock was set back", blocks=True
         )
@@ -141,7 +143,7 @@ def _stamps(lines: Sequence[int], t: np.ndarray, notes: Notebook) -> None:
     if len(wide):
         longest = int(steps.argmax())
         what = (
-            f"{len(wide)} gap{'s' * (len(wide) > 1)} in the time stamps, the longest {steps[longest]:.4g} s "
+            f"{counted(len(wide), 'gap')} in the time stamps, the longest {steps[longest]:.4g} s "
             f"after line {at[longest]}"
         )
         notes.add("gap", what, (), "certain", "a gap splits the log in two; nothing is filled in")

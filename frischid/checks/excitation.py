@@ -13,6 +13,7 @@ import numpy as np
 
 from frischid.checks.log_issue import Notebook
 from frischid.checks.sketch import Sketch
+from frischid.core.text import counted
 from frischid.core.types import Array
 from frischid.effects import BASELINE
 from frischid.regression.base_parameters import Reduction
@@ -77,7 +78,8 @@ def check_excitation(
     rigid = np.array([c.effect == "rigid" for c in columns]) & (sizes > 0)
     if fit is None:
         if alone:
-            words = f"{len(sketch)} filtered samples of {len(sketch.rows)} joints for {len(columns)} base parameters"
+            words = f"{len(sketch)} filtered samples of {counted(len(sketch.rows), 'joint')} for "
+            words += counted(len(columns), "base parameter")
             notes.add("too short", words, (), "likely", "record a longer log, or several logs")
         return
     unseen = [c.name for c, yes in zip(columns, rigid & (fit.stderr > sizes), strict=True) if yes]

@@ -6,6 +6,7 @@ A name comes from somebody's file and may hold any character. Nothing of a name 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from typing import Any
 from unicodedata import category
@@ -43,6 +44,33 @@ def about(joints: Sequence[str], sentence: str) -> str:
     if len(joints) < 2 or "{joint}" not in sentence:
         return sentence.format(joint=each_of(joints), joints=listed(joints))
     return f"{listed(joints)}: {sentence.format(joint='each joint', joints=listed(joints))}"
+
+
+def counted(count: int, noun: str) -> str:
+    """A number of things.
+
+    Examples
+    --------
+    >>> from frischid.core.text import counted
+    >>> counted(1, "joint"), counted(3, "joint")
+    ('1 joint', '3 joints')
+    """
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
+def rounded(value: float, error: float) -> str:
+    """A value with its standard error: two digits of the error, and as many places of the value; no minus zero.
+
+    Examples
+    --------
+    >>> from frischid.core.text import rounded
+    >>> rounded(-0.00012, 0.00345), rounded(0.98, 0.0712)
+    ('-0.0001 ± 0.0034', '0.980 ± 0.071')
+    >>> rounded(-0.004, 0.11)
+    '0.00 ± 0.11'
+    """
+    places = 2 if not 0 < error < math.inf else max(0, 1 - math.floor(math.log10(error)))
+    return f"{round(value, places) + 0.0:.{places}f} ± {error:.{places}f}"
 
 
 def percent(share: float, digits: int = 0) -> str:

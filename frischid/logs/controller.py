@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from frischid.core.files import read_toml
-from frischid.core.text import shortened
+from frischid.core.text import counted, shortened
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.command_checks import check_commands, check_delay
@@ -210,7 +210,7 @@ class PDController:
         check_commands(log)
         tau = np.full(log.q.shape, np.nan) if log.tau is None else log.tau.copy()
         tau[:, columns], extra = self._torque(log, columns)
-        said = f"torque of {len(columns)} joints from their commands by the controller {self}"
+        said = f"torque of {counted(len(columns), 'joint')} from their commands by the controller {self}"
         late = float(self.values("delay", [log.joints[j] for j in columns]).max()) + self.held / log.rate
         early = log.t - late < log.t[0] - _ROUNDED_STEP / log.rate  # the commands that act there were not recorded
         whole = replace(

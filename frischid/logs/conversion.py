@@ -70,8 +70,11 @@ def log_of_table(
         table, t = _without_empty_ends(table, t, mapped, notes)
     channels: dict[str, Any] = {channel: np.full((t.size, len(mapped)), np.nan) for channel in CHANNELS}
     conversions: list[_Conversion] = []
+    empty: list[str] = []
     for j, (joint, columns) in enumerate(mapped.items()):
-        for channel, values in _convert(table, form, joint, columns, conversions, notes).items():
+        found = _convert(table, form, joint, columns, conversions, notes)
+        empty += [f"{channel}_{joint}" for channel in columns if channel not in found]
+        for channel, values in found.items():
             channels[channel][:, j] = values
     notes += _described(conversions)
     converted = {(x.channel, x.joint) for x in conversions}
@@ -86,7 +89,8 @@ def log_of_table(
     used = {time, *ignored}.union(*(columns.values() for columns in mapped.values()))
     taken = {"t"} | {f"{channel}_{joint}" for channel in CHANNELS for joint in mapped}
     extra = _extra(table, used, taken, notes)
-    return Log(t, tuple(mapped), **channels, extra=extra, source=table.source, sha256=digest, notes=tuple(notes))
+    channels |= {"notes": tuple(notes), "empty": tuple(empty)}
+    return Log(t, tuple(mapped), **channels, extra=extra, source=table.source, sha256=digest)
 
 
 def _without_repeated_rows(table: Table, form: LogMap, joints: Sequence[str] | None, notes: list[str]) -> Table:

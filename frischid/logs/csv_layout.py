@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from frischid.core.text import counted
 from frischid.errors import InputError
 from frischid.logs.csv_text import (
     COMMENT_SIGNS,
@@ -64,7 +65,7 @@ def csv_layout(path: Path, form: LogMap) -> Layout:
         raise InputError(
             f"{path}: line {before + 1} holds {len(cells)} cells, {form.source} names {len(names)} columns"
         )
-    notes = [f"{at} lines before line {before + 1} left out: they are no columns"] if at else []
+    notes = [f"{counted(at, 'line')} before line {before + 1} left out: no names of columns"] if at else []
     notes += ["numbers have a decimal comma"] if comma else []
     notes += [f"text in {encoding}"] if encoding != "utf-8" else []
     skip, named = before + 1 if form.header else before, form.header or bool(form.columns)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from frischid.core.text import shortened
+from frischid.core.text import counted, shortened
 from frischid.errors import InputError
 from frischid.logs.log import GARBAGE, Log
 
@@ -84,7 +84,7 @@ class CurrentGains:
         tau = np.full(log.q.shape, np.nan) if log.tau is None else log.tau.copy()
         tau[:, columns] = log.current[:, columns] * [self.gain[n] for n in names]
         guessed = " that follows from the URDF's masses" if any(self.doubt.get(n, 0.0) for n in names) else ""
-        said = f"torque of {len(columns)} joints from their currents, by a torque per ampere{guessed}"
+        said = f"torque of {counted(len(columns), 'joint')} from their currents, by a torque per ampere{guessed}"
         return replace(log, tau=tau, sha256=log.identity, notes=(*log.notes, said))
 
     def to_dict(self) -> dict[str, Any]:

@@ -63,6 +63,8 @@ class Log:
         (`frischid.PDController`).
     tauff : ndarray, shape (N, J), or None
         Commanded feed-forward torques [N·m] or forces [N].
+    empty : tuple of str
+        Channels of joints whose column was there and held no value: ``tau_<joint>``.
     extra : mapping of str to ndarray, shape (N,)
         Other numeric columns by name, for example ``temperature_<joint>``.
     source : str
@@ -110,6 +112,7 @@ class Log:
     qcmd: Array | None = None
     vcmd: Array | None = None
     tauff: Array | None = None
+    empty: tuple[str, ...] = ()
 
     @cached_property
     def identity(self) -> str:

@@ -26,6 +26,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.core.text import counted
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.derivatives import Derivatives
@@ -191,7 +192,8 @@ def prepare(
         notes += [s for s in said if s not in notes]
     if too_short:
         notes.append(
-            f"{log.source}: {too_short} samples dropped in stretches shorter than the filters ({least} samples)"
+            f"{log.source}: {counted(too_short, 'sample')} dropped in stretches shorter than the filters ({least} "
+            "samples)"
         )
     if not motions:
         raise InputError(

@@ -23,6 +23,7 @@ import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import NDArray
 
+from frischid.core.text import counted
 from frischid.errors import InputError, close_names
 from frischid.logs.csv_layout import Layout, csv_layout
 from frischid.logs.csv_text import (
@@ -246,7 +247,8 @@ def _from_arrow(arrow: Any, path: Path, place: Place = row_place, layout: Layout
     comma, notes = layout is not None and layout.decimal_comma, []
     again = _repeated_headers(arrow)
     if again.any():
-        notes.append(f"{again.sum()} lines that repeat the header left out, the first at {place(int(again.argmax()))}")
+        lines = counted(int(again.sum()), "line")
+        notes.append(f"{lines} like the header left out, the first at {place(int(again.argmax()))}")
         arrow, kept, every = _without(arrow, again, comma), np.flatnonzero(~again), place
 
         def place(row: int) -> str:

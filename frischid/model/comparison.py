@@ -17,6 +17,7 @@ import numpy as np
 from frischid.core.named_sequence import NamedSequence
 from frischid.core.progress import counter
 from frischid.core.shown import Shown
+from frischid.core.text import counted
 from frischid.core.types import Array
 from frischid.effects import columns_of
 from frischid.errors import InputError
@@ -89,7 +90,8 @@ class Comparison(Shown):
     poses: int = 0
 
     def __repr__(self) -> str:
-        return f"Comparison(NRMSE {self.nrmse:.4f} over {len(self.joints)} joints, noise floor {self.noise_floor:.4f})"
+        joints = counted(len(self.joints), "joint")
+        return f"Comparison(NRMSE {self.nrmse:.4f} over {joints}, noise floor {self.noise_floor:.4f})"
 
     @property
     def noise_floor(self) -> float:

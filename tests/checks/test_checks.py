@@ -508,3 +508,32 @@ def test_an_unexplained_torque_is_told_with_its_error_alone():
     error = float(re.match(r"the URDF's inertials with fitted friction leave .* of NRMSE ([\d.]+)", issue.what)[1])
     assert 0.3 < error < 0.6
     assert "the error of real arms is below 0.3" in issue.what
+
+
+@pytest.mark.parametrize("column", ["empty", "missing"])
+def test_an_empty_torque_column_is_called_empty(tmp_path, column):
+    log = clean("planar2")
+    rows = np.column_stack([log.t, log.q, log.tau])
+    head = ["t", "q_joint1", "q_joint2", "tau_joint1", "tau_joint2"]
+    if column == "missing":
+        rows, head = rows[:, :4], head[:4]
+    else:
+        rows[:, 4] = np.nan
+    path = tmp_path / "log.csv"
+    np.savetxt(path, rows, delimiter=",", header=",".join(head), comments="")
+    issue = kinds(machine("planar2"), read_log(path))["no torque"]
+    assert issue.where == ("joint2",)
+    assert ("its torque column is empty" in issue.what) is (column == "empty")
+    assert ("no torque column" in issue.what) is (column == "missing")
+
+
+def test_one_joint_is_no_joints_and_zero_has_no_sign():
+    robot = Robot.load("planar2", joints=["joint1"])
+    log = simulate(robot, random_fourier(robot, 20, seed=1), rate=100, noise=Noise(q=1e-5, tau=0.01), channels=())
+    (report,) = check(robot, [log])
+    facts = {**report.facts, "rigid_parameters": 1, "unseen_parameters": [], "stamps_follow": -0.0001, "jitter": 0.1}
+    facts["stamps_follow_error"] = 0.02
+    shown = " ".join(map(str, check_page([replace(report, facts=facts)]).parts))
+    assert ", 1 joint, channels q, tau" in shown
+    assert "determines the rigid base parameter that is not 0" in shown
+    assert "by a factor of 0.000 ± 0.020 (1: stamps are true)" in shown

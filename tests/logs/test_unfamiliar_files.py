@@ -81,7 +81,7 @@ def test_header_that_comes_again(tmp_path, robot, log):
     rows.insert(400, head)
     read = read_log(write(tmp_path / "a.csv", head, rows), robot.joints)
     same(read, log)
-    assert "1 lines that repeat the header left out, the first at line 402" in read.notes
+    assert "1 line like the header left out, the first at line 402" in read.notes
     rows[700][3] = "x"
     with pytest.raises(InputError, match="line 702 holds 'x'"):
         read_log(write(tmp_path / "a.csv", head, rows), robot.joints)

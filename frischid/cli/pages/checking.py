@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from frischid.checks import LogIssue, LogReport
 from frischid.cli.pages.page import Page, figure, table_of
-from frischid.core.text import percent
+from frischid.core.text import counted, percent, rounded
 from frischid.logs.dataset_list import Dataset
 from frischid.logs.log import Log
 from frischid.logs.proposal import Proposal
@@ -132,7 +132,7 @@ def _headline(source: str, facts: Mapping[str, Any]) -> str:
     return (
         f"[bold]{escape(source)}[/bold]: {facts['samples']} samples, {facts['seconds']:.4g} s at "
         f"{facts['rate_hz']:.4g} Hz, "
-        f"{len(facts.get('joints', ()))} joints, channels {channels}"
+        f"{counted(len(facts.get('joints', ())), 'joint')}, channels {channels}"
     )
 
 
@@ -143,7 +143,7 @@ def _clock(facts: Mapping[str, Any]) -> list[str]:
     words = f"  true rate {facts['mean_rate_hz']:.4g} Hz, steps {low:.4g} to {high:.4g} ms (usual {usual:.4g} ms)"
     if "stamps_follow" in facts:
         words += f", jitter {percent(facts['jitter'], 1)} of a step; the positions follow it by a factor of "
-        words += f"{facts['stamps_follow']:.2f} ± {facts['stamps_follow_error']:.2g} (1: stamps are true)"
+        words += f"{rounded(facts['stamps_follow'], facts['stamps_follow_error'])} (1: stamps are true)"
     if facts.get("missing_share"):
         words += f"; {percent(facts['missing_share'], 1)} of the samples missing"
     again = facts.get("comes_again_after")
@@ -174,12 +174,11 @@ def _parameters(facts: Mapping[str, Any]) -> list[str]:
     if unseen is None:
         return []
     if not unseen:
-        return [
-            f"  this log determines all {facts['rigid_parameters']} rigid base parameters that are not 0 in the URDF: "
-            "their standard errors are below their values there"
-        ]
+        number = facts["rigid_parameters"]
+        whole = "the rigid base parameter that is" if number == 1 else f"all {number} rigid base parameters that are"
+        return [f"  this log determines {whole} not 0 in the URDF: the standard error of each is below its value there"]
     return [
-        f"  of {facts['rigid_parameters']} rigid base parameters that are not 0 in the URDF, this log alone does not "
+        f"  of {counted(facts['rigid_parameters'], 'rigid base parameter')} not 0 in the URDF, this log alone does not "
         f"determine {len(unseen)} (standard error above the URDF's value): {', '.join(unseen)}"
     ]
 
@@ -218,7 +217,7 @@ def proposal(found: Proposal, text: str, output: str | None) -> Page:
         "missing": list(found.missing),
         "guesses": found.guesses,
     }
-    joints = f"{len(found.joints)} joints found, {len(found.missing)} without a position column"
+    joints = f"{counted(len(found.joints), 'joint')} found, {len(found.missing)} without a position column"
     if found.guesses:
         joints += f"; {len(found.guesses)} guess{'es' * (len(found.guesses) > 1)} to look at"
     return Page(data, [escape(text), joints, *([f"written to {output}"] if output else [])])

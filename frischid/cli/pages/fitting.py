@@ -15,7 +15,7 @@ from frischid.cli.narrow import Command
 from frischid.cli.pages.comparing import error_tables, motion_table
 from frischid.cli.pages.joint_drives import MEANING, amperes, drives, left_open
 from frischid.cli.pages.page import Page, figure, headline_line, table_of, warning_lines
-from frischid.core.text import percent
+from frischid.core.text import counted, percent
 from frischid.forward.output_error import OutputError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
@@ -51,7 +51,7 @@ def identification(found: Identification, output: str | None, *, whole: bool = F
     if whole:
         parts += _table_of_parameters(model)
     else:
-        parts.append(f"  {len(model.expressions)} parameters: --parameters lists them")
+        parts.append(f"  {counted(len(model.expressions), 'parameter')}: --parameters lists them")
     if output:
         parts += [f"model written to {output}", _next(found, output)]
     return Page(identified(found), parts, found.alarms)
@@ -194,7 +194,8 @@ def summary(found: Identification) -> str:
     model, e = found.model, found.model.estimate
     cut = "unfiltered" if model.lowpass.cutoff is None else f"low-passed at {model.lowpass.cutoff:g} Hz"
     return (
-        f"[bold]{model.robot.name}[/bold]: {found.reduction.rank} base parameters from {found.samples} samples "
+        f"[bold]{model.robot.name}[/bold]: {counted(found.reduction.rank, 'base parameter')} from "
+        f"{found.samples} samples "
         f"({cut}), effects {', '.join(str(x) for x in model.effects)}; {e.estimator}, condition {e.condition:.3g}, "
         f"rank gap {found.reduction.gap:.2g}{f'; {cost}' if (cost := found.reduction.described_cost()) else ''}"
     )

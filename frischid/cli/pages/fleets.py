@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from frischid.cli.pages.page import Page, figure, plain, quantities, table_of, warning_lines
+from frischid.core.text import counted
 from frischid.fleet.results import Fleet, Member
 from frischid.robot.robot import Robot
 
@@ -21,7 +22,8 @@ def fleet(found: Fleet, output: str | None) -> Page:
     logs, samples = sum(m.logs for m in members), sum(m.samples for m in members)
     hours = sum(m.seconds for m in members) / 3600
     parts: list[Any] = [
-        f"{len(members)} robots, {logs} logs, {samples} samples ({hours:.3g} robot-hours), {found.where}; "
+        f"{counted(len(members), 'robot')}, {counted(logs, 'log')}, {samples} samples ({hours:.3g} robot-hours), "
+        f"{found.where}; "
         f"{len(found.model.base)} base parameters, effects {', '.join(str(e) for e in found.model.effects)}",
         *(f"  {escape(n)}" for n in found.notes),
         _parameters(found),
@@ -35,7 +37,7 @@ def fleet(found: Fleet, output: str | None) -> Page:
     else:
         parts.append(f"none of {len(members)} robots differs from the others by more than is usual in this fleet")
     if found.skipped:
-        parts.append(f"{len(found.skipped)} logs skipped; the figures are those of the other logs:")
+        parts.append(f"{counted(len(found.skipped), 'log')} skipped; the figures are those of the other logs:")
         parts += [f"  {escape(s.address)}: {escape(s.reason)}" for s in found.skipped[:MOST]]
         parts += [f"  and {len(found.skipped) - MOST} more"] * (len(found.skipped) > MOST)
     parts += warning_lines(found.warnings[:MOST])

@@ -9,6 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from frischid.cli.pages.page import Page, table_of
+from frischid.core.text import counted
 from frischid.logs.log import Log
 from frischid.model.alarms import Alarm
 from frischid.motions.discrimination import Apart
@@ -138,4 +139,5 @@ def simulated(log: Log, output: str, noisy: bool) -> Page:
         "joints": list(log.joints),
     }
     exact = "" if noisy else "; no noise (see --noise-q, --noise-tau)"
-    return Page(data, [f"{output}: {len(log)} samples of {len(log.joints)} joints, {log.duration:.4g} s{exact}"])
+    joints = counted(len(log.joints), "joint")
+    return Page(data, [f"{output}: {len(log)} samples of {joints}, {log.duration:.4g} s{exact}"])

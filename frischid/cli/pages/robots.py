@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from frischid.cli.pages.page import Page, figure, plain, table_of
+from frischid.core.text import counted
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import LINK_PARAMETERS, LINK_UNITS, Robot
@@ -41,14 +42,15 @@ def robot(machine: Robot, regressor: Regressor, reduction: Reduction) -> Page:
         "identifiable_in_combination": [columns[i] for i in reduction.linear],
         "not_identifiable": [*(columns[i] for i in reduction.none), *machine.known],
     }
-    regrouped = table_of("base parameter", "stands for", "unit", title=f"{reduction.rank} base parameters")
+    regrouped = table_of("base parameter", "stands for", "unit", title=counted(reduction.rank, "base parameter"))
     for b in base:
         regrouped.add_row(b["name"], b["expression"], b["unit"])
     notes = [f"mimic joint {n} follows {x[0]}" for n, x in machine.mimics.items()]
     notes += [f"locked at {x:.4g} rad (m): {n}" for n, x in machine.locked.items()]
     notes += ["the URDF has no inertials: nominal torques are zero"] * (not machine.nominal.any())
     counts = (
-        f"{len(columns) + len(machine.known)} parameters: {len(groups['identifiable_alone'])} identifiable alone, "
+        f"{counted(len(columns) + len(machine.known), 'parameter')}: "
+        f"{len(groups['identifiable_alone'])} identifiable alone, "
         f"{len(groups['identifiable_in_combination'])} only in combination, {len(groups['not_identifiable'])} not "
         "at all"
         f"{f' ({len(machine.known)} of them known)' if machine.known else ''}; "

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from frischid import figures
-from frischid.core.text import listed
+from frischid.core.text import counted, listed
 from frischid.export.consistency import Consistency
 from frischid.figures.style import number
 from frischid.model.identification_bounds import NO_INFORMATION, without_information
@@ -148,5 +148,5 @@ def _regrouping(study: Study) -> Table | None:
         ["identifiable", "count", "parameters"],
         rows,
         words=3,
-        caption=f"{len(names)} parameters, rank {reduction.rank}",
+        caption=f"{counted(len(names), 'parameter')}, rank {reduction.rank}",
     )
