@@ -17,7 +17,7 @@ from typing import Literal
 from markupsafe import Markup
 
 from frischid.core.files import check_writable, write_text
-from frischid.core.text import listed
+from frischid.core.text import counted, listed
 from frischid.core.types import Array
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.logs.given import Logs, as_logs
@@ -110,11 +110,11 @@ def page(found: Study, model_path: str = "model.json") -> str:
         HTML that refers to nothing outside itself.
     """
     counts = {"alarm": len(found.headline.alarms), "warning": len(found.warnings())}
-    counted = [f"{n} {word}{'s' * (n != 1)}" for word, n in counts.items() if n]
+    told = [counted(n, word) for word, n in counts.items() if n]
     alone = replace(found.model, previous=None)  # every earlier step would be as large as the model
     values = {
         "robot": found.model.robot.name,
-        "warnings": listed(counted) or "no warnings",
+        "warnings": listed(told) or "no warnings",
         "made": _made(found),
         "chapters": [{"anchor": c.anchor, "heading": c.heading, "html": c.html(found, model_path)} for c in CHAPTERS],
         "plotly": packed_plotly(),
