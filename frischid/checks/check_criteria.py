@@ -20,6 +20,8 @@ from typing import Any
 
 import msgspec
 
+from frischid.logs.velocity_lag import LONGEST_VELOCITY_LAG
+
 FAULT_COSTS = (
     ("all torque signs", 1.0),
     ("degrees", 2.0),
@@ -172,10 +174,7 @@ class CheckCriteria:
     """rad. Where the URDF states no limit, a joint of an arm is suspicious from two full turns on. (clean)"""
 
     # ---- measured velocities
-    brief_seconds: float = 20.0
-    """s. So much of a log is enough to judge its velocities where a check must be short. (the same issues as the whole
-    log)"""
-    longest_velocity_lag: float = 1.0
+    longest_velocity_lag: float = LONGEST_VELOCITY_LAG
     """s. Longest lag that is searched: no filter is later. (planted: late velocity)"""
     late_velocity_steps: float = 0.5
     """Samples. A shorter lag comes from sampling itself. (clean)"""

@@ -120,7 +120,7 @@ def inspect(
         log, prepared = replace(log, t=np.linspace(log.t[0], log.t[-1], len(log))), None
     lowpass = choose_lowpass([log], robot.joints) if prepared is None else prepared[0]
     coarse = LowPass(min(lowpass.cutoff or criteria.sketch_cutoff, criteria.sketch_cutoff))
-    check_velocity(log, coarse, notes, most=criteria.brief_seconds if brief else None)
+    check_velocity(log, coarse, notes)
 
     @cache
     def sketch() -> Sketch | None:

@@ -2,10 +2,9 @@
 
     v(t) ≈ s · q̇(t − d)
 
-The cross-correlation of the measured velocity v with the derived one q̇ peaks at the delay d; s is the least-squares
-factor at that delay. A delay comes from a filter in the drive. A factor of 57.3 means degrees, -1 means a wrong sign,
-and a gear ratio means that the velocity is that of the motor. If the slope of another joint's position correlates best,
-the velocity column belongs to that joint.
+The delay d and the factor s are those of `frischid.logs.velocity_lag`. A delay comes from a filter in the drive. A
+factor of 57.3 means degrees, -1 means a wrong sign, and a gear ratio means that the velocity is that of the motor. If
+the slope of another joint's position correlates best, the velocity column belongs to that joint.
 """
 
 from __future__ import annotations
@@ -21,26 +20,27 @@ from frischid.logs.filters import LowPass, correlate, derivative_taps, noise_lev
 from frischid.logs.log import Log
 from frischid.logs.mapping_rules import TICKS_PER_SECOND
 from frischid.logs.time_grid import uniform
+from frischid.logs.velocity_lag import VelocityLag, peaks, velocity_lag
 
 _DEGREES_PER_RADIAN = 180 / np.pi
 _LAG_ERRORS = 3.0
 """A lag within so many standard errors of zero is noise."""
 
 
-def check_velocity(log: Log, lowpass: LowPass, notes: Notebook, most: float | None = None) -> None:
-    """Report late, scaled, negated, exchanged and unrelated velocities, from at most `most` seconds of the log."""
+def check_velocity(log: Log, lowpass: LowPass, notes: Notebook) -> None:
+    """Report late, scaled, negated, exchanged and unrelated velocities."""
     criteria = notes.criteria
     moving = testifies(log.q, criteria)
     which = np.flatnonzero(log.has("v") & moving & (np.ptp(np.nan_to_num(_measured(log)), axis=0) > 0))
     if len(which) == 0:
         return
-    step, v, slope, reliability = _both(log, lowpass, most)
+    step, v, slope, reliability = _both(log, lowpass)
     if len(v) < criteria.fewest_samples:
         return
-    lag, correlation = _lags(v, slope, step, criteria.longest_velocity_lag)
-    correlation = correlation / np.sqrt(np.maximum(np.outer(*reliability), criteria.velocity_signal**2))
-    own = np.array([correlation[j, j] for j in range(len(log.joints))])
-    factor, late = _aligned(v, slope, np.diag(lag), step)
+    found = velocity_lag(v, slope, step, criteria.longest_velocity_lag)
+    share = np.sqrt(np.maximum(np.outer(*reliability), criteria.velocity_signal**2))
+    own = found.correlation / np.diag(share)
+    factor, late = found.factor, found.lag
     seen = np.zeros(len(log.joints), bool)
     seen[which] = (reliability[:, which] > criteria.velocity_signal).all(axis=0)
     good = seen & (np.abs(own) > criteria.related_correlation)
@@ -48,16 +48,17 @@ def check_velocity(log: Log, lowpass: LowPass, notes: Notebook, most: float | No
     notes.per_joint("velocity_factor", np.where(good, factor, np.nan))
     independent = 2 * (lowpass.cutoff or 0.5 / step) * step * len(v)
     scatter = np.sqrt((1 - reliability).sum(axis=0) / max(independent, 1.0))
-    _late(late, slope, step, good, scatter, notes)
+    _late(found, slope, step, good, scatter, notes)
     _scaled(factor, good, notes)
-    _unrelated(correlation, seen & ~good, seen, notes)
+    for i in map(int, np.flatnonzero(seen & ~good)):
+        _unrelated(i, peaks(v[:, i], slope, step, criteria.longest_velocity_lag)[1] / share[i], seen, notes)
 
 
 def _measured(log: Log) -> Array:
     return np.zeros_like(log.q) if log.v is None else log.v
 
 
-def _both(log: Log, lowpass: LowPass, most: float | None) -> tuple[float, Array, Array, Array]:
+def _both(log: Log, lowpass: LowPass) -> tuple[float, Array, Array, Array]:
     """Time step, measured and derived velocity of the longest stretch without a gap, through the same filter.
 
     The last result is the share of the variance of each velocity that is not white noise, (2, J).
@@ -66,8 +67,7 @@ def _both(log: Log, lowpass: LowPass, most: float | None) -> tuple[float, Array,
     edges = np.concatenate([[0], breaks, [len(log)]])
     longest = int(np.argmax(np.diff(edges)))
     start, stop = int(edges[longest]), int(edges[longest + 1])
-    spare = 0 if most is None else max(0, stop - start - int(most * log.rate)) // 2
-    part = log.slice(start + spare, stop - spare)
+    part = log.slice(start, stop)
     t, q, v = uniform(part.t, part.q, np.nan_to_num(_measured(part)))
     step = float((t[-1] - t[0]) / (len(t) - 1))
     slopes = derivative_taps(1, step, lowpass.cutoff)
@@ -82,46 +82,11 @@ def _both(log: Log, lowpass: LowPass, most: float | None) -> tuple[float, Array,
     return step, both[0], both[1], np.clip(reliability, 0.0, 1.0)
 
 
-def _lags(v: Array, slope: Array, step: float, longest: float) -> tuple[Array, Array]:
-    """Lag [s] of column i of v behind column j of the slopes, and the correlation there, both (J, J)."""
-    N, J = v.shape
-    reach = min(int(longest / step), N // 4)
-    size = 2 ** int(np.ceil(np.log2(N + reach)))
-    V, S = np.fft.rfft(v - v.mean(axis=0), size, axis=0), np.fft.rfft(slope - slope.mean(axis=0), size, axis=0)
-    scale = np.sqrt(np.outer(((v - v.mean(axis=0)) ** 2).sum(axis=0), ((slope - slope.mean(axis=0)) ** 2).sum(axis=0)))
-    lag, best = np.zeros((J, J)), np.zeros((J, J))
-    for i in range(J):
-        cross = np.fft.irfft(V[:, i : i + 1] * S.conj(), size, axis=0)
-        cross = np.concatenate([cross[-reach:], cross[: reach + 1]]) / np.maximum(scale[i], 1e-300)
-        for j in range(J):
-            k = int(np.argmax(np.abs(cross[:, j])))
-            shift = 0.0
-            if 0 < k < 2 * reach:
-                before, here, after = np.abs(cross[k - 1 : k + 2, j])
-                curve = before - 2 * here + after
-                shift = 0.5 * (before - after) / curve if curve < 0 else 0.0
-            lag[i, j], best[i, j] = (k - reach + shift) * step, cross[k, j]
-    return lag, best
-
-
-def _aligned(v: Array, slope: Array, lag: Array, step: float) -> tuple[Array, Array]:
-    """Factor of each measured velocity over its own slope, and its lag [s] to a fraction of a sample, (J,) each.
-
-    The peak of a correlation is flat, so it gives the lag only to the nearest sample. The remaining lag d follows from
-    ``v/s − q̇ ≈ −d q̈`` by least squares.
-    """
-    factors, lags = np.full((2, v.shape[1]), np.nan)
-    for j, k in enumerate(np.round(lag / step).astype(int)):
-        late, early = v[max(k, 0) : len(v) + min(k, 0), j], slope[max(-k, 0) : len(v) - max(k, 0), j]
-        factors[j] = float(late @ early / max(float(early @ early), 1e-300))
-        rate = np.gradient(early, step)
-        left = late / (factors[j] or 1.0) - early
-        lags[j] = k * step - float(left @ rate / max(float(rate @ rate), 1e-300))
-    return factors, lags
-
-
-def _late(lag: Array, slope: Array, step: float, good: NDArray[np.bool_], scatter: Array, notes: Notebook) -> None:
+def _late(
+    found: VelocityLag, slope: Array, step: float, good: NDArray[np.bool_], scatter: Array, notes: Notebook
+) -> None:
     """Report lags; `scatter` is the standard error that noise leaves in the error of each velocity, (J,)."""
+    lag = found.lag
     acceleration = np.gradient(slope, step, axis=0).std(axis=0)
     error = np.abs(lag) * acceleration / np.maximum(slope.std(axis=0), 1e-300)
     late = (
@@ -135,7 +100,7 @@ def _late(lag: Array, slope: Array, step: float, good: NDArray[np.bool_], scatte
     notes.add(
         "late velocity",
         f"the measured velocity {way} by {span(np.abs(lag[late]))} s (median "
-        f"{np.median(np.abs(lag[late])):.2g} s), an error of {span(100 * error[late], ' %')}",
+        f"{np.median(np.abs(lag[late])):.2g} s), an error of {span(100 * found.error[late], ' %')}",
         notes.which(late),
         "certain",
         "it is not used: velocities are derived from the positions; record it unfiltered, or leave the columns out",
@@ -206,13 +171,12 @@ def _say(
         notes.add(kind, what, notes.which(hit), "certain", advice, blocks=blocks)
 
 
-def _unrelated(correlation: Array, bad: NDArray[np.bool_], seen: NDArray[np.bool_], notes: Notebook) -> None:
-    """Velocity columns that belong to another joint or to none."""
-    for i in map(int, np.flatnonzero(bad)):
-        j = int(np.argmax(np.where(seen, np.abs(correlation[i]), 0.0)))
-        if j != i and abs(correlation[i, j]) > notes.criteria.related_correlation:
-            what, kind = f"the measured velocity belongs to {notes.names[j]}", "exchanged velocity"
-        else:
-            what = f"the measured velocity is not the slope of the position (correlation {correlation[i, i]:.2f})"
-            kind = "unrelated velocity"
-        notes.add(kind, what, (notes.names[i],), "certain", "check the column names; frischid does not use it now")
+def _unrelated(i: int, correlation: Array, seen: NDArray[np.bool_], notes: Notebook) -> None:
+    """Report that the velocity column of joint i belongs to another joint or to none; its correlations, (J,)."""
+    j = int(np.argmax(np.where(seen, np.abs(correlation), 0.0)))
+    if j != i and abs(correlation[j]) > notes.criteria.related_correlation:
+        what, kind = f"the measured velocity belongs to {notes.names[j]}", "exchanged velocity"
+    else:
+        what = f"the measured velocity is not the slope of the position (correlation {correlation[i]:.2f})"
+        kind = "unrelated velocity"
+    notes.add(kind, what, (notes.names[i],), "certain", "check the column names; frischid does not use it now")

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from frischid.core.types import Array
 from frischid.logs.filters import LowPass, correlate, derivative_taps, noise_level
 from frischid.logs.log import Log
+from frischid.logs.velocity_lag import velocity_lag
 
 SAME_ACCELERATION = 1e-3
 """Measured and derived accelerations that differ by less than this share of the acceleration count as equal."""
@@ -83,18 +84,16 @@ class Derivatives:
         smooth = self.lowpass.taps(self.step)
         inside = slice(self.half, len(self.q) - self.half)
         measured, derived = correlate(smooth, self.v_measured[inside]), correlate(smooth, self.v)
-        acceleration = correlate(smooth, self.a)
         scale = np.sqrt(np.mean(derived**2, axis=0)) + 1e-12
         off = np.sqrt(np.mean((measured - derived) ** 2, axis=0)) / scale
-        with np.errstate(invalid="ignore"):
-            lag = -np.sum((measured - derived) * acceleration, axis=0) / (np.sum(acceleration**2, axis=0) + 1e-300)
         late = present & (off > LATE_VELOCITY)
         notes = []
         if late.any():
+            lag = velocity_lag(measured[:, late], derived[:, late], self.step).lag
             names = [name for name, wrong in zip(log.joints, late, strict=True) if wrong]
             notes.append(
                 f"{log.source}: measured velocity of {', '.join(names)} differs from the slope of the positions by "
-                f"{_range(100 * off[late])} % (it lags {_range(lag[late])} s): derived from the positions instead"
+                f"{_range(100 * off[late])} % (it lags {_range(lag)} s): derived from the positions instead"
             )
         return present & ~late & self.better(self.a_from_v), notes
 

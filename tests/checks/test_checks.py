@@ -125,6 +125,9 @@ def bursts(log):
     return replace(log, t=((k // 4 + 1) * 4 + (k % 4) * 0.01) / log.rate)
 
 
+FIGURES = (r"an error of ([\d. to]+) %", r"position by ([\d. to]+) s")
+NOTE = r"by ([\d. to]+) % \(it lags ([\d. to]+) s\)"
+
 FAULTS = {
     "ms": (lambda x: replace(x, t=1e3 * x.t), "unit of time", None, True),
     "ns": (lambda x: replace(x, t=1e9 * x.t), "unit of time", None, True),
@@ -537,3 +540,19 @@ def test_one_joint_is_no_joints_and_zero_has_no_sign():
     assert ", 1 joint, channels q, tau" in shown
     assert "determines the rigid base parameter that is not 0" in shown
     assert "by a factor of 0.000 ± 0.020 (1: stamps are true)" in shown
+
+
+def test_a_late_velocity_has_one_set_of_figures():
+    """What `check` reports, what `identify` warns of, and its note on what it does instead."""
+    robot = machine("planar2")
+    log = simulate(robot, random_fourier(robot, 60, seed=1), rate=100)
+    log = replace(log, v=delayed(log, log.v, 0.15))
+    (report,) = check(robot, [log])
+    (late,) = (issue for issue in report.issues if issue.kind == "late velocity")
+    found = identify(robot, [log], recursion="none")
+    assert f"{log.source}: {late.short}" in found.warnings
+    (note,) = (text for text in found.notes if "measured velocity" in text)
+    figures = [re.search(pattern, late.what)[1] for pattern in FIGURES]
+    for one, other in zip(figures, re.search(NOTE, note).groups(), strict=True):
+        assert float(one.split(" to ")[0]) == pytest.approx(float(other.split(" to ")[0]), rel=0.05)
+        assert float(one.split(" to ")[-1]) == pytest.approx(float(other.split(" to ")[-1]), rel=0.05)
