@@ -12,7 +12,7 @@ from frischid.core.types import Array
 
 Fix = tuple[str, str, Any]
 """Joint, key of its table in a mapping file, value."""
-WORDS = re.compile(r"\{([^{}|]*)\|([^{}|]*)\}")
+SURE_OR_NOT = re.compile(r"\{([^{}|]*)\|([^{}|]*)\}")
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Fault:
         >>> Fault("torque sign", "the torque {has|may have} the wrong sign", (), "", 1.0).said(possible=True)
         'the torque may have the wrong sign'
         """
-        return WORDS.sub(r"\2" if possible else r"\1", self.what)
+        return SURE_OR_NOT.sub(r"\2" if possible else r"\1", self.what)
 
 
 def cost(criteria: CheckCriteria, kind: str, choices: int = 1, fitted: int = 0, samples: float = 1.0) -> float:
