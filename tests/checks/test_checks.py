@@ -538,7 +538,7 @@ def test_one_joint_is_no_joints_and_zero_has_no_sign():
     facts["stamps_follow_error"] = 0.02
     shown = " ".join(map(str, check_page([replace(report, facts=facts)]).parts))
     assert ", 1 joint, channels q, tau" in shown
-    assert "determines the rigid base parameter that is not 0" in shown
+    assert "determines 1 rigid base parameter that is not 0" in shown
     assert "by a factor of 0.000 ± 0.020 (1: stamps are true)" in shown
 
 

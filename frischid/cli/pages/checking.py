@@ -173,13 +173,14 @@ def _parameters(facts: Mapping[str, Any]) -> list[str]:
     unseen = facts.get("unseen_parameters")
     if unseen is None:
         return []
+    number = facts["rigid_parameters"]
+    these = f"{counted(number, 'rigid base parameter')} that {'is' if number == 1 else 'are'} not 0 in the URDF"
     if not unseen:
-        number = facts["rigid_parameters"]
-        whole = "the rigid base parameter that is" if number == 1 else f"all {number} rigid base parameters that are"
-        return [f"  this log determines {whole} not 0 in the URDF: the standard error of each is below its value there"]
+        every = "" if number == 1 else "all "
+        return [f"  this log determines {every}{these}: the standard error of each is below its value there"]
     return [
-        f"  of {counted(facts['rigid_parameters'], 'rigid base parameter')} not 0 in the URDF, this log alone does not "
-        f"determine {len(unseen)} (standard error above the URDF's value): {', '.join(unseen)}"
+        f"  of {these}, this log alone does not determine {len(unseen)} (standard error above the URDF's value): "
+        f"{', '.join(unseen)}"
     ]
 
 
