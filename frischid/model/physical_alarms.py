@@ -101,8 +101,8 @@ def indefinite_mass(model: Model, found: LeastInertia, where: str, criteria: Ala
 
 
 def as_one(signs: Sequence[Alarm], inertia: Sequence[Alarm]) -> list[Alarm]:
-    """Both alarms; one of them where a parameter of impossible sign is why the mass matrix is not positive definite."""
-    if not (signs and inertia and set(inertia[0].joints) <= set(signs[0].joints)):
+    """One alarm of both: parameters of impossible sign are why a mass matrix is not positive definite."""
+    if not (signs and inertia):
         return [*signs, *inertia]
     (sign,), (matrix,) = signs, inertia
     sentence, remedy_of_both = f"{sign.sentence} {matrix.sentence}", f"{sign.remedy} {matrix.remedy}"
