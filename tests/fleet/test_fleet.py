@@ -386,7 +386,7 @@ def test_the_command_line(folder, tmp_path, alone):
     assert refused.exit_code == 2
     page = CliRunner().invoke(main, ["fleet", "ur5", pattern, *options[:-1], "--diagnosed", "0"])
     assert page.exit_code == 0, page.output
-    assert "1 logs skipped" in page.output
+    assert "1 log skipped" in page.output
 
 
 def test_a_prior_of_another_name_is_refused():

@@ -228,5 +228,5 @@ def test_all_faults_of_a_file_in_another_encoding_are_listed(tmp_path, robot, lo
     path = write(tmp_path / "a.csv", head, rows, ";", "utf-16", ",")
     report = defects(path, LogMap())
     assert {issue.kind for issue in report.issues} == {"garbage rows", "time"}
-    assert "1 lines" in report.issues[0].what
+    assert "1 line " in report.issues[0].what
     assert "302" in report.issues[0].what + report.issues[1].what
