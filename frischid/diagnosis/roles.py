@@ -84,8 +84,7 @@ def decided_situation(
     criteria : DiagnosisCriteria, optional
     """
     validator, situation = cross_validator(model, [excerpt(log).log for log in logs], criteria=criteria)
-    unlike = any(alarm.id == UNLIKE for alarm in headline(model, logs).alarms)
-    if situation == "always" and not unlike:
+    if situation == "always" and not any(alarm.id == UNLIKE for alarm in headline(model, logs).alarms):
         return Decided(situation, None)
     own = own_logs(model).logs
     if not own or not in_motion(own, model.robot.joints):
