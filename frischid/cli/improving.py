@@ -109,7 +109,6 @@ def add(
     from frischid.diagnosis.improvement import add as run
     from frischid.diagnosis.shape_choice import searched
     from frischid.effects import parse_effects
-    from frischid.model.log_requirements import check_effects_act
 
     if joints is not None and "@" in effect:
         raise InputError(f"'{effect}' names its joints, and so does --joints {joints}; name them only once")
@@ -120,7 +119,6 @@ def add(
         data = opened_or_own(logs, loaded, mapping, progress)
         test = opened(valid, loaded.robot, mapping, progress)
         chosen = parse_effects(effect if names is None else f"{effect}@{'+'.join(names)}", complete=True)
-        check_effects_act(loaded.robot, loaded.joints, chosen)
         chosen = searched(loaded, chosen, effect, data, situation)
         step = run(loaded, chosen, data, valid=test, situation=situation, progress=progress)
     step.model.save(output)

@@ -99,7 +99,7 @@ def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
         card["separate"] = command_for([finding, *rival], study.model.robot)
     plan = f" To plan a motion that distinguishes it from {other}:" if card["separate"] else ""
     above = "the error above the sensor noise on its joints"
-    share = f"{above} is negligible" if finding.explains == "–" else f"explains {finding.explains} of {above}"
+    share = f"{above} is negligible" if finding.negligible else f"explains {finding.explains} of {above}"
     evidence = (
         f"probability that this is the cause {percent(finding.probability)}; error {finding.change}, "
         f"cross-validated; {share}; log likelihood gained {finding.gain:.0f}"
