@@ -73,7 +73,7 @@ def diagnose(
             progress=progress,
         )
         if simulated:
-            moved = simulate_findings(loaded, found, given.select, valid=given.test, progress=progress)
+            moved = simulate_findings(given.before or loaded, found, given.select, valid=given.test, progress=progress)
     show_page(show.diagnosis(found, moved), as_json)
 
 

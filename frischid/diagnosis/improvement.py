@@ -23,7 +23,7 @@ from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.refit import check_formulas, fitted_error, known_error, refitted
-from frischid.diagnosis.roles import situation_of
+from frischid.diagnosis.roles import logs_before_change, situation_of
 from frischid.diagnosis.situation import Situation, SituationOption
 from frischid.diagnosis.step import Refusal, Step
 from frischid.diagnosis.step_acceptance import RISES_AT_STANDSTILL, reason_against, reason_against_refit
@@ -139,6 +139,9 @@ def improve(
     Effects are ranked beside each other, so a refused one may hide others: where all findings are refused, the
     diagnosis is made once more without the refused effects. The last diagnosis notes each refused step and the reason.
 
+    A robot that changed lacks two kinds of effects: those that were always missing, and the change. Where the model's
+    own logs are found, the first kind is added first, by these logs.
+
     Parameters
     ----------
     model : Model
@@ -190,6 +193,19 @@ def improve(
     if situation == "auto":
         progress("reading logs")
         situation = situation_of(model, logs, criteria)
+    if situation == "changed" and (own := logs_before_change(model, logs)):
+        progress("effects that were missing before the change")
+        steps, _ = improve(
+            model,
+            own,
+            valid=valid,
+            situation="always",
+            max_steps=max_steps,
+            effects=effects,
+            criteria=criteria,
+            progress=progress,
+        )
+        model = steps[-1].model if steps else model
     while True:
         progress(f"diagnosis {len(steps) + 1}")
         before = len(refused)

@@ -6,8 +6,9 @@ it is shown with:
 1.  Own logs among those given select, together with the own logs that are found again by path and hash, in the order
     in which the model was fitted to them.
 2.  Where no own log is given, the given ones say whether the robot changed since it was identified, together with the
-    effects that the own logs show (`decided_situation`). If it changed, the given logs select: the change is in them.
-    If not, the own logs that are found again select, and the given ones test.
+    effects that the own logs show (`decided_situation`). If not, the own logs that are found again select, and the
+    given ones test. If it changed, the given logs select, because the change is in them. What was always missing acts
+    in them too. So the search for the change starts from the model with the effects that its own logs show (`before`).
 3.  Where no own log is found, the given ones select, and a note says what they cannot show.
 
 `frischid.diagnosis.diagnosis.diagnose` itself takes the roles as they are given to it.
@@ -20,10 +21,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from frischid.core.parallel import Workers
+from frischid.core.text import listed
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.refit import refitted
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator, of_the_training_logs
-from frischid.logs.excerpt import excerpt
+from frischid.effects import Effect
+from frischid.logs.excerpt import as_recording, excerpt
 from frischid.logs.log import Log
 from frischid.logs.poses import in_motion
 from frischid.logs.recording import Recording
@@ -44,6 +48,8 @@ class Roles(NamedTuple):
         Where the logs that select come from, if somebody might expect others; otherwise empty.
     found : Diagnosis or None
         The diagnosis in these roles, where the roles could not be told without it.
+    before : Model or None
+        The model with the effects that its own logs show, where the robot changed after those logs.
     """
 
     select: tuple[Log | Recording, ...]
@@ -51,6 +57,7 @@ class Roles(NamedTuple):
     situation: SituationOption
     note: str
     found: Diagnosis | None = None
+    before: Model | None = None
 
 
 class Decided(NamedTuple):
@@ -60,7 +67,7 @@ class Decided(NamedTuple):
     ----------
     situation : {"always", "changed"}
     found : Diagnosis or None
-        On the model's own logs, with the given ones as test, where this diagnosis says that the robot has not changed.
+        On the model's own logs, with the given ones as test; None where no own log was found or needed.
     """
 
     situation: Situation
@@ -72,9 +79,10 @@ def decided_situation(
 ) -> Decided:
     """Decide whether a robot changed between the logs of its model and some others.
 
-    Where the model is wrong on these logs, the model's own logs are diagnosed. If the effects that act there explain
-    most of the error here, then the robot has not changed. If the own logs show no such effect, then it has, even where
-    no refit describes the logs better: somebody may have touched the robot.
+    The model's own logs are diagnosed. Where they show effects, these decide: if such effects, as strong as there,
+    explain most of the error here, then the robot has not changed. Where they show none, or are not found, the robot
+    changed if a refit describes the given logs better, or if their error is more than the model's uncertainty explains:
+    somebody may have touched the robot.
 
     Parameters
     ----------
@@ -84,16 +92,33 @@ def decided_situation(
     criteria : DiagnosisCriteria, optional
     """
     validator, situation = cross_validator(model, [excerpt(log).log for log in logs], criteria=criteria)
-    if situation == "always" and not any(alarm.id == UNLIKE for alarm in headline(model, logs).alarms):
-        return Decided(situation, None)
+    found = _of_own_logs(model, logs, criteria)
+    if found is not None and found.fit is not None and (effects := _sure_effects(found)):
+        return Decided("always" if of_the_training_logs(found.fit, validator, effects) else "changed", found)
+    if situation == "always" and any(alarm.id == UNLIKE for alarm in headline(model, logs).alarms):
+        situation = "changed" if found is not None else "always"
+    return Decided(situation, found)
+
+
+def logs_before_change(model: Model, logs: Sequence[Log | Recording]) -> tuple[Log | Recording, ...]:
+    """The model's own logs that are found again; none where one of them is given, or where nothing moves in them."""
+    if any(model.made_from(log) for log in logs):
+        return ()
     own = own_logs(model).logs
-    if not own or not in_motion(own, model.robot.joints):
-        return Decided(situation, None)
-    found = diagnose(model, own, valid=logs, situation="always", criteria=criteria)
-    effects = [effect for f in found.findings if f.entered and f.sure for effect in f.members]
-    if found.fit is not None and of_the_training_logs(found.fit, validator, effects):
-        return Decided("always", found)
-    return Decided("changed", None)
+    return own if in_motion(own, model.robot.joints) else ()
+
+
+def _of_own_logs(
+    model: Model, logs: Sequence[Log | Recording], criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA
+) -> Diagnosis | None:
+    """Diagnosis of the model on its own logs, with others as test; None where `logs_before_change` finds none."""
+    own = logs_before_change(model, logs)
+    return diagnose(model, own, valid=logs, situation="always", criteria=criteria) if own else None
+
+
+def _sure_effects(found: Diagnosis) -> tuple[Effect, ...]:
+    """The effects that entered beside each other, and whose gain is more than chance."""
+    return tuple(effect for f in found.findings if f.entered and f.sure for effect in f.members)
 
 
 def situation_of(
@@ -133,13 +158,14 @@ def roles(
     if logs and not in_motion(logs, model.robot.joints):
         return Roles(tuple(logs), tuple(valid), situation, "")
     own = tuple(log for log in logs if model.made_from(log))
-    if situation == "changed":
-        return Roles(tuple(logs), tuple(valid), situation, "")
     diagnosis = None
-    if not own and situation == "auto":
+    if situation == "changed":
+        diagnosis = _of_own_logs(model, [*logs, *valid], criteria)
+    elif not own and situation == "auto":
         situation, diagnosis = decided_situation(model, logs, criteria)
-        if situation == "changed":
-            return Roles(tuple(logs), tuple(valid), situation, "")
+    if situation == "changed":
+        before, note = _before_change(model, logs, diagnosis, criteria)
+        return Roles(tuple(logs), tuple(valid), situation, note, before=before)
     others = tuple(log for log in logs if not model.made_from(log))
     tested = {log.identity for log in valid}
     found = own_logs(model, own)
@@ -153,6 +179,20 @@ def roles(
         return Roles(tuple(select), (*others, *valid), situation, note)
     note = f"effects that the model's own logs show explain most of the error on the given logs; {note}"
     return Roles(tuple(select), (*others, *valid), situation, note, None if valid else diagnosis)
+
+
+def _before_change(
+    model: Model, logs: Sequence[Log | Recording], found: Diagnosis | None, criteria: DiagnosisCriteria
+) -> tuple[Model | None, str]:
+    """The model with the effects that its own logs show, and a note on them, from a diagnosis of these logs."""
+    if found is None or not (effects := _sure_effects(found)):
+        return None, ""
+    before = refitted(model, (*model.effects, *effects), logs_before_change(model, logs), "always", criteria)
+    named = listed([f"{f.effect} on {listed(f.joints) or 'the robot'}" for f in found.findings if f.entered and f.sure])
+    return before, (
+        f"the model's own logs already show {named}. The search for the change takes these effects as known, with "
+        "their strength there; all figures of the table are for what came later"
+    )
 
 
 def _alone(missing: str) -> str:
@@ -221,7 +261,7 @@ def diagnose_with(
     found = given.found
     if found is None or effects is not None:
         found = diagnose(
-            model,
+            given.before or model,
             given.select,
             valid=given.test,
             situation=given.situation,
@@ -229,4 +269,7 @@ def diagnose_with(
             workers=workers,
             progress=progress,
         )
-    return replace(found, notes=(*found.notes, given.note)) if given.note else found
+    if given.before is not None:  # the error is that of the model as it is
+        moving = in_motion(given.select, model.robot.joints)
+        found = replace(found, headline=headline(model, [as_recording(log) for log in given.test or moving]))
+    return replace(found, notes=(*found.notes[:1], *filter(None, [given.note]), *found.notes[1:]))

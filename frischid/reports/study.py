@@ -233,7 +233,7 @@ def study(
     step = None
     if diagnosis is not None and given is not None and diagnosis.verdict in STEP_FOLLOWS:
         progress("trying the next step (stage 3 of 5)")
-        step = next_step(model, diagnosis, given.select, refused)
+        step = next_step(given.before or model, diagnosis, given.select, refused)
     further = [(name, other) for name, other in named.items() if other is not model]
     others = [*earlier_steps(model, shown, prediction), *further_models(further, shown, prediction)]
     progress("parameters (stage 4 of 5)")

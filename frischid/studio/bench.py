@@ -33,6 +33,7 @@ from frischid.studio.watch import Tried, Watch
 if TYPE_CHECKING:  # jobs import these modules themselves, so that the first picture does not wait
     from frischid.diagnosis.diagnosis import Diagnosis
     from frischid.diagnosis.findings import Finding
+    from frischid.diagnosis.roles import Roles
     from frischid.diagnosis.situation import SituationOption
     from frischid.forward.simulated_beside import SimulatedBeside
 
@@ -106,7 +107,8 @@ class Bench:
 
     def __init__(self, model: Model, logs: Sequence[Log], output: Path) -> None:
         self.output = output
-        self.fit, self.valid, self.note = _by_role(model, logs)
+        self.fit, self.valid, self._given = _by_role(model, logs)
+        self.note = "" if self._given is None else self._given.note
         self.logs = [*self.fit, *self.valid]
         fitted = sum(model.made_from(log) for log in self.fit)
         self.absent = max(len(model.fitted_logs) - fitted, 0) if fitted else 0
@@ -256,8 +258,14 @@ class Bench:
         The diagnosis is abandoned if the model changes meanwhile.
         """
         from frischid.diagnosis.diagnosis import diagnose
+        from frischid.diagnosis.roles import Roles, diagnose_with
 
-        state = self.state
+        state, given = self.state, self._given or Roles((), (), "auto", "")
+        given = given._replace(select=tuple(self.fit), test=tuple(self.valid))
+        if state.revision:  # the model is not the one that the roles of the logs were decided for
+            note = "" if given.before else given.note
+            given = given._replace(situation="auto", note=note, found=None, before=None)
+        shown = given.before or state.model
 
         def proceed() -> None:
             if self._closed or self.state.revision != state.revision:
@@ -270,18 +278,16 @@ class Bench:
         try:
             if len(self.fit) > 1 and state.diagnosis is None:
                 unchanged = all(state.model.made_from(log) for log in self.fit)
-                situation: SituationOption = "always" if unchanged else "auto"
+                situation: SituationOption = "always" if unchanged else given.situation
                 with suppress(InputError):  # of stretches in which nothing moves, for example
-                    first = diagnose(state.model, self._stretches, situation=situation, progress=watch())
+                    first = diagnose(shown, self._stretches, situation=situation, progress=watch())
                     self._first = first
                     self._put(replace(state, diagnosis=first, first_look=True), state.revision)
-            found = diagnose(state.model, self.fit, valid=self.valid, progress=watch())
+            found = diagnose_with(state.model, given, progress=watch())
         except SupersededError:
             return
         finally:
             self._progress("", 1.0)
-        if self.note:
-            found = replace(found, notes=(*found.notes, self.note))
         self._put(replace(state, diagnosis=found, first_look=False), state.revision)
         if found.situation == "always":
             self._examine(state)
@@ -318,18 +324,18 @@ def _beside(model: Model, logs: Sequence[Log]) -> SimulatedBeside | None:
     return None if isinstance(found, str) else found
 
 
-def _by_role(model: Model, logs: Sequence[Log]) -> tuple[list[Log], list[Log], str]:
-    """Logs that are fitted and select, logs that test, and a note where others than those given select."""
+def _by_role(model: Model, logs: Sequence[Log]) -> tuple[list[Log], list[Log], Roles | None]:
+    """Logs that are fitted and select, logs that test, and their roles where others than those given may select."""
     own = [log for log in logs if model.made_from(log)]
     if own and len(own) >= len(model.fitted_logs):  # nothing to look for
         order = [entry.get("sha256") for entry in model.fitted_logs]  # of the fit, whose error is known in this order
         others = [log for log in logs if log not in own]
-        return sorted(own, key=lambda log: _place(order, log)), others, ""
+        return sorted(own, key=lambda log: _place(order, log)), others, None
     from frischid.diagnosis.roles import roles
 
     given = roles(model, logs)
     fit, valid = ([log for log in part if isinstance(log, Log)] for part in (given.select, given.test))
-    return fit, valid, given.note
+    return fit, valid, given
 
 
 def _place(order: Sequence[str | None], log: Log) -> int:
