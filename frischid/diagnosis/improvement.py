@@ -23,7 +23,7 @@ from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.refit import check_formulas, fitted_error, known_error, refitted
-from frischid.diagnosis.roles import logs_before_change, situation_of
+from frischid.diagnosis.roles import always_missing, decided_situation, logs_before_change
 from frischid.diagnosis.situation import Situation, SituationOption
 from frischid.diagnosis.step import Refusal, Step
 from frischid.diagnosis.step_acceptance import RISES_AT_STANDSTILL, reason_against, reason_against_refit
@@ -105,7 +105,7 @@ def add(
     check_formulas(model, effects)
     if situation == "auto":
         progress("what changed since the model was identified (1 of 3)")
-        situation = situation_of(model, logs, criteria)
+        situation = decided_situation(model, logs, criteria=criteria).situation
     progress("fitting with the effect (2 of 3)")
     step = _step(model, effects, logs, situation, finding, criteria)
     progress("the error before and after (3 of 3)")
@@ -152,7 +152,7 @@ def improve(
     situation : {"auto", "always", "changed"}
         As in `diagnose`; decided once, for all steps.
     max_steps : int
-        Most effects to add.
+        Most effects to add; of a robot that changed, beside those that its own logs show.
     effects : sequence of str, optional
         Identifiers to try, the whole catalogue by default.
     criteria : DiagnosisCriteria, optional
@@ -190,27 +190,17 @@ def improve(
         raise InputError("there is no log to diagnose; give at least one")
     check_logs(logs, valid)
     model.check([*logs, *valid])
-    if situation == "auto":
-        progress("reading logs")
-        situation = situation_of(model, logs, criteria)
-    if situation == "changed" and (own := logs_before_change(model, logs)):
-        progress("effects that were missing before the change")
-        steps, _ = improve(
-            model,
-            own,
-            valid=valid,
-            situation="always",
-            max_steps=max_steps,
-            effects=effects,
-            criteria=criteria,
-            progress=progress,
-        )
+    progress("reading logs")
+    situation, found, _ = decided_situation(model, logs, situation, criteria)
+    if situation == "changed" and found is not None:
+        steps = _before_change(model, found, valid, effects, criteria, progress)
         model = steps[-1].model if steps else model
+    most = len(steps) + max_steps
     while True:
         progress(f"diagnosis {len(steps) + 1}")
         before = len(refused)
         diagnosis = diagnose(model, logs, situation=situation, effects=effects, criteria=criteria, progress=progress)
-        step = next_step(model, diagnosis, logs, refused) if len(steps) < max_steps else None
+        step = next_step(model, diagnosis, logs, refused) if len(steps) < most else None
         while step is None and len(refused) > before:  # the findings were ranked beside those that are refused now
             before = len(refused)
             others = [name for name in (EFFECTS if effects is None else effects) if name not in refused]
@@ -223,6 +213,31 @@ def improve(
             return steps, replace(diagnosis, notes=(*diagnosis.notes, *notes))
         steps.append(_tested(model, step, valid))
         model = steps[-1].model
+
+
+def _before_change(
+    model: Model,
+    found: Diagnosis,
+    valid: Sequence[Log | Recording],
+    effects: Sequence[str] | None,
+    criteria: DiagnosisCriteria,
+    progress: Callable[[str], None],
+) -> list[Step]:
+    """Steps that add, by the model's own logs, the effects that were missing before a change of the robot."""
+    shown = [f for f in always_missing(found) if effects is None or f.effect in effects]
+    if not shown:
+        return []
+    progress("effects that were missing before the change")
+    return improve(
+        model,
+        logs_before_change(model),
+        valid=valid,
+        situation="always",
+        max_steps=len(shown),
+        effects=effects,
+        criteria=criteria,
+        progress=progress,
+    )[0]
 
 
 def next_step(

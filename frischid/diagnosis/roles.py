@@ -24,9 +24,9 @@ from frischid.core.parallel import Workers
 from frischid.core.text import listed
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.refit import refitted
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator, of_the_training_logs
-from frischid.effects import Effect
 from frischid.logs.excerpt import as_recording, excerpt
 from frischid.logs.log import Log
 from frischid.logs.poses import in_motion
@@ -61,73 +61,74 @@ class Roles(NamedTuple):
 
 
 class Decided(NamedTuple):
-    """The situation of some logs to none of which a model was fitted.
+    """The situation of some logs.
 
     Attributes
     ----------
     situation : {"always", "changed"}
     found : Diagnosis or None
-        On the model's own logs, with the given ones as test; None where no own log was found or needed.
+        On the model's own logs, with the others as test; None where no own log was found or needed.
+    before : Model
+        The model with the effects that its own logs show; the model itself where they show none.
     """
 
     situation: Situation
     found: Diagnosis | None
+    before: Model
 
 
 def decided_situation(
-    model: Model, logs: Sequence[Log | Recording], criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA
+    model: Model,
+    logs: Sequence[Log | Recording],
+    situation: SituationOption = "auto",
+    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
 ) -> Decided:
     """Decide whether a robot changed between the logs of its model and some others.
 
-    The model's own logs are diagnosed. Where they show effects, these decide: if such effects, as strong as there,
-    explain most of the error here, then the robot has not changed. Where they show none, or are not found, the robot
-    changed if a refit describes the given logs better, or if their error is more than the model's uncertainty explains:
-    somebody may have touched the robot.
+    A robot whose own logs are among the others has not changed. Else the own logs are diagnosed, and the effects that
+    they show go into the model. The robot changed if this model is wrong on the given logs: a refit describes them
+    better, or the error is more than the uncertainty of the model explains, because somebody may have touched the
+    robot. But a refit also adapts to another motion. So where effects, as strong as in the own logs, explain most of
+    the error on the given logs, the robot has not changed.
 
     Parameters
     ----------
     model : Model
     logs : sequence of Log or Recording
-        None of them is the model's own.
+    situation : {"auto", "always", "changed"}
+        What the caller knows.
     criteria : DiagnosisCriteria, optional
     """
-    validator, situation = cross_validator(model, [excerpt(log).log for log in logs], criteria=criteria)
-    found = _of_own_logs(model, logs, criteria)
-    if found is not None and found.fit is not None and (effects := _sure_effects(found)):
-        return Decided("always" if of_the_training_logs(found.fit, validator, effects) else "changed", found)
-    if situation == "always" and any(alarm.id == UNLIKE for alarm in headline(model, logs).alarms):
-        situation = "changed" if found is not None else "always"
-    return Decided(situation, found)
+    if situation == "always" or any(model.made_from(log) for log in logs):
+        return Decided("changed" if situation == "changed" else "always", None, model)
+    own, before, found = logs_before_change(model), model, None
+    if own:
+        found = diagnose(model, own, valid=logs, situation="always", criteria=criteria)
+    effects = () if found is None else tuple(e for f in always_missing(found) for e in f.members)
+    if effects:
+        before = refitted(model, (*model.effects, *effects), own, "always", criteria)
+    if situation == "changed":
+        return Decided("changed", found, before)
+    searched = [excerpt(log).log for log in logs]
+    seen = cross_validator(before, searched, criteria=criteria)[1]
+    if found is None or (seen == "always" and not any(a.id == UNLIKE for a in headline(before, logs).alarms)):
+        return Decided(seen, found, before)
+    if effects and found.fit is not None:
+        validator, _ = cross_validator(model, searched, criteria=criteria)
+        if of_the_training_logs(found.fit, validator, effects):
+            return Decided("always", found, before)
+    return Decided("changed", found, before)
 
 
-def logs_before_change(model: Model, logs: Sequence[Log | Recording]) -> tuple[Log | Recording, ...]:
-    """The model's own logs that are found again; none where one of them is given, or where nothing moves in them."""
-    if any(model.made_from(log) for log in logs):
-        return ()
+def logs_before_change(model: Model) -> tuple[Log | Recording, ...]:
+    """The model's own logs that are found again; none where nothing moves in them."""
     own = own_logs(model).logs
     return own if in_motion(own, model.robot.joints) else ()
 
 
-def _of_own_logs(
-    model: Model, logs: Sequence[Log | Recording], criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA
-) -> Diagnosis | None:
-    """Diagnosis of the model on its own logs, with others as test; None where `logs_before_change` finds none."""
-    own = logs_before_change(model, logs)
-    return diagnose(model, own, valid=logs, situation="always", criteria=criteria) if own else None
-
-
-def _sure_effects(found: Diagnosis) -> tuple[Effect, ...]:
-    """The effects that entered beside each other, and whose gain is more than chance."""
-    return tuple(effect for f in found.findings if f.entered and f.sure for effect in f.members)
-
-
-def situation_of(
-    model: Model, logs: Sequence[Log | Recording], criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA
-) -> Situation:
-    """The situation of some logs, all of which select: a robot whose own logs are among them has not changed."""
-    if any(model.made_from(log) for log in logs):
-        return "always"
-    return decided_situation(model, logs, criteria).situation
+def always_missing(found: Diagnosis) -> list[Finding]:
+    """The findings on a model's own logs that entered beside each other, and whose gain is more than chance."""
+    return [f for f in found.findings if f.members and f.entered and f.sure]
 
 
 def roles(
@@ -159,13 +160,12 @@ def roles(
         return Roles(tuple(logs), tuple(valid), situation, "")
     own = tuple(log for log in logs if model.made_from(log))
     diagnosis = None
+    if situation == "changed" or (situation == "auto" and not own):
+        situation, diagnosis, before = decided_situation(model, logs, situation, criteria)
     if situation == "changed":
-        diagnosis = _of_own_logs(model, [*logs, *valid], criteria)
-    elif not own and situation == "auto":
-        situation, diagnosis = decided_situation(model, logs, criteria)
-    if situation == "changed":
-        before, note = _before_change(model, logs, diagnosis, criteria)
-        return Roles(tuple(logs), tuple(valid), situation, note, before=before)
+        if diagnosis is None or before is model:
+            return Roles(tuple(logs), tuple(valid), situation, "")
+        return Roles(tuple(logs), tuple(valid), situation, _before(diagnosis), before=before)
     others = tuple(log for log in logs if not model.made_from(log))
     tested = {log.identity for log in valid}
     found = own_logs(model, own)
@@ -181,15 +181,10 @@ def roles(
     return Roles(tuple(select), (*others, *valid), situation, note, None if valid else diagnosis)
 
 
-def _before_change(
-    model: Model, logs: Sequence[Log | Recording], found: Diagnosis | None, criteria: DiagnosisCriteria
-) -> tuple[Model | None, str]:
-    """The model with the effects that its own logs show, and a note on them, from a diagnosis of these logs."""
-    if found is None or not (effects := _sure_effects(found)):
-        return None, ""
-    before = refitted(model, (*model.effects, *effects), logs_before_change(model, logs), "always", criteria)
-    named = listed([f"{f.effect} on {listed(f.joints) or 'the robot'}" for f in found.findings if f.entered and f.sure])
-    return before, (
+def _before(found: Diagnosis) -> str:
+    """Note on the effects that the model's own logs show."""
+    named = listed([f"{f.effect} on {listed(f.joints) or 'the robot'}" for f in always_missing(found)])
+    return (
         f"the model's own logs already show {named}. The search for the change takes these effects as known, with "
         "their strength there; all figures of the table are for what came later"
     )

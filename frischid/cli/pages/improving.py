@@ -174,8 +174,9 @@ def fall_of(step: Step) -> str:
 def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> Page:
     """The steps of an improvement with the error before and after each."""
     tested = any(step.test_after is not None for step in steps)
-    how = "on the test logs" if tested else ", ".join(dict.fromkeys(step.measured_on for step in steps))
-    table = table_of("step", "effect", "where", "NRMSE before", "after", "change", title=f"error of each step: {how}")
+    ways = ["on the test logs" if tested else step.measured_on for step in steps]
+    columns = ("step", "effect", "where", "NRMSE before", "after", "change")
+    tables = {how: table_of(*columns, title=f"error of each step: {how}") for how in ways}
     rows = []
     for i, step in enumerate(steps, start=1):
         finding = step.finding
@@ -183,10 +184,10 @@ def improvement(steps: Sequence[Step], last: Diagnosis, output: str | None) -> P
         effect = finding.effect if finding is not None else step.effect.id
         before, after = (step.test_before, step.test_after) if tested else (step.error_before, step.error_after)
         if before is not None and after is not None:
-            table.add_row(str(i), effect, where, f"{before:.4f}", f"{after:.4f}", change(before, after))
+            tables[ways[i - 1]].add_row(str(i), effect, where, f"{before:.4f}", f"{after:.4f}", change(before, after))
         joints = list(finding.joints) if finding is not None else []
         rows.append({"effect": effect, "joints": joints, **step_errors(step)})
-    parts: list[Any] = [headline_line(last.headline), *([table] if steps else ["no effect was added"])]
+    parts: list[Any] = [headline_line(last.headline), *(tables.values() if steps else ["no effect was added"])]
     parts.append(f"{missing(last)}.")
     known = delay_in(last.validator.model)
     parts += [f"{sentence(note)}." for note in last.notes if "was not added: " in note or note in {known, TOUCHED}]
