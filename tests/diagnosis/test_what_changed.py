@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from frischid.diagnosis.improvement import improve
 from frischid.diagnosis.roles import decided_situation, diagnose_in_roles, roles
 from frischid.diagnosis.situation import cross_validator
 from frischid.effects import BASELINE, parse_effects
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log, write_log
+from frischid.model.headline import headline
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
@@ -72,9 +74,31 @@ def test_an_effect_that_the_own_logs_show_is_no_change(machine):
 def test_a_change_beside_an_effect_that_was_always_missing_is_a_change(machine):
     name, model = machine
     effects, values = (f"{SQUARE},{SPRING}", {"fvv1": 4.0}) if name == "square" else (SPRING, {})
-    found = diagnose_in_roles(model, [log_of(4, effects, 0.5, ks2=3.0, **values)])
+    new = [log_of(4, effects, 0.5, ks2=3.0, **values)]
+    found = diagnose_in_roles(model, new)
     assert found.situation == "changed"
     assert found.findings[0].effect == "joint_spring"
+    assert found.headline.nrmse == headline(model, new).nrmse, "the error is that of the model as it is"
+    assert any("already show quadratic_viscous on joint1" in note for note in found.notes) == (name == "square")
+    assert all(f.effect != "quadratic_viscous" for f in found.findings if f.significant)
+
+
+@pytest.mark.parametrize("machine", ["square"], indirect=True)
+@pytest.mark.parametrize("situation", ["auto", "changed"])
+def test_what_was_always_missing_is_no_part_of_the_change(machine, situation):
+    _, model = machine
+    new = [log_of(4, f"{SQUARE},{SPRING}", 0.5, ks2=3.0, fvv1=4.0)]
+    given = roles(model, new, situation=situation)
+    assert given.before is not None
+    assert [e.id for e in given.before.effects[len(model.effects) :]] == ["quadratic_viscous"]
+    assert given.before.estimate.theta[-1] == pytest.approx(4.0, rel=0.1), "as strong as in the own logs"
+    steps, last = improve(model, new, situation=situation)
+    assert [step.effect.id for step in steps][:2] == ["quadratic_viscous", "joint_spring"]
+    assert steps[0].measured_on == "cross-validated on the fitted logs"
+    assert last.situation == "changed"
+    assert [step.effect.id for step in improve(model, new, situation=situation, max_steps=0)[0]] == [
+        "quadratic_viscous"
+    ]
 
 
 @pytest.mark.parametrize("machine", ["clean"], indirect=True)
