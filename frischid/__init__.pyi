@@ -7,6 +7,7 @@ from .diagnosis.improvement import add as add
 from .diagnosis.improvement import improve as improve
 from .diagnosis.motion_space import MotionDiagnosis as MotionDiagnosis
 from .diagnosis.motion_space import simulate_findings as simulate_findings
+from .diagnosis.roles import diagnose_in_roles as diagnose_in_roles
 from .effects import BASELINE as BASELINE
 from .effects import EFFECTS as EFFECTS
 from .effects import Effect as Effect

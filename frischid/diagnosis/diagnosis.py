@@ -96,6 +96,8 @@ class Diagnosis(Shown):
     fit : CrossValidator or None
         The model's fit to the logs that select; None where the arm stands still in all of them, so that only contacts
         were searched.
+    always_missing : tuple of Finding
+        Of a robot that changed: what its model's own logs already show. The search takes these effects as known.
 
     Examples
     --------
@@ -106,7 +108,7 @@ class Diagnosis(Shown):
     >>> found.verdict, found.situation
     ('none', 'always')
     >>> sorted(found.to_dict())[:4]
-    ['contacts', 'criteria', 'description', 'findings']
+    ['always_missing', 'contacts', 'criteria', 'description']
     >>> round(sum(found.probabilities.values()), 9)
     1.0
     """
@@ -125,6 +127,7 @@ class Diagnosis(Shown):
     probabilities: dict[str, float]
     evidence: Evidence = field(repr=False)
     fit: CrossValidator | None = field(repr=False)
+    always_missing: tuple[Finding, ...] = ()
 
     @property
     def validator(self) -> CrossValidator:
@@ -168,6 +171,10 @@ class Diagnosis(Shown):
             "search": {"error": self.error, "noise_floor": self.noise_floor, "joints": self.joints},
             "probabilities": self.probabilities,
             "findings": [f.to_dict() for f in self.findings],
+            "always_missing": [
+                {"effect": f.effect, "joints": list(f.joints), "probability": f.probability}
+                for f in self.always_missing
+            ],
             "contacts": [vars(c) for c in self.contacts],
             "notes": list(self.notes),
             "description": None if self.description is None else vars(self.description),

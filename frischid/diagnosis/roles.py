@@ -21,16 +21,19 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from frischid.core.parallel import Workers
-from frischid.core.text import listed
+from frischid.core.text import listed, percent
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.refit import refitted
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator, of_the_training_logs
+from frischid.errors import InputError
 from frischid.logs.excerpt import as_recording, excerpt
+from frischid.logs.given import Logs, as_logs
 from frischid.logs.log import Log
+from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import in_motion
-from frischid.logs.recording import Recording
+from frischid.logs.recording import Recording, check_logs
 from frischid.model.comparison_alarms import UNLIKE
 from frischid.model.headline import headline
 from frischid.model.model import Model
@@ -50,6 +53,8 @@ class Roles(NamedTuple):
         The diagnosis in these roles, where the roles could not be told without it.
     before : Model or None
         The model with the effects that its own logs show, where the robot changed after those logs.
+    always : tuple of Finding
+        The findings with these effects.
     """
 
     select: tuple[Log | Recording, ...]
@@ -58,6 +63,7 @@ class Roles(NamedTuple):
     note: str
     found: Diagnosis | None = None
     before: Model | None = None
+    always: tuple[Finding, ...] = ()
 
 
 class Decided(NamedTuple):
@@ -165,7 +171,8 @@ def roles(
     if situation == "changed":
         if diagnosis is None or before is model:
             return Roles(tuple(logs), tuple(valid), situation, "")
-        return Roles(tuple(logs), tuple(valid), situation, _before(diagnosis), before=before)
+        always = tuple(always_missing(diagnosis))
+        return Roles(tuple(logs), tuple(valid), situation, _before(always), before=before, always=always)
     others = tuple(log for log in logs if not model.made_from(log))
     tested = {log.identity for log in valid}
     found = own_logs(model, own)
@@ -181,12 +188,13 @@ def roles(
     return Roles(tuple(select), (*others, *valid), situation, note, None if valid else diagnosis)
 
 
-def _before(found: Diagnosis) -> str:
+def _before(always: Sequence[Finding]) -> str:
     """Note on the effects that the model's own logs show."""
-    named = listed([f"{f.effect} on {listed(f.joints) or 'the robot'}" for f in always_missing(found)])
+    named = [f"{f.effect} on {listed(f.joints) or 'the robot'}" for f in always]
+    named[0] += f" (probability {percent(always[0].probability)})"
     return (
-        f"the model's own logs already show {named}. The search for the change takes these effects as known, with "
-        "their strength there; all figures of the table are for what came later"
+        f"the model's own logs already show {listed(named)}. The search for the change takes these effects as known, "
+        "with their strength there; all figures of the table are for what came later"
     )
 
 
@@ -212,34 +220,64 @@ def _with_own(given: int, more: int, missing: str) -> str:
 
 def diagnose_in_roles(
     model: Model,
-    logs: Sequence[Log | Recording],
+    logs: Logs,
     *,
-    valid: Sequence[Log | Recording] = (),
+    valid: Logs = (),
     situation: SituationOption = "auto",
     effects: Sequence[str] | None = None,
     workers: Workers | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    mapping: MappingLike = None,
 ) -> Diagnosis:
-    """Find the effect that a model misses: its own logs select, all others test.
+    """Find the effect that a model misses, as `frischid diagnose` does: the model's own logs are found and used.
+
+    `diagnose` takes the roles of the logs as they are given. This function gives each log its role (`roles`): the logs
+    that the model was fitted to select, where they are found again by path and hash, and all others test. Where the
+    robot changed after the own logs, the given logs select, and the search starts from the model with the effects that
+    the own logs show.
 
     Parameters
     ----------
     model : Model
-    logs, valid : sequence of Log or Recording
-        See `roles`.
-    situation, effects, workers, progress
+    logs, valid : sequence of Log, Recording or data frame, or one data frame
+        Those in ``valid`` test in any case.
+    situation : {"auto", "always", "changed"}
+        Whether the robot changed after its model was identified; ``"auto"``: decided as `decided_situation` says.
+    effects, workers, progress, mapping
         As in `frischid.diagnosis.diagnosis.diagnose`.
 
     Returns
     -------
     Diagnosis
-        Its notes say where the logs that select come from.
+        Its notes say where the logs that select come from, and which effects the own logs show.
 
     Raises
     ------
     InputError, UnknownNameError
         As in `diagnose`.
+
+    Examples
+    --------
+    A model shown with a new log alone; its own log is read again from its file:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import frischid as fr
+    >>> robot = fr.Robot.load("planar2")
+    >>> own, new = (fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=seed), rate=50.0, noise=fr.Noise(tau=0.05))
+    ...             for seed in (1, 2))
+    >>> with TemporaryDirectory() as folder:
+    ...     fr.write_log(own, Path(folder) / "own.parquet")
+    ...     own = fr.read_log(Path(folder) / "own.parquet", robot.joints)
+    ...     model = fr.identify(robot, [own], recursion="none").model
+    ...     found = fr.diagnose_in_roles(model, [new], effects=["joint_spring"])
+    >>> found.verdict, found.headline.measured
+    ('none', 'test')
     """
+    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
+    if not logs:
+        raise InputError("there is no log to diagnose; give at least one")
+    check_logs(logs, valid)
     given = roles(model, logs, valid=valid, situation=situation)
     return diagnose_with(model, given, effects=effects, workers=workers, progress=progress)
 
@@ -266,5 +304,6 @@ def diagnose_with(
         )
     if given.before is not None:  # the error is that of the model as it is
         moving = in_motion(given.select, model.robot.joints)
-        found = replace(found, headline=headline(model, [as_recording(log) for log in given.test or moving]))
+        error = headline(model, [as_recording(log) for log in given.test or moving])
+        found = replace(found, headline=error, always_missing=given.always)
     return replace(found, notes=(*found.notes[:1], *filter(None, [given.note]), *found.notes[1:]))

@@ -214,6 +214,14 @@ class MotionDiagnosisOutput(Output):
     findings: list[SimulatedFindingOutput]
 
 
+class AlwaysMissingOutput(Output):
+    """An effect that the model's own logs already show, of a robot that changed after them."""
+
+    effect: str
+    joints: list[str]
+    probability: Share
+
+
 class DiagnosisOutput(Output):
     """What the model lacks."""
 
@@ -223,6 +231,7 @@ class DiagnosisOutput(Output):
     search: SearchOutput
     probabilities: dict[str, Share]
     findings: list[FindingOutput]
+    always_missing: list[AlwaysMissingOutput]
     contacts: list[ContactOutput]
     notes: list[str]
     description: DescriptionOutput | None
