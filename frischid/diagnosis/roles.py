@@ -94,8 +94,8 @@ def decided_situation(
     A robot whose own logs are among the others has not changed. Else the own logs are diagnosed, and the effects that
     they show go into the model. The robot changed if this model is wrong on the given logs: a refit describes them
     better, or the error is more than the uncertainty of the model explains, because somebody may have touched the
-    robot. But a refit also adapts to another motion. So where effects, as strong as in the own logs, explain most of
-    the error on the given logs, the robot has not changed.
+    robot. But a refit also adapts to another motion. So where the model is as wrong on the own logs, or where effects
+    as strong as there explain most of the error on the given logs, the robot has not changed.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def decided_situation(
     seen = cross_validator(before, searched, criteria=criteria)[1]
     if found is None or (seen == "always" and not any(a.id == UNLIKE for a in headline(before, logs).alarms)):
         return Decided(seen, found, before)
-    if effects and found.fit is not None:
+    if found.fit is not None:
         validator, _ = cross_validator(model, searched, criteria=criteria)
         if of_the_training_logs(found.fit, validator, effects):
             return Decided("always", found, before)
@@ -184,7 +184,7 @@ def roles(
     note = _with_own(len(own), len(more), found.reasons)
     if diagnosis is None:
         return Roles(tuple(select), (*others, *valid), situation, note)
-    note = f"effects that the model's own logs show explain most of the error on the given logs; {note}"
+    note = f"the model's own logs show the error of the given logs too, or effects that explain most of it; {note}"
     return Roles(tuple(select), (*others, *valid), situation, note, None if valid else diagnosis)
 
 
