@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
@@ -86,3 +87,9 @@ def refuted(floor: Array, full: CrossValidator) -> Array:
 def error_of(validator: CrossValidator) -> Array:
     """Held-out error of each joint without the part that uncertain parameters alone cause, N·m (N), (J,)."""
     return np.asarray(validator.predictive_nrmse() * validator.spread)
+
+
+def asks_for_explanation(residual: Array, noise: Array, validator: CrossValidator) -> NDArray[np.bool_]:
+    """Joints whose error is clearly above the sensor noise, and by more than is negligible beside their torque."""
+    criteria = validator.criteria
+    return np.asarray((residual**2 - noise**2 > criteria.smallest_error**2) & (residual > criteria.clear_error * noise))

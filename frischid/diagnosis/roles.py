@@ -72,9 +72,9 @@ def decided_situation(
 ) -> Decided:
     """Decide whether a robot changed between the logs of its model and some others.
 
-    Where the model is wrong on these logs, the model's own logs are diagnosed. If the effects that act there explain
-    most of the error here, then the robot has not changed. If the own logs show no such effect, then it has, even where
-    no refit describes the logs better: somebody may have touched the robot.
+    Where the model is wrong on these logs, the model's own logs are diagnosed. If the model is as wrong there, or the
+    effects that act there explain most of the error here, then the robot has not changed. If not, then it has, even
+    where no refit describes the logs better: somebody may have touched the robot.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def roles(
     note = _with_own(len(own), len(more), found.reasons)
     if diagnosis is None:
         return Roles(tuple(select), (*others, *valid), situation, note)
-    note = f"effects that the model's own logs show explain most of the error on the given logs; {note}"
+    note = f"the model's own logs show the error of the given logs too, or effects that explain most of it; {note}"
     return Roles(tuple(select), (*others, *valid), situation, note, None if valid else diagnosis)
 
 

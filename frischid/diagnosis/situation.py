@@ -14,9 +14,12 @@ This rule alone would take an effect that was always missing for a change: on an
 effect, and the unchanged model does not. So where the training logs are at hand, their effects decide
 (`of_the_training_logs`). With E the error of a joint on the new logs under the unchanged model, E_a that under the
 model with the effects of the training logs and their strength there, and E_t the cross-validated error of the latter on
-the training logs, the robot has not changed where on every joint whose error is clearly larger than E_t
+the training logs or the sensor noise of the new logs, whichever is larger, the robot has not changed where on every
+joint whose error asks for an explanation beside E_t
 
     E_a² − E_t²  <  ½ (E² − E_t²).
+
+A model that is no worse on the new logs than on its own says nothing of a change, whatever a refit explains.
 
 The situation decides the prior (`change_prior`), and whether effects that can only come later, such as a payload, are
 tried.
@@ -44,6 +47,7 @@ from frischid.diagnosis.change_prior import (
 )
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.floor import Floor, asks_for_explanation
 from frischid.effects import Effect
 from frischid.logs.log import Log
 from frischid.logs.poses import need_motion
@@ -105,7 +109,7 @@ def _from_before(validator: CrossValidator) -> CrossValidator:
 
 
 def of_the_training_logs(own: CrossValidator, new: CrossValidator, effects: Sequence[Effect]) -> bool:
-    """Whether effects that act in a model's training logs explain most of what is wrong on new logs.
+    """Whether new logs show no error but that of a model's training logs, and that of the effects that act there.
 
     Parameters
     ----------
@@ -116,8 +120,6 @@ def of_the_training_logs(own: CrossValidator, new: CrossValidator, effects: Sequ
     effects : sequence of Effect
         Those that the training logs show.
     """
-    if not effects:
-        return False
     criteria, model = new.criteria, new.model
     new = new.with_prior(weak_urdf_prior(model, criteria))
     wide, narrow = new, own
@@ -125,10 +127,11 @@ def of_the_training_logs(own: CrossValidator, new: CrossValidator, effects: Sequ
         if here.columns and here.finite and there.columns:
             wide, narrow = wide.extended(here), narrow.extended(there)
     before, after = _errors_as_it_is(new), _errors_under(wide, narrow.theta)
-    usual = np.minimum(narrow.base_nrmse() * narrow.spread / new.spread, before)
+    there_too = np.maximum(narrow.base_nrmse() * narrow.spread, Floor.of(new).noise) / new.spread
+    usual = np.minimum(there_too, before)
     wrong, left = before**2 - usual**2, after**2 - usual**2
-    clear = wrong > criteria.smallest_error**2
-    return bool(clear.any() and (left < criteria.half_explained * wrong)[clear].all())
+    clear = asks_for_explanation(before, usual, new)
+    return bool((left < criteria.half_explained * wrong)[clear].all())
 
 
 def priors_of(validator: CrossValidator, situation: Situation) -> list[CrossValidator]:

@@ -24,7 +24,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frischid.core.text import listed
 from frischid.core.types import Array
@@ -32,6 +31,7 @@ from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking
 from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.floor import asks_for_explanation
 from frischid.diagnosis.hypotheses import OTHERS
 from frischid.diagnosis.residual_formula import Description
 from frischid.diagnosis.reversal_residuals import only_at_reversals
@@ -115,12 +115,6 @@ def decided(results: StageResults, *, by_twin: bool = False) -> Verdict:
     factor = criteria.remainder_factor if sure[0].share > criteria.half_explained else 1.0
     most = max(f.removed for f in sure) * factor
     return "unknown" if unexplained > most or results.unmodelled is not None else "effect"
-
-
-def asks_for_explanation(residual: Array, noise: Array, validator: CrossValidator) -> NDArray[np.bool_]:
-    """Joints whose error is clearly above the sensor noise, and by more than is negligible beside their torque."""
-    criteria = validator.criteria
-    return np.asarray((residual**2 - noise**2 > criteria.smallest_error**2) & (residual > criteria.clear_error * noise))
 
 
 def notes_on(

@@ -62,11 +62,28 @@ def test_an_effect_that_the_own_logs_show_is_no_change(machine):
     found = diagnose_in_roles(model, new)
     assert (found.situation, found.verdict, found.findings[0].effect) == ("always", "effect", "quadratic_viscous")
     assert found.probabilities["quadratic_viscous"] > 0.8
-    assert any("explain most of the error on the given logs" in note for note in found.notes)
+    assert any("effects that explain most of it" in note for note in found.notes)
     assert found.headline.measured == "test"
     given = roles(model, new)
     assert given.found is not None
     assert given.found.to_dict()["probabilities"] == found.to_dict()["probabilities"]
+
+
+def test_an_error_that_the_own_logs_have_too_is_no_change(tmp_path):
+    def saturated(log: Log) -> Log:
+        tau = np.array(log.tau)
+        tau[:, 1] = np.clip(tau[:, 1], -limit, limit)
+        return replace(log, tau=tau)
+
+    limit = float(np.quantile(np.abs(log_of(1, "").tau[:, 1]), 0.85))
+    for seed in (1, 2):
+        write_log(saturated(log_of(seed, "")), tmp_path / f"log{seed}.parquet")
+    model = identify(
+        PLANAR2, [read_log(tmp_path / f"log{k}.parquet", PLANAR2.joints) for k in (1, 2)], recursion="none"
+    ).model
+    for seed in (3, 6):
+        new = [saturated(log_of(seed, ""))]
+        assert decided_situation(model, new).situation == "always"
 
 
 def test_a_change_beside_an_effect_that_was_always_missing_is_a_change(machine):
