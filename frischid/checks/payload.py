@@ -99,7 +99,7 @@ def payload_errors(sketch: Sketch) -> Body:
     masses = robot.nominal[0::10]
     criteria, own = sketch.criteria, masses[robot.numbers[joint] - 1]
     sensible = -criteria.missing_mass * own < mass < masses.sum() and np.linalg.norm(centre) < criteria.payload_reach
-    sensible = sensible and determines_mass(Y[:, :, few.rows])
+    sensible = sensible and mass != 0.0 and determines_mass(Y[:, :, few.rows])  # 0: beside friction it is undetermined
     torque = body if len(few) == len(sketch) else None
     return Body(joint, mass, centre, 1 - after / max(before, 1e-12) if sensible else 0.0, torque)
 

@@ -147,10 +147,10 @@ class Finding:
     def _against(self, floors: float) -> str:
         """Reason against an effect whose error is some multiple of the error that a perfect model has."""
         criteria = self.criteria
-        explains = f"it explains {percent(self.share)} of the error above the sensor noise there"
         if floors == 0 and self.share > 0:
             least = criteria.nearly_explained
             why = f"and must explain {percent(least)}, because all of that error is at reversals and standstill"
+            explains = self._explained(least)
             return "" if self.share >= least else f"{explains}, {why}"
         if floors <= criteria.floor_tolerance:
             return "the error there is hardly more than the sensor noise"
@@ -161,8 +161,13 @@ class Finding:
         least = criteria.half_explained
         if floors <= criteria.clear_error and self.share < least:
             times = f"{floors:.1f} times the noise"
-            return f"{explains}, and must explain {percent(least)}, because the error is only {times}"
+            return f"{self._explained(least)}, and must explain {percent(least)}, because the error is only {times}"
         return ""
+
+    def _explained(self, least: float) -> str:
+        """The share that the effect explains, with a digit more where it would read like the share that it must."""
+        digits = int(percent(self.share) == percent(least))
+        return f"it explains {percent(self.share, digits)} of the error above the sensor noise there"
 
     @property
     def significant(self) -> bool:

@@ -48,12 +48,12 @@ class Rival(NamedTuple):
 
 
 def rivals(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> list[Rival]:
-    """Hypotheses that may be true instead of the first finding, most probable first; none where that one is sure.
+    """Hypotheses that may be true instead of the first finding, most probable first; none where one answer is sure.
 
     Effects that the data cannot tell from the first (`Finding.undecided`) are named even with a small probability.
     """
     first = best_of(findings)
-    if first is None or first.probability >= first.criteria.sure_probability:
+    if first is None or max(first.probability, *probabilities.values()) >= first.criteria.sure_probability:
         return []
     both = {first.effect, *(f.effect for f in beside(findings))}
     others = [Rival(name, p) for name, p in probabilities.items() if name not in both]

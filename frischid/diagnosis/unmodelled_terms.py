@@ -6,6 +6,9 @@ is compared with the first finding, on the joint where the finding explains most
 with all other effects that entered. The finding is not the cause if
 
     NRMSE²(with the term) − floor²  <  ½ (NRMSE²(with the finding) − floor²).
+
+Another joint may have an error, beside all findings, that is larger than what the first finding explains. A term that
+explains more than half of this error is a greater cause than the finding.
 """
 
 from __future__ import annotations
@@ -34,14 +37,20 @@ class UnmodelledTerm:
         Position of the joint among the fitted ones.
     words : str
         Name of the term, as the subject of a sentence.
+    elsewhere : bool
+        Whether the term explains an error that no finding explains, on another joint than the first finding.
     """
 
     row: int
     words: str
+    elsewhere: bool
 
 
 def unmodelled_term(ranking: Ranking, floor: Array) -> UnmodelledTerm | None:
-    """Find a term that explains far more than the first finding does, on the joint where the finding explains most.
+    """Find a term that explains far more than the first finding does.
+
+    It is sought on the joint where the finding explains most: there it competes with the finding. It is also sought on
+    the joint with the largest error beside all findings, where this error is more than the first finding explains.
 
     Parameters
     ----------
@@ -58,18 +67,25 @@ def unmodelled_term(ranking: Ranking, floor: Array) -> UnmodelledTerm | None:
         return None
     full, without = ranking.full, ranking.without_first
     after, before = full.predictive_nrmse() ** 2, without.predictive_nrmse() ** 2
-    row = int(np.argmax(before - after))
-    noise = float(floor[row] / full.spread[row]) ** 2
-    most = full.criteria.half_explained * (after[row] - noise)
-    if most < noise:
-        return None
-    term = best_unmodelled(without, row)
-    if term is None or without.nrmse(term.score.predictive)[row] ** 2 - noise > most:
+    noise = (floor / full.spread) ** 2
+    first, worst = int(np.argmax(before - after)), int(np.argmax(after - noise))
+    left = full.criteria.half_explained * (after - noise)
+    if left[first] >= noise[first] and (found := _term_on(without, first, noise[first] + left[first], False)):
+        return found
+    if worst != first and after[worst] - noise[worst] > before[first] - after[first]:
+        return _term_on(full, worst, noise[worst] + left[worst], True)
+    return None
+
+
+def _term_on(validator: CrossValidator, row: int, most: float, elsewhere: bool) -> UnmodelledTerm | None:
+    """The best term on a joint, if at most some squared NRMSE is left beside the term."""
+    term = best_unmodelled(validator, row)
+    if term is None or validator.nrmse(term.score.predictive)[row] ** 2 > most:
         return None
     words = f"'{expression_of(term)}'"
     if len(term.candidate.signs) > 1:
-        words = f"a torque that jumps from sector to sector of q{full.model.robot.numbers[full.joints[row]]}"
-    return UnmodelledTerm(row, words)
+        words = f"a torque that jumps from sector to sector of q{validator.model.robot.numbers[validator.joints[row]]}"
+    return UnmodelledTerm(row, words, elsewhere)
 
 
 def best_unmodelled(

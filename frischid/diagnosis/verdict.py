@@ -159,7 +159,8 @@ def notes_on(
         )
     if description is not None and unmodelled is not None:
         where, first = full.joints[unmodelled.row], results.ranking.effects[0].kind.id
-        notes.append(f"on {where} {unmodelled.words} explains far more than {first} does, so {first} is not the cause")
+        more, which = ("more error", "main cause") if unmodelled.elsewhere else ("far more", "cause")
+        notes.append(f"on {where} {unmodelled.words} explains {more} than {first} does, so {first} is not the {which}")
     return notes + ([str(description)] if description is not None else [])
 
 
