@@ -14,6 +14,7 @@ Robotics Research 5(3), 1986.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,6 +157,18 @@ class Regressor:
                 Y[s, k, joint] = values[s]
         return Y
 
+    def of_effects(self, samples: Samples) -> Array:
+        """Columns of the effects alone, (N, C - R, J), without those of the R link parameters.
+
+        An effect with memory starts at the first sample. The load comes from inverse dynamics: the links' columns cost
+        many times as much.
+        """
+        rigid = len(self.robot.columns)
+        Y = np.zeros((len(samples.t), len(self.columns) - rigid, len(self.robot.joints)))
+        for k, joint, values in self.effect_columns(samples, {}, self.load(samples) if self.loaded else None):
+            Y[:, k - rigid, joint] = values
+        return Y
+
     def effect_columns(
         self, samples: Samples, remembered: Mapping[int, list[dict[int, Array]]], load: Array | None
     ) -> list[tuple[int, int, Array]]:
@@ -220,10 +233,13 @@ class Regressor:
 
     def load(self, motion: Motion | Samples) -> Array:
         """Torque (N, J) of the reference's links, without known parameters."""
+        return self._links.torque(motion.q, motion.v, motion.a)
+
+    @cached_property
+    def _links(self) -> RigidDynamics:
         names = [c.name for c in self.robot.columns]
         values = dict(zip(names, self.reference, strict=False))
-        links = RigidDynamics(self.robot, np.array([values.get(name, 0.0) for name in self.robot.all_names]))
-        return links.torque(motion.q, motion.v, motion.a)
+        return RigidDynamics(self.robot, np.array([values.get(name, 0.0) for name in self.robot.all_names]))
 
     def _state_of(self, samples: Samples, load: Array, torque: Array, rigid: Array, dry: Array | None = None) -> State:
         """State for effects at some samples."""
