@@ -14,7 +14,6 @@ Robotics Research 5(3), 1986.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,12 +159,16 @@ class Regressor:
     def of_effects(self, samples: Samples) -> Array:
         """Columns of the effects alone, (N, C - R, J), without those of the R link parameters.
 
-        An effect with memory starts at the first sample. The load comes from inverse dynamics: the links' columns cost
-        many times as much.
+        An effect with memory starts at the first sample. The links are evaluated only where an effect needs their load.
         """
-        rigid = len(self.robot.columns)
-        Y = np.zeros((len(samples.t), len(self.columns) - rigid, len(self.robot.joints)))
-        for k, joint, values in self.effect_columns(samples, {}, self.load(samples) if self.loaded else None):
+        rigid, N, J = len(self.robot.columns), len(samples.t), len(self.robot.joints)
+        load = None
+        if self.loaded:
+            links = np.empty((N, J, rigid)).transpose(0, 2, 1)  # rows of Pinocchio's array stay rows
+            self.robot.regressor(samples.q, samples.v, samples.a, links)
+            load = self.reference[:rigid] @ links
+        Y = np.zeros((N, len(self.columns) - rigid, J))
+        for k, joint, values in self.effect_columns(samples, {}, load):
             Y[:, k - rigid, joint] = values
         return Y
 
@@ -233,13 +236,10 @@ class Regressor:
 
     def load(self, motion: Motion | Samples) -> Array:
         """Torque (N, J) of the reference's links, without known parameters."""
-        return self._links.torque(motion.q, motion.v, motion.a)
-
-    @cached_property
-    def _links(self) -> RigidDynamics:
         names = [c.name for c in self.robot.columns]
         values = dict(zip(names, self.reference, strict=False))
-        return RigidDynamics(self.robot, np.array([values.get(name, 0.0) for name in self.robot.all_names]))
+        links = RigidDynamics(self.robot, np.array([values.get(name, 0.0) for name in self.robot.all_names]))
+        return links.torque(motion.q, motion.v, motion.a)
 
     def _state_of(self, samples: Samples, load: Array, torque: Array, rigid: Array, dry: Array | None = None) -> State:
         """State for effects at some samples."""

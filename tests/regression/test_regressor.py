@@ -156,7 +156,7 @@ def test_moments_of_some_columns_are_those_columns_of_all_moments():
 @pytest.mark.parametrize("name", ["planar2", "mixed mimic", "ur10 far_end tilted"])
 @pytest.mark.parametrize("effect", EFFECT_CASES.values(), ids=EFFECT_CASES)
 def test_columns_of_effects_alone_are_those_of_the_regressor(name, effect):
-    """Their load comes from inverse dynamics, that of the regressor from the columns of the links."""
+    """The same values, whether an effect needs the load of the links or not."""
     machine, rng = robot(name), np.random.default_rng(0)
     effects = (*BASELINE, effect) if effect.id not in {e.id for e in BASELINE} else BASELINE
     q, v, a = rng.normal(size=(3, 8, len(machine.joints)))
