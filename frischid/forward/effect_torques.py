@@ -129,7 +129,7 @@ class EffectTorques:
         if self._general is not None or self._sharp is not None:
             known = [e for e in effects if not e.memory]
             remembers = [e.memory for e, values in parts for _ in range(values.shape[1])]
-            kept = np.append(np.ones(len(robot.columns), bool), ~np.array(remembers, bool))
+            kept = np.append(np.zeros(len(robot.columns), bool), ~np.array(remembers, bool))
             self._weights = general[:, kept], sharp[:, kept]
             self._regressor = Regressor(robot, known, reference)
             self._sharp_regressor = Regressor(robot, [e.with_sign_width(1e-3 * CRAWL) for e in known], reference)
@@ -150,7 +150,7 @@ class EffectTorques:
         for part in self.smooth:
             part.add_each(out, now.q, now.v)
         if self._general is not None:
-            out += self._regressor.evaluate(now).transpose(0, 2, 1) @ self._weights[0].T
+            out += self._regressor.of_effects(now).transpose(0, 2, 1) @ self._weights[0].T
         return np.asarray(out)
 
     def dry_of_each(self, now: Samples) -> tuple[Array, Array]:
@@ -271,7 +271,7 @@ class EffectTorques:
         v = now.v
 
         def friction(speed: Array) -> Array:
-            return weighted(self._sharp_regressor.evaluate(Samples(now.t, now.q, speed, now.a, 0.0, now.extra)))
+            return weighted(self._sharp_regressor.of_effects(Samples(now.t, now.q, speed, now.a, 0.0, now.extra)))
 
         turned, speed = friction(np.where(v > 0.0, -CRAWL, CRAWL)), v.reshape(*v.shape, *[1] * (sides[0].ndim - 2))
         sides[0][...] += np.where(speed >= 0.0, friction(np.where(v == 0.0, CRAWL, v)), turned)
@@ -287,7 +287,7 @@ class EffectTorques:
         many = {name: np.repeat(x, n) for name, x in extra.items()}
         times, places, speeds = (np.repeat(x, n, axis=0) for x in (t, q, v))
         samples = Samples(times, places, speeds, around.reshape(-1, self.J), 0.0, many)
-        Y = self._regressor.evaluate(samples)
+        Y = self._regressor.of_effects(samples)
         torque = np.einsum("kncj,kc->knj", Y.reshape(len(q), n, *Y.shape[1:]), self._weights[0][which])
         slope = (torque[:, 1:] - torque[:, :1]).transpose(0, 2, 1)
         return torque[:, 0] - np.einsum("kij,kj->ki", slope, a), slope

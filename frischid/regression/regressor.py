@@ -156,6 +156,22 @@ class Regressor:
                 Y[s, k, joint] = values[s]
         return Y
 
+    def of_effects(self, samples: Samples) -> Array:
+        """Columns of the effects alone, (N, C - R, J), without those of the R link parameters.
+
+        An effect with memory starts at the first sample. The links are evaluated only where an effect needs their load.
+        """
+        rigid, N, J = len(self.robot.columns), len(samples.t), len(self.robot.joints)
+        load = None
+        if self.loaded:
+            links = np.empty((N, J, rigid)).transpose(0, 2, 1)  # rows of Pinocchio's array stay rows
+            self.robot.regressor(samples.q, samples.v, samples.a, links)
+            load = self.reference[:rigid] @ links
+        Y = np.zeros((N, len(self.columns) - rigid, J))
+        for k, joint, values in self.effect_columns(samples, {}, load):
+            Y[:, k - rigid, joint] = values
+        return Y
+
     def effect_columns(
         self, samples: Samples, remembered: Mapping[int, list[dict[int, Array]]], load: Array | None
     ) -> list[tuple[int, int, Array]]:

@@ -71,14 +71,19 @@ WRITING = [
 
 @contextmanager
 def disk_full_after(size):
-    """Let no file grow beyond a size: the system refuses the write in its middle, as on a full disk."""
+    """Let no file grow beyond a size: the system refuses the write in its middle, as on a full disk.
+
+    Python itself must not write then: it would keep half of the bytecode of a module that a command imports.
+    """
     import resource
 
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before, bytecode = resource.getrlimit(resource.RLIMIT_FSIZE), sys.dont_write_bytecode
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    sys.dont_write_bytecode = True
     try:
         yield
     finally:
+        sys.dont_write_bytecode = bytecode
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cases import exact_log, random_values, robot, whole_regressor
+from cases import EFFECT_CASES, exact_log, random_values, robot, whole_regressor
 
 from frischid.effects import BASELINE
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion, prepare
 from frischid.regression.accumulation import accumulate, streaming_qr
-from frischid.regression.block import stack
+from frischid.regression.block import Samples, stack
 from frischid.regression.joint_rows import JointRows
 from frischid.regression.moments import total
 from frischid.regression.regressor import Regressor
@@ -151,3 +151,18 @@ def test_moments_of_some_columns_are_those_columns_of_all_moments():
         np.testing.assert_allclose(part.moments, whole.select(base).moments, rtol=1e-12)
         np.testing.assert_allclose(part.sums, whole.select(base).sums, rtol=1e-12)
         np.testing.assert_array_equal(part.counts, whole.counts)
+
+
+@pytest.mark.parametrize("name", ["planar2", "mixed mimic", "ur10 far_end tilted"])
+@pytest.mark.parametrize("effect", EFFECT_CASES.values(), ids=EFFECT_CASES)
+def test_columns_of_effects_alone_are_those_of_the_regressor(name, effect):
+    """The same values, whether an effect needs the load of the links or not."""
+    machine, rng = robot(name), np.random.default_rng(0)
+    effects = (*BASELINE, effect) if effect.id not in {e.id for e in BASELINE} else BASELINE
+    q, v, a = rng.normal(size=(3, 8, len(machine.joints)))
+    extra = {channel: rng.normal(size=8) for channel in effect.channels(machine)}
+    samples = Samples(np.arange(8) / 100, q, v, a, 0.0, extra)
+    regressor = Regressor(machine, effects)
+    whole = regressor.evaluate(samples)[:, len(machine.columns) :]
+    alone = regressor.of_effects(samples)
+    np.testing.assert_allclose(alone, whole, rtol=0, atol=1e-12 * np.abs(whole).max(initial=1.0))
