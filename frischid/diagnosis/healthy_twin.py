@@ -4,7 +4,8 @@ The twin is a robot exactly like the model. It moves along the logs' path, and s
 (`frischid.model.noisy_motion`). Nothing is missing from its model. But noise in q, q̇, q̈ is noise in the regressor's
 columns, and a fit to noisy columns is biased: every fold has another bias, so parameters of the other folds leave an
 error. An error of the logs that is no more than that of the twin is no evidence for a missing effect. Effects explain a
-part of the twin's error too. A finding shows this gain beside the gain on the logs; no rule uses it.
+part of the twin's error too. A finding shows this gain beside the gain on the logs. Where the gain on the logs is no
+larger, the finding is not called missing: that is a test by a bootstrap from the model of the null hypothesis.
 
 Source: Efron and Tibshirani 1993, An Introduction to the Bootstrap, section 16.4 (a test by a bootstrap from the model
 of the null hypothesis).
