@@ -23,6 +23,8 @@ from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
 
+JOINT_ZERO = "joint zero"
+"""Kind of fault: the angle of a joint has another zero than the URDF's."""
 GRID_DEGREES = 10.0
 """Degrees between the zeros that are tried first; the best is refined."""
 
@@ -164,11 +166,11 @@ def _zeros(sketch: Sketch, j: int) -> Iterator[Moved]:
             continue
         said = f"{np.rad2deg(delta):.3g}°"
         fault = Fault(
-            "joint zero",
+            JOINT_ZERO,
             f"the zero of its angle {{is|may be}} off by {said}: with {said} added, the model explains the torques",
             (name,),
             f"set offset = {delta:.6g} for it in a mapping file, or correct the joint's origin in the URDF",
-            cost(sketch.criteria, "joint zero", choices, fitted, n),
+            cost(sketch.criteria, JOINT_ZERO, choices, fitted, n),
             discrete=fitted == 0,
             fix=((name, "offset", float(f"{delta:.6g}")),),
         )

@@ -241,7 +241,7 @@ def assess(found: Measured) -> Identification:
     still = () if there is None else there.not_compared
     pairs = zip(data.joints, _nrmse(whole, variance), strict=True)
     cross_validation = {name: x for name, x in pairs if name not in still}
-    before = fit_alarms(fit, model, still)
+    before = fit_alarms(fit, model, still, cross_validation, there)
     own = None if there is None else from_fit(there, dict(zip(data.joints, np.sqrt(variance), strict=True)), before)
     event = _event(data, problem.effects, cross_validation, own)
     comparison = compare(replace(model, history=(event,)), data.valid) if data.valid else None

@@ -8,11 +8,13 @@ direction counts by the torque that it has on the faster motion, and one that ha
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy import linalg
 
+from frischid.checks.log_issue import LogIssue
+from frischid.checks.position_faults import JOINT_ZERO
 from frischid.core.types import Array, Column
 from frischid.effects import Coulomb, Offset, Viscous
 from frischid.estimators.map_estimate import MapEstimate, friction_alone, map_estimate
@@ -80,8 +82,22 @@ def model_share(problem: Problem, own: Comparison, rows: float) -> Array:
     return np.asarray(1.0 - noise * (1.0 - min(1.0, rows / max(independent, 1e-300))))
 
 
-def fit_alarms(fit: Fit, model: Model, still: Sequence[str]) -> tuple[Alarm, ...]:
-    """Alarms of an identification and of its model, most severe first; `still`: joints that never move."""
+def fit_alarms(
+    fit: Fit, model: Model, still: Sequence[str], errors: Mapping[str, float], there: Comparison | None
+) -> tuple[Alarm, ...]:
+    """Alarms of an identification and of its model, most severe first.
+
+    Parameters
+    ----------
+    fit : Fit
+    model : Model
+    still : sequence of str
+        Joints that never move.
+    errors : mapping of str to float
+        Cross-validated NRMSE of each joint.
+    there : Comparison or None
+        Of the model on the fitted logs.
+    """
     problem, criteria = fit.problem, fit.problem.data.options.alarm_criteria
     posterior = _posterior(fit)
     currents = problem.data.options.currents
@@ -92,13 +108,29 @@ def fit_alarms(fit: Fit, model: Model, still: Sequence[str]) -> tuple[Alarm, ...
         *noisy_cutoff(problem.data.summary.spectra, problem.data.lowpass.cutoff, criteria),
         *too_short(problem.data.summary.seconds, criteria),
         *never_moving(still),
-        *faulty_logs(problem.data.journal.faults),
+        *faulty_logs(_harmful(problem.data.journal.faults, errors, there, criteria)),
         *as_one(
             wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria, _values(fit)),
             indefinite_mass(model, least_inertia(model, map(_poses, problem.data.motions)), "fitted poses", criteria),
         ),
     ]
     return by_severity(found)
+
+
+def _harmful(
+    faults: Sequence[tuple[str, LogIssue]],
+    errors: Mapping[str, float],
+    there: Comparison | None,
+    criteria: AlarmCriteria,
+) -> list[str]:
+    """The faults of logs, without a wrong zero of a joint whose torque the fit predicts as well as noise allows.
+
+    The check of a log knows only the URDF, and a wrong centre of mass of the URDF acts like a wrong zero. The fit finds
+    the centre of mass. With another zero in one of the logs, it would leave an error on this joint.
+    """
+    floors = {} if there is None else {j.name: j.noise_floor for j in there.joints}
+    quiet = {n for n, x in errors.items() if n in floors and x <= criteria.above_noise * floors[n]}
+    return [f"{source}: {x.short}" for source, x in faults if x.kind != JOINT_ZERO or not quiet.issuperset(x.where)]
 
 
 def _values(fit: Fit) -> dict[str, tuple[Column, float]]:

@@ -167,7 +167,7 @@ def _check_issues(data: LogData) -> None:
     for report in reports:
         undone = {joint for joint, *_ in report.fix}
         wrong = [x for x in report.issues if x.blocks or (x.where and undone.issuperset(x.where))]
-        data.journal.faults += [f"{report.source}: {x.short}" for x in wrong]
+        data.journal.faults += [(report.source, x) for x in wrong]
         data.journal.explained |= report.explained(data.robot.joints)
     if not data.options.force:
         refuse_worthless(reports)

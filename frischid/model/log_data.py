@@ -8,6 +8,7 @@ from itertools import islice
 
 import numpy as np
 
+from frischid.checks.log_issue import LogIssue
 from frischid.core.progress import counter
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
@@ -41,8 +42,8 @@ class Journal:
         Changes of the data.
     warnings : list of str
         Reasons to doubt the result.
-    faults : list of str
-        Faults of logs that make a wrong model, and can be undone.
+    faults : list of (str, LogIssue)
+        Names of logs, and their faults that make a wrong model and can be undone.
     explained : set of str
         Joints whose torques a fault explains that is named in the warnings.
     """
@@ -50,7 +51,7 @@ class Journal:
     progress: Callable[[str], None]
     notes: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
-    faults: list[str] = field(default_factory=list)
+    faults: list[tuple[str, LogIssue]] = field(default_factory=list)
     explained: set[str] = field(default_factory=set)
     words: str = IDENTIFY_STAGES[0]
 

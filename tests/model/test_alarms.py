@@ -177,3 +177,27 @@ def test_a_log_whose_fault_can_be_undone_raises_an_alarm(sign, raised):
     tau = log.tau * np.where(np.arange(6) == 1, sign, 1.0 if sign < 0 else sign)
     found = fr.identify(robot, [fr.Log(log.t, log.joints, log.q, tau=tau)], recursion="none")
     assert [alarm.id for alarm in found.alarms if alarm.id == "faulty-log"] == raised
+
+
+@pytest.mark.parametrize("shifted", [False, True])
+def test_a_wrong_centre_of_mass_in_the_urdf_is_no_wrong_zero_of_the_angle(shifted):
+    """Both turn the torque of gravity; only the fit to all logs tells them apart."""
+    robot = fr.Robot.load("planar2")
+    heavy = dict(zip((c.name for c in robot.columns), robot.nominal, strict=True))["mx2"]
+    logs = [
+        fr.simulate(
+            robot,
+            fr.random_fourier(robot, 20.0, seed=seed),
+            rate=100.0,
+            parameters={} if shifted else {"my2": 0.25 * heavy},
+            noise=fr.Noise(q=1e-5, tau=0.01),
+            seed=seed,
+            name=f"log {seed}",
+        )
+        for seed in (1, 2)
+    ]
+    if shifted:
+        logs[1] = fr.Log(logs[1].t, robot.joints, logs[1].q + np.array([0.0, 0.25]), tau=logs[1].tau, source="log 2")
+    found = fr.identify(robot, logs, recursion="none")
+    assert any("log 2: joint2: the zero of its angle" in warning for warning in found.warnings)
+    assert ("faulty-log" in [alarm.id for alarm in found.alarms]) == shifted
