@@ -206,7 +206,10 @@ class Finding:
         return f"{change:+d} %" if change else "0 %"
 
     def found(self, robot: Robot) -> list[tuple[str, float, str]]:
-        """Name, value and unit of each of `parameters` (unit empty for a pure number), coefficients first."""
+        """Name, value and unit of each of `parameters` (unit empty for a pure number), coefficients first.
+
+        A shape at the end of the values that are tried may be smaller, or larger, in truth: the unit says so.
+        """
         values = [
             (c.name, self.parameters[c.name], "" if c.unit == "1" else c.unit)
             for member in self.members
@@ -215,7 +218,9 @@ class Finding:
         for member in self.members:
             where = f" of {listed(member.joints or ('the robot',))}" if len(self.members) > 1 else ""
             shape = {k: x for k, x in _shape(member).items() if k not in member.internal}
-            values += [(f"{k}{where}", x, member.unit(k, robot)) for k, x in shape.items()]
+            values += [
+                (f"{k}{where}", x, f"{member.unit(k, robot)}{_edge(member, k, x)}".strip()) for k, x in shape.items()
+            ]
         return values
 
     def to_dict(self) -> dict[str, Any]:
@@ -227,6 +232,14 @@ class Finding:
         values = {k: v for k, v in vars(self).items() if k not in {"members", "criteria", "p_value", "set_aside"}}
         lists = {k: list(values[k]) for k in ("joints", "confused_with", "elsewhere")}
         return values | lists | {"significant": self.significant, "withheld": self.withheld}
+
+
+def _edge(effect: Effect, key: str, value: float) -> str:
+    """Words on a shape at the end of the values that are tried; empty for others."""
+    tried = effect.shapes.get(key, ())
+    if len(tried) < 2 or min(tried) < value < max(tried):
+        return ""
+    return " or less" if value <= min(tried) else " or more"
 
 
 def find_effects(

@@ -367,6 +367,14 @@ def test_an_effect_that_gains_no_more_than_on_the_healthy_twin_is_no_cause(twin_
     assert cause or "a robot that misses nothing gains as much" in one.refused
 
 
+@pytest.mark.parametrize(("distance", "said"), [(0.0005, "rad or less"), (0.002, "rad"), (0.06, "rad or more")])
+def test_a_shape_at_the_end_of_the_values_tried_is_a_bound(distance, said):
+    (member,) = parse_effects(f"hysteresis(distance={distance})@joint1")
+    values = {"fh1": 0.2}
+    one = Finding("hysteresis", ("joint1",), 0.04, 0.02, 50, 2e-3, 0.9, 3, 3, 0.0, 1e-6, values, (), "", (member,))
+    assert one.found(ARM)[1] == ("distance", distance, said)
+
+
 def imitators():
     """Two joints of one log with a spring each, scored alone; and the validator of the model without them."""
     hidden = "joint_spring@joint1,joint_spring@joint2"
