@@ -44,6 +44,11 @@ CARRIED = (
     "the URDF is that of another robot, or its links are too light"
 )
 """What to do about a body that the URDF lacks."""
+LEFT_OFF = (
+    "use a URDF without this hand or tool: the robot did not carry it; if the URDF has none, it is that of another "
+    "robot, or its links are too heavy"
+)
+"""What to do about a body that the robot lacks."""
 
 
 @dataclass(frozen=True)
@@ -144,8 +149,7 @@ def check_payload(sketch: Sketch, notes: Notebook) -> bool:
             f"absence {what}",
             (body.joint,),
             "likely",
-            "use a URDF without this hand or tool: the robot did not carry it; if the URDF has none, it is that of "
-            "another robot, or its links are too heavy",
+            LEFT_OFF,
         )
     return True
 

@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from frischid.checks.faults import Fault, cost
-from frischid.checks.payload import CARRIED, last_link, payload_errors
+from frischid.checks.payload import CARRIED, LEFT_OFF, last_link, payload_errors
 from frischid.checks.position_faults import Moved
 from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch, shared_fit
@@ -42,9 +42,10 @@ def shared_faults(fits: RowFits) -> Iterator[Moved]:
     yield from _mounting(sketch, n)
     body = payload_errors(sketch)
     if body.removed > 0 and body.torque is not None:
-        what = f"{{|perhaps }}a body of about {body.mass:.2g} kg on the last link that the URDF lacks"
+        what = f"{{|perhaps }}a body of about {abs(body.mass):.2g} kg on the last link that the "
+        what, advice = (f"{what}URDF lacks", CARRIED) if body.mass > 0 else (f"{what}robot lacks", LEFT_OFF)
         price = cost(sketch.criteria, "payload", 1, 10, n)
-        fault = Fault("payload", what, (body.joint,), CARRIED, price, False, False, torque=body.torque)
+        fault = Fault("payload", what, (body.joint,), advice, price, False, False, torque=body.torque)
         yield Moved(replace(sketch, given_nominal=sketch.nominal + body.torque), fault)
 
 

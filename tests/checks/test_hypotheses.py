@@ -1,8 +1,9 @@
 """Faults of logs against each other: the simplest that explains the torques is named, and a mapping file undoes it."""
 
 import os
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 from click.testing import CliRunner
 
 from frischid.checks import corrected_urdf
-from frischid.checks.check_criteria import DEFAULT_CRITERIA
+from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
+from frischid.checks.payload import Body
+from frischid.checks.robot_faults import shared_faults
 from frischid.cli import main
 from frischid.effects import BASELINE
 from frischid.errors import InputError
@@ -429,3 +432,23 @@ def test_a_fault_stands_out_of_a_urdf_with_errors_of_its_own(fault, monkeypatch)
     first = report.issues[0]
     where = {"torque sign": ("A4",), "swapped torques": ("A3", "A4"), "joint zero": ("A4",), None: ()}[fault]
     assert (first.kind, first.where) == (fault or "mounting", where)
+
+
+@dataclass
+class Weightless:
+    """As much of a sketch as a body on the last link needs."""
+
+    robot: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(gravity=np.zeros(3)))
+    criteria: CheckCriteria = DEFAULT_CRITERIA
+    nominal: float = 0.0
+    given_nominal: float | None = None
+
+
+@pytest.mark.parametrize(("mass", "lacks"), [(0.4, "URDF lacks"), (-0.4, "robot lacks")])
+def test_no_body_has_a_negative_mass(monkeypatch, mass, lacks):
+    """Pushes on a Panda were "a body of about -0.37 kg that the URDF lacks"."""
+    body = Body("wrist", mass, np.zeros(3), 0.9, np.zeros(1))
+    monkeypatch.setattr("frischid.checks.robot_faults.payload_errors", lambda _: body)
+    (found,) = shared_faults(SimpleNamespace(sketch=Weightless(), weight=np.ones(1)))
+    assert found.fault.what.endswith(f"a body of about 0.4 kg on the last link that the {lacks}")
+    assert found.fault.advice.startswith("use a URDF with the payload" if mass > 0 else "use a URDF without this hand")
