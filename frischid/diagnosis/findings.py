@@ -231,7 +231,10 @@ class Finding:
         """
         values = {k: v for k, v in vars(self).items() if k not in {"members", "criteria", "p_value", "set_aside"}}
         lists = {k: list(values[k]) for k in ("joints", "confused_with", "elsewhere")}
-        return values | lists | {"significant": self.significant, "withheld": self.withheld}
+        withheld = (
+            self.withheld if self.members or self.gain > 0 else ""
+        )  # a verdict in place of an effect has no reason
+        return values | lists | {"significant": self.significant, "withheld": withheld}
 
 
 def _edge(effect: Effect, key: str, value: float) -> str:

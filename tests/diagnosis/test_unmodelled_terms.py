@@ -43,4 +43,5 @@ def test_the_joint_with_the_largest_error_is_asked_too(strange):
     assert found.probabilities["outside"] > 0.9
     said = "on joint1 'sign(v2)' explains more error than joint_spring does, so joint_spring is not the main cause"
     assert said in found.notes
+    assert found.findings[0].to_dict()["withheld"] == "", "a verdict is not withheld"
     assert not sentence_of(found.findings, found.probabilities, PLANAR2), "nothing is left to tell apart"
