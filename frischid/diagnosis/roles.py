@@ -34,7 +34,7 @@ from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import in_motion
 from frischid.logs.recording import Recording, check_logs
-from frischid.model.comparison_alarms import UNLIKE
+from frischid.model.comparison import compare
 from frischid.model.headline import headline
 from frischid.model.model import Model
 from frischid.model.own_logs import own_logs
@@ -92,10 +92,8 @@ def decided_situation(
     """Decide whether a robot changed between the logs of its model and some others.
 
     A robot whose own logs are among the others has not changed. Else the own logs are diagnosed, and the effects that
-    they show go into the model. The robot changed if this model is wrong on the given logs: a refit describes them
-    better, or the error is more than the uncertainty of the model explains, because somebody may have touched the
-    robot. But a refit also adapts to another motion. So where the model is as wrong on the own logs, or where effects
-    as strong as there explain most of the error on the given logs, the robot has not changed.
+    they show go into the model. Then `of_the_training_logs` decides. Where no own log is found, the robot changed if a
+    refit describes the given logs better than the model does.
 
     Parameters
     ----------
@@ -115,15 +113,12 @@ def decided_situation(
         before = refitted(model, (*model.effects, *effects), own, "always", criteria)
     if situation == "changed":
         return Decided("changed", found, before)
-    searched = [excerpt(log).log for log in logs]
-    seen = cross_validator(before, searched, criteria=criteria)[1]
-    if found is None or (seen == "always" and not any(a.id == UNLIKE for a in headline(before, logs).alarms)):
+    validator, seen = cross_validator(model, [excerpt(log).log for log in logs], criteria=criteria)
+    if found is None or found.fit is None:
         return Decided(seen, found, before)
-    if found.fit is not None:
-        validator, _ = cross_validator(model, searched, criteria=criteria)
-        if of_the_training_logs(found.fit, validator, effects):
-            return Decided("always", found, before)
-    return Decided("changed", found, before)
+    expected = {joint.name: joint.expected for joint in compare(before, logs).joints}
+    same = of_the_training_logs(found.fit, validator, effects, expected)
+    return Decided("always" if same else "changed", found, before)
 
 
 def logs_before_change(model: Model) -> tuple[Log | Recording, ...]:

@@ -3,23 +3,22 @@
 - *always*: the robot has not changed. A missing effect was always missing: it acted in the model's training logs too.
 - *changed*: the robot changed after the identification. A payload, a collision or wear acts in the new logs only.
 
-The robot may have changed when none of the logs is a training log of the model, and a refit with a weak URDF prior
-predicts the logs better than the unchanged model does:
-
-    NRMSE(unchanged model)  >  1.02 · NRMSE(refit, cross-validated),
-
-on some joint by more than an error that is negligible beside the torque.
-
-This rule alone would take an effect that was always missing for a change: on another motion a refit adapts to the
-effect, and the unchanged model does not. So where the training logs are at hand, their effects decide
-(`of_the_training_logs`). With E the error of a joint on the new logs under the unchanged model, E_a that under the
-model with the effects of the training logs and their strength there, and E_t the cross-validated error of the latter on
-the training logs or the sensor noise of the new logs, whichever is larger, the robot has not changed where on every
-joint whose error asks for an explanation beside E_t
+Where the training logs are at hand, they decide (`of_the_training_logs`). A model that is no worse on the new logs than
+on its own says nothing of a change. Nor does an error that its uncertainty explains, nor that of an effect which was
+always missing. With E the error of a joint on the new logs under the unchanged model, E_a that under the model with the
+effects of the training logs and their strength there, and E_t the largest of three (the cross-validated error of the
+latter on the training logs, the sensor noise of the new logs, and the error that the model's uncertainty explains
+there), the robot has not changed where on every joint whose error asks for an explanation beside E_t
 
     E_a² − E_t²  <  ½ (E² − E_t²).
 
-A model that is no worse on the new logs than on its own says nothing of a change, whatever a refit explains.
+Without the training logs, the robot has changed if a refit with a weak URDF prior predicts the logs better than the
+unchanged model does,
+
+    NRMSE(unchanged model)  >  1.02 · NRMSE(refit, cross-validated),
+
+on some joint by more than an error that is negligible beside the torque. This rule also takes an effect that was always
+missing for a change: on another motion a refit adapts to the effect, and the unchanged model does not.
 
 The situation decides the prior (`change_prior`), and whether effects that can only come later, such as a payload, are
 tried.
@@ -32,7 +31,7 @@ whose model with all effects predicts better.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -108,7 +107,9 @@ def _from_before(validator: CrossValidator) -> CrossValidator:
     return validator.with_prior(evidence_prior(known, fit.information - known.precision))
 
 
-def of_the_training_logs(own: CrossValidator, new: CrossValidator, effects: Sequence[Effect]) -> bool:
+def of_the_training_logs(
+    own: CrossValidator, new: CrossValidator, effects: Sequence[Effect], expected: Mapping[str, float]
+) -> bool:
     """Whether new logs show no error but that of a model's training logs, and that of the effects that act there.
 
     Parameters
@@ -119,6 +120,8 @@ def of_the_training_logs(own: CrossValidator, new: CrossValidator, effects: Sequ
         Of the new logs.
     effects : sequence of Effect
         Those that the training logs show. Where nothing is wrong on the new logs, none is needed.
+    expected : mapping of str to float
+        NRMSE of each joint that the uncertainty of the model with these effects explains on the new logs.
     """
     criteria, model = new.criteria, new.model
     new = new.with_prior(weak_urdf_prior(model, criteria))
@@ -128,7 +131,8 @@ def of_the_training_logs(own: CrossValidator, new: CrossValidator, effects: Sequ
             wide, narrow = wide.extended(here), narrow.extended(there)
     before, after = _errors_as_it_is(new), _errors_under(wide, narrow.theta)
     there_too = np.maximum(narrow.base_nrmse() * narrow.spread, Floor.of(new).noise) / new.spread
-    usual = np.minimum(there_too, before)
+    uncertain = np.nan_to_num([expected.get(name, 0.0) for name in new.joints])
+    usual = np.minimum(np.maximum(there_too, uncertain), before)
     wrong, left = before**2 - usual**2, after**2 - usual**2
     clear = asks_for_explanation(before, usual, new)
     return bool((left < criteria.half_explained * wrong)[clear].all())
