@@ -128,6 +128,8 @@ class Finding:
 
         Sensor noise and undetermined dry friction may cause all of the error that the effect explains, or all its gain.
         """
+        if not self.members and self.gain <= 0:
+            return ""  # a verdict in place of an effect
         if 0 < self.gain <= self.twin_gain:
             return "a robot that misses nothing gains as much from it, because sensor noise biases the fit"
         return self.set_aside or self._against(self.floors)
@@ -231,10 +233,7 @@ class Finding:
         """
         values = {k: v for k, v in vars(self).items() if k not in {"members", "criteria", "p_value", "set_aside"}}
         lists = {k: list(values[k]) for k in ("joints", "confused_with", "elsewhere")}
-        withheld = (
-            self.withheld if self.members or self.gain > 0 else ""
-        )  # a verdict in place of an effect has no reason
-        return values | lists | {"significant": self.significant, "withheld": withheld}
+        return values | lists | {"significant": self.significant, "withheld": self.withheld}
 
 
 def _edge(effect: Effect, key: str, value: float) -> str:

@@ -8,6 +8,7 @@ import weakref
 
 import pytest
 from browser import SOLID, needs_browser, opened, settled
+from replacing import instead_of_diagnose
 
 from frischid.effects import parse_effects
 from frischid.model.identification import identify
@@ -17,8 +18,6 @@ from frischid.robot.robot import Robot
 
 pytest.importorskip("viser", reason="the extra frischid[studio] is not installed")
 
-import frischid.diagnosis.roles  # noqa: F401 - binds the real diagnosis before a test replaces it for the studio
-from frischid.diagnosis import diagnosis
 from frischid.studio import Studio
 from frischid.studio import bench as bench_module
 
@@ -55,7 +54,7 @@ class OpenTab(GoneTab):
 
 
 def test_a_browser_that_closes_during_a_refit_stops_nothing(case, tmp_path, monkeypatch, capfd):
-    monkeypatch.setattr(diagnosis, "diagnose", lambda *_, **__: pytest.fail("not asked for"))
+    instead_of_diagnose(monkeypatch, lambda *_, **__: pytest.fail("not asked for"))
     running = Studio(port=8420)
     try:
         running.show(*case, tmp_path / "model.json")
@@ -77,7 +76,7 @@ def test_a_browser_that_closes_during_a_refit_stops_nothing(case, tmp_path, monk
 @needs_browser
 def test_closed_tabs_leave_nothing_in_memory(case, tmp_path, monkeypatch):
     """One tab is closed while its robot moves, the other at rest."""
-    monkeypatch.setattr(diagnosis, "diagnose", lambda *_, **__: pytest.fail("not waited for"))
+    instead_of_diagnose(monkeypatch, lambda *_, **__: pytest.fail("not waited for"))
     monkeypatch.setattr(bench_module, "DIAGNOSIS_DELAY", 3600.0)
     running = Studio(port=8450)
     try:
@@ -109,7 +108,7 @@ def test_a_stopped_studio_leaves_no_thread(case, tmp_path, monkeypatch):
             begun.set()
             progress("trying nothing")
 
-    monkeypatch.setattr(diagnosis, "diagnose", endless)
+    instead_of_diagnose(monkeypatch, endless)
     before = set(threading.enumerate())
     running = Studio(port=8430)
     running.show(*case, tmp_path / "model.json")
@@ -131,8 +130,7 @@ import numpy as np
 from pathlib import Path
 from scipy import sparse
 import frischid as fr
-import frischid.diagnosis.roles  # noqa: F401 - binds the real diagnosis before a test replaces it for the studio
-from frischid.diagnosis import diagnosis
+from frischid.diagnosis import diagnosis, roles
 from frischid.studio import bench as module
 
 module.DIAGNOSIS_DELAY = 0.0
@@ -146,7 +144,7 @@ def compiled(*_, progress, **__):
         cone = [clarabel.NonnegativeConeT(30_000)]
         clarabel.DefaultSolver(one, -np.ones(30_000), one, np.ones(30_000), cone, settings).solve()
 
-diagnosis.diagnose = compiled
+diagnosis.diagnose = roles.diagnose = compiled
 robot = fr.Robot.load("planar2")
 log = fr.simulate(robot, fr.random_fourier(robot, 4.0, seed=0), rate=50.0, channels=())
 model = fr.identify(robot, [log], recursion="none").model

@@ -18,6 +18,7 @@ from browser import OVERLAPS, SOLID, needs_browser, opened, settled
 from cases import MIXED, made
 from click.testing import CliRunner
 from output_schemas import fits
+from replacing import instead_of_diagnose
 
 from frischid.cli import main
 from frischid.diagnosis import diagnosis, improvement
@@ -207,7 +208,7 @@ def test_the_first_findings_come_from_a_part_of_the_logs(case, tmp_path, monkeyp
     short = logs[1].slice(None, 1500)
     bench = Bench(identify(robot, [logs[0], short], recursion="none").model, [logs[0], short], tmp_path / "model.json")
     given, real = [], diagnosis.diagnose
-    monkeypatch.setattr(diagnosis, "diagnose", lambda m, fit, **k: given.append(len(fit)) or real(m, fit, **k))
+    instead_of_diagnose(monkeypatch, lambda m, fit, **k: given.append(len(fit)) or real(m, fit, **k))
     seen = []
     stop = bench.listen(lambda: seen.append(bench.state))
     bench.diagnose()
@@ -267,11 +268,11 @@ def test_a_diagnosis_of_an_older_model_is_dropped(bench, monkeypatch):
     real = diagnosis.diagnose
 
     def overtaken(model, *args, **options):
-        monkeypatch.setattr(diagnosis, "diagnose", real)
+        instead_of_diagnose(monkeypatch, real)
         bench.add(SPRING, 0)
         return real(model, *args, **options)
 
-    monkeypatch.setattr(diagnosis, "diagnose", overtaken)
+    instead_of_diagnose(monkeypatch, overtaken)
     bench.diagnose()
     assert bench.state.revision == 1
     assert bench.state.diagnosis is None
