@@ -105,7 +105,7 @@ def add(
     check_formulas(model, effects)
     if situation == "auto":
         progress("what changed since the model was identified (1 of 3)")
-        situation = decided_situation(model, logs, criteria=criteria).situation
+        situation = decided_situation(model, logs, criteria=criteria, valid=valid).situation
     progress("fitting with the effect (2 of 3)")
     step = _step(model, effects, logs, situation, finding, criteria)
     progress("the error before and after (3 of 3)")
@@ -191,7 +191,7 @@ def improve(
     check_logs(logs, valid)
     model.check([*logs, *valid])
     progress("reading logs")
-    situation, found, _ = decided_situation(model, logs, situation, criteria)
+    situation, found, _ = decided_situation(model, logs, situation, criteria, valid=valid)
     if situation == "changed" and found is not None:
         steps = _before_change(model, found, valid, effects, criteria, progress)
         model = steps[-1].model if steps else model
@@ -230,7 +230,7 @@ def _before_change(
     progress("effects that were missing before the change")
     return improve(
         model,
-        logs_before_change(model),
+        logs_before_change(model, valid),
         valid=valid,
         situation="always",
         max_steps=len(shown),

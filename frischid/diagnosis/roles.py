@@ -88,6 +88,8 @@ def decided_situation(
     logs: Sequence[Log | Recording],
     situation: SituationOption = "auto",
     criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
+    *,
+    valid: Sequence[Log | Recording] = (),
 ) -> Decided:
     """Decide whether a robot changed between the logs of its model and some others.
 
@@ -102,10 +104,12 @@ def decided_situation(
     situation : {"auto", "always", "changed"}
         What the caller knows.
     criteria : DiagnosisCriteria, optional
+    valid : sequence of Log or Recording
+        Logs that test only: an own log among them decides nothing.
     """
     if situation == "always" or any(model.made_from(log) for log in logs):
         return Decided("changed" if situation == "changed" else "always", None, model)
-    own, before, found = logs_before_change(model), model, None
+    own, before, found = logs_before_change(model, valid), model, None
     if own:
         found = diagnose(model, own, valid=logs, situation="always", criteria=criteria)
     effects = () if found is None else tuple(e for f in always_missing(found) for e in f.members)
@@ -121,9 +125,9 @@ def decided_situation(
     return Decided("always" if same else "changed", found, before)
 
 
-def logs_before_change(model: Model) -> tuple[Log | Recording, ...]:
-    """The model's own logs that are found again; none where nothing moves in them."""
-    own = own_logs(model).logs
+def logs_before_change(model: Model, valid: Sequence[Log | Recording] = ()) -> tuple[Log | Recording, ...]:
+    """The model's own logs that are found again and do not test; none where nothing moves in them."""
+    own = own_logs(model, tuple(valid)).logs
     return own if in_motion(own, model.robot.joints) else ()
 
 
@@ -162,7 +166,7 @@ def roles(
     own = tuple(log for log in logs if model.made_from(log))
     diagnosis = None
     if situation == "changed" or (situation == "auto" and not own):
-        situation, diagnosis, before = decided_situation(model, logs, situation, criteria)
+        situation, diagnosis, before = decided_situation(model, logs, situation, criteria, valid=valid)
     if situation == "changed":
         if diagnosis is None or before is model:
             return Roles(tuple(logs), tuple(valid), situation, "")

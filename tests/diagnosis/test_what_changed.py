@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from frischid.diagnosis.improvement import improve
-from frischid.diagnosis.roles import decided_situation, diagnose_in_roles, roles
+from frischid.diagnosis.roles import decided_situation, diagnose_in_roles, logs_before_change, roles
 from frischid.diagnosis.situation import cross_validator
 from frischid.effects import BASELINE, parse_effects
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log, write_log
 from frischid.model.headline import headline
 from frischid.model.identification import identify
+from frischid.model.own_logs import own_logs
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
@@ -130,3 +131,15 @@ def test_a_push_in_a_log_of_its_own_is_found_there(machine):
     found = diagnose_in_roles(model, new)
     assert (found.situation, found.verdict) == ("changed", "contact")
     assert [round(c.start) for c in found.contacts] == [5, 15]
+
+
+@pytest.mark.parametrize("machine", ["square"], indirect=True)
+def test_an_own_log_that_tests_decides_nothing(machine):
+    _, model = machine
+    own = own_logs(model).logs
+    new = [log_of(4, f"{SQUARE},{SPRING}", 0.5, ks2=3.0, fvv1=4.0)]
+    decided = decided_situation(model, new, "changed", valid=own[:1])
+    assert [log.identity for log in logs_before_change(model, own[:1])] == [own[1].identity]
+    assert decided.found is not None
+    assert not own_logs(model, own).logs
+    assert decided_situation(model, new, "changed", valid=own).found is None
