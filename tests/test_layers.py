@@ -56,7 +56,6 @@ NUMERIC = (
     "estimators.frisch_selection",
     "estimators.physical_links",
     "estimators.drive_gain_ls",
-    "estimators.signed_least_squares",
 )
 """Modules that see numbers only. Physics makes columns, numbers make parameters."""
 

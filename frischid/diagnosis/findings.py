@@ -130,9 +130,14 @@ class Finding:
         """
         if not self.members and self.gain <= 0:
             return ""  # a verdict in place of an effect
-        if 0 < self.gain <= self.twin_gain:
+        if self.gain > 0 and not self.outgains_twin:
             return "a robot that misses nothing gains as much from it, because sensor noise biases the fit"
         return self.set_aside or self._against(self.floors)
+
+    @property
+    def outgains_twin(self) -> bool:
+        """Whether the gain is more than its price, and more than the effect gains on the healthy twin."""
+        return self.gain > self.twin_gain
 
     @property
     def pays(self) -> bool:

@@ -54,7 +54,7 @@ class Evidence:
 
 def possible(findings: Sequence[Finding]) -> list[Finding]:
     """Findings that may be the cause: their evidence is more than its price, and more than the healthy twin has."""
-    return [f for f in findings if f.gain > max(f.twin_gain, 0.0) and f.removed > 0]
+    return [f for f in findings if f.outgains_twin and f.removed > 0]
 
 
 def evidence_of(

@@ -152,7 +152,7 @@ def improve(
     situation : {"auto", "always", "changed"}
         As in `diagnose`; decided once, for all steps.
     max_steps : int
-        Most effects to add; of a robot that changed, beside those that its own logs show.
+        Most effects to add; of a robot that changed, beside those that its own logs show. With 0, nothing is added.
     effects : sequence of str, optional
         Identifiers to try, the whole catalogue by default.
     criteria : DiagnosisCriteria, optional
@@ -192,7 +192,7 @@ def improve(
     model.check([*logs, *valid])
     progress("reading logs")
     situation, found, _ = decided_situation(model, logs, situation, criteria, valid=valid)
-    if situation == "changed" and found is not None:
+    if situation == "changed" and found is not None and max_steps:
         steps = _before_change(model, found, valid, effects, criteria, progress)
         model = steps[-1].model if steps else model
     most = len(steps) + max_steps

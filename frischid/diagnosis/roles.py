@@ -171,7 +171,7 @@ def roles(
         if diagnosis is None or before is model:
             return Roles(tuple(logs), tuple(valid), situation, "")
         always = tuple(always_missing(diagnosis))
-        return Roles(tuple(logs), tuple(valid), situation, _before(always), before=before, always=always)
+        return Roles(tuple(logs), tuple(valid), situation, _note_before_change(always), before=before, always=always)
     others = tuple(log for log in logs if not model.made_from(log))
     tested = {log.identity for log in valid}
     found = own_logs(model, own)
@@ -187,7 +187,7 @@ def roles(
     return Roles(tuple(select), (*others, *valid), situation, note, None if valid else diagnosis)
 
 
-def _before(always: Sequence[Finding]) -> str:
+def _note_before_change(always: Sequence[Finding]) -> str:
     """Note on the effects that the model's own logs show."""
     named = [f"{f.effect} on {listed(f.joints) or 'the robot'}" for f in always]
     named[0] += f" (probability {percent(always[0].probability)})"

@@ -37,13 +37,13 @@ class UnmodelledTerm:
         Position of the joint among the fitted ones.
     words : str
         Name of the term, as the subject of a sentence.
-    elsewhere : bool
+    on_another_joint : bool
         Whether the term explains an error that no finding explains, on another joint than the first finding.
     """
 
     row: int
     words: str
-    elsewhere: bool
+    on_another_joint: bool
 
 
 def unmodelled_term(ranking: Ranking, floor: Array) -> UnmodelledTerm | None:
@@ -77,7 +77,7 @@ def unmodelled_term(ranking: Ranking, floor: Array) -> UnmodelledTerm | None:
     return None
 
 
-def _term_on(validator: CrossValidator, row: int, most: float, elsewhere: bool) -> UnmodelledTerm | None:
+def _term_on(validator: CrossValidator, row: int, most: float, on_another_joint: bool) -> UnmodelledTerm | None:
     """The best term on a joint, if at most some squared NRMSE is left beside the term."""
     term = best_unmodelled(validator, row)
     if term is None or validator.nrmse(term.score.predictive)[row] ** 2 > most:
@@ -85,7 +85,7 @@ def _term_on(validator: CrossValidator, row: int, most: float, elsewhere: bool) 
     words = f"'{expression_of(term)}'"
     if len(term.candidate.signs) > 1:
         words = f"a torque that jumps from sector to sector of q{validator.model.robot.numbers[validator.joints[row]]}"
-    return UnmodelledTerm(row, words, elsewhere)
+    return UnmodelledTerm(row, words, on_another_joint)
 
 
 def best_unmodelled(

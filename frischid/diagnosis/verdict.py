@@ -159,7 +159,7 @@ def notes_on(
         )
     if description is not None and unmodelled is not None:
         where, first = full.joints[unmodelled.row], results.ranking.effects[0].kind.id
-        more, which = ("more error", "main cause") if unmodelled.elsewhere else ("far more", "cause")
+        more, which = ("more error", "main cause") if unmodelled.on_another_joint else ("far more", "cause")
         notes.append(f"on {where} {unmodelled.words} explains {more} than {first} does, so {first} is not the {which}")
     return notes + ([str(description)] if description is not None else [])
 

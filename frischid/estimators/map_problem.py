@@ -13,12 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
+from scipy import linalg, optimize
 
 from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.parameter_prior import ParameterPrior
-from frischid.estimators.signed_least_squares import nearest
 from frischid.regression.moments import Gram
 
 UNDETERMINED = (
@@ -100,7 +99,7 @@ class WeightedRows:
         R, target = self.triangle, self.target
         if (np.abs(np.diag(R)) <= len(R) * np.finfo(float).eps).any():
             raise IdentifiabilityError(UNDETERMINED)
-        return nearest(R, target, self.bounded) * self.scale
+        return _nearest(R, target, self.bounded) * self.scale
 
     def root(self) -> Array:
         """L with ``L Lᵀ = H⁻¹``, (m, m)."""
@@ -147,4 +146,14 @@ def bounded_minimum(H: Array, b: Array, bounded: NDArray[np.bool_]) -> Array:
         L = linalg.cholesky(H * np.outer(scale, scale), lower=True)
     except linalg.LinAlgError as error:
         raise IdentifiabilityError(UNDETERMINED) from error
-    return nearest(L.T, linalg.solve_triangular(L, b * scale, lower=True), bounded) * scale
+    return _nearest(L.T, linalg.solve_triangular(L, b * scale, lower=True), bounded) * scale
+
+
+def _nearest(R: Array, target: Array, bounded: NDArray[np.bool_]) -> Array:
+    """Minimise ‖R x − t‖ with a triangle R over x with x ≥ 0 where `bounded`."""
+    x = linalg.solve_triangular(R, target)
+    if (x[bounded] < 0).any():
+        lower = np.where(bounded, 0.0, -np.inf)
+        x = optimize.lsq_linear(R, target, (lower, np.inf), method="bvls").x
+        x[bounded] = np.maximum(x[bounded], 0.0)
+    return np.asarray(x)

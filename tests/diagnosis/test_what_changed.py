@@ -118,9 +118,7 @@ def test_what_was_always_missing_is_no_part_of_the_change(machine, situation):
     assert [step.effect.id for step in steps][:2] == ["quadratic_viscous", "joint_spring"]
     assert steps[0].measured_on == "cross-validated on the fitted logs"
     assert last.situation == "changed"
-    assert [step.effect.id for step in improve(model, new, situation=situation, max_steps=0)[0]] == [
-        "quadratic_viscous"
-    ]
+    assert not improve(model, new, situation=situation, max_steps=0)[0]
 
 
 @pytest.mark.parametrize("machine", ["clean"], indirect=True)
