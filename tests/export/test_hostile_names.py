@@ -39,10 +39,11 @@ def of_joints(joints):
 def test_names_change_no_code(title, joints, tmp_path):
     plain = physical("planar2")
     model = renamed(plain, title, of_joints(joints))
+    sources = {}
     for suffix in (".c", ".py", ".xml", ".urdf"):
         for built, name in ((plain, "plain"), (model, "renamed")):
             export(built, tmp_path / f"{name}{suffix}")
-    sources = {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()}
+            sources[f"{name}{suffix}"] = (tmp_path / f"{name}{suffix}").read_text(encoding="utf-8")
     assert python_skeleton(sources["renamed.py"]) == python_skeleton(sources["plain.py"])
     assert tuple(joints) == module(tmp_path / "renamed.py").JOINTS
     balanced(sources["renamed.c"])
