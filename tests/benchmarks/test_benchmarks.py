@@ -9,8 +9,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 SCRIPTS = sorted(
     path.name
@@ -42,11 +40,30 @@ def test_scripts_are_found() -> None:
     assert {"bbrf.py", "estimators.py", "regressor.py"} <= set(SCRIPTS)
 
 
-@pytest.mark.parametrize("script", SCRIPTS)
-def test_help(script: str) -> None:
-    result = run(script, "--help")
+def test_every_script_starts() -> None:
+    """In one process: each script would import the same libraries again."""
+    code = (
+        "import contextlib, io, json, runpy, sys\n"
+        "shown = {}\n"
+        "for script in sys.argv[1:]:\n"
+        "    sys.argv, text = [script, '--help'], io.StringIO()\n"
+        "    try:\n"
+        "        with contextlib.redirect_stdout(text):\n"
+        "            runpy.run_path(script, run_name='__main__')\n"
+        "    except SystemExit as end:\n"
+        "        shown[script] = (end.code, text.getvalue())\n"
+        "print(json.dumps(shown))\n"
+    )
+    paths = [str(FOLDER / script) for script in SCRIPTS]
+    environment = os.environ | {"PYTHONPATH": str(FOLDER), "PYTHONWARNINGS": "error", "MPLBACKEND": "agg"}
+    command = [sys.executable, "-c", code, *paths]
+    result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=900)
     assert result.returncode == 0, result.stderr
-    assert "--json" in result.stdout
+    shown = json.loads(result.stdout.splitlines()[-1])
+    assert list(shown) == paths
+    for script, (code_at_end, text) in shown.items():
+        assert code_at_end in (0, None), script
+        assert "--json" in text, script
 
 
 def test_bbrf_is_the_published_recursion_and_faster(tmp_path: Path) -> None:
