@@ -1,9 +1,9 @@
 # The public names of frischid, once: read by type checkers, by editors, and by lazy_loader when a name is first used.
 from .core.progress import progress_bar as progress_bar
 from .core.version import __version__ as __version__
+from .diagnosis.addition import add as add
 from .diagnosis.diagnosis import Diagnosis as Diagnosis
 from .diagnosis.diagnosis import diagnose as diagnose
-from .diagnosis.improvement import add as add
 from .diagnosis.improvement import improve as improve
 from .diagnosis.motion_space import MotionDiagnosis as MotionDiagnosis
 from .diagnosis.motion_space import simulate_findings as simulate_findings

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
-from frischid.diagnosis.improvement import add
+from frischid.diagnosis.addition import add
 from frischid.model.headline import headline_of
 from frischid.reports.study import study
 

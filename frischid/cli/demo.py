@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from frischid.core.types import Array
+from frischid.diagnosis.addition import add
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
-from frischid.diagnosis.improvement import add
 from frischid.diagnosis.step import Step
 from frischid.effects import BASELINE, parse_effects
 from frischid.logs.log import Log

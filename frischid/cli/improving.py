@@ -106,7 +106,7 @@ def add(
     fitted to are read again. The output says what the new model can be exported to.
     """
     from frischid.cli.pages import improving as show
-    from frischid.diagnosis.improvement import add as run
+    from frischid.diagnosis.addition import add as run
     from frischid.diagnosis.shape_choice import searched
     from frischid.effects import parse_effects
 
@@ -182,7 +182,7 @@ def improve(
 def history(model: str, undo: bool, output: str | None, as_json: bool) -> None:
     """List the steps of a model, or take the last one back."""
     from frischid.cli.pages import improving as show
-    from frischid.diagnosis.improvement import undo as run
+    from frischid.diagnosis.addition import undo as run
 
     loaded = model_of(model)
     if undo:

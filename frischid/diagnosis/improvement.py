@@ -1,11 +1,11 @@
-"""Better models, step by step: add an effect, refit, and keep the history.
+"""Better models, step by step: diagnose, add an effect, refit, and diagnose again.
 
-Every step is a model of its own,
+The search is greedy forward selection over models with more and more effects e,
 
     τ = Y θ + Σ_{e added so far} C_e θ_e,
 
-refitted as a whole. It keeps the error before and after, and the finding that proposed the effect, and can be undone.
-The search is greedy forward selection: after each addition the residual is diagnosed again.
+where each step (`frischid.diagnosis.addition`) stays only if it does no harm. After each addition the residual is
+diagnosed again.
 
 The logs given fit the parameters and select the effects, by cross-validation. Logs given as ``valid`` only test: their
 error is stated after everything is decided.
@@ -17,99 +17,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
+from frischid.diagnosis.addition import fitted_step, tested
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
-from frischid.diagnosis.refit import check_formulas, fitted_error, known_error, refitted
 from frischid.diagnosis.roles import always_missing, decided_situation, logs_before_change
-from frischid.diagnosis.situation import Situation, SituationOption
+from frischid.diagnosis.situation import SituationOption
 from frischid.diagnosis.step import Refusal, Step
 from frischid.diagnosis.step_acceptance import RISES_AT_STANDSTILL, reason_against, reason_against_refit
-from frischid.effects import EFFECTS, Effect, check_effects, columns_of
+from frischid.effects import EFFECTS, Effect
 from frischid.errors import InputError
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
 from frischid.logs.recording import Recording, check_logs
-from frischid.model.comparison import compare
-from frischid.model.headline import Headline, headline
-from frischid.model.log_requirements import check_effects_act
+from frischid.model.headline import headline
 from frischid.model.model import Model
-from frischid.model.own_logs import fitted_entry, log_entry
-
-
-def add(
-    model: Model,
-    effects: Sequence[Effect],
-    logs: Logs,
-    *,
-    valid: Logs = (),
-    situation: SituationOption = "always",
-    finding: Finding | None = None,
-    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
-    mapping: MappingLike = None,
-    progress: Callable[[str], None] = lambda _: None,
-) -> Step:
-    """Add effects to a model and refit it.
-
-    Parameters
-    ----------
-    model : Model
-    effects : sequence of Effect
-        Effects to add.
-    logs : sequence of Log, Recording or data frame, or one data frame
-        Data to fit; the error is cross-validated on them.
-    valid : sequence of Log, Recording or data frame, or one data frame
-        Test logs: their error is stated, and nothing else uses them.
-    situation : {"auto", "always", "changed"}
-        ``"auto"`` is decided as by `diagnose`. ``"always"``: all parameters are fitted again. ``"changed"``: the
-        model's own parameters are kept as a prior, so that the change ends up in the effect.
-    finding : Finding, optional
-        The finding that proposed the effects, for the model's history.
-    criteria : DiagnosisCriteria, optional
-        Thresholds that decide the situation.
-    mapping : LogMap, mapping or path of a TOML file, optional
-        Names and units of the columns of data frames.
-    progress : callable, optional
-        Called with a short text before each stage.
-
-    Returns
-    -------
-    Step
-
-    Raises
-    ------
-    InputError
-        A log is given both to fit and to test, or lacks a joint or its torque, or two effects have the same columns.
-
-    Examples
-    --------
-    >>> import frischid as fr
-    >>> robot, spring = fr.Robot.load("planar2"), fr.parse_effects("joint_spring@joint2")
-    >>> log = fr.simulate(robot, fr.random_fourier(robot, 8, seed=1), rate=50, effects=(*fr.BASELINE, *spring),
-    ...                   parameters={"ks2": 1.5}, noise=fr.Noise(q=1e-5, tau=0.01))
-    >>> model = fr.identify(robot, [log], recursion="none").model
-    >>> step = fr.add(model, spring, [log])
-    >>> step.error_after < 0.2 * step.error_before
-    True
-    >>> step.measured_on
-    'cross-validated on the fitted logs'
-    """
-    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
-    check_logs(logs, valid)
-    model.check([*logs, *valid])
-    check_effects(effects)
-    check_effects_act(model.robot, model.joints, effects)
-    check_formulas(model, effects)
-    if situation == "auto":
-        progress("what changed since the model was identified (1 of 3)")
-        situation = decided_situation(model, logs, criteria=criteria, valid=valid).situation
-    progress("fitting with the effect (2 of 3)")
-    step = _step(model, effects, logs, situation, finding, criteria)
-    progress("the error before and after (3 of 3)")
-    return _tested(model, step, valid)
 
 
 def improve(
@@ -211,7 +135,7 @@ def improve(
             if valid:
                 diagnosis = replace(diagnosis, headline=headline(model, valid))
             return steps, replace(diagnosis, notes=(*diagnosis.notes, *notes))
-        steps.append(_tested(model, step, valid))
+        steps.append(tested(model, step, valid))
         model = steps[-1].model
 
 
@@ -279,7 +203,7 @@ def _step_with(
     reason = reason_against(diagnosis.validator, members)
     if reason:
         return None, reason
-    step = _step(model, members, logs, diagnosis.situation, finding, diagnosis.criteria)
+    step = fitted_step(model, members, logs, diagnosis.situation, finding, diagnosis.criteria)
     reason = "the error of the model does not fall after the refit" if step.error_after >= step.error_before else ""
     reason = reason or reason_against_refit(model, step.model, members, logs, diagnosis.criteria)
     return (None, reason) if reason else (step, "")
@@ -295,69 +219,3 @@ def _harmless_shape(
     grids = [[x for x in effect.variants(effect.joints) if x.searched] for effect in finding.members if effect.searched]
     tried = (_step_with(model, diagnosis, finding, members, logs)[0] for members in zip(*grids, strict=False))
     return min((step for step in tried if step is not None), key=lambda step: step.error_after or 0.0, default=None)
-
-
-def _step(
-    model: Model,
-    effects: Sequence[Effect],
-    logs: Sequence[Log | Recording],
-    situation: Situation,
-    finding: Finding | None,
-    criteria: DiagnosisCriteria,
-) -> Step:
-    """Refit with some effects, and measure the error before and after on the logs that select."""
-    together = (*model.effects, *effects)
-    columns_of(model.robot, together)  # refuses two effects with the same columns before any work
-    new = refitted(model, together, logs, situation, criteria)
-    if situation == "changed":
-        before, after = (compare(m, logs).nrmse for m in (model, new))
-        measured_on = "on the fitted logs, with the models before and after the step"
-    else:
-        known, after = known_error(model, logs), fitted_error(new)
-        before = fitted_error(refitted(model, model.effects, logs, situation, criteria)) if known is None else known
-        measured_on = "cross-validated on the fitted logs"
-    event: dict[str, Any] = {
-        "action": "add",
-        "effects": [str(e) for e in effects],
-        "situation": situation,
-        "error_before": before,
-        "measured_on": measured_on,
-        "sentence": "" if finding is None else finding.sentence,
-        "logs": [fitted_entry(log) for log in logs],
-    }
-    own = {k: v for k, v in new.history[-1].items() if k == "cross_validated"}
-    # A cross-validated error is the error after the step, unless the models were compared in another way.
-    event |= own if own and situation != "changed" else {"error_after": after, **own}
-    new = replace(new, history=(*model.history, event), previous=model)
-    return Step(new, effects[0], before, after, measured_on, finding)
-
-
-def _tested(before: Model, step: Step, valid: Sequence[Log | Recording]) -> Step:
-    """The step with its error on the test logs, also in the model's history."""
-    if not valid:
-        return step
-    tests = [Headline.of(compare(m, valid), "test") for m in (before, step.model)]
-    errors = [test.nrmse for test in tests]
-    *earlier, event = step.model.history
-    event = {
-        **event,
-        "test_before": errors[0],
-        "test": tests[1].to_dict(),
-        "test_logs": [log_entry(log) for log in valid],
-    }
-    model = replace(step.model, history=(*earlier, event))
-    return replace(step, model=model, test_before=errors[0], test_after=errors[1])
-
-
-def instances(finding: Finding) -> tuple[Effect, ...]:
-    """The effects of a finding, one for every joint, each with its own shape."""
-    if not finding.members:
-        raise InputError(f"finding '{finding.effect}' cannot be added: it names no effect of the catalogue")
-    return finding.members
-
-
-def undo(model: Model) -> Model:
-    """Return the model before its last step."""
-    if model.previous is None:
-        raise InputError("there is no step to undo: no effect was added to this model since it was identified")
-    return model.previous

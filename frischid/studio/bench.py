@@ -184,7 +184,7 @@ class Bench:
         InputError
             Another job runs, the revision is not the present one, or the effects cannot be added.
         """
-        from frischid.diagnosis.improvement import add
+        from frischid.diagnosis.addition import add
 
         with self._job(f"refitting with {', '.join(dict.fromkeys(e.id for e in effects))}", revision) as now:
             situation = now.diagnosis.situation if now.diagnosis is not None else "auto"
@@ -201,7 +201,7 @@ class Bench:
 
     def undo(self, revision: int) -> State:
         """Take the last step back; if the step was done on this bench, the state before comes back at once."""
-        from frischid.diagnosis.improvement import undo
+        from frischid.diagnosis.addition import undo
 
         with self._job("taking the last step back", revision) as now:
             earlier = undo(now.model)

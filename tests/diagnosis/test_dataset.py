@@ -9,12 +9,12 @@ import pytest
 
 import frischid.core.array_store
 from frischid.core.array_store import Series, Store
+from frischid.diagnosis.addition import add
 from frischid.diagnosis.block_test import block_gains
 from frischid.diagnosis.candidate_fits import candidate_fits
 from frischid.diagnosis.change_prior import weak_urdf_prior
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import diagnose
-from frischid.diagnosis.improvement import add
 from frischid.diagnosis.residual_variables import thinned, variables
 from frischid.effects import BASELINE, EFFECTS, parse_effects
 from frischid.logs.recording import Recording

@@ -12,13 +12,14 @@ from click.testing import CliRunner
 from frischid.cli import main
 from frischid.cli.pages.improving import verdict_of
 from frischid.core.text import listed
+from frischid.diagnosis.addition import add, undo
 from frischid.diagnosis.clause import missing
 from frischid.diagnosis.contacts import _stands_out
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
-from frischid.diagnosis.improvement import add, improve, undo
+from frischid.diagnosis.improvement import improve
 from frischid.diagnosis.shape_choice import searched
 from frischid.diagnosis.verdict import not_called_missing
 from frischid.effects import BASELINE, parse_effects

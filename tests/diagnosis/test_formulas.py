@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 from cases import MIXED, made
 
-from frischid.diagnosis.improvement import add
+from frischid.diagnosis.addition import add
 from frischid.diagnosis.residual_formula import Description, library
 from frischid.diagnosis.situation import cross_validator
 from frischid.effects import Formula, parse_effects

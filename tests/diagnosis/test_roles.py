@@ -10,9 +10,10 @@ import pytest
 from click.testing import CliRunner
 
 from frischid.cli import main
+from frischid.diagnosis.addition import add
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.diagnosis import diagnose
-from frischid.diagnosis.improvement import add, improve
+from frischid.diagnosis.improvement import improve
 from frischid.diagnosis.step_acceptance import impossible_coefficients, reason_against, worse_joints
 from frischid.effects import BASELINE, parse_effects
 from frischid.logs.log import Log

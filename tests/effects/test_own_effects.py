@@ -13,8 +13,9 @@ from cases import robot
 from click.testing import CliRunner
 
 from frischid.cli import main
+from frischid.diagnosis.addition import add
 from frischid.diagnosis.diagnosis import diagnose
-from frischid.diagnosis.improvement import add, improve
+from frischid.diagnosis.improvement import improve
 from frischid.effects import BASELINE, EFFECTS, Effect, columns_of, effect_from_dict, parse_effects
 from frischid.effects.catalogue import GROUP, Catalogue
 from frischid.errors import InputError, UnknownNameError

@@ -138,7 +138,7 @@ def test_quality_sees_the_noise_that_was_put_in(case):
 
 
 def test_effects_are_named_in_the_staircase(case):
-    from frischid.diagnosis.improvement import add
+    from frischid.diagnosis.addition import add
 
     model, logs, *_ = case
     step = add(model, parse_effects("joint_spring@joint2"), logs[:1], valid=logs[1:])

@@ -8,7 +8,7 @@ from browser import needs_browser, opened
 from click.testing import CliRunner
 
 from frischid.cli import main
-from frischid.diagnosis.improvement import add
+from frischid.diagnosis.addition import add
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.logs.readers import write_log

@@ -15,11 +15,12 @@ from jinja2 import UndefinedError
 
 from frischid import figures
 from frischid.diagnosis import improvement
+from frischid.diagnosis.addition import add
 from frischid.diagnosis.clause import missing
 from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.effect_curves import correlation_ratio, shape_of
-from frischid.diagnosis.improvement import add, improve
+from frischid.diagnosis.improvement import improve
 from frischid.diagnosis.model_notes import TOUCHED
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError

@@ -21,7 +21,7 @@ from output_schemas import fits
 from replacing import instead_of_diagnose
 
 from frischid.cli import main
-from frischid.diagnosis import diagnosis, improvement
+from frischid.diagnosis import addition, diagnosis
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import InputError
 from frischid.logs.filters import LowPass
@@ -173,7 +173,7 @@ def test_a_failure_leaves_everything_as_it_was(bench, monkeypatch):
     def broken(*_, **__):
         raise RuntimeError("out of luck")
 
-    monkeypatch.setattr(improvement, "add", broken)
+    monkeypatch.setattr(addition, "add", broken)
     with pytest.raises(RuntimeError, match="out of luck"):
         bench.add(SPRING, 0)
     assert bench.state is before
@@ -183,14 +183,14 @@ def test_a_failure_leaves_everything_as_it_was(bench, monkeypatch):
 
 
 def test_two_at_once_do_not_corrupt(bench, monkeypatch):
-    entered, leave, real = threading.Event(), threading.Event(), improvement.add
+    entered, leave, real = threading.Event(), threading.Event(), addition.add
 
     def slow(*args, **options):
         entered.set()
         leave.wait(300)
         return real(*args, **options)
 
-    monkeypatch.setattr(improvement, "add", slow)
+    monkeypatch.setattr(addition, "add", slow)
     first = threading.Thread(target=lambda: bench.add(SPRING, 0))
     first.start()
     assert entered.wait(300)

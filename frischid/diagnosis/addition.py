@@ -1,0 +1,201 @@
+"""One step from a model to a better one: add effects, fit again, measure the error before and after; or take it back.
+
+The model with the effects e is
+
+    τ = Y θ + Σ_e C_e θ_e,
+
+and is refitted as a whole. It keeps in its history the error before and after, the finding that proposed the effect,
+and the model before.
+
+The logs given fit the parameters. Logs given as ``valid`` only test: their error is stated, and decides nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
+from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.refit import check_formulas, fitted_error, known_error, refitted
+from frischid.diagnosis.roles import decided_situation
+from frischid.diagnosis.situation import Situation, SituationOption
+from frischid.diagnosis.step import Step
+from frischid.effects import Effect, check_effects, columns_of
+from frischid.errors import InputError
+from frischid.logs.given import Logs, as_logs
+from frischid.logs.log import Log
+from frischid.logs.mapping import MappingLike
+from frischid.logs.recording import Recording, check_logs
+from frischid.model.comparison import compare
+from frischid.model.headline import Headline
+from frischid.model.log_requirements import check_effects_act
+from frischid.model.model import Model
+from frischid.model.own_logs import fitted_entry, log_entry
+
+
+def add(
+    model: Model,
+    effects: Sequence[Effect],
+    logs: Logs,
+    *,
+    valid: Logs = (),
+    situation: SituationOption = "always",
+    finding: Finding | None = None,
+    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
+    mapping: MappingLike = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Step:
+    """Add effects to a model and refit it.
+
+    Parameters
+    ----------
+    model : Model
+    effects : sequence of Effect
+        Effects to add.
+    logs : sequence of Log, Recording or data frame, or one data frame
+        Data to fit; the error is cross-validated on them.
+    valid : sequence of Log, Recording or data frame, or one data frame
+        Test logs: their error is stated, and nothing else uses them.
+    situation : {"auto", "always", "changed"}
+        ``"auto"`` is decided as by `diagnose`. ``"always"``: all parameters are fitted again. ``"changed"``: the
+        model's own parameters are kept as a prior, so that the change ends up in the effect.
+    finding : Finding, optional
+        The finding that proposed the effects, for the model's history.
+    criteria : DiagnosisCriteria, optional
+        Thresholds that decide the situation.
+    mapping : LogMap, mapping or path of a TOML file, optional
+        Names and units of the columns of data frames.
+    progress : callable, optional
+        Called with a short text before each stage.
+
+    Returns
+    -------
+    Step
+
+    Raises
+    ------
+    InputError
+        A log is given both to fit and to test, or lacks a joint or its torque, or two effects have the same columns.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> robot, spring = fr.Robot.load("planar2"), fr.parse_effects("joint_spring@joint2")
+    >>> log = fr.simulate(robot, fr.random_fourier(robot, 8, seed=1), rate=50, effects=(*fr.BASELINE, *spring),
+    ...                   parameters={"ks2": 1.5}, noise=fr.Noise(q=1e-5, tau=0.01))
+    >>> model = fr.identify(robot, [log], recursion="none").model
+    >>> step = fr.add(model, spring, [log])
+    >>> step.error_after < 0.2 * step.error_before
+    True
+    >>> step.measured_on
+    'cross-validated on the fitted logs'
+    """
+    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
+    check_logs(logs, valid)
+    model.check([*logs, *valid])
+    check_effects(effects)
+    check_effects_act(model.robot, model.joints, effects)
+    check_formulas(model, effects)
+    if situation == "auto":
+        progress("what changed since the model was identified (1 of 3)")
+        situation = decided_situation(model, logs, criteria=criteria, valid=valid).situation
+    progress("fitting with the effect (2 of 3)")
+    step = fitted_step(model, effects, logs, situation, finding, criteria)
+    progress("the error before and after (3 of 3)")
+    return tested(model, step, valid)
+
+
+def undo(model: Model) -> Model:
+    """Return the model before its last step."""
+    if model.previous is None:
+        raise InputError("there is no step to undo: no effect was added to this model since it was identified")
+    return model.previous
+
+
+def fitted_step(
+    model: Model,
+    effects: Sequence[Effect],
+    logs: Sequence[Log | Recording],
+    situation: Situation,
+    finding: Finding | None,
+    criteria: DiagnosisCriteria,
+) -> Step:
+    """Refit with some effects, and measure the error before and after on the logs that select.
+
+    Parameters
+    ----------
+    model : Model
+    effects : sequence of Effect
+        Effects to add.
+    logs : sequence of Log or Recording
+        The logs that fit.
+    situation : {"always", "changed"}
+    finding : Finding, optional
+        The finding that proposed the effects.
+    criteria : DiagnosisCriteria
+
+    Returns
+    -------
+    Step
+
+    Raises
+    ------
+    InputError
+        Two effects have the same columns.
+    """
+    together = (*model.effects, *effects)
+    columns_of(model.robot, together)  # refuses two effects with the same columns before any work
+    new = refitted(model, together, logs, situation, criteria)
+    if situation == "changed":
+        before, after = (compare(m, logs).nrmse for m in (model, new))
+        measured_on = "on the fitted logs, with the models before and after the step"
+    else:
+        known, after = known_error(model, logs), fitted_error(new)
+        before = fitted_error(refitted(model, model.effects, logs, situation, criteria)) if known is None else known
+        measured_on = "cross-validated on the fitted logs"
+    event: dict[str, Any] = {
+        "action": "add",
+        "effects": [str(e) for e in effects],
+        "situation": situation,
+        "error_before": before,
+        "measured_on": measured_on,
+        "sentence": "" if finding is None else finding.sentence,
+        "logs": [fitted_entry(log) for log in logs],
+    }
+    own = {k: v for k, v in new.history[-1].items() if k == "cross_validated"}
+    # A cross-validated error is the error after the step, unless the models were compared in another way.
+    event |= own if own and situation != "changed" else {"error_after": after, **own}
+    new = replace(new, history=(*model.history, event), previous=model)
+    return Step(new, effects[0], before, after, measured_on, finding)
+
+
+def tested(before: Model, step: Step, valid: Sequence[Log | Recording]) -> Step:
+    """The step with its error on the test logs, also in the model's history.
+
+    Parameters
+    ----------
+    before : Model
+        The model before the step.
+    step : Step
+    valid : sequence of Log or Recording
+        Test logs; without any, the step is returned as given.
+
+    Returns
+    -------
+    Step
+    """
+    if not valid:
+        return step
+    tests = [Headline.of(compare(m, valid), "test") for m in (before, step.model)]
+    errors = [test.nrmse for test in tests]
+    *earlier, event = step.model.history
+    event = {
+        **event,
+        "test_before": errors[0],
+        "test": tests[1].to_dict(),
+        "test_logs": [log_entry(log) for log in valid],
+    }
+    model = replace(step.model, history=(*earlier, event))
+    return replace(step, model=model, test_before=errors[0], test_after=errors[1])
