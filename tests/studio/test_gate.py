@@ -47,7 +47,7 @@ def shaken(address, **headers):
 def fetched(address, headers):
     """Status and text of an HTTP request; the header Host is ours to choose."""
     url = urlsplit(address)
-    with closing(http.client.HTTPConnection("127.0.0.1", url.port, timeout=20)) as connection:
+    with closing(http.client.HTTPConnection("127.0.0.1", url.port, timeout=300)) as connection:
         connection.putrequest("GET", url.path, skip_host=True)
         for name, value in headers:
             connection.putheader(name, value)
