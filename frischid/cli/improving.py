@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import click
@@ -118,7 +119,8 @@ def add(
         progress("refitting")
         data = opened_or_own(logs, loaded, mapping, progress)
         test = opened(valid, loaded.robot, mapping, progress)
-        chosen = parse_effects(effect if names is None else f"{effect}@{'+'.join(names)}", complete=True)
+        chosen = parse_effects(effect, complete=True)
+        chosen = chosen if names is None else tuple(replace(one, joints=tuple(names)) for one in chosen)
         chosen = searched(loaded, chosen, effect, data, situation)
         step = run(loaded, chosen, data, valid=test, situation=situation, progress=progress)
     step.model.save(output)

@@ -68,10 +68,27 @@ def parse_effects(text: str, *, complete: bool = False) -> tuple[Effect, ...]:
     >>> coulomb.width, coulomb.joints
     (0.02, ('elbow',))
     """
-    effects = [_parse_one(item, complete) for item in _split(text, ",") if item.strip()]
+    effects = [_parse_one(item, complete) for item in _items(text)]
     if len({(e.id, e.joints, str(e) if e.several else "") for e in effects}) < len(effects):
         raise InputError(f"effects '{text}': the same effect is named twice for the same joints")
     return tuple(effects)
+
+
+def states_shape(text: str) -> list[bool]:
+    """For each effect of a text that `parse_effects` reads: whether it is written with parentheses.
+
+    Examples
+    --------
+    >>> from frischid.effects.notation import states_shape
+    >>> states_shape("cogging@wrist, stribeck(0.1)@elbow")
+    [False, True]
+    """
+    return ["(" in _split(item, "@")[0] for item in _items(text)]
+
+
+def _items(text: str) -> list[str]:
+    """The text of each effect."""
+    return [item for item in _split(text, ",") if item.strip()]
 
 
 def _kind(name: str) -> type[Effect]:
