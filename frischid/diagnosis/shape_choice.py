@@ -73,14 +73,15 @@ def searched(
 
 
 def _alternatives(effect: Effect, model: Model) -> list[list[Effect]]:
-    """For each place that a diagnosis tries for an effect, the shapes and forms that it tries there.
+    """For each place that a diagnosis tries for an effect, all that it tries there: shapes, forms, ratios.
 
     An effect without joints has one place where it has one parameter for the whole robot, as a delay of all joints.
     """
-    kind = type(effect)
-    tried = [list[Effect](shapes) for shapes in kind.candidates(model.robot) if shapes]
-    whole = [shapes for shapes in tried if shapes[0].joints is None]
-    if effect.joints is None and whole:
-        return whole
-    names = effect.joints or model.joints
-    return [shapes for n in names for shapes in tried if shapes[0].joints == (n,)] or [[*kind.variants(effect.joints)]]
+    kind, places = type(effect), dict[tuple[str, ...] | None, list[Effect]]()
+    for tried in (x for shapes in kind.candidates(model.robot) for x in shapes):
+        places.setdefault(tried.joints, []).append(tried)
+    if effect.joints is None and None in places:
+        return [places[None]]
+    names = {n for _, n, _ in effect.acts_on(model.robot) if effect.joints is not None or n in model.joints}
+    found = [shapes for joints, shapes in places.items() if joints is not None and names.issuperset(joints)]
+    return found or [[*kind.variants(effect.joints)]]

@@ -86,6 +86,21 @@ def states_shape(text: str) -> list[bool]:
     return ["(" in _split(item, "@")[0] for item in _items(text)]
 
 
+def stated_choices(effect: Effect) -> dict[str, float | bool | str]:
+    """Parameters of an effect that are not its class's usual ones, besides searched shapes and the friction smoothing.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> from frischid.effects.notation import stated_choices
+    >>> stated_choices(*fr.parse_effects("joint_coupling(ratio=-1)@wrist_2+wrist_3"))
+    {'ratio': -1.0}
+    """
+    usual, known = type(effect)().parameters, {*effect.searched, *effect.internal}
+    known |= {"width"} if effect.smooths_sign else set()
+    return {k: x for k, x in effect.parameters.items() if k not in known and x != usual[k]}
+
+
 def _items(text: str) -> list[str]:
     """The text of each effect."""
     return [item for item in _split(text, ",") if item.strip()]

@@ -43,6 +43,24 @@ def test_a_spring_has_the_form_that_the_diagnosis_finds(form, values):
     assert first.members[0].form == form
 
 
+@pytest.mark.parametrize("ratio", [1.0, -1.0])
+def test_a_coupling_has_the_ratio_that_the_diagnosis_finds_and_prints(ratio):
+    text, values = "joint_coupling@joint1+joint2", {"fvm1_2": 0.5, "fcm1_2": 0.4}
+    model, logs = case(text.replace("@", f"(ratio={ratio})@"), **values)
+    first = fr.diagnose(model, logs, effects=["joint_coupling"]).findings[0]
+    assert first.members[0].ratio == ratio
+    assert searched(model, fr.parse_effects(text), text, logs, "auto") == first.members
+    assert fr.parse_effects(*first.to_dict()["members"]) == first.members
+    assert [x for name, x, _ in first.found(PLANAR2) if name == "ratio"] == ([-1.0] if ratio < 0 else [])
+
+
+def test_a_payload_without_a_joint_stays_on_the_last_link():
+    model, logs = case("payload(full=True)", dm2=0.5, dIzz2=0.05)
+    for text in ("payload", "payload@joint2"):
+        (found,) = searched(model, fr.parse_effects(text), text, logs, "always")
+        assert [name for _, name, _ in found.acts_on(PLANAR2)] == ["joint2"]
+
+
 def test_a_delay_without_joints_is_one_delay():
     model, logs = case("time_delay(size=0.02)", delay=0.02)
     (found,) = searched(model, fr.parse_effects("time_delay"), "time_delay", logs, "auto")
