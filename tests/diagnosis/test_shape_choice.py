@@ -77,6 +77,23 @@ def test_parentheses_of_one_effect_say_nothing_of_another():
         assert found["stribeck"].speed == 0.2
 
 
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [("payload", "--situation changed"), ("counterbalance", "frischid add"), ("command_delay", "lack the channels")],
+)
+def test_an_effect_that_cannot_be_tried_is_named(name, why):
+    """Else a verdict on nothing reads like one on the effect that the user named."""
+    model, logs = case("joint_spring@joint2", ks2=1.5)
+    (said,) = [note for note in fr.diagnose(model, logs, effects=[name]).notes if note.startswith("not tried: ")]
+    assert name in said
+    assert why in said
+
+
+def test_an_effect_that_is_tried_has_no_such_note():
+    model, logs = case("joint_spring@joint2", ks2=1.5)
+    assert not any("not tried" in note for note in fr.diagnose(model, logs, effects=["joint_spring"]).notes)
+
+
 def test_the_option_of_joints_is_for_every_effect_that_is_named(tmp_path):
     model, logs = case("quadratic_viscous@joint2", fvv2=0.1)
     model.save(tmp_path / "model.json")
