@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import click
@@ -107,8 +108,10 @@ def add(
     """
     from frischid.cli.pages import improving as show
     from frischid.diagnosis.addition import add as run
+    from frischid.diagnosis.roles import decided_situation
     from frischid.diagnosis.shape_choice import searched
     from frischid.effects import parse_effects
+    from frischid.effects.notation import states_shape
 
     if joints is not None and "@" in effect:
         raise InputError(f"'{effect}' names its joints, and so does --joints {joints}; name them only once")
@@ -118,7 +121,10 @@ def add(
         progress("refitting")
         data = opened_or_own(logs, loaded, mapping, progress)
         test = opened(valid, loaded.robot, mapping, progress)
-        chosen = parse_effects(effect if names is None else f"{effect}@{'+'.join(names)}", complete=True)
+        chosen = parse_effects(effect, complete=True)
+        chosen = chosen if names is None else tuple(replace(one, joints=tuple(names)) for one in chosen)
+        if situation == "auto" and not all(states_shape(effect)):  # shapes are searched as they are fitted
+            situation = decided_situation(loaded, data, valid=test).situation
         chosen = searched(loaded, chosen, effect, data, situation)
         step = run(loaded, chosen, data, valid=test, situation=situation, progress=progress)
     step.model.save(output)

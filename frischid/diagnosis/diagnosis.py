@@ -32,7 +32,7 @@ from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.findings import Finding, refit_finding
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
-from frischid.diagnosis.model_notes import delay_in, touch_in
+from frischid.diagnosis.model_notes import delay_in, touch_in, untried
 from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import Description, describe
 from frischid.diagnosis.rivals import suspected
@@ -282,6 +282,7 @@ def diagnose(
     still = standstill_note([name for name in model.joints if name not in judged])
     said = [still, *said_of(model, logs), *(part.said for part in parts)]
     said += [delay_in(model), touch_in(model, logs, found.contacts)]
+    said += untried(model, effects or (), state, validator.data.cache.channels)
     return replace(found, notes=(*found.notes, *filter(None, said)))
 
 

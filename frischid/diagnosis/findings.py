@@ -29,6 +29,7 @@ from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.healthy_twin import HealthyTwin
 from frischid.diagnosis.reversal_residuals import only_at_reversals
 from frischid.effects import EFFECTS, Effect
+from frischid.effects.notation import stated_choices
 from frischid.robot.robot import Robot
 
 OLD_PARAMETERS = "old_parameters"
@@ -212,18 +213,20 @@ class Finding:
         change = round(100 * (self.error_after / self.error_before - 1))
         return f"{change:+d} %" if change else "0 %"
 
-    def found(self, robot: Robot) -> list[tuple[str, float, str]]:
+    def found(self, robot: Robot) -> list[tuple[str, float | str, str]]:
         """Name, value and unit of each of `parameters` (unit empty for a pure number), coefficients first.
 
-        A shape at the end of the values that are tried may be smaller, or larger, in truth: the unit says so.
+        A form, a ratio or another choice that is not the usual one is among them. A shape at the end of the values that
+        are tried may be smaller, or larger, in truth: the unit says so.
         """
-        values = [
+        values: list[tuple[str, float | str, str]] = [
             (c.name, self.parameters[c.name], "" if c.unit == "1" else c.unit)
             for member in self.members
             for c in member.columns(robot)
         ]
         for member in self.members:
             where = f" of {listed(member.joints or ('the robot',))}" if len(self.members) > 1 else ""
+            values += [(f"{k}{where}", x, member.unit(k, robot)) for k, x in stated_choices(member).items()]
             shape = {k: x for k, x in _shape(member).items() if k not in member.internal}
             values += [
                 (f"{k}{where}", x, f"{member.unit(k, robot)}{_edge(member, k, x)}".strip()) for k, x in shape.items()
@@ -238,7 +241,8 @@ class Finding:
         """
         values = {k: v for k, v in vars(self).items() if k not in {"members", "criteria", "p_value", "set_aside"}}
         lists = {k: list(values[k]) for k in ("joints", "confused_with", "elsewhere")}
-        return values | lists | {"significant": self.significant, "withheld": self.withheld}
+        members = [str(effect) for effect in self.members]
+        return values | lists | {"members": members, "significant": self.significant, "withheld": self.withheld}
 
 
 def _edge(effect: Effect, key: str, value: float) -> str:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
+from frischid.core.text import listed
 from frischid.diagnosis.contacts import Contact
+from frischid.diagnosis.situation import Situation
+from frischid.effects import EFFECTS
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
@@ -26,6 +29,35 @@ def touch_in(model: Model, logs: Sequence[Log | Recording], contacts: Sequence[C
     """A note that the model was fitted to logs with contacts; empty where it was not."""
     touched = {contact.source for contact in contacts}
     return TOUCHED if any(log.source in touched and model.made_from(log) for log in logs) else ""
+
+
+def untried(model: Model, effects: Sequence[str], situation: Situation, channels: Collection[str]) -> list[str]:
+    """Notes on effects that a user wants to be tried, and that this diagnosis cannot try: one for each reason.
+
+    Parameters
+    ----------
+    model : Model
+    effects : sequence of str
+        Identifiers.
+    situation : {"always", "changed"}
+    channels : collection of str
+        Further channels that every log has.
+    """
+    changes, never, blind = list[str](), list[str](), list[str]()
+    for name in dict.fromkeys(effects):
+        candidates = [effect for shapes in EFFECTS[name].candidates(model.robot) for effect in shapes]
+        if EFFECTS[name].change and situation == "always":
+            changes.append(name)
+        elif not candidates:
+            never.append(name)
+        elif not any(set(channels).issuperset(effect.channels(model.robot)) for effect in candidates):
+            blind.append(name)
+    reasons = (
+        (changes, "such an effect comes later, and the robot is assumed not to have changed (--situation changed)"),
+        (never, "no diagnosis tries such an effect; frischid add adds it"),
+        (blind, "the logs lack the channels that such an effect needs"),
+    )
+    return [f"not tried: {listed(names)}, because {why}" for names, why in reasons if names]
 
 
 def longest_untouched(log: Log, contacts: Sequence[Contact]) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from frischid.diagnosis.scored_candidate import scored, usable_candidates, with_
 from frischid.diagnosis.shape_refinement import refined
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
 from frischid.effects import Effect
+from frischid.effects.notation import states_shape
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
@@ -34,7 +35,7 @@ def searched(
     model : Model
     effects : sequence of Effect
     text : str
-        The effects as the user wrote them; an effect written with parentheses keeps its shape.
+        The effects as the user wrote them, in the same order; one written with parentheses keeps its shape.
     logs : sequence of Log or Recording
     situation : {"auto", "always", "changed"}
     criteria : DiagnosisCriteria, optional
@@ -45,21 +46,21 @@ def searched(
         The model's own columns already span every effect, or it was fitted to no torque on which an effect can act.
     """
     chosen: list[Effect] = []
-    for effect in effects:
-        if "(" in text:
+    for effect, stated in zip(effects, states_shape(text), strict=True):
+        alternatives = _alternatives(effect, model)
+        if stated:
             chosen.append(effect)
             continue
-        if not effect.shapes:
+        if not effect.shapes and all(len(shapes) == 1 for shapes in alternatives):
             chosen.append(with_model_width(effect, model.effects))
             continue
         taken: Situation = "changed" if situation == "changed" else "always"
         validator, _ = cross_validator(model, logs, taken, criteria=criteria)
-        places = [(n,) for n in effect.joints or model.joints] if effect.candidate == "joint" else [effect.joints]
-        for place in places:
-            (usable,) = usable_candidates(validator, [effect.variants(place)])
-            found = scored(validator, usable) if usable else None
-            if found is not None:
-                chosen.append(refined(validator, found).effect)
+        usable = usable_candidates(validator, alternatives)
+        best = [found for shapes in usable if shapes and (found := scored(validator, shapes)) is not None]
+        chosen += [refined(validator, found).effect for found in best]
+        if not (best or effect.shapes):
+            chosen.append(effect)  # the refit says why it cannot be added
     unfitted = [n for effect in effects for n in effect.joints or () if n not in model.joints]
     if not chosen and unfitted:
         raise InputError(
@@ -69,3 +70,18 @@ def searched(
     if not chosen:
         raise InputError(f"{text}: on these logs the model's own columns span this effect; adding it changes nothing")
     return tuple(chosen)
+
+
+def _alternatives(effect: Effect, model: Model) -> list[list[Effect]]:
+    """For each place that a diagnosis tries for an effect, all that it tries there: shapes, forms, ratios.
+
+    An effect without joints has one place where it has one parameter for the whole robot, as a delay of all joints.
+    """
+    kind, places = type(effect), dict[tuple[str, ...] | None, list[Effect]]()
+    for tried in (x for shapes in kind.candidates(model.robot) for x in shapes):
+        places.setdefault(tried.joints, []).append(tried)
+    if effect.joints is None and None in places:
+        return [places[None]]
+    names = {n for _, n, _ in effect.acts_on(model.robot) if effect.joints is not None or n in model.joints}
+    found = [shapes for joints, shapes in places.items() if joints is not None and names.issuperset(joints)]
+    return found or [[*kind.variants(effect.joints)]]

@@ -68,10 +68,42 @@ def parse_effects(text: str, *, complete: bool = False) -> tuple[Effect, ...]:
     >>> coulomb.width, coulomb.joints
     (0.02, ('elbow',))
     """
-    effects = [_parse_one(item, complete) for item in _split(text, ",") if item.strip()]
+    effects = [_parse_one(item, complete) for item in _items(text)]
     if len({(e.id, e.joints, str(e) if e.several else "") for e in effects}) < len(effects):
         raise InputError(f"effects '{text}': the same effect is named twice for the same joints")
     return tuple(effects)
+
+
+def states_shape(text: str) -> list[bool]:
+    """For each effect of a text that `parse_effects` reads: whether it is written with parentheses.
+
+    Examples
+    --------
+    >>> from frischid.effects.notation import states_shape
+    >>> states_shape("cogging@wrist, stribeck(0.1)@elbow")
+    [False, True]
+    """
+    return ["(" in _split(item, "@")[0] for item in _items(text)]
+
+
+def stated_choices(effect: Effect) -> dict[str, float | bool | str]:
+    """Parameters of an effect that are not its class's usual ones, besides searched shapes and the friction smoothing.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> from frischid.effects.notation import stated_choices
+    >>> stated_choices(*fr.parse_effects("joint_coupling(ratio=-1)@wrist_2+wrist_3"))
+    {'ratio': -1.0}
+    """
+    usual, known = type(effect)().parameters, {*effect.searched, *effect.internal}
+    known |= {"width"} if effect.smooths_sign else set()
+    return {k: x for k, x in effect.parameters.items() if k not in known and x != usual[k]}
+
+
+def _items(text: str) -> list[str]:
+    """The text of each effect."""
+    return [item for item in _split(text, ",") if item.strip()]
 
 
 def _kind(name: str) -> type[Effect]:

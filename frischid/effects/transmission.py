@@ -143,9 +143,9 @@ class Cogging(Effect):
 class JointCoupling(Effect):
     """A motor that turns with two joints at once, ``s = q_i + ratio q_j``: its friction and inertia load both joints.
 
-    The effect acts on pairs of joints. With two joints named, these are the pair. With more joints named, or none,
-    every two of them that follow one another in the robot are a pair (turning joints with turning, sliding with sliding
-    ones).
+    The effect acts on pairs of joints. With two joints named, these are the pair, in the order in which they are named.
+    With more joints named, or none, every two of them that follow one another in the robot are a pair (turning joints
+    with turning, sliding with sliding ones).
 
     Attributes
     ----------
@@ -189,7 +189,7 @@ class JointCoupling(Effect):
     def __post_init__(self) -> None:
         if not is_number(self.ratio) or self.ratio == 0:
             raise InputError(f"joint_coupling: ratio must be a finite number other than zero, got {self.ratio}")
-        if self.joints is not None and len(self.joints) < 2:
+        if self.joints is not None and len(set(self.joints)) < 2:
             raise InputError(
                 f"joint_coupling: name the two joints that the motor couples, got {' '.join(self.joints) or 'none'}"
             )
@@ -205,6 +205,7 @@ class JointCoupling(Effect):
         names = [name for _, name, _ in self.acts_on(robot)]
         if self.joints is None or len(names) > 2:
             return [pair for pair in _neighbours(robot) if set(pair) <= set(names)]
+        names = list(self.joints)  # in the user's order, which the ratio refers to
         i, j = (robot.joints.index(name) for name in names)
         if robot.prismatic[i] != robot.prismatic[j]:
             raise InputError(f"joint_coupling: {names[0]} and {names[1]} do not both turn or both slide")

@@ -38,10 +38,11 @@ Formula = Callable[[Array, Array, Array], Array]
 CRAWL = 1e-9
 """Speed that stands for "just above standstill", rad/s (m/s); its sign is smoothed over a thousandth of this speed."""
 FUNCTIONS = {
-    **{name: getattr(np, name) for name in ("tanh", "exp", "expm1", "sin", "cos", "abs", "sqrt")},
+    **{name: getattr(np, name) for name in ("tanh", "exp", "expm1", "sin", "cos", "tan", "abs", "sqrt", "log", "sign")},
     "pow": np.power,
     "max": np.maximum,
 }
+"""Functions of `Effect.code`: those that generated code has too (`frischid.export.code_body.NumPy`)."""
 BEYOND = {"load", "torque", "temperature", "t", "z"}
 """Quantities of `Effect.code` that a joint's own position, speed and acceleration do not give."""
 DELAYS = "time_delay"

@@ -261,11 +261,21 @@ def test_coupled_joints_share_the_power_of_their_motor():
     assert [c.name for c in effect.columns(state.robot)] == ["fvm5_6", "fcm5_6", "Iam5_6"]
 
 
+def test_the_ratio_of_a_coupling_is_that_of_the_joint_named_second():
+    state = motion(robot("ur10"))
+    effect = JointCoupling(("wrist_3_joint", "wrist_2_joint"), ratio=3.0)
+    assert [c.name for c in effect.columns(state.robot)] == ["fvm6_5", "fcm6_5", "Iam6_5"]
+    speed = state.v[:, 5] + 3.0 * state.v[:, 4]
+    rows = column(effect, state, 0)
+    np.testing.assert_allclose(rows[:, 5], speed, atol=1e-12)
+    np.testing.assert_allclose(rows[:, 4], 3.0 * speed, atol=1e-12)
+
+
 def test_pairs_of_joints():
     machine = robot("mixed mimic")
     assert JointCoupling().pairs(machine) == [("turn", "elbow")]
     assert JointCoupling(("turn", "slide", "elbow")).pairs(machine) == [("turn", "elbow")]
-    for joints in (("turn",), ()):
+    for joints in (("turn",), (), ("turn", "turn")):
         with pytest.raises(InputError, match="two joints"):
             JointCoupling(joints)
     with pytest.raises(InputError, match="both turn or both slide"):

@@ -124,7 +124,10 @@ class MotionErrorOutput(Output):
 
 
 class FindingOutput(Output):
-    """One candidate effect: errors before and after (NRMSE), explained share, gain of the log likelihood."""
+    """One candidate effect: errors before and after (NRMSE), explained share, gain of the log likelihood.
+
+    `members`: its effects with shapes and places, as `add` reads them.
+    """
 
     effect: str
     joints: list[str]
@@ -146,6 +149,7 @@ class FindingOutput(Output):
     withheld: str
     elsewhere: list[str]
     negligible: bool
+    members: list[str]
 
 
 class ContactOutput(Output):

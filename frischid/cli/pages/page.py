@@ -48,9 +48,10 @@ def change(before: float, after: float) -> str:
     return f"{100 * (after / before - 1):+.1f} %" if before else "–"
 
 
-def quantities(found: Sequence[tuple[str, float, str]]) -> str:
+def quantities(found: Sequence[tuple[str, float | str, str]]) -> str:
     """The values of a finding, each with its unit."""
-    return ", ".join(f"{name} = {x:.4g}{f' {unit}' if unit else ''}" for name, x, unit in found)
+    said = ((name, x if isinstance(x, str | bool) else f"{x:.4g}", unit) for name, x, unit in found)
+    return ", ".join(f"{name} = {x} {unit}".rstrip() for name, x, unit in said)
 
 
 def depends(variables: Sequence[str]) -> str:

@@ -91,7 +91,9 @@ def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
     kind = EFFECTS.get(finding.effect)
     if kind is None:
         return card
-    found = ", ".join(f"{k} = {number(x)} {unit}".rstrip() for k, x, unit in finding.found(study.model.robot))
+    values = finding.found(study.model.robot)
+    said = ((k, x if isinstance(x, str | bool) else number(x), unit) for k, x, unit in values)
+    found = ", ".join(f"{k} = {x} {unit}".rstrip() for k, x, unit in said)
     confused = listed(finding.confused_with) or "no other effect on these logs"
     general = f". On other logs: {listed(kind.confused_with)}" if kind.confused_with else ""
     if study.diagnosis is not None:
