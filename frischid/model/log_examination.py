@@ -186,7 +186,7 @@ def _fault(robot: Robot, log: Log, *, whole: bool) -> InputError | None:
 
 
 def report_issues(
-    robot: Robot, logs: Sequence[Data], prepared: tuple[LowPass, Sequence[Motion]] | None = None
+    robot: Robot, logs: Sequence[Data], prepared: tuple[LowPass, Sequence[Sequence[Motion]]] | None = None
 ) -> list[LogReport]:
     """Issues of every log; of a recording those of its first chunk.
 
@@ -194,16 +194,15 @@ def report_issues(
     ----------
     robot : Robot
     logs : sequence of Log or Recording
-    prepared : LowPass and sequence of Motion, optional
-        Filter and motions of all logs, where the caller has them: the checks are then brief.
+    prepared : LowPass and sequence of sequence of Motion, optional
+        Filter and motions of each log, where the caller has them: the checks are then brief.
     """
 
     @cache
     def reduction() -> Reduction:
         return structure(Regressor(robot, BASELINE), robot.joints)
 
-    def report(log: Log) -> LogReport:
-        own = prepared and (prepared[0], [m for m in prepared[1] if m.source == log.source])
+    def report(log: Log, own: tuple[LowPass, Sequence[Motion]] | None) -> LogReport:
         alone = len(logs) == 1
         motions = () if own is None else tuple(own[1])
         key = (robot_text(robot), alone, own and own[0].cutoff, motions)
@@ -211,7 +210,8 @@ def report_issues(
             log, key, lambda: inspect(robot, log.select(robot.joints), reduction, alone=alone, prepared=own)
         )
 
-    return [report(next(chunks_of(log))) for log in logs]
+    each = [None] * len(logs) if prepared is None else [(prepared[0], motions) for motions in prepared[1]]
+    return [report(next(chunks_of(log)), own) for log, own in zip(logs, each, strict=True)]
 
 
 def refuse_worthless(reports: Sequence[LogReport]) -> None:

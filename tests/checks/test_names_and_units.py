@@ -1,10 +1,15 @@
 """Logs of one name, and joints that slide: each log by its own motions, each joint in its own unit."""
 
+from dataclasses import replace
+
 from cases import exact_log, joint, link, made, urdf
 
 from frischid.effects import BASELINE, parse_effects
-from frischid.model.log_examination import check
+from frischid.logs.filters import LowPass
+from frischid.logs.preprocessing import prepare
+from frischid.model.log_examination import check, report_issues
 from frischid.motions.simulation import Noise
+from frischid.robot.robot import Robot
 
 LIMIT = '<limit lower="-0.5" upper="0.5" velocity="1" effort="500"/>'
 
@@ -19,3 +24,13 @@ def test_a_spring_of_a_sliding_joint_is_a_force_that_follows_its_position():
     (said,) = (issue.what for issue in report.issues if issue.kind == "spring")
     assert said.startswith("a force of ")
     assert " N (half its range) follows the joint's position alone" in said
+
+
+def test_two_logs_of_one_name_are_checked_each_by_its_own_motions():
+    robot, lowpass = Robot.load("planar2"), LowPass(3.0)
+    logs = [exact_log(robot, BASELINE, None, 20.0, seed=seed, noise=Noise(q=1e-5, tau=0.01)) for seed in (1, 2)]
+    logs[1] = replace(logs[1], tau=logs[1].tau * [1.0, -1.0])
+    assert logs[0].source == logs[1].source
+    right, wrong = report_issues(robot, logs, (lowpass, [prepare(log, lowpass).motions for log in logs]))
+    assert right.issues == ()
+    assert [issue.kind for issue in wrong.issues] == ["torque sign"]
