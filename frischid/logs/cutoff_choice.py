@@ -139,7 +139,7 @@ class LogSpectra:
         return float(np.median(known)) if len(known) else np.inf
 
 
-WINDOW = 8.0
+SPECTRUM_WINDOW = 8.0
 """s. Length of the pieces of a log whose spectra are averaged; stamps that are farther apart belong to no piece."""
 LEAST_WINDOW = 8  # samples of one spectrum: fewer show no frequency; stamps in another unit leave fewer in 8 s
 _SPECTRA = Remembered[LogSpectra]()  # of logs, by joints
@@ -188,7 +188,7 @@ def _spectra_of(log: Log, joints: Sequence[str]) -> LogSpectra:
 def _stretches(log: Log) -> list[Log]:
     """The log without the gaps that no window bridges: its stretches of at least a window, or else the longest one."""
     steps = np.diff(log.t)
-    window = max(WINDOW, LEAST_WINDOW * float(np.median(steps)))
+    window = max(SPECTRUM_WINDOW, LEAST_WINDOW * float(np.median(steps)))
     edges = [0, *(np.flatnonzero(steps > window) + 1).tolist(), len(log)]
     if len(edges) == 2:
         return [log]
@@ -232,5 +232,5 @@ def _motion_spectrum(f: Array, power: Array, floor: float) -> Array:
 
 def _spectrum(x: Array, step: float) -> tuple[Array, Array, Array]:
     """Frequencies, power spectral density and its floor per column."""
-    f, power = power_spectrum(x, step, min(len(x), max(round(WINDOW / step), LEAST_WINDOW)))
+    f, power = power_spectrum(x, step, min(len(x), max(round(SPECTRUM_WINDOW / step), LEAST_WINDOW)))
     return f, power, np.median(power[2 * len(f) // 3 :], axis=0)
